@@ -1,0 +1,1 @@
+"""What every other package may know: time, values, geometry, named random streams."""

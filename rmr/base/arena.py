@@ -1,0 +1,168 @@
+"""The arena as both the world and the robots know it: its size, its obstacles and its named areas.
+
+Plain data, made by the lab file's loader and carried to the robots over the bus as the result of `to_data`;
+the physics and the planner are built from the same value.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from rmr.base.geometry import Point, distance, point_segment_distance
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A round obstacle."""
+
+    centre: Point
+    radius: float
+    """Metres."""
+
+    def distance(self, x: float, y: float) -> float:
+        """Return how far (x, y) is outside the disc in metres; 0 inside."""
+        return max(0.0, distance(x, y, *self.centre) - self.radius)
+
+
+@dataclass(frozen=True, slots=True)
+class Polygon:
+    """A convex obstacle, its corners counter-clockwise."""
+
+    corners: tuple[Point, ...]
+
+    def contains(self, x: float, y: float) -> bool:
+        """Return whether (x, y) lies inside or on the edge."""
+        corners = self.corners
+        return all(
+            (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
+            for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)
+        )
+
+    def distance(self, x: float, y: float) -> float:
+        """Return how far (x, y) is outside the polygon in metres; 0 inside."""
+        if self.contains(x, y):
+            return 0.0
+        corners = self.corners
+        return min(
+            point_segment_distance(x, y, *a, *b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+        )
+
+
+Obstacle = Disc | Polygon
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A named place of the lab file. `places` is never empty."""
+
+    name: str
+    places: tuple[Point, ...]
+    """For `at` the one point, for `slots` and `line` the slots in order, for `box` its centre."""
+    box: tuple[float, float, float, float] | None = None
+    """x0, y0, x1, y1 of a `box` area: a robot is at the area anywhere inside."""
+    slotted: bool = False
+    """Whether the K-th robot of the schedule takes the K-th place."""
+    queue: tuple[Point, ...] = ()
+    """Where the K-th robot waits (`lineup`), K from 1; as many as fit on the queue's path."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotShape:
+    """What all robots of a lab have in common."""
+
+    radius: float = 0.07
+    """Metres."""
+    speed: float = 0.2
+    """Greatest forward speed, m/s."""
+    turn: float = math.pi
+    """Greatest turn rate, rad/s."""
+    view_angle: float = math.radians(60)
+    """Whole opening angle of the field of view, radians (paper IV.E)."""
+    view_depth: float = 0.25
+    """Depth of view, metres, from the robot's centre to the nearest point of the other body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arena:
+    """Everything about the lab's floor."""
+
+    width: float
+    height: float
+    cell: float
+    """Edge of a grid cell, metres (paper IV.D.2: 0.05)."""
+    obstacles: tuple[Obstacle, ...] = ()
+    areas: tuple[Area, ...] = ()
+    beacons: tuple[Point, ...] = ()
+    """Ultrasonic beacons of the localisation service."""
+    bottleneck: str | None = None
+    """The area that robots pass one at a time."""
+    shape: RobotShape = RobotShape()
+
+    def area(self, name: str) -> Area | None:
+        """Return the area called `name`, or None."""
+        return next((area for area in self.areas if area.name == name), None)
+
+    def clearance(self, x: float, y: float) -> float:
+        """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""
+        walls = min(x, y, self.width - x, self.height - y)
+        return max(0.0, min([walls, *(obstacle.distance(x, y) for obstacle in self.obstacles)]))
+
+
+def to_data(arena: Arena) -> dict[str, Any]:
+    """Return `arena` as plain dicts, lists and numbers (what msgpack carries)."""
+    return {
+        "width": arena.width,
+        "height": arena.height,
+        "cell": arena.cell,
+        "obstacles": [
+            {"centre": list(o.centre), "radius": o.radius}
+            if isinstance(o, Disc)
+            else {"corners": [list(c) for c in o.corners]}
+            for o in arena.obstacles
+        ],
+        "areas": [
+            {
+                "name": a.name,
+                "places": [list(p) for p in a.places],
+                "box": None if a.box is None else list(a.box),
+                "slotted": a.slotted,
+                "queue": [list(p) for p in a.queue],
+            }
+            for a in arena.areas
+        ],
+        "beacons": [list(b) for b in arena.beacons],
+        "bottleneck": arena.bottleneck,
+        "shape": {
+            "radius": arena.shape.radius,
+            "speed": arena.shape.speed,
+            "turn": arena.shape.turn,
+            "view_angle": arena.shape.view_angle,
+            "view_depth": arena.shape.view_depth,
+        },
+    }
+
+
+def from_data(data: dict[str, Any]) -> Arena:
+    """Return the arena that `to_data` described. Raises KeyError or TypeError when `data` is something else."""
+    return Arena(
+        width=data["width"],
+        height=data["height"],
+        cell=data["cell"],
+        obstacles=tuple(
+            Disc(Point(*o["centre"]), o["radius"]) if "radius" in o else Polygon(tuple(Point(*c) for c in o["corners"]))
+            for o in data["obstacles"]
+        ),
+        areas=tuple(
+            Area(
+                a["name"],
+                tuple(Point(*p) for p in a["places"]),
+                None if a["box"] is None else (a["box"][0], a["box"][1], a["box"][2], a["box"][3]),
+                a["slotted"],
+                tuple(Point(*p) for p in a["queue"]),
+            )
+            for a in data["areas"]
+        ),
+        beacons=tuple(Point(*b) for b in data["beacons"]),
+        bottleneck=data["bottleneck"],
+        shape=RobotShape(**data["shape"]),
+    )

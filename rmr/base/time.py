@@ -1,0 +1,52 @@
+"""Instants and durations.
+
+Lab time is integer nanoseconds from the lab's own zero; no module of the cores reads a clock, they are
+handed `now`. The robots' executive divides lab time into frames of 1/60 s (paper V.B.3): frame k begins
+at ``k * 10**9 // 60``, so that frames never drift against whole seconds.
+"""
+
+Instant = int
+"""A point of lab time in nanoseconds."""
+
+Duration = int
+"""A length of time in nanoseconds."""
+
+NS_PER_S = 1_000_000_000
+NS_PER_MS = 1_000_000
+NS_PER_US = 1_000
+
+TICK_HZ = 60
+TICK_S = 1.0 / TICK_HZ
+
+NEVER: Instant = 1 << 62
+"""Later than any instant of any run."""
+
+
+def seconds(value: float) -> Duration:
+    """Return `value` seconds as nanoseconds, rounded to the nearest."""
+    return round(value * NS_PER_S)
+
+
+def milliseconds(value: float) -> Duration:
+    """Return `value` milliseconds as nanoseconds, rounded to the nearest."""
+    return round(value * NS_PER_MS)
+
+
+def in_seconds(value: Duration) -> float:
+    """Return nanoseconds as seconds."""
+    return value / NS_PER_S
+
+
+def tick_start(index: int) -> Instant:
+    """Return the instant at which frame `index` of the executive begins."""
+    return index * NS_PER_S // TICK_HZ
+
+
+def tick_index(now: Instant) -> int:
+    """Return the index of the frame that contains `now`."""
+    return ((now + 1) * TICK_HZ - 1) // NS_PER_S
+
+
+def next_tick(now: Instant) -> Instant:
+    """Return the start of the first frame that begins after `now`."""
+    return tick_start(tick_index(now) + 1)

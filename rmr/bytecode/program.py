@@ -1,0 +1,295 @@
+"""The program of one robot, decoded: what the compiler hands to the codec and the codec to the virtual machine.
+
+Everything here is immutable and plain. The owner of a fact is not among its arguments: a robot stores only
+its own facts, so `location(R, s)` at home is ``(location, (s,))`` and slot 0 of every rule is the robot
+itself. All indices (predicates, slots) refer to the tables of the same program.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from rmr.base.values import Value
+from rmr.bytecode.opcodes import Op
+
+SELF_SLOT = 0
+"""The slot that holds the robot which runs the rule."""
+
+
+class Kind(IntEnum):
+    """What a predicate is."""
+
+    TEMPORARY = 0
+    PERSISTENT = 1
+    SENSED = 2
+    ACTION = 3
+
+
+class Base(IntEnum):
+    """The built-in types; a symbol type has a name of its own."""
+
+    OPEN = 0
+    """Nothing fixes it; any value."""
+    ROBOT = 1
+    INT = 2
+    FLOAT = 3
+    BOOL = 4
+    STRING = 5
+    SYMBOL = 6
+    LIST = 7
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """The type of an argument."""
+
+    base: Base
+    name: str = ""
+    """For SYMBOL: the open set it belongs to (``area``)."""
+    element: "Type | None" = None
+    """For LIST."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instruction:
+    """One instruction; the operand is decoded (for CONST the value itself, for CALL the function's index)."""
+
+    op: Op
+    operand: Value | None = None
+
+
+Code = tuple[Instruction, ...]
+"""An expression; it leaves exactly one value."""
+
+
+class Anything:
+    """The pattern of an anonymous variable: matches anything, binds nothing."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return "_"
+
+
+ANY = Anything()
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A variable in a pattern. Bound already: the argument must equal it. Else: it is bound to the argument."""
+
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A constant in a pattern."""
+
+    value: Value
+
+
+Pattern = Anything | Slot | Constant
+
+
+class Mode(IntEnum):
+    """What an atom does with the fact that it matches."""
+
+    CONSUME = 0
+    """A temporary fact, taken when the rule fires."""
+    READ = 1
+    """A persistent or sensed fact."""
+    KEEP = 2
+    """``$p(...)``: a temporary fact that must be there and stays."""
+    ABSENT = 3
+    """``not p(...)``: no fact matches."""
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """A fact of the home robot in a rule's body."""
+
+    predicate: int
+    args: tuple[Pattern, ...]
+    """Without the owner."""
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """A Boolean expression that must be true; its slots are bound by what stands before it."""
+
+    code: Code
+
+
+@dataclass(frozen=True, slots=True)
+class Bind:
+    """``X = expression`` where nothing else binds X."""
+
+    slot: int
+    code: Code
+
+
+Conjunct = Atom | Guard | Bind
+"""The compiler orders them so that each one's variables are bound before it is reached; positive atoms keep
+their textual order."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeriveFact:
+    """A fact of the head."""
+
+    predicate: int
+    owner: Code
+    """The robot it belongs to; ``LOAD 0`` stays at home, another robot's is sent there."""
+    args: tuple[Code, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DeriveGoal:
+    """``?p(...)`` in a head."""
+
+    predicate: int
+    owner: Code
+    args: tuple[Code, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DeriveAction:
+    """An action of the head."""
+
+    predicate: int
+    owner: Code
+    args: tuple[Code, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Comprehension:
+    """``{B | edge(A, B) | ready(B, A)}``: for every match of the body, derive the head."""
+
+    slots: tuple[int, ...]
+    """The listed (new) variables."""
+    body: tuple[Conjunct, ...]
+    head: tuple["Head", ...]
+
+
+Head = DeriveFact | DeriveGoal | DeriveAction | Comprehension
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One projected rule."""
+
+    slots: int
+    """How many variable slots it needs, slot 0 included."""
+    body: tuple[Conjunct, ...]
+    head: tuple[Head, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A fact that an action's completion inserts. Slots 1.. are the action's arguments without the executor."""
+
+    predicate: int
+    args: tuple[Code, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Predicate:
+    """A predicate or an action."""
+
+    name: str
+    kind: Kind
+    types: tuple[Type, ...]
+    """Without the owner (or executor), which is always a robot."""
+    provided: bool = False
+    """Sensed by every robot without the program's doing: ``at``, ``pose``, ``turn``, ..."""
+    effects: tuple[Effect, ...] = ()
+    """Actions only: inserted on completion."""
+    else_effects: tuple[Effect, ...] = ()
+    """Actions only: inserted on failure."""
+
+
+@dataclass(frozen=True, slots=True)
+class InitialFact:
+    """A fact that the program states."""
+
+    predicate: int
+    owner: int | None
+    """None: every robot."""
+    args: tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class InitialGoal:
+    """A goal that the program states; ANY arguments match anything."""
+
+    predicate: int
+    owner: int | None
+    args: tuple[Anything | Constant, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """An action whose completion leads to an assertion's finish fact (held back until the job has its turn)."""
+
+    action: int
+    args: tuple[Pattern, ...]
+    """Patterns over the start fact's slots."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assertion:
+    """``assert(S, F, D, V)``. Slot 0 is the robot; S binds slots 1..; F, D and V are over S's slots."""
+
+    name: str
+    """As named, else the predicate of F."""
+    slots: int
+    start: Atom
+    finish: Atom
+    deadline: Code
+    """Seconds after the start, int or float."""
+    violation: DeriveAction
+    scheduled: bool
+    """False for ``watch``."""
+    serving: tuple[Serving, ...] = ()
+
+
+class Strategy(IntEnum):
+    """Which of several satisfied rules of equal rank goes first."""
+
+    RANDOM = 0
+    TEXTUAL = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where something stands in the source."""
+
+    file: str
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True)
+class Debug:
+    """The optional debug section."""
+
+    rules: tuple[Place, ...] = ()
+    assertions: tuple[Place, ...] = ()
+    predicates: tuple[Place, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A whole program, one robot's view."""
+
+    predicates: tuple[Predicate, ...]
+    facts: tuple[InitialFact, ...] = ()
+    goals: tuple[InitialGoal, ...] = ()
+    rules: tuple[Rule, ...] = ()
+    assertions: tuple[Assertion, ...] = ()
+    strategy: Strategy = Strategy.RANDOM
+    debug: Debug | None = field(default=None, compare=False)
+
+    def index(self, name: str) -> int | None:
+        """Return the index of the predicate or action called `name`, or None."""
+        return next((i for i, p in enumerate(self.predicates) if p.name == name), None)

@@ -1,0 +1,97 @@
+"""The seam between one robot's mind and whatever hosts it, a process or the simulator (DESIGN 2).
+
+Inputs are values that the host hands over, outputs are values that it takes away; nothing here sleeps,
+polls or reads a clock.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from rmr.base.geometry import Twist
+from rmr.base.time import Instant
+
+
+class SeenBody(NamedTuple):
+    """Another robot inside the field of view, as a tracking range finder reports it."""
+
+    x: float
+    """Metres ahead of the robot's centre (robot frame)."""
+    y: float
+    """Metres to the left."""
+    vx: float
+    """Velocity of the other body over the ground, m/s, along the robot's x axis."""
+    vy: float
+    """Likewise along the robot's y axis."""
+
+
+class Sensed(NamedTuple):
+    """One sample of everything that a robot senses."""
+
+    stamp: Instant
+    left_m: float
+    """Way of the left wheel since power-on, metres (odometry, with slip)."""
+    right_m: float
+    gyro: float
+    """Turn rate, rad/s."""
+    compass: float
+    """Heading, radians."""
+    ranges: tuple[tuple[int, float], ...]
+    """(beacon index, metres) for each ultrasonic pulse that arrived since the last sample; mostly empty."""
+    bodies: tuple[SeenBody, ...]
+    """Robots in the field of view."""
+    bumped: bool
+    """Whether the hull touches anything."""
+    truth: tuple[float, float, float]
+    """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
+
+
+class Received(NamedTuple):
+    """A frame's payload that the radio received."""
+
+    payload: bytes
+    source: int
+    unicast: bool
+    rssi_dbm: float
+    lqi: int
+    stamp: Instant
+    """Lab time at which its last symbol arrived."""
+
+
+class Confirmed(NamedTuple):
+    """What became of a request to the radio."""
+
+    handle: int
+    status: str
+    """``ok``, ``no_ack`` or ``access_failure`` (IEEE 802.15.4: different outcomes)."""
+
+
+class Link(Protocol):
+    """The radio as the robot sees it: IEEE 802.15.4 data frames, payload up to 116 octets."""
+
+    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+        """Queue `payload` for `destination` (None: broadcast). A `Confirmed` with `handle` follows."""
+
+    def receive(self) -> list[Received]:
+        """Return what has arrived since the last call, oldest first."""
+
+    def confirmations(self) -> list[Confirmed]:
+        """Return the outcomes that have become known since the last call."""
+
+
+class Body(Protocol):
+    """Wheels and sensors."""
+
+    def sense(self) -> list[Sensed]:
+        """Return the samples since the last call, oldest first."""
+
+    def act(self, twist: Twist, stamp: Instant) -> None:
+        """Command the wheels. The body drops commands older than 100 ms and stops after 0.5 s without one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """What a host gives a node."""
+
+    link: Link
+    body: Body | None
+    """None: a robot without a body (logic only)."""
