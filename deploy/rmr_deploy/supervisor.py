@@ -1,0 +1,152 @@
+"""The processes of one run: started together, watched, and never left behind.
+
+Three things keep a run from leaving strays:
+
+- *Order.* `Family.stop` asks with SIGTERM, waits a bounded time and then sends SIGKILL. Signals go to the
+  process by its id while it is still unreaped, so that an id that the system has given away again is never hit.
+- *The lifeline.* Every process inherits the read end of a pipe whose only write end the launcher holds; its
+  number stands in the environment as `RMR_LIFELINE`. However the launcher ends, even by ``kill -9``, the kernel
+  closes the write end, and each process reads end-of-file and leaves.
+- *The parent's death signal.* A process that is stopped, or stuck in an action that never returns, reads no
+  pipe. On Linux the kernel is therefore asked to kill it with the thread that started it (prctl(2),
+  PR_SET_PDEATHSIG). Hence: start processes from the main thread, and before the bus is opened, which has
+  threads and must not be forked.
+
+Every process leads a session of its own, so that Ctrl-C in the terminal reaches the launcher alone, which then
+stops the run in order.
+"""
+
+import asyncio
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+LIFELINE = "RMR_LIFELINE"
+"""Environment variable with the descriptor number of the lifeline's read end."""
+
+POLL_S = 0.02
+"""How often a stopping process is looked at; far below what a person notices."""
+
+TERM_PATIENCE_S = 2.0
+"""How long a process may take to leave after SIGTERM: a lost bus is given up after about one second."""
+
+KILL_PATIENCE_S = 2.0
+"""How long SIGKILL may take; only a process inside an uninterruptible system call is slower."""
+
+PR_SET_PDEATHSIG = 1
+"""Option of prctl(2), from linux/prctl.h."""
+
+
+@dataclass(frozen=True, slots=True)
+class Child:
+    """One process of the run."""
+
+    name: str
+    """What people call it: ``world``, ``robot-4``."""
+    process: subprocess.Popen[bytes]
+    log: Path
+    """Where its standard output and standard error go."""
+
+    @property
+    def pid(self) -> int:
+        """The process id."""
+        return self.process.pid
+
+    def exit_code(self) -> int | None:
+        """Return the exit code, negative for the signal that ended it, or None while it runs."""
+        return self.process.poll()
+
+
+class Family:
+    """All processes of one run, in the order in which they were started."""
+
+    def __init__(self) -> None:
+        self.children: list[Child] = []
+        self._read, self._write = os.pipe()
+
+    def start(self, name: str, command: Sequence[str], log: Path) -> Child:
+        """Start `command`; its output is appended to `log`. Raises OSError if it cannot be started."""
+        with log.open("ab") as output:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env=os.environ | {LIFELINE: str(self._read), "PYTHONUNBUFFERED": "1"},
+                pass_fds=(self._read,),
+                start_new_session=True,
+                preexec_fn=_death_with_parent(),  # noqa: PLW1509 - safe: no other thread runs yet (see above)
+            )
+        child = Child(name, process, log)
+        self.children.append(child)
+        return child
+
+    def dead(self) -> list[Child]:
+        """Return the processes that have ended, in the order in which they were started."""
+        return [child for child in self.children if child.exit_code() is not None]
+
+    async def left(self, children: Iterable[Child], patience_s: float) -> list[Child]:
+        """Wait until `children` have ended, `patience_s` at most; return those that have not."""
+        end = time.monotonic() + patience_s
+        alive = _alive(children)
+        while alive and time.monotonic() < end:
+            await asyncio.sleep(POLL_S)
+            alive = _alive(alive)
+        return alive
+
+    async def stop(self, children: Iterable[Child]) -> list[Child]:
+        """End `children`: SIGTERM, then SIGKILL. Takes `TERM_PATIENCE_S` + `KILL_PATIENCE_S` at most.
+
+        Returns those that had to be killed.
+        """
+        alive = _alive(children)
+        _signal(alive, signal.SIGTERM)
+        stubborn = await self.left(alive, TERM_PATIENCE_S)
+        _signal(stubborn, signal.SIGKILL)
+        await self.left(stubborn, KILL_PATIENCE_S)
+        return stubborn
+
+    def kill(self) -> None:
+        """End every process at once and cut the lifeline. May be called at any time, and again."""
+        _signal(_alive(self.children), signal.SIGKILL)
+        for child in self.children:
+            try:
+                child.process.wait(KILL_PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                print(f"rmr up: {child.name} (pid {child.pid}) does not end", file=sys.stderr)
+        self._cut()
+
+    def _cut(self) -> None:
+        for end in (self._read, self._write):
+            if end >= 0:
+                os.close(end)
+        self._read = self._write = -1
+
+
+def _alive(children: Iterable[Child]) -> list[Child]:
+    return [child for child in children if child.exit_code() is None]
+
+
+def _signal(children: Iterable[Child], number: int) -> None:
+    for child in children:
+        child.process.send_signal(number)
+
+
+def _death_with_parent() -> Callable[[], None] | None:
+    if sys.platform != "linux":
+        return None
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+    parent = os.getpid()
+
+    def ask() -> None:
+        prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
+        if os.getppid() != parent:  # it died before the kernel was asked
+            os._exit(1)
+
+    return ask

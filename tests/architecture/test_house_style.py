@@ -1,0 +1,98 @@
+"""What of the house style a machine can hold: size, determinism, and nothing of one machine in the tree."""
+
+import ast
+import re
+
+import pytest
+from source_tree import ROOT, Module, modules, tracked_text
+
+MODULE_LINES_MAX = 400
+FUNCTION_LINES_MAX = 60
+"""Functions aim for ten lines and are rarely over forty; sixty is where a reader is lost for certain."""
+
+CORES = [module for module in modules() if module.name.startswith("rmr.") and module.part not in ("rmr.bus", "rmr.cli")]
+
+PRIVATE = [
+    re.compile(pattern)
+    for pattern in (
+        r"(?<![\w.])/wor[k]/",
+        r"(?<![\w.])/roo[t]/",
+        r"(?<![\w.])/(?:home|Users)/\w",
+        r"(?<![\w.])/tm[p]/\w",
+        r"\.\./share[d]\b",
+    )
+]
+"""Paths that mean something on one machine only."""
+
+REGISTRY = re.compile(r"(?:index-url|find-links|trusted-host)\s*[= ]\s*\S*(?:/|\.)")
+"""Where packages come from is the installing machine's affair."""
+
+
+def calls(module: Module) -> list[tuple[str, int]]:
+    return [(ast.unparse(node.func), node.lineno) for node in ast.walk(module.tree) if isinstance(node, ast.Call)]
+
+
+def iterated(module: Module) -> list[ast.expr]:
+    loops = (ast.For, ast.AsyncFor, ast.comprehension)
+    return [node.iter for node in ast.walk(module.tree) if isinstance(node, loops)]
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
+def test_a_module_fits_into_a_readers_head(module):
+    assert len(module.path.read_text().splitlines()) <= MODULE_LINES_MAX
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
+def test_a_function_fits_on_a_screen(module):
+    functions = [node for node in ast.walk(module.tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    long = {node.name: node.end_lineno - node.lineno + 1 for node in functions}
+    assert {name: lines for name, lines in long.items() if lines > FUNCTION_LINES_MAX} == {}
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
+def test_a_module_begins_with_its_theory(module):
+    assert len(ast.get_docstring(module.tree) or "") >= 20
+
+
+@pytest.mark.parametrize("module", CORES, ids=lambda module: module.name)
+def test_a_core_never_iterates_a_set_nor_hashes_by_the_process(module):
+    sets = [node.lineno for node in iterated(module) if isinstance(node, ast.Set | ast.SetComp)]
+    sets += [
+        node.lineno
+        for node in iterated(module)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("set", "frozenset")
+    ]
+    hashes = [line for name, line in calls(module) if name == "hash"]
+    assert sets + hashes == []
+
+
+@pytest.mark.parametrize("module", CORES, ids=lambda module: module.name)
+def test_a_core_draws_chance_only_from_the_stream_it_is_handed(module):
+    assert [(n, line) for n, line in calls(module) if n.startswith("random.") and n != "random.Random"] == []
+    assert [name for name in module.imports if name.startswith("random.") and name != "random.Random"] == []
+
+
+@pytest.mark.parametrize("module", CORES, ids=lambda module: module.name)
+def test_a_core_neither_prints_nor_waits(module):
+    assert [(n, line) for n, line in calls(module) if n in ("print", "input", "sleep", "breakpoint")] == []
+
+
+def test_no_tracked_file_names_a_path_of_one_machine():
+    found = [
+        f"{name}:{number}: {line.strip()}"
+        for name, text in tracked_text()
+        for number, line in enumerate(text.splitlines(), 1)
+        if any(pattern.search(line) for pattern in PRIVATE)
+    ]
+    assert found == []
+
+
+def test_no_tracked_file_names_a_package_registry():
+    found = [name for name, text in tracked_text() if REGISTRY.search(text)]
+    assert found == []
+    assert "://" not in (ROOT / "requirements.lock").read_text()
+
+
+def test_no_tracked_source_is_left_to_be_done():
+    mark = "TO" + "DO"
+    assert [name for name, text in tracked_text() if name.endswith(".py") and mark in text] == []

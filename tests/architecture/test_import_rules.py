@@ -1,0 +1,111 @@
+"""Imports run one way: `lang -> bytecode <- vm`; `coord`, `radio`, `vm` are siblings; `node` joins them."""
+
+import subprocess
+import sys
+
+import pytest
+from source_tree import Module, modules, own_module, reachable
+
+MAY_IMPORT: dict[str, set[str]] = {
+    "rmr.base": set(),
+    "rmr.bytecode": {"rmr.base"},
+    "rmr.lang": {"rmr.base", "rmr.bytecode"},
+    "rmr.vm": {"rmr.base", "rmr.bytecode"},
+    "rmr.coord": {"rmr.base"},
+    "rmr.radio": {"rmr.base"},
+    "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
+    "rmr.bus": {"rmr.base", "rmr.node", "rmr.radio"},
+    "rmr.cli": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm"},
+    "rmr_agent": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr.bus"},
+    "rmr_world": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr.radio", "rmr.bus"},
+    "rmr_sim": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr_world"},
+    "rmr_deploy": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr_world"},
+}
+"""Part -> the other parts that it may import."""
+
+FROM_WORLD = {
+    "rmr_sim": {"rmr_world.physics", "rmr_world.lab", "rmr_world.report", "rmr_world.bound"},
+    "rmr_deploy": {"rmr_world.lab", "rmr_world.report", "rmr_world.bound"},
+}
+"""The simulator and the launcher take the lab file, the physics and the report of the world, never its server."""
+
+LIBRARIES: dict[str, set[str]] = {
+    "rmr.lang": {"lark"},
+    "rmr.bus": {"zenoh", "msgpack"},
+    "rmr.cli": {"click"},
+    "rmr_world": {"pydantic", "yaml", "pymunk", "numpy"},
+    "rmr_sim": {"click", "rich", "numpy"},
+    "rmr_deploy": {"click", "rich"},
+}
+"""Part -> the third-party libraries that it may import; a part that is missing here may import none."""
+
+OUTSIDE = {
+    "asyncio",
+    "socket",
+    "selectors",
+    "ssl",
+    "threading",
+    "multiprocessing",
+    "subprocess",
+    "signal",
+    "time",
+    "datetime",
+}
+"""Standard library modules through which a core would reach for the network, threads or the wall clock."""
+
+HEAVY = (
+    "lark",
+    "pydantic",
+    "yaml",
+    "rich",
+    "pymunk",
+    "numpy",
+    "click",
+    "rmr.lang",
+    "rmr_world",
+    "rmr_sim",
+    "rmr_deploy",
+)
+"""What a robot process never carries: fifty of them must start in seconds."""
+
+
+def names(module: Module) -> list[str]:
+    return [module.name, *module.imports]
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
+def test_a_module_imports_only_the_parts_below_it(module):
+    allowed = MAY_IMPORT.get(module.part, set()) | {module.part}
+    own = {own_module(imported) for imported in module.imports} - {None, "rmr"}
+    parts = {".".join(name.split(".")[:2]) if name.startswith("rmr.") else name.split(".")[0] for name in own}
+    assert parts <= allowed
+
+
+@pytest.mark.parametrize("module", [m for m in modules() if m.part in FROM_WORLD], ids=lambda module: module.name)
+def test_the_simulator_and_the_launcher_take_physics_lab_and_report_of_the_world_but_not_its_server(module):
+    of_world = {own_module(imported) for imported in module.imports if imported.startswith("rmr_world")}
+    assert of_world <= FROM_WORLD[module.part] | {"rmr_world"}
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda module: module.name)
+def test_a_module_uses_only_the_libraries_of_its_part(module):
+    foreign = {imported.split(".")[0] for imported in module.imports if own_module(imported) is None}
+    assert foreign - sys.stdlib_module_names <= LIBRARIES.get(module.part, set())
+
+
+@pytest.mark.parametrize("module", [m for m in modules() if m.name.startswith("rmr.")], ids=lambda module: module.name)
+def test_nothing_in_rmr_but_the_bus_touches_network_threads_or_wall_clock(module):
+    if module.part in ("rmr.bus", "rmr.cli"):  # the command line runs other commands, in no core's name
+        return
+    assert not {imported.split(".")[0] for imported in module.imports} & OUTSIDE
+
+
+def test_a_robot_process_can_reach_no_heavy_library_even_by_a_late_import():
+    reached = reachable("rmr_agent.main")
+    assert {name: importer for name, importer in reached.items() if name.split(".")[0] in HEAVY or name in HEAVY} == {}
+
+
+def test_a_robot_process_has_loaded_no_heavy_library():
+    code = "import sys, rmr_agent.main; print(*sys.modules, sep='\\n')"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert [name for name in loaded if name.startswith(HEAVY)] == []
