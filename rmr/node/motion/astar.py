@@ -1,0 +1,179 @@
+"""Grid-based A* (paper IV.D.3), and the reduction of its result to a polyline.
+
+f(n) = g(n) + h(n): g is the way from the start, 1 for a neighbour that shares an edge and sqrt 2 for a diagonal
+one, h the Euclidean distance to the goal, which never overestimates. A diagonal step needs both cells beside
+it free, so that no path cuts a blocked corner. Equal f is broken by h, then by the cell's index: the same
+floor gives the same path everywhere.
+
+The reduction pulls the string tight: from each kept point the path goes straight to the farthest later point
+from which the whole segment keeps the clearance. It tests the true geometry, not the cells.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.gridpath import STEPS, GridPath
+from rmr.node.motion.grid import (
+    MARGIN_M,
+    RELAXED_M,
+    TIGHT_MARGIN_M,
+    Discs,
+    Grid,
+    blocked_cells,
+    discs_around,
+    grid_of,
+    segment_clearance,
+)
+
+SNAP_M = 0.12
+"""How far from start or goal the cell may be that stands for it (S' and T' of the paper)."""
+DOOR_MARGIN_M = 0.015
+"""Margin of the second try, which finds ways through doors too narrow for the usual one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A way that a robot's centre can take."""
+
+    points: tuple[Point, ...]
+    """The polyline from start to goal, both included."""
+    path: GridPath
+    """The cells from S' to T'."""
+    expansions: int
+    """Cells that the search took from its queue."""
+
+    @property
+    def length_m(self) -> float:
+        """Return the length of the polyline in metres."""
+        return sum(distance(*a, *b) for a, b in zip(self.points, self.points[1:], strict=False))
+
+
+def search(grid: Grid, blocked: bytearray, start: int, goal: int) -> tuple[list[int] | None, int]:
+    """Return the cells of a least-cost path (None: no way) and the number of expansions."""
+    stride = grid.stride
+    root2 = math.sqrt(2.0)
+    moves = tuple((dr * stride + dc, root2 if dc and dr else 1.0, dc, dr * stride) for dc, dr in STEPS)
+    goal_row, goal_column = divmod(goal, stride)
+    cost = {start: 0.0}
+    parent = {start: start}
+    done = bytearray(len(blocked))
+    row, column = divmod(start, stride)
+    aim = math.hypot(row - goal_row, column - goal_column)
+    queue = [(aim, aim, start)]
+    expansions = 0
+    while queue:
+        _, _, here = heappop(queue)
+        if done[here]:
+            continue
+        done[here] = 1
+        expansions += 1
+        if here == goal:
+            return _trace(parent, goal), expansions
+        so_far = cost[here]
+        for offset, length, side, up in moves:
+            there = here + offset
+            if blocked[there] or done[there] or (length > 1.0 and (blocked[here + side] or blocked[here + up])):
+                continue
+            way = so_far + length
+            if way < cost.get(there, math.inf):
+                cost[there] = way
+                parent[there] = here
+                row, column = divmod(there, stride)
+                aim = math.hypot(row - goal_row, column - goal_column)
+                heappush(queue, (way + aim, aim, there))
+    return None, expansions
+
+
+def _trace(parent: dict[int, int], goal: int) -> list[int]:
+    cells = [goal]
+    while parent[cells[-1]] != cells[-1]:
+        cells.append(parent[cells[-1]])
+    cells.reverse()
+    return cells
+
+
+def grid_path(grid: Grid, cells: Sequence[int]) -> GridPath:
+    """Return a list of neighbouring cells as first cell and steps."""
+    codes = {dr * grid.stride + dc: code for code, (dc, dr) in enumerate(STEPS)}
+    return GridPath(grid.cell_at(cells[0]), tuple(codes[b - a] for a, b in itertools.pairwise(cells)))
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """What one plan must keep clear of, and how far."""
+
+    arena: Arena
+    discs: Discs
+    start: Point
+    goal: Point
+    margin_m: float
+
+    def sight(self, a: Point, b: Point) -> bool:
+        """Return whether a robot can go straight from a to b, with the tight margin near start and goal."""
+        for x, y, keep in self.discs:
+            if point_segment_distance(x, y, *a, *b) < keep:
+                return False
+        radius = self.arena.shape.radius
+        length = distance(*a, *b)
+        head = RELAXED_M if a == self.start else 0.0
+        tail = RELAXED_M if b == self.goal else 0.0
+        if head + tail >= length:
+            return segment_clearance(self.arena, a, b) >= radius + TIGHT_MARGIN_M
+        if segment_clearance(self.arena, _between(a, b, head), _between(b, a, tail)) < radius + self.margin_m:
+            return False
+        return not (head or tail) or segment_clearance(self.arena, a, b) >= radius + TIGHT_MARGIN_M
+
+    def pull(self, points: Sequence[Point]) -> list[Point]:
+        """Return `points` without those that the straight way can leave out."""
+        kept = [points[0]]
+        at = 0
+        while at < len(points) - 1:
+            ahead = len(points) - 1
+            while ahead > at + 1 and not self.sight(points[at], points[ahead]):
+                ahead -= 1
+            kept.append(points[ahead])
+            at = ahead
+        return kept
+
+
+def _between(a: Point, b: Point, way: float) -> Point:
+    """Return the point `way` metres from a towards b."""
+    length = distance(*a, *b)
+    if way <= 0.0 or length <= 0.0:
+        return a
+    return Point(a.x + (b.x - a.x) * way / length, a.y + (b.y - a.y) * way / length)
+
+
+def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) -> Plan | None:
+    """Return a way from `start` to `goal` around obstacles and parked robots, or None when there is none."""
+    for margin in (MARGIN_M, DOOR_MARGIN_M):
+        found = _plan(arena, start, goal, parked, margin)
+        if found is not None:
+            return found
+    return None
+
+
+def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], margin_m: float) -> Plan | None:
+    grid = grid_of(arena)
+    discs = discs_around(parked, arena.shape.radius, start, goal)
+    blocked = blocked_cells(grid, start, goal, discs, arena.shape.radius + margin_m)
+    first = _snap(grid, blocked, start)
+    last = _snap(grid, blocked, goal)
+    if first is None or last is None or any(math.hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
+        return None
+    cells, expansions = search(grid, blocked, first, last)
+    if cells is None:
+        return None
+    floor = Floor(arena, discs, start, goal, margin_m)
+    points = floor.pull([start, *(grid.centre(index) for index in cells), goal])
+    return Plan(tuple(points), grid_path(grid, cells), expansions)
+
+
+def _snap(grid: Grid, blocked: bytearray, point: Point) -> int | None:
+    """Return the free cell nearest to `point`."""
+    return next((index for index in grid.near(*point, SNAP_M) if not blocked[index]), None)

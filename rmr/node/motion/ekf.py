@@ -1,0 +1,178 @@
+"""Where the robot is: an extended Kalman filter over odometry, gyro, compass and beacon ranges.
+
+State: x, y (metres) and heading (radians) with a symmetric covariance of six numbers. Plain floats, written
+out, because a 3x3 product in numpy costs ten times more than all of this.
+
+* Prediction: the mean of both wheels gives the way, gyro and wheels together the turn (the gyro slips not, the
+  wheels drift not). Slip makes the variance grow with the way and the turn.
+* Correction: a compass reading, or the distance to one beacon. A reading that lies more than GATE sigmas off is
+  an outlier and dropped, unless REJECTED_MAX follow on each other: then it is the state that is wrong, and the
+  covariance is widened so that readings count again.
+
+Two beacons on one line leave two mirrored solutions; `initial_pose` takes the one inside the arena.
+"""
+
+import math
+from collections.abc import Sequence
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Point, Pose, wrap
+
+TRACK_M = 0.1
+"""Distance between the wheels."""
+SLIP = 0.03
+"""Sigma of the way, as a share of its square root in metres: 3 % after 1 m."""
+TURN_SLIP = 0.03
+"""Likewise of the turn in radians."""
+GYRO_SIGMA = 0.02
+"""Noise of the gyro, rad/s."""
+GYRO_SHARE = 0.8
+"""Weight of the gyro against the wheels in the turn."""
+COMPASS_SIGMA = 0.05
+"""Noise of the compass, radians."""
+RANGE_SIGMA = 0.007
+"""Noise of an ultrasonic range, metres."""
+GATE = 4.0
+"""A reading farther off than this many sigmas is an outlier."""
+REJECTED_MAX = 5
+"""So many outliers in a row mean that the state is wrong."""
+
+
+class Ekf:
+    """The estimate of one robot's pose."""
+
+    __slots__ = (
+        "_pxt",
+        "_pxx",
+        "_pxy",
+        "_pyt",
+        "_pyy",
+        "_ptt",
+        "range_sigma",
+        "rejected",
+        "rejected_in_row",
+        "theta",
+        "x",
+        "y",
+    )
+
+    def __init__(
+        self, x: float, y: float, theta: float, *, sigma: float = 0.02, range_sigma: float = RANGE_SIGMA
+    ) -> None:
+        self.x, self.y, self.theta = x, y, theta
+        self.range_sigma = range_sigma
+        self.rejected = 0
+        self.rejected_in_row = 0
+        self._pxx = self._pyy = sigma * sigma
+        self._ptt = COMPASS_SIGMA * COMPASS_SIGMA
+        self._pxy = self._pxt = self._pyt = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """Return the estimate."""
+        return Pose(self.x, self.y, wrap(self.theta))
+
+    @property
+    def position_sigma(self) -> float:
+        """Return the standard deviation of the position along its worst axis, metres."""
+        mean = 0.5 * (self._pxx + self._pyy)
+        half = 0.5 * (self._pxx - self._pyy)
+        return math.sqrt(mean + math.sqrt(half * half + self._pxy * self._pxy))
+
+    @property
+    def heading_sigma(self) -> float:
+        """Return the standard deviation of the heading, radians."""
+        return math.sqrt(self._ptt)
+
+    def predict(self, left_delta_m: float, right_delta_m: float, gyro: float, dt: float) -> None:
+        """Move the estimate by what the wheels (metres) and the gyro (rad/s) felt during `dt` seconds."""
+        way = 0.5 * (left_delta_m + right_delta_m)
+        turn = GYRO_SHARE * gyro * dt + (1.0 - GYRO_SHARE) * (right_delta_m - left_delta_m) / TRACK_M
+        mid = self.theta + 0.5 * turn
+        cos, sin = math.cos(mid), math.sin(mid)
+        self.x += way * cos
+        self.y += way * sin
+        self.theta += turn
+        a, b = -way * sin, way * cos
+        ptt, pxt, pyt = self._ptt, self._pxt, self._pyt
+        slip = SLIP * SLIP * abs(way)
+        self._pxx += a * (2.0 * pxt + a * ptt) + slip * cos * cos
+        self._pxy += a * pyt + b * pxt + a * b * ptt + slip * cos * sin
+        self._pyy += b * (2.0 * pyt + b * ptt) + slip * sin * sin
+        self._pxt = pxt + a * ptt
+        self._pyt = pyt + b * ptt
+        self._ptt = ptt + TURN_SLIP * TURN_SLIP * abs(turn) + GYRO_SIGMA * GYRO_SIGMA * dt * dt
+
+    def compass(self, theta: float) -> bool:
+        """Correct by a compass reading in radians. Returns False when it was an outlier."""
+        return self._correct(0.0, 0.0, 1.0, wrap(theta - self.theta), COMPASS_SIGMA)
+
+    def range(self, beacon: Point, metres: float) -> bool:
+        """Correct by the distance to `beacon`. Returns False when it was an outlier."""
+        dx, dy = self.x - beacon.x, self.y - beacon.y
+        away = math.hypot(dx, dy)
+        if away < 1e-6:
+            return False
+        return self._correct(dx / away, dy / away, 0.0, metres - away, self.range_sigma)
+
+    def _correct(self, hx: float, hy: float, ht: float, residual: float, sigma: float) -> bool:
+        """Apply one scalar measurement with the Jacobian (hx, hy, ht)."""
+        kx = self._pxx * hx + self._pxy * hy + self._pxt * ht
+        ky = self._pxy * hx + self._pyy * hy + self._pyt * ht
+        kt = self._pxt * hx + self._pyt * hy + self._ptt * ht
+        variance = hx * kx + hy * ky + ht * kt + sigma * sigma
+        if residual * residual > GATE * GATE * variance:
+            self._reject()
+            return False
+        self.rejected_in_row = 0
+        gain = residual / variance
+        self.x += kx * gain
+        self.y += ky * gain
+        self.theta += kt * gain
+        self._pxx -= kx * kx / variance
+        self._pxy -= kx * ky / variance
+        self._pxt -= kx * kt / variance
+        self._pyy -= ky * ky / variance
+        self._pyt -= ky * kt / variance
+        self._ptt -= kt * kt / variance
+        return True
+
+    def _reject(self) -> None:
+        self.rejected += 1
+        self.rejected_in_row += 1
+        if self.rejected_in_row >= REJECTED_MAX:
+            self.rejected_in_row = 0
+            self._pxx, self._pyy, self._ptt = self._pxx * 4.0 + 1e-4, self._pyy * 4.0 + 1e-4, self._ptt * 4.0 + 1e-4
+
+
+def initial_pose(
+    ranges: Sequence[tuple[int, float]], beacons: Sequence[Point], compass: float, arena: Arena
+) -> Pose | None:
+    """Return the pose from the ranges (beacon index, metres) to two beacons and the compass, or None.
+
+    The two circles meet on both sides of the beacons' line; the solution inside the arena is taken. None while
+    there are no ranges to two different beacons, or none of their solutions lies inside.
+    """
+    latest: dict[int, float] = {}
+    for index, metres in ranges:
+        if 0 <= index < len(beacons):
+            latest[index] = metres
+    known = sorted(latest.items())
+    for i, (first, r1) in enumerate(known):
+        for second, r2 in known[i + 1 :]:
+            point = _meet(beacons[first], r1, beacons[second], r2, arena)
+            if point is not None:
+                return Pose(point.x, point.y, wrap(compass))
+    return None
+
+
+def _meet(a: Point, ra: float, b: Point, rb: float, arena: Arena) -> Point | None:
+    base = math.hypot(b.x - a.x, b.y - a.y)
+    if base < 1e-6:
+        return None
+    along = (base * base + ra * ra - rb * rb) / (2.0 * base)
+    up = math.sqrt(max(0.0, ra * ra - along * along))
+    ux, uy = (b.x - a.x) / base, (b.y - a.y) / base
+    found = [Point(a.x + along * ux - side * up * uy, a.y + along * uy + side * up * ux) for side in (1.0, -1.0)]
+    inside = [p for p in found if 0.0 <= p.x <= arena.width and 0.0 <= p.y <= arena.height]
+    return max(inside, key=lambda p: arena.clearance(p.x, p.y), default=None)

@@ -1,0 +1,89 @@
+"""Path following with a differential drive: pure pursuit.
+
+The robot steers along the arc that leads from its pose to the point of the path a look-ahead further on. When
+that point is far off its heading it turns in place first. Wheels accelerate at most ACCEL and TURN_ACCEL, so
+speed falls before the end of the path as the square root of the way that is left.
+"""
+
+import math
+
+from rmr.base.arena import RobotShape
+from rmr.base.geometry import STILL, Pose, Twist, wrap
+from rmr.node.motion.route import Route
+
+LOOK_AHEAD_M = 0.11
+"""Measured best between 0.10 and 0.12: shorter swings, longer cuts corners."""
+BRAKE = 0.5
+"""Deceleration that braking counts on, m/s^2; the wheels can do 0.8."""
+TURN_BRAKE = 8.0
+"""Likewise for turning, rad/s^2; the wheels can do 12."""
+PIVOT_BEGIN = 1.0
+"""Heading error beyond which the robot turns in place, radians."""
+PIVOT_END = 0.35
+"""Heading error below which it drives on, radians."""
+ARRIVED_M = 0.008
+"""Distance from the goal that counts as there."""
+ABEAM_M = 0.02
+"""Distance that counts as there when the path has no length left: turning back would cost more than it gains."""
+CREEP = 0.02
+"""Least speed on the last centimetres, m/s."""
+WINDOW_M = 0.25
+"""How far ahead on the path the robot's place is looked for."""
+
+
+def turn_towards(error: float, shape: RobotShape) -> float:
+    """Return the turn rate that removes a heading error and stops there, rad/s."""
+    rate = min(shape.turn, math.sqrt(2.0 * TURN_BRAKE * abs(error)), 8.0 * abs(error))
+    return math.copysign(rate, error)
+
+
+def braking_speed(way_m: float) -> float:
+    """Return the speed from which the robot can stop within `way_m`, m/s."""
+    return math.sqrt(2.0 * BRAKE * max(0.0, way_m))
+
+
+class Follower:
+    """Progress along one route."""
+
+    __slots__ = ("arrived", "pivoting", "route", "s", "shape")
+
+    def __init__(self, route: Route, shape: RobotShape) -> None:
+        self.route = route
+        self.shape = shape
+        self.s = 0.0
+        self.pivoting = True
+        self.arrived = False
+
+    def locate(self, pose: Pose) -> None:
+        """Bring progress up to `pose`; it never goes back by more than what braking can undo."""
+        self.s = self.route.project(pose.x, pose.y, max(0.0, self.s - 0.02), self.s + WINDOW_M)
+        goal = self.route.points[-1]
+        away = math.hypot(goal.x - pose.x, goal.y - pose.y)
+        left = self.route.length_m - self.s
+        if left < 0.05 and (away < ARRIVED_M or (left < 0.002 and away < ABEAM_M)):
+            self.arrived = True
+
+    def heading_error(self, pose: Pose) -> float:
+        """Return how far the look-ahead point is off the robot's heading, radians."""
+        aim = self.route.point(min(self.route.length_m, self.s + LOOK_AHEAD_M))
+        return wrap(math.atan2(aim.y - pose.y, aim.x - pose.x) - pose.theta)
+
+    def steer(self, pose: Pose, limit: float) -> Twist:
+        """Return the wheel command at a speed of at most `limit` m/s; call `locate` before."""
+        if self.arrived:
+            return STILL
+        aim = self.route.point(min(self.route.length_m, self.s + LOOK_AHEAD_M))
+        dx, dy = aim.x - pose.x, aim.y - pose.y
+        error = wrap(math.atan2(dy, dx) - pose.theta)
+        if abs(error) > (PIVOT_END if self.pivoting else PIVOT_BEGIN):
+            self.pivoting = True
+            return Twist(0.0, turn_towards(error, self.shape))
+        self.pivoting = False
+        left = self.route.length_m - self.s
+        v = min(self.shape.speed, limit, max(CREEP, braking_speed(left - 0.002)))
+        curvature = 2.0 * math.sin(error) / max(0.03, math.hypot(dx, dy))
+        if abs(v * curvature) > self.shape.turn:
+            v = self.shape.turn / abs(curvature)
+        if v <= 0.0:
+            return Twist(0.0, turn_towards(error, self.shape) if abs(error) > 0.05 else 0.0)
+        return Twist(v, v * curvature)

@@ -1,0 +1,159 @@
+"""The floor as cells that a robot's centre may or may not enter (paper IV.D.1 and IV.D.2).
+
+The arena is overlaid with square cells. A cell is blocked when its centre is nearer to an obstacle or a wall
+than the inflation: the robot's radius and 3 cm, because a path at the radius alone hugs the walls. Starts and
+goals may lie nearer to a wall than that, so around the two the inflation shrinks to the radius and 5 mm.
+Parked robots block a disc of two radii and 3 cm around them; there is no mode that ignores them.
+
+Blocked cells are a bytearray with a frame of blocked cells around it, so that a search needs no test for the
+edge. What depends on the arena alone is computed once and shared by all robots of a process.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+from rmr.base.arena import Arena, Disc
+from rmr.base.geometry import Point, point_segment_distance
+
+MARGIN_M = 0.03
+"""Added to the radius on the way, and to two radii around parked robots."""
+TIGHT_MARGIN_M = 0.005
+"""Added to the radius (to two radii around parked robots) near start and goal."""
+RELAXED_M = 0.15
+"""How near to start or goal the tight margin holds."""
+
+Discs = tuple[tuple[float, float, float], ...]
+"""Parked robots: x, y and the distance that another robot's centre keeps, metres."""
+
+
+class Grid:
+    """The cells of one arena. Index of a cell: (row + 1) * stride + column + 1."""
+
+    __slots__ = ("arena", "cell", "clear", "columns", "rows", "stride")
+
+    def __init__(self, arena: Arena) -> None:
+        self.arena = arena
+        self.cell = arena.cell
+        self.columns = max(1, round(arena.width / arena.cell))
+        self.rows = max(1, round(arena.height / arena.cell))
+        self.stride = self.columns + 2
+        self.clear = [-1.0] * (self.stride * (self.rows + 2))
+        for row in range(self.rows):
+            for column in range(self.columns):
+                index = (row + 1) * self.stride + column + 1
+                self.clear[index] = arena.clearance((column + 0.5) * self.cell, (row + 0.5) * self.cell)
+
+    def index(self, x: float, y: float) -> int:
+        """Return the cell that holds (x, y); the nearest one for a point outside."""
+        column = min(self.columns - 1, max(0, int(x / self.cell)))
+        row = min(self.rows - 1, max(0, int(y / self.cell)))
+        return (row + 1) * self.stride + column + 1
+
+    def centre(self, index: int) -> Point:
+        """Return the centre of a cell in metres."""
+        row, column = divmod(index, self.stride)
+        return Point((column - 0.5) * self.cell, (row - 0.5) * self.cell)
+
+    def cell_at(self, index: int) -> tuple[int, int]:
+        """Return (column, row) of a cell."""
+        row, column = divmod(index, self.stride)
+        return column - 1, row - 1
+
+    def index_at(self, column: int, row: int) -> int:
+        """Return the index of the cell (column, row)."""
+        return (row + 1) * self.stride + column + 1
+
+    def near(self, x: float, y: float, reach_m: float) -> list[int]:
+        """Return the cells whose centres are within `reach_m` of (x, y), nearest first, then by index."""
+        lo_c = max(0, math.ceil((x - reach_m) / self.cell - 0.5))
+        hi_c = min(self.columns - 1, math.floor((x + reach_m) / self.cell - 0.5))
+        lo_r = max(0, math.ceil((y - reach_m) / self.cell - 0.5))
+        hi_r = min(self.rows - 1, math.floor((y + reach_m) / self.cell - 0.5))
+        found = []
+        for row in range(lo_r, hi_r + 1):
+            dy = (row + 0.5) * self.cell - y
+            for column in range(lo_c, hi_c + 1):
+                away = math.hypot((column + 0.5) * self.cell - x, dy)
+                if away <= reach_m:
+                    found.append((away, (row + 1) * self.stride + column + 1))
+        found.sort()
+        return [index for _, index in found]
+
+
+@lru_cache(maxsize=16)
+def grid_of(arena: Arena) -> Grid:
+    """Return the grid of `arena`, made once."""
+    return Grid(arena)
+
+
+@lru_cache(maxsize=32)
+def _inflated(arena: Arena, inflation_m: float) -> bytes:
+    return bytes(clear < inflation_m for clear in grid_of(arena).clear)
+
+
+def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Point) -> Discs:
+    """Return the discs that parked robots block.
+
+    One that holds `start` shrinks so far that the robot can get out; one that holds `goal` shrinks to two
+    radii and 5 mm, and blocks the goal when that is not enough.
+    """
+    discs = []
+    for x, y in parked:
+        keep = 2.0 * radius + MARGIN_M
+        from_goal = math.hypot(goal.x - x, goal.y - y)
+        if from_goal < keep:
+            keep = max(2.0 * radius + TIGHT_MARGIN_M, from_goal - 1e-6)
+        keep = min(keep, max(0.0, math.hypot(start.x - x, start.y - y) - 1e-6))
+        discs.append((x, y, keep))
+    return tuple(discs)
+
+
+def blocked_cells(grid: Grid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:
+    """Return for each cell 1 if a robot's centre must not enter it on the way from `start` to `goal`."""
+    blocked = bytearray(_inflated(grid.arena, inflation_m))
+    tight = grid.arena.shape.radius + TIGHT_MARGIN_M
+    for x, y in (start, goal):
+        for index in grid.near(x, y, RELAXED_M):
+            if grid.clear[index] >= tight:
+                blocked[index] = 0
+    for x, y, keep in discs:
+        for index in grid.near(x, y, keep):
+            blocked[index] = 1
+    return blocked
+
+
+def segment_clearance(arena: Arena, a: Point, b: Point) -> float:
+    """Return the least distance of the segment a-b from obstacles and walls in metres; 0 when it meets one."""
+    least = min(a.x, a.y, b.x, b.y, arena.width - max(a.x, b.x), arena.height - max(a.y, b.y))
+    for obstacle in arena.obstacles:
+        if least <= 0.0:
+            return 0.0
+        if isinstance(obstacle, Disc):
+            away = point_segment_distance(*obstacle.centre, a.x, a.y, b.x, b.y) - obstacle.radius
+        elif obstacle.contains(a.x, a.y) or obstacle.contains(b.x, b.y):
+            return 0.0
+        else:
+            corners = obstacle.corners
+            away = min(_segment_distance(a, b, c, d) for c, d in zip(corners, corners[1:] + corners[:1], strict=True))
+        least = min(least, away)
+    return max(0.0, least)
+
+
+def _segment_distance(a: Point, b: Point, c: Point, d: Point) -> float:
+    """Return the distance between the segments a-b and c-d; 0 when they cross."""
+    if _crosses(a, b, c, d):
+        return 0.0
+    return min(
+        point_segment_distance(a.x, a.y, c.x, c.y, d.x, d.y),
+        point_segment_distance(b.x, b.y, c.x, c.y, d.x, d.y),
+        point_segment_distance(c.x, c.y, a.x, a.y, b.x, b.y),
+        point_segment_distance(d.x, d.y, a.x, a.y, b.x, b.y),
+    )
+
+
+def _crosses(a: Point, b: Point, c: Point, d: Point) -> bool:
+    def side(p: Point, q: Point, r: Point) -> float:
+        return (q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x)
+
+    return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0

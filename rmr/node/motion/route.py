@@ -1,0 +1,196 @@
+"""The way of one robot: the leader's path and the followers' (paper IV.D.1).
+
+The leader goes S1 -> S1' -> P1' -> T1' -> T1 and shares P1', the part of its path that everybody needs: from
+a little before the bottleneck to where it is wide again. A follower k goes S_k -> S1' -> P1' -> T1' -> T_k with
+straight legs where they are free and its own A* where they are not; it joins P1' where it is nearest, so that
+a robot that waits at the entry never drives back to S1'.
+
+A route is a polyline measured by arc length. Two lengths on it concern the bottleneck: the gate, where it
+passes nearest to the bottleneck area, and where the narrow section after it has ended.
+"""
+
+import itertools
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.gridpath import GridPath
+from rmr.node.motion.astar import Floor, plan
+from rmr.node.motion.grid import MARGIN_M, discs_around, grid_of, segment_clearance
+
+GATE_REACH_M = 0.15
+"""A route has a gate if it passes the bottleneck's point within this."""
+LEAD_IN_M = 0.15
+"""How far before the gate the shared path begins."""
+SCAN_M = 0.02
+"""Step of the search for the end of the narrow section."""
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """A polyline with its arc lengths."""
+
+    points: tuple[Point, ...]
+    at_m: tuple[float, ...]
+    """Arc length at each point."""
+    gate_m: float | None = None
+    """Arc length of the gate; None: the route does not pass the bottleneck."""
+    clear_m: float = 0.0
+    """Arc length where the hull is out of the narrow section."""
+    way: int = 0
+    """Direction through the gate: 0 eastward (or due north), 1 westward (or due south)."""
+
+    @property
+    def length_m(self) -> float:
+        """Return the whole length in metres."""
+        return self.at_m[-1]
+
+    def segment(self, s: float) -> int:
+        """Return the index of the segment that holds arc length `s`."""
+        return max(0, min(len(self.points) - 2, bisect_right(self.at_m, s) - 1))
+
+    def point(self, s: float) -> Point:
+        """Return the point at arc length `s`, at most the end."""
+        i = self.segment(s)
+        a, b = self.points[i], self.points[i + 1]
+        length = self.at_m[i + 1] - self.at_m[i]
+        t = 0.0 if length <= 0.0 else max(0.0, min(1.0, (s - self.at_m[i]) / length))
+        return Point(a.x + (b.x - a.x) * t, a.y + (b.y - a.y) * t)
+
+    def heading(self, s: float) -> float:
+        """Return the direction of the path at arc length `s`, radians."""
+        i = self.segment(s)
+        a, b = self.points[i], self.points[i + 1]
+        return math.atan2(b.y - a.y, b.x - a.x)
+
+    def project(self, x: float, y: float, low: float, high: float) -> float:
+        """Return the arc length within [low, high] whose point is nearest to (x, y)."""
+        best, best_s = math.inf, low
+        i = self.segment(low)
+        while i < len(self.points) - 1 and self.at_m[i] <= high:
+            ax, ay = self.points[i]
+            bx, by = self.points[i + 1]
+            length = self.at_m[i + 1] - self.at_m[i]
+            along = 0.0 if length <= 0.0 else ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length
+            s = max(low, min(high, self.at_m[i] + max(0.0, min(length, along))))
+            t = 0.0 if length <= 0.0 else (s - self.at_m[i]) / length
+            away = math.hypot(x - ax - (bx - ax) * t, y - ay - (by - ay) * t)
+            if away < best - 1e-12:
+                best, best_s = away, s
+            i += 1
+        return best_s
+
+
+def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> Route:
+    """Return the route along `points` (two at least), with its gate if it is to pass the bottleneck."""
+    at = [0.0]
+    for a, b in itertools.pairwise(points):
+        at.append(at[-1] + distance(*a, *b))
+    route = Route(tuple(points), tuple(at))
+    if not through_gate or arena.bottleneck is None:
+        return route
+    area = arena.area(arena.bottleneck)
+    if area is None:
+        return route
+    centre = area.places[0]
+    gate = route.project(*centre, 0.0, route.length_m)
+    if distance(*route.point(gate), *centre) > GATE_REACH_M:
+        return route
+    return Route(route.points, route.at_m, gate, _end_of_narrow(arena, route, gate), way_of(route.heading(gate)))
+
+
+def way_of(heading: float) -> int:
+    """Return 0 for a heading to the east (or due north), 1 for the opposite ways."""
+    east = math.cos(heading)
+    if abs(east) <= 1e-9:
+        return 0 if math.sin(heading) > 0.0 else 1
+    return 0 if east > 0.0 else 1
+
+
+def _end_of_narrow(arena: Arena, route: Route, gate: float) -> float:
+    """Return where, after `gate`, the last narrow place lies, and a radius more."""
+    radius = arena.shape.radius
+    end, s = gate, gate
+    while s < route.length_m and s < end + 4.0 * radius:
+        if _narrow(arena, route, s):
+            end = s
+        s += SCAN_M
+    return min(route.length_m, end + SCAN_M + radius)
+
+
+def _narrow(arena: Arena, route: Route, s: float) -> bool:
+    """Return whether both sides of the path are closed within two robot diameters."""
+    here, heading = route.point(s), route.heading(s)
+    reach = 4.0 * arena.shape.radius
+    dx, dy = -math.sin(heading) * reach, math.cos(heading) * reach
+    return all(
+        segment_clearance(arena, here, Point(here.x + side * dx, here.y + side * dy)) <= 0.0 for side in (1.0, -1.0)
+    )
+
+
+def leader_route(
+    arena: Arena, start: Point, goal: Point, parked: Sequence[Point], *, through_gate: bool
+) -> Route | None:
+    """Return the robot's own route by A*, or None when there is no way."""
+    found = plan(arena, start, goal, parked)
+    if found is None:
+        return None
+    return make_route(arena, found.points, through_gate=through_gate)
+
+
+def shared_part(arena: Arena, route: Route) -> GridPath | None:
+    """Return the cells of `route` from before its gate to the end of the narrow section (P1' of the paper)."""
+    if route.gate_m is None:
+        return None
+    grid = grid_of(arena)
+    begin = route.point(max(0.0, route.gate_m - LEAD_IN_M))
+    end = route.point(route.clear_m)
+    found = plan(arena, begin, end)
+    if found is None:
+        return None
+    path = found.path
+    inside = all(0 <= c < grid.columns and 0 <= r < grid.rows for c, r in path.cells())
+    return path if inside else None
+
+
+def follower_route(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath) -> Route | None:
+    """Return the route along the leader's `shared` path, or by own A* when that does not serve."""
+    middle = _usable(arena, start, goal, parked, shared)
+    if middle is None:
+        return leader_route(arena, start, goal, parked, through_gate=True)
+    into = _leg(arena, start, middle[0], parked)
+    out = _leg(arena, middle[-1], goal, parked)
+    if into is None or out is None:
+        return leader_route(arena, start, goal, parked, through_gate=True)
+    route = make_route(arena, [*into, *middle[1:-1], *out], through_gate=True)
+    return route if route.gate_m is not None else leader_route(arena, start, goal, parked, through_gate=True)
+
+
+def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath) -> list[Point] | None:
+    """Return the corners of the shared path from where `start` joins it; None when it is blocked or foreign."""
+    grid = grid_of(arena)
+    cells = shared.cells()
+    if not all(0 <= c < grid.columns and 0 <= r < grid.rows for c, r in cells):
+        return None
+    points = [grid.centre(grid.index_at(c, r)) for c, r in cells]
+    nearest = min(range(len(points)), key=lambda i: distance(*points[i], *start))
+    points = points[nearest:]
+    if len(points) < 2:
+        return None
+    floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    for a, b in itertools.pairwise(points):
+        if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
+            return None
+    return floor.pull(points)
+
+
+def _leg(arena: Arena, start: Point, goal: Point, parked: Sequence[Point]) -> list[Point] | None:
+    """Return the straight leg if it is free, else one by A*, else None."""
+    floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    if distance(*start, *goal) < 1e-9 or floor.sight(start, goal):
+        return [start, goal]
+    found = plan(arena, start, goal, parked)
+    return None if found is None else list(found.points)

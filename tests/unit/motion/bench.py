@@ -1,0 +1,179 @@
+"""A small world for motion tests: unicycle robots with limited acceleration, noisy poses and a view cone.
+
+No radio and no schedule: the benches hand out ideal slots. Poses reach the robots with an error that drifts as
+an EKF's does (a first-order process), wheels turn a little more or less than commanded, bodies are seen by
+their centres, exactly. Contacts are overlaps of discs or of a disc and an obstacle.
+"""
+
+import math
+from collections.abc import Sequence
+from random import Random
+
+from rmr.base.arena import Area, Arena, Polygon
+from rmr.base.geometry import Point, Pose, Twist, wrap
+from rmr.base.time import Instant, in_seconds, tick_start
+from rmr.node.motion.navigator import Navigator
+from rmr.node.ports import SeenBody
+
+ACCEL = 0.8
+TURN_ACCEL = 12.0
+TICK = 1.0 / 60.0
+POSITION_SIGMA = 0.004
+HEADING_SIGMA = 0.012
+DRIFT_S = 1.0
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+    return Polygon((Point(x0, y0), Point(x1, y0), Point(x1, y1), Point(x0, y1)))
+
+
+def testbed() -> Arena:
+    slots = ((1.38, 1.38), (1.38, 0.12), (1.38, 1.14), (1.38, 0.36), (1.38, 0.90), (1.38, 0.60))
+    return Arena(
+        1.5,
+        1.5,
+        0.05,
+        (box(0.6, 0.0, 0.9, 0.6), box(0.6, 0.9, 0.9, 1.5)),
+        (
+            Area("entry", (Point(0.5, 0.75),)),
+            Area("exit", tuple(Point(*s) for s in slots), slotted=True),
+        ),
+        bottleneck="entry",
+    )
+
+
+TESTBED_STARTS = tuple(Pose(0.10, y, 0.0) for y in (0.15, 0.37, 0.59, 0.91, 1.13, 1.35))
+
+
+def corridor() -> Arena:
+    slots = ((2.6, 1.35), (2.6, 0.15), (2.6, 1.11), (2.6, 0.39), (2.6, 0.87), (2.6, 0.63))
+    return Arena(
+        3.0,
+        1.5,
+        0.05,
+        (box(1.2, 0.0, 1.8, 0.6), box(1.2, 0.9, 1.8, 1.5)),
+        (
+            Area("entry", (Point(1.1, 0.75),), queue=tuple(Point(1.1 - 0.2 * k, 0.75) for k in range(6))),
+            Area("exit", tuple(Point(*s) for s in slots), slotted=True),
+        ),
+        bottleneck="entry",
+    )
+
+
+CORRIDOR_STARTS = tuple(Pose(x, y, 0.0) for y in (0.18, 1.32) for x in (0.2, 0.55, 0.9))
+
+
+class Body:
+    """One robot: true state, the error of its estimate, its navigator and its last command."""
+
+    def __init__(self, arena: Arena, robot: int, pose: Pose, rng: Random, noise: float) -> None:
+        self.arena = arena
+        self.robot = robot
+        self.x, self.y, self.theta = pose
+        self.v = self.w = 0.0
+        self.command = Twist(0.0, 0.0)
+        self.rng = rng
+        self.noise = noise
+        self.error = [rng.gauss(0, POSITION_SIGMA * noise), rng.gauss(0, POSITION_SIGMA * noise), 0.0]
+        self.gain_v = 1.0 + rng.gauss(0, 0.01) * noise
+        self.gain_w = 1.0 + rng.gauss(0, 0.02) * noise
+        self.nav = Navigator(arena, robot)
+        self.bumped = False
+        self.distance = 0.0
+
+    @property
+    def estimate(self) -> Pose:
+        ex, ey, et = self.error
+        return Pose(self.x + ex, self.y + ey, wrap(self.theta + et))
+
+    def move(self) -> None:
+        dv = self.command.v * self.gain_v - self.v
+        dw = self.command.w * self.gain_w - self.w
+        self.v += max(-ACCEL * TICK, min(ACCEL * TICK, dv))
+        self.w += max(-TURN_ACCEL * TICK, min(TURN_ACCEL * TICK, dw))
+        self.theta = wrap(self.theta + self.w * TICK)
+        self.x += self.v * math.cos(self.theta) * TICK
+        self.y += self.v * math.sin(self.theta) * TICK
+        self.distance += abs(self.v) * TICK
+        if self.noise:
+            keep = math.exp(-TICK / DRIFT_S)
+            kick = math.sqrt(1 - keep * keep) * self.noise
+            for i, sigma in enumerate((POSITION_SIGMA, POSITION_SIGMA, HEADING_SIGMA)):
+                self.error[i] = self.error[i] * keep + self.rng.gauss(0, sigma) * kick
+
+    def sees(self, others: Sequence["Body"]) -> list[SeenBody]:
+        shape = self.arena.shape
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        seen = []
+        for other in others:
+            if other is self:
+                continue
+            dx, dy = other.x - self.x, other.y - self.y
+            if math.hypot(dx, dy) - shape.radius > shape.view_depth:
+                continue
+            x, y = dx * cos + dy * sin, dy * cos - dx * sin
+            if abs(math.atan2(y, x)) > shape.view_angle / 2:
+                continue
+            vx, vy = other.v * math.cos(other.theta), other.v * math.sin(other.theta)
+            seen.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
+        return seen
+
+
+class Bench:
+    """All robots of one arena."""
+
+    def __init__(self, arena: Arena, starts: Sequence[Pose], seed: int = 0, noise: float = 1.0) -> None:
+        self.arena = arena
+        rng = Random(f"{seed}/bench")
+        self.rng = rng
+        self.bodies = [Body(arena, i + 1, p, Random(f"{seed}/{i}"), noise) for i, p in enumerate(starts)]
+        self.tick = 0
+        self.contacts: list[tuple[float, int, int]] = []
+        self.min_gap = math.inf
+        self._touching: list[tuple[int, int]] = []
+
+    @property
+    def now(self) -> Instant:
+        return tick_start(self.tick)
+
+    @property
+    def time(self) -> float:
+        return in_seconds(self.now)
+
+    def step(self) -> None:
+        """Let every active robot decide on the same instant, then move all."""
+        self.tick += 1
+        for body in self.bodies:
+            body.command = body.nav.step(self.now, body.estimate, 0.005, body.sees(self.bodies), body.bumped)
+        for body in self.bodies:
+            body.move()
+        self._contacts()
+
+    def _contacts(self) -> None:
+        radius = self.arena.shape.radius
+        touching = []
+        bumped = [False] * len(self.bodies)
+        for i, a in enumerate(self.bodies):
+            if self.arena.clearance(a.x, a.y) < radius:
+                touching.append((a.robot, 0))
+                bumped[i] = True
+            for j, b in enumerate(self.bodies[:i]):
+                gap = math.hypot(a.x - b.x, a.y - b.y) - 2 * radius
+                self.min_gap = min(self.min_gap, gap)
+                if gap < 0:
+                    touching.append((a.robot, b.robot))
+                    bumped[i] = bumped[j] = True
+        for pair in touching:
+            if pair not in self._touching:
+                self.contacts.append((self.time, *pair))
+        self._touching = touching
+        for body, bump in zip(self.bodies, bumped, strict=True):
+            body.bumped = bump
+
+    def run(self, done, until_s: float) -> bool:
+        """Step until `done()` or the time is over; return whether it became true."""
+        while self.time < until_s:
+            self.step()
+            if done():
+                return True
+        return False
