@@ -1,0 +1,83 @@
+"""What crosses the boundary of a station: announcements of transmissions, receptions, outcomes.
+
+There is no medium object. Whoever transmits announces it with its start, end, power and position, and each
+receiver works out for itself what it hears. In the simulator announcements are handed over at the instant
+they are made, 192 us before the first symbol; between processes they cross the bus and come late, out of
+order, twice or not at all, so all that matters goes by the time stamps that they carry.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from rmr.base.time import NEVER, Instant
+from rmr.radio.frame import PSDU_MAX
+
+ACK_ATTEMPT = 0x80
+"""Set in `Announcement.attempt` of an acknowledgement, whose low bits repeat the data frame's attempt."""
+
+SEQUENCE_MASK = 0xFFFF_FFFF
+
+
+class Announcement(NamedTuple):
+    """One transmission: all that a receiver needs to know of it."""
+
+    source: int
+    """Short address of the transmitter."""
+    sequence: int
+    """Number of the request at its source, 32 bits; the frame's own sequence number is its low octet. An
+    acknowledgement repeats the number of the frame that it answers."""
+    attempt: int
+    """0 for the first transmission, then 1, 2, 3; `ACK_ATTEMPT` is added for an acknowledgement."""
+    start: Instant
+    """First symbol of the preamble."""
+    end: Instant
+    """End of the last symbol."""
+    power_dbm: float
+    """Radiated power."""
+    x: float
+    """True position of the transmitter, metres."""
+    y: float
+    psdu: bytes
+
+    def to_wire(self) -> tuple[Any, ...]:
+        """Return the fields as values that msgpack carries."""
+        return tuple(self)
+
+    @classmethod
+    def from_wire(cls, fields: Sequence[Any]) -> "Announcement":
+        """Return the announcement in `fields`. Raises `ValueError` if they cannot be one."""
+        if not isinstance(fields, list | tuple) or len(fields) != len(cls._fields):
+            raise ValueError("an announcement has nine fields")
+        source, sequence, attempt, start, end, power_dbm, x, y, psdu = fields
+        numbers = ((source, 0xFFFF), (sequence, SEQUENCE_MASK), (attempt, 0xFF), (start, NEVER), (end, NEVER))
+        if not all(type(value) is int and 0 <= value <= limit for value, limit in numbers):
+            raise ValueError("an announcement's integers are out of range")
+        if not all(isinstance(value, int | float) and -1e6 < value < 1e6 for value in (power_dbm, x, y)):
+            raise ValueError("an announcement's power or position is out of range")
+        if not isinstance(psdu, bytes) or len(psdu) > PSDU_MAX or start >= end:
+            raise ValueError("an announcement's frame is out of range")
+        return cls(source, sequence, attempt, start, end, float(power_dbm), float(x), float(y), psdu)
+
+
+class Received(NamedTuple):
+    """A data frame that this station received."""
+
+    payload: bytes
+    source: int
+    unicast: bool
+    rssi_dbm: float
+    lqi: int
+    """Link quality, 0..255."""
+    stamp: Instant
+    """Lab time at which its last symbol arrived."""
+
+
+class Confirmed(NamedTuple):
+    """What became of a request."""
+
+    handle: int
+    status: str
+    """``ok``, ``no_ack`` or ``access_failure`` (802.15.4-2006, 7.1.1.2: different outcomes)."""
+
+
+Output = Announcement | Received | Confirmed

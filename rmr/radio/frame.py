@@ -1,0 +1,112 @@
+"""Frames of IEEE 802.15.4-2006: data and acknowledgement, octet by octet (section 7.2).
+
+A PSDU is what the physical layer carries, at most 127 octets:
+
+    data   frame control 2 | sequence 1 | PAN 2 | destination 2 | source 2 | payload 0..116 | FCS 2
+    ack    frame control 2 | sequence 1 | FCS 2
+
+Addresses are short ones within a single PAN (PAN id compression), all fields little-endian. The frame check
+sequence is the ITU-T CRC-16 (x^16 + x^12 + x^5 + 1, least significant bit first, start value 0), which finds
+every single and double bit error in frames of this length. Other frame types of the standard (beacons,
+commands, security, long addresses) are not spoken here: they are refused as a peer's mistake.
+"""
+
+import binascii
+from typing import NamedTuple
+
+BROADCAST = 0xFFFF
+"""The short address that every station answers to."""
+
+PSDU_MAX = 127
+"""aMaxPHYPacketSize."""
+HEADER_OCTETS = 9
+FCS_OCTETS = 2
+PAYLOAD_MAX = PSDU_MAX - HEADER_OCTETS - FCS_OCTETS
+ACK_OCTETS = 5
+
+_ACK_REQUEST = 0x0020
+_DATA = 0x8841  # type data, PAN id compression, both addresses short, frame version 0
+_ACK = 0x0002
+_DATA_CONTROLS = (_DATA, _DATA | _ACK_REQUEST)
+
+_REVERSED = bytes(int(f"{octet:08b}"[::-1], 2) for octet in range(256))
+
+
+class FrameError(ValueError):
+    """The octets are no frame of this PAN's kind; the message says why."""
+
+
+class DataFrame(NamedTuple):
+    """A data frame."""
+
+    pan: int
+    destination: int
+    """Short address, or `BROADCAST`."""
+    source: int
+    sequence: int
+    """Data sequence number, 0..255."""
+    wants_ack: bool
+    payload: bytes
+
+
+class AckFrame(NamedTuple):
+    """An acknowledgement. It bears no address, only the sequence number of the frame that it answers."""
+
+    sequence: int
+
+
+def check_sequence(octets: bytes) -> int:
+    """Return the FCS of `octets` (802.15.4-2006, 7.2.1.9)."""
+    # The library's CRC has the same polynomial with the most significant bit first: mirror in, mirror out.
+    mirrored = binascii.crc_hqx(octets.translate(_REVERSED), 0)
+    return _REVERSED[mirrored >> 8] | _REVERSED[mirrored & 0xFF] << 8
+
+
+def encode_data(frame: DataFrame) -> bytes:
+    """Return the PSDU of `frame`.
+
+    Raises `ValueError` for a payload over 116 octets, a field out of range, or a broadcast that wants an
+    acknowledgement (7.2.1.1.4 forbids it).
+    """
+    if len(frame.payload) > PAYLOAD_MAX:
+        raise ValueError(f"payload of {len(frame.payload)} octets: split it into pieces of at most {PAYLOAD_MAX}")
+    if frame.wants_ack and frame.destination == BROADCAST:
+        raise ValueError("a broadcast cannot be acknowledged: leave wants_ack off")
+    if not (
+        0 <= frame.sequence <= 0xFF and all(0 <= a <= 0xFFFF for a in (frame.pan, frame.destination, frame.source))
+    ):
+        raise ValueError("sequence must fit 8 bits, PAN and addresses 16")
+    control = _DATA | _ACK_REQUEST if frame.wants_ack else _DATA
+    body = (
+        control.to_bytes(2, "little")
+        + bytes((frame.sequence,))
+        + frame.pan.to_bytes(2, "little")
+        + frame.destination.to_bytes(2, "little")
+        + frame.source.to_bytes(2, "little")
+        + frame.payload
+    )
+    return body + check_sequence(body).to_bytes(2, "little")
+
+
+def encode_ack(sequence: int) -> bytes:
+    """Return the PSDU that acknowledges the data frame `sequence` (0..255)."""
+    body = bytes((_ACK, 0, sequence))
+    return body + check_sequence(body).to_bytes(2, "little")
+
+
+def decode(psdu: bytes) -> DataFrame | AckFrame:
+    """Return the frame in `psdu`. Raises `FrameError` if it is damaged or of a kind not spoken here."""
+    if not ACK_OCTETS <= len(psdu) <= PSDU_MAX:
+        raise FrameError(f"{len(psdu)} octets")
+    if check_sequence(psdu[:-2]) != psdu[-2] | psdu[-1] << 8:
+        raise FrameError("frame check sequence")
+    control = psdu[0] | psdu[1] << 8
+    if control == _ACK and len(psdu) == ACK_OCTETS:
+        return AckFrame(psdu[2])
+    if control not in _DATA_CONTROLS or len(psdu) < HEADER_OCTETS + FCS_OCTETS:
+        raise FrameError(f"frame control {control:#06x}")
+    pan, destination, source = (psdu[at] | psdu[at + 1] << 8 for at in (3, 5, 7))
+    wants_ack = control != _DATA
+    if wants_ack and destination == BROADCAST:
+        raise FrameError("a broadcast that wants an acknowledgement")
+    return DataFrame(pan, destination, source, psdu[2], wants_ack, psdu[9:-2])

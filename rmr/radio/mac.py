@@ -1,0 +1,213 @@
+"""Medium access: unslotted CSMA/CA, acknowledgements and retries of IEEE 802.15.4-2006 (7.5.1.4, 7.5.6).
+
+One request at a time, in order. A request waits 0..2^BE - 1 backoff periods, assesses the channel for 128 us
+and, if that is clear, transmits 192 us later. A busy channel raises BE and is tried again, at most five times
+in all; then the request has failed to get access. A unicast waits for its acknowledgement and is transmitted at
+most four times; access lost on a retry ends the request as well (7.5.6.5).
+
+    state      event                               next state            output
+    idle       request                             backoff
+    backoff    channel clear                       sending               Transmission
+    backoff    channel busy, fewer than 5 times    backoff, BE + 1
+    backoff    channel busy, the 5th time          idle                  Confirmed access_failure
+    sending    end, no acknowledgement wanted      idle                  Confirmed ok
+    sending    end, acknowledgement wanted         waiting
+    waiting    acknowledged                        idle                  Confirmed ok
+    waiting    deadline, fewer than 4 attempts     backoff, BE = 3
+    waiting    deadline, after the 4th             idle                  Confirmed no_ack
+
+Idle goes on to the next request at once, but keeps the interframe space after the last frame. The machine
+performs no I/O: `next_wake` says when it wants `fire`, which is told whether the channel is busy.
+"""
+
+from collections import deque
+from enum import Enum
+from random import Random
+from typing import NamedTuple
+
+from rmr.base.time import NEVER, NS_PER_US, Duration, Instant
+from rmr.radio.air import SEQUENCE_MASK, Confirmed
+from rmr.radio.frame import BROADCAST, DataFrame, encode_data
+from rmr.radio.phy import CCA, TURNAROUND, airtime
+
+BACKOFF_PERIOD: Duration = 320 * NS_PER_US
+"""aUnitBackoffPeriod."""
+BE_MIN = 3
+"""macMinBE."""
+BE_MAX = 5
+"""macMaxBE."""
+BACKOFFS_MAX = 4
+"""macMaxCSMABackoffs: the fifth busy channel is the last."""
+RETRIES_MAX = 3
+"""macMaxFrameRetries."""
+ACK_WAIT: Duration = 864 * NS_PER_US
+"""macAckWaitDuration."""
+SHORT_FRAME_OCTETS = 18
+"""aMaxSIFSFrameSize."""
+SHORT_SPACE: Duration = 192 * NS_PER_US
+LONG_SPACE: Duration = 640 * NS_PER_US
+
+QUEUE_MAX = 64
+"""Requests that may wait: about a third of a second of airtime at full size. More fail at once, so that a sender
+who does not keep up with the channel learns of it."""
+
+
+class State(Enum):
+    """Where the machine stands."""
+
+    IDLE = "idle"
+    BACKOFF = "backoff"
+    SENDING = "sending"
+    WAITING = "waiting"
+
+
+class Transmission(NamedTuple):
+    """A frame to put on the air."""
+
+    psdu: bytes
+    sequence: int
+    """32 bits; the frame bears its low octet."""
+    attempt: int
+    start: Instant
+    end: Instant
+
+
+class _Request(NamedTuple):
+    psdu: bytes
+    sequence: int
+    wants_ack: bool
+    handle: int
+
+
+class Mac:
+    """The medium access of one station."""
+
+    __slots__ = (
+        "_address",
+        "_attempt",
+        "_backoffs",
+        "_current",
+        "_exponent",
+        "_pan",
+        "_patience",
+        "_queue",
+        "_rng",
+        "_sent_end",
+        "_sequence",
+        "_space_until",
+        "next_wake",
+        "state",
+    )
+
+    def __init__(self, address: int, pan: int, rng: Random, patience: Duration = 0) -> None:
+        """`patience` is added to macAckWaitDuration, where acknowledgements are announced late."""
+        self._address = address
+        self._pan = pan
+        self._rng = rng
+        self._patience = patience
+        self._queue: deque[_Request] = deque()
+        self._current: _Request | None = None
+        self._sequence = rng.getrandbits(8)
+        self._attempt = self._backoffs = 0
+        self._exponent = BE_MIN
+        self._sent_end = self._space_until = 0
+        self.state = State.IDLE
+        self.next_wake: Instant = NEVER
+
+    def request(self, now: Instant, payload: bytes, destination: int | None, handle: int) -> bool:
+        """Queue `payload`; False if the queue is full. Raises `ValueError` if it cannot be a frame."""
+        if len(self._queue) >= QUEUE_MAX:
+            return False
+        unicast = destination is not None and destination != BROADCAST
+        frame = DataFrame(
+            self._pan,
+            destination if unicast and destination is not None else BROADCAST,
+            self._address,
+            self._sequence & 0xFF,
+            unicast,
+            payload,
+        )
+        self._queue.append(_Request(encode_data(frame), self._sequence, unicast, handle))
+        self._sequence = (self._sequence + 1) & SEQUENCE_MASK
+        if self.state is State.IDLE:
+            self._begin_next(now)
+        return True
+
+    def fire(self, busy: bool) -> Transmission | Confirmed | None:
+        """Handle what is due at `next_wake`; `busy` is the channel there, if the state is ``BACKOFF``."""
+        if self.state is State.BACKOFF:
+            return self._assessed(self.next_wake, busy)
+        if self.state is State.SENDING:
+            return self._sent(self.next_wake)
+        assert self.state is State.WAITING, "an idle MAC has no timer"
+        return self._unanswered(self.next_wake)
+
+    def awaits_ack(self, sequence: int, start: Instant) -> bool:
+        """Whether an acknowledgement of `sequence` (0..255) that starts at `start` is the one waited for."""
+        return (
+            self._current is not None
+            and self.state is State.WAITING
+            and self._current.sequence & 0xFF == sequence
+            and self._sent_end <= start < self._sent_end + ACK_WAIT
+        )
+
+    def acknowledged(self, now: Instant, ack_end: Instant) -> Confirmed:
+        """Finish the request whose acknowledgement `awaits_ack`; its last symbol arrived at `ack_end`."""
+        return self._finish(now, "ok", ack_end)
+
+    def _backoff(self, now: Instant) -> None:
+        self.state = State.BACKOFF
+        self.next_wake = now + self._rng.getrandbits(self._exponent) * BACKOFF_PERIOD + CCA
+
+    def _begin_attempt(self, now: Instant) -> None:
+        self._backoffs = 0
+        self._exponent = BE_MIN
+        self._backoff(now)
+
+    def _begin_next(self, now: Instant) -> None:
+        if not self._queue:
+            self.state = State.IDLE
+            self.next_wake = NEVER
+            self._current = None
+            return
+        self._current = self._queue.popleft()
+        self._attempt = 0
+        self._begin_attempt(max(now, self._space_until))
+
+    def _assessed(self, now: Instant, busy: bool) -> Transmission | Confirmed | None:
+        assert self._current is not None
+        if not busy:
+            start = now + TURNAROUND
+            self._sent_end = start + airtime(len(self._current.psdu))
+            self.state = State.SENDING
+            self.next_wake = self._sent_end
+            return Transmission(self._current.psdu, self._current.sequence, self._attempt, start, self._sent_end)
+        self._backoffs += 1
+        if self._backoffs > BACKOFFS_MAX:
+            return self._finish(now, "access_failure", self._sent_end)
+        self._exponent = min(self._exponent + 1, BE_MAX)
+        self._backoff(now)
+        return None
+
+    def _sent(self, now: Instant) -> Confirmed | None:
+        assert self._current is not None
+        if not self._current.wants_ack:
+            return self._finish(now, "ok", now)
+        self.state = State.WAITING
+        self.next_wake = now + ACK_WAIT + self._patience
+        return None
+
+    def _unanswered(self, now: Instant) -> Confirmed | None:
+        if self._attempt >= RETRIES_MAX:
+            return self._finish(now, "no_ack", self._sent_end)
+        self._attempt += 1
+        self._begin_attempt(now)
+        return None
+
+    def _finish(self, now: Instant, status: str, last_symbol: Instant) -> Confirmed:
+        assert self._current is not None
+        done = self._current
+        space = LONG_SPACE if len(done.psdu) > SHORT_FRAME_OCTETS else SHORT_SPACE
+        self._space_until = max(self._space_until, last_symbol + space)
+        self._begin_next(now)
+        return Confirmed(done.handle, status)

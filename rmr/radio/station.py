@@ -1,0 +1,323 @@
+"""The radio of one robot: medium access and reception over announced transmissions.
+
+A station knows the air only by what it is told: `hear` is called with each transmission of another station.
+It keeps those that matter (all within `RELEVANCE_DB` of its sensitivity), and at the end of a frame that is
+meant for it decides by `phy.reception` and `phy.draw` whether it has received it. A received unicast is
+acknowledged 192 us after its end without assessing the channel (802.15.4-2006, 7.5.6.4).
+
+The same class serves two hosts. The simulator hands announcements over at the instant they are made and
+advances all stations in order of time (`grace` 0): 192 us pass between an announcement and its first symbol,
+so none comes too late. Between robot processes they come some milliseconds late and out of order; there a
+reception is decided `grace` after the frame's end and acknowledged then, still stamped end + 192 us, and the
+sender waits for its acknowledgement twice the grace longer. Everything else goes by the time stamps, so a late
+announcement leads to the same reception as an early one.
+"""
+
+from bisect import insort
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from math import log10
+from random import Random
+
+from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
+from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
+from rmr.radio.frame import ACK_OCTETS, BROADCAST, AckFrame, DataFrame, FrameError, decode, encode_ack
+from rmr.radio.mac import Mac, State, Transmission
+from rmr.radio.phy import (
+    LOCK_HISTORY,
+    LOSS_AT_1_M_DB,
+    TURNAROUND,
+    Interval,
+    RadioConfig,
+    Signal,
+    Verdict,
+    airtime,
+    channel_busy,
+    channel_of,
+    draw,
+    link_quality,
+    milliwatts,
+    reception,
+)
+
+__all__ = ["Announcement", "Confirmed", "Counters", "RadioConfig", "Received", "Station"]
+
+RELEVANCE_DB = 20.0
+"""A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
+GRACE_MARGIN: Duration = NS_PER_MS
+"""Besides twice the grace, how long a process waits for a late acknowledgement."""
+AIR_MAX = 256
+"""Transmissions kept; the air of `LOCK_HISTORY` holds a few dozen. The oldest go first."""
+DUPLICATE_SOURCES_MAX = 1024
+"""Sources whose last sequence number is remembered; the one longest silent goes first."""
+DUPLICATE_WINDOW: Duration = 500 * NS_PER_MS
+"""A repeat comes within the time of four attempts (170 ms); a sequence number returns after 256 frames."""
+_ACK_AIRTIME = airtime(ACK_OCTETS)
+
+_decode = lru_cache(maxsize=256)(decode)  # in the simulator many stations hear the same octets
+
+
+@dataclass(slots=True)
+class Counters:
+    """What a station has done and what befell it."""
+
+    sent: int = 0
+    """Transmissions of data frames, repeats included."""
+    acknowledgements: int = 0
+    """Transmissions of acknowledgements."""
+    received: int = 0
+    """Data frames received and handed on."""
+    collided: int = 0
+    """Frames for this station lost to interference."""
+    deaf: int = 0
+    """Frames for this station that came while it transmitted."""
+    dropped: int = 0
+    """Frames for this station lost to noise or to the configured loss."""
+    duplicates: int = 0
+    """Repeats of a frame received before: acknowledged again, not handed on."""
+    malformed: int = 0
+    """Frames of octets that are none."""
+    no_ack: int = 0
+    """Requests that were never acknowledged."""
+    access_failed: int = 0
+    """Requests that found no free channel or no place in the queue."""
+    late: int = 0
+    """Announcements made after their start, or heard after their reception was due."""
+
+    def as_dict(self) -> dict[str, int]:
+        """Return the counters by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+class _Heard(Signal):
+    """An announcement as this station hears it."""
+
+    __slots__ = ("announcement", "frame", "power_dbm")
+
+    def __init__(self, announcement: Announcement, power_dbm: float) -> None:
+        super().__init__(announcement.start, announcement.end, announcement.source, milliwatts(power_dbm))
+        self.announcement = announcement
+        self.power_dbm = power_dbm
+        self.frame: DataFrame | AckFrame | None = None
+
+
+def _by_start(heard: Signal) -> tuple[Instant, int]:
+    return heard.start, heard.source
+
+
+def _by_end(heard: Signal) -> tuple[Instant, int]:
+    return heard.end, heard.source
+
+
+class Station:
+    """One robot's radio. `next_wake` is when it wants `advance`, at the latest."""
+
+    def __init__(
+        self,
+        address: int,
+        pan: int,
+        seed: int,
+        rng: Random,
+        config: RadioConfig | None = None,
+        grace: Duration = 0,
+    ) -> None:
+        """`seed` decides receptions, alike in all stations of a lab; `rng` is this station's own, for backoffs."""
+        self.address = address
+        self.pan = pan
+        self.config = config or RadioConfig()
+        self.counters = Counters()
+        self.next_wake: Instant = NEVER
+        self._seed = seed
+        self._grace = grace
+        self._channel = channel_of(self.config)
+        self._mac = Mac(address, pan, rng, 2 * grace + GRACE_MARGIN if grace else 0)
+        self._x = self._y = 0.0
+        self._now: Instant = 0
+        self._air: list[_Heard] = []
+        self._due: list[_Heard] = []
+        self._deaf: list[Interval] = []
+        self._last: dict[int, tuple[int, Instant]] = {}
+        self._out: list[Output] = []
+
+    def move(self, x: float, y: float) -> None:
+        """Set the station's true position, metres; `advance` does so as well."""
+        self._x = x
+        self._y = y
+
+    def request(self, now: Instant, payload: bytes, destination: int | None, handle: int) -> None:
+        """Send `payload` (up to 116 octets) to `destination`, None for all. A `Confirmed` with `handle` follows.
+
+        Raises `ValueError` if the payload or the destination does not fit a frame.
+        """
+        if not self._mac.request(now, payload, destination, handle):
+            self.counters.access_failed += 1
+            self._out.append(Confirmed(handle, "access_failure"))
+            self.next_wake = min(self.next_wake, now)
+        elif self._mac.next_wake < self.next_wake:
+            self.next_wake = self._mac.next_wake
+
+    def hear(self, announcement: Announcement) -> None:
+        """Take note of a transmission of another station, early or late; its own are ignored."""
+        if announcement.source == self.address:
+            return
+        dx = announcement.x - self._x
+        dy = announcement.y - self._y
+        square = dx * dx + dy * dy
+        power_dbm = announcement.power_dbm - LOSS_AT_1_M_DB
+        if square > 1.0:
+            power_dbm -= 5.0 * self.config.exponent * log10(square)
+        if power_dbm < self.config.sensitivity_dbm - RELEVANCE_DB:
+            return
+        heard = _Heard(announcement, power_dbm)
+        if not self._add(heard):
+            return
+        if self._concerns(heard):
+            insort(self._due, heard, key=_by_end)
+            self.next_wake = min(self.next_wake, self._due[0].end + self._grace)
+
+    def advance(self, now: Instant, x: float, y: float) -> list[Output]:
+        """Handle all that is due up to `now`, each thing at its own instant, with the station at `x`, `y` (metres).
+
+        Returns what came of it, in order: announcements to hand to all other stations, receptions and outcomes.
+        A host that calls late loses nothing, but its announcements may be late for others.
+        """
+        self._x = x
+        self._y = y
+        if now < self.next_wake:
+            return []
+        self._now = now
+        while True:
+            mac_at = self._mac.next_wake
+            heard_at = self._due[0].end + self._grace if self._due else NEVER
+            if min(mac_at, heard_at) > now:
+                break
+            # What has arrived comes first: an acknowledgement at the very deadline still counts.
+            if heard_at <= mac_at:
+                self._resolve(self._due.pop(0), heard_at)
+            else:
+                self._step_mac(mac_at)
+        self.next_wake = min(mac_at, heard_at)
+        out, self._out = self._out, []
+        return out
+
+    def _add(self, heard: _Heard) -> bool:
+        """Keep `heard` among what is on the air, in order of start; False if it was there already."""
+        air = self._air
+        horizon = max(self._now, heard.start) - LOCK_HISTORY - 4 * self._grace - 5 * NS_PER_MS
+        while air and (air[0].end < horizon or len(air) >= AIR_MAX):
+            del air[0]
+        key = heard.announcement[:3]
+        if any(other.announcement[:3] == key for other in reversed(air)):
+            return False
+        insort(air, heard, key=_by_start)
+        return True
+
+    def _concerns(self, heard: _Heard) -> bool:
+        """Whether `heard` is meant for this station, so that its reception must be decided."""
+        try:
+            frame = _decode(heard.announcement.psdu)
+        except FrameError:
+            self.counters.malformed += 1
+            return False
+        heard.frame = frame
+        if isinstance(frame, AckFrame):
+            return self._mac.state is not State.IDLE
+        return frame.pan == self.pan and frame.destination in (self.address, BROADCAST)
+
+    def _resolve(self, heard: _Heard, at: Instant) -> None:
+        verdict = reception(heard, self._air, self._deaf, self._channel)
+        if not self._survives(heard, verdict):
+            return
+        frame = heard.frame
+        if isinstance(frame, AckFrame):
+            if self._mac.awaits_ack(frame.sequence, heard.start):
+                self._out.append(self._mac.acknowledged(at, heard.end))
+            return
+        assert frame is not None
+        if frame.wants_ack:
+            self._acknowledge(heard, frame)
+        if self._repeated(frame, heard.end):
+            self.counters.duplicates += 1
+            return
+        self.counters.received += 1
+        quality = link_quality(heard.power_dbm, verdict, self.config)
+        unicast = frame.destination != BROADCAST
+        self._out.append(Received(frame.payload, frame.source, unicast, heard.power_dbm, quality, heard.end))
+
+    def _survives(self, heard: _Heard, verdict: Verdict) -> bool:
+        """Whether the frame is received; if not, count why."""
+        counters = self.counters
+        if verdict.success == 0.0:
+            if verdict.cause == "deaf":
+                counters.deaf += 1
+            elif verdict.cause == "collision":
+                counters.collided += 1
+            else:
+                counters.dropped += 1
+            return False
+        if verdict.success == 1.0 and not self.config.loss:
+            return True
+        _, sequence, attempt, *_ = announcement = heard.announcement
+        bits = draw(self._seed, announcement.source, sequence, attempt, self.address)
+        if (bits >> 32) >= verdict.success * 4294967296.0:
+            if verdict.cause == "collision":
+                counters.collided += 1
+            else:
+                counters.dropped += 1
+            return False
+        if (bits & 0xFFFFFFFF) < self.config.loss * 4294967296.0:
+            counters.dropped += 1
+            return False
+        return True
+
+    def _repeated(self, frame: DataFrame, end: Instant) -> bool:
+        """Whether the last frame of this source bore the same sequence number a moment ago."""
+        last = self._last.pop(frame.source, None)
+        if last is None and len(self._last) >= DUPLICATE_SOURCES_MAX:
+            del self._last[next(iter(self._last))]
+        self._last[frame.source] = (frame.sequence, end)
+        return last is not None and last[0] == frame.sequence and end - last[1] < DUPLICATE_WINDOW
+
+    def _acknowledge(self, heard: _Heard, frame: DataFrame) -> None:
+        """Announce the acknowledgement of `heard`, unless this station already transmits at that time."""
+        start = heard.end + TURNAROUND
+        end = start + _ACK_AIRTIME
+        if any(since < end and until > start for since, until in self._deaf):
+            return
+        original = heard.announcement
+        self.counters.acknowledgements += 1
+        self._announce(
+            encode_ack(frame.sequence),
+            original.sequence,
+            ACK_ATTEMPT | original.attempt,
+            start,
+            end,
+            self._grace,
+        )
+
+    def _step_mac(self, at: Instant) -> None:
+        mac = self._mac
+        busy = mac.state is State.BACKOFF and channel_busy(at, self._air, self._deaf, self._channel)
+        out = mac.fire(busy)
+        if isinstance(out, Transmission):
+            self.counters.sent += 1
+            self._announce(out.psdu, out.sequence, out.attempt, out.start, out.end, 0)
+        elif out is not None:
+            if out.status == "no_ack":
+                self.counters.no_ack += 1
+            elif out.status == "access_failure":
+                self.counters.access_failed += 1
+            self._out.append(out)
+
+    def _announce(
+        self, psdu: bytes, sequence: int, attempt: int, start: Instant, end: Instant, allowance: Duration
+    ) -> None:
+        if self._now > start + allowance:
+            self.counters.late += 1
+        deaf = self._deaf
+        while deaf and deaf[0][1] < start - LOCK_HISTORY - 4 * self._grace:
+            del deaf[0]
+        insort(deaf, (start - TURNAROUND, end + TURNAROUND))
+        self._out.append(
+            Announcement(self.address, sequence, attempt, start, end, self.config.tx_power_dbm, self._x, self._y, psdu)
+        )
