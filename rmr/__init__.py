@@ -1,3 +1,18 @@
-"""RMR: one logic program for a whole ensemble of robots, with deadlines that hold."""
+"""RMR: one logic program for a whole ensemble of robots, with deadlines that hold.
+
+`from rmr import action, ActionFailed` is what a file of user actions needs; both are loaded on first use.
+"""
+
+from typing import Any
 
 __version__ = "0.1.0"
+
+__all__ = ["ActionFailed", "action"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        from rmr.node import actions  # noqa: PLC0415 - `rmr --help` and the compiler need no robot
+
+        return getattr(actions, name)
+    raise AttributeError(f"module 'rmr' has no attribute {name!r}")

@@ -4,11 +4,12 @@ Inputs are values that the host hands over, outputs are values that it takes awa
 polls or reads a clock.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from rmr.base.geometry import Twist
-from rmr.base.time import Instant
+from rmr.base.time import Duration, Instant
 
 
 class SeenBody(NamedTuple):
@@ -88,6 +89,10 @@ class Body(Protocol):
         """Command the wheels. The body drops commands older than 100 ms and stops after 0.5 s without one."""
 
 
+def _nothing_spent() -> Duration:
+    return 0
+
+
 @dataclass(frozen=True, slots=True)
 class Ports:
     """What a host gives a node."""
@@ -95,3 +100,5 @@ class Ports:
     link: Link
     body: Body | None
     """None: a robot without a body (logic only)."""
+    spent: Callable[[], Duration] = _nothing_spent
+    """Processor time used since the current call of `tick` began; virtual time uses none."""

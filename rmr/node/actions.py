@@ -1,0 +1,257 @@
+"""Actions: what a derived action makes the robot do, and the order in which they run (paper III.C, figure 5).
+
+An action is a coroutine over a `RobotHandle`; those that rmr provides are written the same way as a user's
+own. They are not asyncio coroutines: each `await` hands a `Pause` to the dispatcher, which resumes the action at
+the first call at which the pause is over, so that actions run in virtual time as they do in a process.
+
+Rules. An action that uses the wheels waits until the wheels are free, first come first served; `stop` does not
+wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.turns`), and does
+not keep others from the wheels meanwhile. Completion inserts the declared effects, `ActionFailed` the `else` effects.
+"""
+
+from collections import deque
+from collections.abc import Awaitable, Callable, Generator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from rmr.base.time import NEVER, Instant, in_seconds, seconds
+from rmr.base.values import Robot, Value, format_fact
+
+RUNNING_MAX = 64
+"""Actions under way or waiting at one robot; a program that derives more has run away."""
+
+
+class ActionFailed(Exception):  # noqa: N818 - the name that users raise
+    """Raise it in an action to make the declared `else` effect hold; the reason goes to the trace."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handler:
+    """How an action is carried out."""
+
+    name: str
+    run: Callable[..., Awaitable[None]]
+    """Called with the robot's handle and the action's arguments without the executor."""
+    effect: str | None = None
+    """The predicate inserted, with the same arguments, when the program declares no effect."""
+    wheels: bool = False
+    """Whether it uses the wheels."""
+    at_once: bool = False
+    """Whether it interrupts what the wheels do instead of waiting (`stop`)."""
+
+
+_registered: dict[str, Handler] = {}
+
+
+def action(
+    name: str, effect: str | None = None, *, wheels: bool = False
+) -> Callable[[Callable[..., Awaitable[None]]], Callable[..., Awaitable[None]]]:
+    """Register an `async def` as the handler of action `name`.
+
+    `effect` names a fact that its completion inserts, with the action's arguments, when the program declares no
+    effect. Set `wheels` when it drives, so that it waits for other driving actions.
+    """
+
+    def register(run: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
+        _registered[name] = Handler(name, run, effect, wheels)
+        return run
+
+    return register
+
+
+def registered() -> dict[str, Handler]:
+    """Return the handlers registered so far by `action`, by name."""
+    return dict(_registered)
+
+
+class Pause:
+    """What an action awaits: an instant, or a condition looked at whenever the robot runs."""
+
+    __slots__ = ("condition", "until")
+
+    def __init__(self, until: Instant = NEVER, condition: Callable[[], bool] | None = None) -> None:
+        self.until = until
+        self.condition = condition
+
+    def __await__(self) -> Generator["Pause", None, None]:
+        yield self
+
+    def over(self, now: Instant) -> bool:
+        """Return whether the action goes on at `now`."""
+        return now >= self.until or (self.condition is not None and self.condition())
+
+
+class Turn(Protocol):
+    """What an action needs to know of the turn that it waits for."""
+
+    def released(self, now: Instant) -> bool:
+        """Return whether the action may begin."""
+
+
+@dataclass(slots=True)
+class Running:
+    """One derived action, waiting or under way."""
+
+    serial: int
+    name: str
+    args: tuple[Value, ...]
+    handler: Handler
+    turn: Any = None
+    started: Instant | None = None
+    coroutine: Generator[Pause, None, None] | None = None
+    pause: Pause = field(default_factory=lambda: Pause(0))
+
+    def text(self, robot: int) -> str:
+        """Return the action in program syntax."""
+        return format_fact(self.name, (Robot(robot), *self.args))
+
+
+class Host(Protocol):
+    """What the dispatcher asks of its node."""
+
+    def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
+        """Handle the end of an action; `failure` is the reason, None when it completed."""
+
+    def handle(self, running: Running) -> Any:
+        """Return the handle that the action's coroutine gets."""
+
+    def halt(self) -> None:
+        """Stop the wheels."""
+
+
+class Dispatcher:
+    """Runs one robot's actions."""
+
+    def __init__(self, host: Host, handlers: Mapping[str, Handler]) -> None:
+        self._host = host
+        self._handlers = handlers
+        self.held: list[Running] = []
+        """Waiting for their turn."""
+        self.queue: deque[Running] = deque()
+        """Waiting for the wheels."""
+        self.running: list[Running] = []
+        self.refused = 0
+
+    @property
+    def busy(self) -> bool:
+        """Whether anything runs or waits."""
+        return bool(self.held or self.queue or self.running)
+
+    @property
+    def driving(self) -> Running | None:
+        """The action that has the wheels."""
+        return next((running for running in self.running if running.handler.wheels), None)
+
+    @property
+    def next_wake(self) -> Instant:
+        """When the next sleeping action goes on."""
+        return min((running.pause.until for running in self.running), default=NEVER)
+
+    def derive(self, now: Instant, running: Running) -> None:
+        """Take on an action: hold it, queue it, or start it."""
+        if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
+            self.refused += 1
+            self._host.action_ended(now, running, f"more than {RUNNING_MAX} actions under way")
+        elif running.turn is not None and not running.turn.released(now):
+            self.held.append(running)
+        else:
+            self._admit(now, running)
+
+    def _admit(self, now: Instant, running: Running) -> None:
+        if running.handler.at_once:
+            self._interrupt(now)
+        elif running.handler.wheels and (self.queue or self.driving):
+            self.queue.append(running)
+            return
+        self._start(now, running)
+
+    def _interrupt(self, now: Instant) -> None:
+        driving = self.driving
+        if driving is not None:
+            self._end(now, driving, "stopped")
+        self._host.halt()
+
+    def _start(self, now: Instant, running: Running) -> None:
+        running.started = now
+        handle = self._host.handle(running)
+        running.coroutine = running.handler.run(handle, *running.args).__await__()  # type: ignore[assignment]
+        self.running.append(running)
+        self._resume(now, running)
+
+    def _resume(self, now: Instant, running: Running) -> None:
+        assert running.coroutine is not None
+        try:
+            running.pause = next(running.coroutine)
+        except StopIteration:
+            self._end(now, running, None)
+        except ActionFailed as failure:
+            self._end(now, running, str(failure) or "failed")
+        except Exception as error:  # a user's mistake fails the action, not the robot
+            self._end(now, running, f"{type(error).__name__}: {error}")
+
+    def _end(self, now: Instant, running: Running, failure: str | None) -> None:
+        self.running.remove(running)
+        if running.coroutine is not None and failure == "stopped":
+            running.coroutine.close()
+        if running.handler.wheels:
+            self._host.halt()
+        self._host.action_ended(now, running, failure)
+
+    def step(self, now: Instant) -> None:
+        """Release, start and resume what is due."""
+        if self.held:
+            for running in [held for held in self.held if held.turn.released(now)]:
+                self.held.remove(running)
+                self._admit(now, running)
+        for running in list(self.running):
+            if running in self.running and running.pause.over(now):
+                self._resume(now, running)
+        while self.queue and self.driving is None:
+            self._start(now, self.queue.popleft())
+
+
+class RobotHandle:
+    """What an action may do: the `robot` of its `async def`."""
+
+    def __init__(self, now: Callable[[], Instant], node: Any, running: Running) -> None:
+        self._now = now
+        self._node = node
+        self._running = running
+
+    @property
+    def id(self) -> int:
+        """The robot's number."""
+        return int(self._node.robot)
+
+    def now(self) -> float:
+        """Return lab time in seconds."""
+        return in_seconds(self._now())
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait `duration_s` seconds."""
+        await Pause(self._now() + seconds(max(0.0, duration_s)))
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Wait until `condition()` is true; it is looked at in each of the robot's frames."""
+        if not condition():
+            await Pause(condition=condition)
+
+    def drive(self, v: float, w: float) -> None:
+        """Drive at `v` m/s, turning at `w` rad/s, until told otherwise. Declare the action with `wheels=True`."""
+        self._node.motion.drive(v, w)
+
+    def stop(self) -> None:
+        """Stop the wheels."""
+        self._node.halt()
+
+    def sense(self) -> Any:
+        """Return the newest `rmr.node.perception.Percept`: pose, bodies in view, whether the hull touches anything."""
+        return self._node.percept()
+
+    def insert(self, predicate: str, *args: Value) -> None:
+        """Insert a fact of this robot: ``robot.insert("seen", 3)``. Raises ValueError when it does not fit."""
+        self._node.insert(self._now(), predicate, args)
+
+    def say(self, text: str) -> None:
+        """Write `text` into the robot's trace."""
+        self._node.trace(self._now(), "said", text=text)

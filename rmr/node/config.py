@@ -1,0 +1,27 @@
+"""What a robot is told before it starts: who it is, where it is, what it is to finish."""
+
+from dataclasses import dataclass
+
+from rmr.base.arena import Arena
+from rmr.base.values import Value
+from rmr.bytecode.program import Anything, Constant
+
+GivenFact = tuple[str, int | None, tuple[Value, ...]]
+"""Predicate, owner (None: every robot), arguments without the owner."""
+
+
+@dataclass(frozen=True, slots=True)
+class NodeConfig:
+    """One robot's configuration."""
+
+    robot: int
+    roster: tuple[int, ...]
+    """Ids of all robots of the lab, this one's too."""
+    arena: Arena
+    seed: int
+    facts: tuple[GivenFact, ...] = ()
+    """Facts of the lab beside the program's; those of other robots are ignored."""
+    finish: tuple[str, tuple[Anything | Constant, ...]] | None = None
+    """Predicate and patterns (without the owner) of the fact that ends the robot's part."""
+    epoch: int = 0
+    """How often the robot was started before; tells its messages from those of an earlier life."""

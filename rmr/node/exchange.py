@@ -1,0 +1,172 @@
+"""Facts between robots: exactly once while both live (DESIGN: a fact travels until its *node* acknowledges it).
+
+Each delivery has (sender, epoch, sequence). The sender repeats it, with back-off, until the receiving node
+acknowledges; the receiver acknowledges every copy and hands on only the first. Fragments are acknowledged as
+a whole. A delivery that outlives its time comes back as `Undelivered`: nothing vanishes.
+
+It does not know what a fact means and it does not know the radio: frames leave through `outbox`.
+"""
+
+from collections import OrderedDict, deque
+from dataclasses import dataclass, field
+from random import Random
+
+from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
+from rmr.node import wire
+from rmr.node.wire import Delivery
+
+RETRY_FIRST: Duration = milliseconds(150)
+"""Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
+RETRY_MAX: Duration = seconds(2)
+TIME_TO_LIVE: Duration = seconds(30)
+"""After that a delivery is given up and reported."""
+IN_FLIGHT_MAX = 8
+"""Deliveries under way to one robot; more wait in order."""
+REMEMBERED_MAX = 256
+"""Sequence numbers remembered per sender; far more than can be in flight."""
+SENDERS_MAX = 1024
+PARTIAL_MAX = 32
+"""Deliveries in fragments that may be incomplete at one time."""
+
+
+@dataclass(slots=True)
+class _Outgoing:
+    delivery: Delivery
+    destination: int
+    sequence: int
+    frames: list[bytes]
+    expires: Instant
+    next_send: Instant = NEVER
+    wait: Duration = RETRY_FIRST
+
+
+@dataclass(slots=True)
+class _Peer:
+    in_flight: OrderedDict[int, _Outgoing] = field(default_factory=OrderedDict)
+    waiting: deque[_Outgoing] = field(default_factory=deque)
+    next_sequence: int = 0
+
+
+@dataclass(slots=True)
+class _Seen:
+    epoch: int
+    sequences: OrderedDict[int, None] = field(default_factory=OrderedDict)
+
+
+class Exchange:
+    """Reliable, unordered delivery of facts to other robots over a lossy link."""
+
+    def __init__(self, digest: int, epoch: int, rng: Random) -> None:
+        self._digest = digest & 0xFFFF
+        self._epoch = epoch & 0xFF
+        self._rng = rng
+        self._peers: dict[int, _Peer] = {}
+        self._seen: OrderedDict[int, _Seen] = OrderedDict()
+        self._partial: OrderedDict[tuple[int, int, int], dict[int, bytes]] = OrderedDict()
+        self.outbox: list[tuple[bytes, int]] = []
+        """(payload, destination), to be handed to the link."""
+        self.undelivered: list[tuple[int, Delivery]] = []
+        """(destination, delivery) given up since the last look; the owner clears it."""
+        self.next_wake: Instant = NEVER
+        self.sent = 0
+        self.repeated = 0
+        self.duplicates = 0
+        self.foreign = 0
+        """Frames of another program, dropped."""
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is under way."""
+        return self.next_wake == NEVER
+
+    def send(self, now: Instant, destination: int, delivery: Delivery, body: bytes) -> None:
+        """Begin to deliver. Raises WireError when `body` is too large to travel."""
+        peer = self._peers.setdefault(destination, _Peer())
+        sequence = peer.next_sequence
+        frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body)
+        peer.next_sequence = (sequence + 1) & 0xFFFF
+        peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
+        self.sent += 1
+        self._fill(now, peer)
+
+    def _fill(self, now: Instant, peer: _Peer) -> None:
+        while peer.waiting and len(peer.in_flight) < IN_FLIGHT_MAX:
+            outgoing = peer.waiting.popleft()
+            peer.in_flight[outgoing.sequence] = outgoing
+            self._transmit(now, outgoing)
+
+    def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
+        self.outbox += [(frame, outgoing.destination) for frame in outgoing.frames]
+        outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
+        outgoing.wait = min(outgoing.wait * 2, RETRY_MAX)
+        self.next_wake = min(self.next_wake, outgoing.next_send)
+
+    def wake(self, now: Instant) -> None:
+        """Repeat what is overdue and give up what has outlived its time."""
+        if now < self.next_wake:
+            return
+        self.next_wake = NEVER
+        for peer in self._peers.values():
+            for outgoing in list(peer.in_flight.values()):
+                if outgoing.expires <= now:
+                    del peer.in_flight[outgoing.sequence]
+                    self.undelivered.append((outgoing.destination, outgoing.delivery))
+                elif outgoing.next_send <= now:
+                    self.repeated += 1
+                    self._transmit(now, outgoing)
+                else:
+                    self.next_wake = min(self.next_wake, outgoing.next_send)
+            self._fill(now, peer)
+
+    def acknowledged(self, now: Instant, payload: bytes, source: int) -> None:
+        """Handle an acknowledgement from `source`. Raises WireError."""
+        epoch, sequence = wire.decode_ack(payload)
+        peer = self._peers.get(source)
+        if peer is None or epoch != self._epoch or sequence not in peer.in_flight:
+            return
+        del peer.in_flight[sequence]
+        self._fill(now, peer)
+        if not any(other.in_flight for other in self._peers.values()):
+            self.next_wake = NEVER
+
+    def received(self, payload: bytes, source: int) -> bytes | None:
+        """Handle a fact frame; return the body when a delivery is complete and new. Raises WireError."""
+        frame = wire.decode_fact_frame(payload)
+        if frame.digest != self._digest:
+            self.foreign += 1
+            return None
+        if self._is_repeat(source, frame):
+            self.duplicates += 1
+            self.outbox.append((wire.encode_ack(frame.epoch, frame.sequence), source))
+            return None
+        body = frame.piece if frame.parts == 1 else self._join(source, frame)
+        if body is None:
+            return None
+        self._remember(source, frame)
+        self.outbox.append((wire.encode_ack(frame.epoch, frame.sequence), source))
+        return body
+
+    def _is_repeat(self, source: int, frame: wire.FactFrame) -> bool:
+        seen = self._seen.get(source)
+        return seen is not None and seen.epoch == frame.epoch and frame.sequence in seen.sequences
+
+    def _remember(self, source: int, frame: wire.FactFrame) -> None:
+        seen = self._seen.get(source)
+        if seen is None or seen.epoch != frame.epoch:
+            seen = self._seen[source] = _Seen(frame.epoch)
+        seen.sequences[frame.sequence] = None
+        if len(seen.sequences) > REMEMBERED_MAX:
+            seen.sequences.popitem(last=False)
+        if len(self._seen) > SENDERS_MAX:
+            self._seen.popitem(last=False)
+
+    def _join(self, source: int, frame: wire.FactFrame) -> bytes | None:
+        key = (source, frame.epoch, frame.sequence)
+        parts = self._partial.setdefault(key, {})
+        parts[frame.part] = frame.piece
+        if len(parts) == frame.parts:
+            del self._partial[key]
+            return b"".join(parts[i] for i in range(frame.parts))
+        if len(self._partial) > PARTIAL_MAX:
+            self._partial.popitem(last=False)
+        return None

@@ -1,0 +1,64 @@
+"""The priority executive of one robot (paper V.B.3).
+
+Lab time is cut into frames of 1/60 s. In each frame the tasks run in the order of their priority; when the
+frame's time is used up, what is left is skipped until the next frame, lowest priority first, and counted. A
+call between two frames (a frame of the radio has arrived, a deadline is due) runs only the tasks that react to
+input. The executive reads no clock: the host says how much time the call has used.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, next_tick, tick_index
+
+FRAME_BUDGET: Duration = NS_PER_S // TICK_HZ
+"""A frame's tasks together may use no more than the frame."""
+
+
+@dataclass(slots=True)
+class Task:
+    """One entry of the executive's table, highest priority first."""
+
+    name: str
+    run: Callable[[Instant], None]
+    periodic: bool
+    """Runs once a frame; else at every call."""
+    skipped: int = 0
+
+
+class Executive:
+    """Runs a table of tasks frame by frame."""
+
+    def __init__(self, tasks: list[Task], spent: Callable[[], Duration]) -> None:
+        self.tasks = tasks
+        self._spent = spent
+        self._frame = -1
+        self._due = False
+        self.frames_late = 0
+        """Frames that the host let pass while the robot was busy."""
+
+    @property
+    def skipped(self) -> int:
+        """How many task runs were left out for want of time."""
+        return sum(task.skipped for task in self.tasks)
+
+    def tick(self, now: Instant) -> None:
+        """Run what is due at `now`, in priority order."""
+        frame = tick_index(now)
+        begins = frame > self._frame
+        if begins:
+            if self._due:
+                self.frames_late += max(0, frame - self._frame - 1)
+            self._frame = frame
+        for task in self.tasks:
+            if task.periodic and not begins:
+                continue
+            if self._spent() > FRAME_BUDGET:
+                task.skipped += 1
+                continue
+            task.run(now)
+
+    def next_frame(self, now: Instant, busy: bool) -> Instant | None:
+        """Return when the next frame must begin, or None when nothing periodic goes on."""
+        self._due = busy
+        return next_tick(now) if busy else None

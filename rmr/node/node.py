@@ -1,0 +1,427 @@
+"""One robot's mind: the same object in a robot process and in the simulator.
+
+It joins the virtual machine, the coordination core, the exchange of facts, localisation and the navigator, and
+runs them as the executive's tasks in the order of the paper's priorities: motor control with stop-if-dangerous,
+radio, localisation, runtime system, telemetry. It reads no clock, opens nothing, and knows neither zenoh nor
+the source language. The host calls `tick` at `next_wake` and whenever the link or the body has something new.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rmr.base.arena import Area
+from rmr.base.geometry import STILL, Point, Twist
+from rmr.base.streams import stream
+from rmr.base.time import NEVER, Instant, in_seconds, milliseconds
+from rmr.base.values import Robot, Symbol, Value
+from rmr.bytecode.program import Anything, Kind, Program
+from rmr.coord.coordination import Coordination, Send
+from rmr.node import wire
+from rmr.node.actions import Dispatcher, Handler, RobotHandle, Running
+from rmr.node.config import NodeConfig
+from rmr.node.exchange import Exchange
+from rmr.node.executive import Executive, Task
+from rmr.node.motion.navigator import Navigator
+from rmr.node.perception import Localiser, Peers, Percept, standing_at
+from rmr.node.ports import Confirmed, Ports, Received
+from rmr.node.provided import PROVIDED
+from rmr.node.sensedfacts import SensedFacts
+from rmr.node.talk import Talk
+from rmr.node.turns import Phase, Turn, Turns, nearest_free
+from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, VmEvent
+from rmr.vm.machine import Machine
+
+ACT_REFRESH = milliseconds(100)
+"""A moving robot repeats its wheel command at least this often; the body stops after 0.5 s without."""
+TRACE_MAX = 4096
+"""Trace entries kept for the host; the oldest go first."""
+
+
+class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
+    """The program declares actions that nothing carries out; `names` lists them."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__("no handler for action " + ", ".join(names))
+        self.names = tuple(names)
+
+
+class NodeHandle(RobotHandle):
+    """What rmr's own actions may do beyond a user's."""
+
+    def __init__(self, node: "Node", running: Running) -> None:
+        super().__init__(lambda: node.now, node, running)
+        self.node = node
+
+    @property
+    def turn(self) -> Turn | None:
+        """The turn that the action serves."""
+        return self._running.turn if isinstance(self._running.turn, Turn) else None
+
+
+class Node:
+    """One robot."""
+
+    def __init__(
+        self, config: NodeConfig, program: Program, ports: Ports, handlers: Mapping[str, Handler], digest: int = 0
+    ) -> None:
+        """Raise MissingHandlers when an action of `program` has no handler in `handlers` or among the provided."""
+        self.config = config
+        self.robot = config.robot
+        self.program = program
+        self.arena = config.arena
+        self.now: Instant = 0
+        self._ports = ports
+        known = {**PROVIDED, **handlers}
+        missing = missing_handlers(program, known)
+        if missing:
+            raise MissingHandlers(missing)
+        name = f"{config.seed}/robot{config.robot}"
+        self.machine = Machine(program, config.robot, stream(f"{name}/vm"))
+        self.senses = SensedFacts(program, self.machine)
+        self.localiser = Localiser(config.arena)
+        self.peers = Peers()
+        self.navigator = Navigator(config.arena, config.robot) if ports.body is not None else None
+        self._coordination = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1))
+        self.turns = Turns(self, self._coordination, digest)
+        self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange")), digest)
+        self.actions = Dispatcher(self, known)
+        self._handlers = known
+        self.executive = Executive(
+            [
+                Task("motor", self._motor, periodic=True),
+                Task("radio", self._radio, periodic=False),
+                Task("localisation", self._localise, periodic=False),
+                Task("runtime", self._runtime, periodic=False),
+                Task("telemetry", self._telemetry, periodic=True),
+            ],
+            ports.spent,
+        )
+        self._twist = STILL
+        self._acted_at: Instant = -ACT_REFRESH
+        self._place: Point | None = None
+        self._bodies: Any = ()
+        self._bumped = False
+        self._started = False
+        self._coord_handles: dict[int, int] = {}
+        self._next_handle = 0
+        self.action_log: list[tuple[float, str]] = []
+        self.trace_log: list[dict[str, Any]] = []
+        self.finish_at: Instant | None = None
+        self.failed_job: int | None = None
+        self.next_wake: Instant = 0
+
+    # -- life -----------------------------------------------------------------------------------------------
+
+    def start(self, now: Instant) -> None:
+        """Insert the initial facts and begin."""
+        self.now = now
+        self._started = True
+        self.machine.start(now)
+        robot = self.robot
+        if self.senses.used("id"):
+            self.senses.add(now, "id", (robot,))
+        for other in self.config.roster:
+            if other != robot:
+                self.senses.add(now, "peer", (Robot(other),))
+        for name, owner, args in self.config.facts:
+            if owner is None or owner == robot:
+                self.insert(now, name, args)
+        self.talk.start(now)
+        self.next_wake = now
+
+    def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
+        """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""
+        index = self.program.index(name)
+        if index is None:
+            raise ValueError(f"the program knows no predicate {name}")
+        self.machine.insert(now, index, tuple(args))
+
+    def tick(self, now: Instant) -> None:
+        """Run all that is due at `now`."""
+        self.now = now
+        if not self._started:
+            return
+        self.executive.tick(now)
+        frame = self.executive.next_frame(now, self._moving())
+        self.next_wake = min(
+            frame or NEVER,
+            self._coordination.next_wake,
+            self.machine.next_wake,
+            self.actions.next_wake,
+            self.talk.next_wake,
+        )
+
+    def _moving(self) -> bool:
+        if self.actions.busy or self._twist != STILL:
+            return True
+        return self.turns.busy
+
+    # -- tasks ----------------------------------------------------------------------------------------------
+
+    def _motor(self, now: Instant) -> None:
+        body, navigator, pose = self._ports.body, self.navigator, self.localiser.pose
+        if body is None or navigator is None:
+            return
+        samples = body.sense()
+        for sample in samples:
+            self.localiser.feed(sample)
+        if samples:
+            self._bodies, self._bumped = samples[-1].bodies, any(s.bumped for s in samples)
+        pose = self.localiser.pose
+        if pose is None:
+            return
+        twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
+        if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
+            self._act(now, twist)
+
+    def _act(self, now: Instant, twist: Twist) -> None:
+        assert self._ports.body is not None
+        self._twist, self._acted_at = twist, now
+        self._ports.body.act(twist, now)
+
+    def _radio(self, now: Instant) -> None:
+        for frame in self._ports.link.receive():
+            self._receive(now, frame)
+        for outcome in self._ports.link.confirmations():
+            self._confirm(now, outcome)
+        self.talk.wake(now)
+
+    def _receive(self, now: Instant, frame: Received) -> None:
+        self.peers.heard(now, frame.source, frame.rssi_dbm)
+        if not frame.payload:
+            self.talk.malformed += 1
+        elif frame.payload[0] < 0x10:
+            self._coordination.receive(now, frame.payload, frame.source)
+        else:
+            self.talk.receive(now, frame)
+
+    def _confirm(self, now: Instant, outcome: Confirmed) -> None:
+        handle = self._coord_handles.pop(outcome.handle, None)
+        if handle is not None:
+            self._coordination.confirmed(now, handle, outcome.status)
+
+    def transmit(self, payload: bytes, destination: int | None, coord_handle: int | None = None) -> None:
+        """Hand a payload to the radio."""
+        self._next_handle += 1
+        if coord_handle is not None:
+            self._coord_handles[self._next_handle] = coord_handle
+        self._ports.link.transmit(payload, destination, self._next_handle)
+
+    def _localise(self, now: Instant) -> None:
+        pose = self.localiser.pose
+        senses = self.senses
+        if pose is not None:
+            for area in self.arena.areas:
+                self._at(now, area)
+            if senses.used("pose"):
+                senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
+        if senses.used("obstacle"):
+            senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
+        if senses.used("neighbor"):
+            senses.replace(now, "neighbor", [(Robot(other),) for other in self.peers.neighbors(now)])
+        if senses.used("range"):
+            senses.replace(now, "range", self.talk.ranges(now))
+
+    def _at(self, now: Instant, area: Area) -> None:
+        pose = self.localiser.pose
+        assert pose is not None
+        args: tuple[Value, ...] = (Symbol(area.name),)
+        was = self.senses.holds("at", args)
+        own = self._place if area.slotted else None
+        if standing_at(area, pose, own, was):
+            if not was:
+                self.senses.add(now, "at", args)
+                self.trace(now, "at", area=area.name)
+        elif was:
+            self.senses.drop(now, "at", args)
+
+    def _runtime(self, now: Instant) -> None:
+        self._coordinate(now)
+        self.machine.run(now)
+        for event in self.machine.drain():
+            self._vm_event(now, event)
+        self.actions.step(now)
+        self.turns.step(now)
+        self._coordinate(now)
+        if self.machine.next_wake <= now:
+            self.machine.run(now)
+            for event in self.machine.drain():
+                self._vm_event(now, event)
+        if self.finish_at is None and self.finished():
+            self.finish_at = now
+            self.trace(now, "finished")
+
+    def _coordinate(self, now: Instant) -> None:
+        coordination = self._coordination
+        if coordination.next_wake <= now:
+            coordination.wake(now)
+        for out in coordination.drain():
+            if isinstance(out, Send):
+                self.transmit(out.payload, out.destination, out.handle)
+            else:
+                self.turns.handle(now, out)
+
+    def _vm_event(self, now: Instant, event: VmEvent) -> None:
+        match event:
+            case ActionDerived():
+                self._derived(now, event)
+            case FactSent() | GoalSent():
+                self.talk.send(now, event)
+            case JobStarted(job=job):
+                self.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
+                self.turns.started(now, job)
+            case JobFinished(job=job):
+                self.trace(now, "job_finished", job=job.text)
+                self.turns.finished(now, job)
+            case JobMissed(job=job):
+                self.trace(now, "deadline_missed", job=job.text)
+                self.failed_job = job.assertion
+            case _:
+                self.trace(now, type(event).__name__, event=repr(event))
+
+    def _derived(self, now: Instant, event: ActionDerived) -> None:
+        if event.executor != self.robot:
+            self.talk.send_action(now, event)
+            return
+        name = self.program.predicates[event.predicate].name
+        jobs = self.machine.serves(event.predicate, event.args)
+        turn = self.turns.of(jobs[0]) if jobs else None
+        self.actions.derive(now, Running(event.serial, name, event.args, self._handlers[name], turn))
+
+    def _telemetry(self, now: Instant) -> None:
+        self.talk.telemetry(now)
+
+    # -- what actions ask -------------------------------------------------------------------------------------
+
+    def handle(self, running: Running) -> NodeHandle:
+        """Return the handle of a starting action, which is noted in the report."""
+        self.action_log.append((round(in_seconds(self.now), 3), running.text(self.robot)))
+        self.trace(self.now, "action", action=running.text(self.robot))
+        return NodeHandle(self, running)
+
+    def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
+        """Insert an action's effects."""
+        self.trace(now, "action_ended", action=running.text(self.robot), failure=failure)
+        if isinstance(running.turn, Turn):
+            self.turns.action_ended(now, running.turn)
+        self.machine.complete(now, running.serial, failure is None)
+        effect = running.handler.effect
+        if failure is None and effect is not None and self._effectless(running.name):
+            self.insert(now, effect, running.args)
+
+    def _effectless(self, name: str) -> bool:
+        index = self.program.index(name)
+        return index is not None and not self.program.predicates[index].effects
+
+    def halt(self) -> None:
+        """Stop the wheels."""
+        if self.navigator is not None:
+            self.navigator.stop()
+
+    def percept(self) -> Percept:
+        """Return what the robot senses now."""
+        return Percept(self.localiser.pose, self._bodies, self._bumped)
+
+    @property
+    def motion(self) -> Navigator:
+        """Return the navigator. Raises ValueError without a body."""
+        if self.navigator is None:
+            raise ValueError("the robot has no wheels")
+        return self.navigator
+
+    def serving(self, turn: Turn) -> Running | None:
+        """Return the action that serves `turn`, held or under way."""
+        waiting = (*self.actions.running, *self.actions.held, *self.actions.queue)
+        return next((running for running in waiting if running.turn is turn), None)
+
+    def place_of(self, area: Area, rank: int) -> Point:
+        """Return the robot's place in `area`: the K-th for rank K, by the roster without a rank."""
+        if not area.slotted:
+            return area.places[0]
+        index = rank - 1 if rank else self.config.roster.index(self.robot)
+        mine = (rank or 255, self.robot)
+        taken = [
+            Point(*hello.goal)
+            for robot, hello in self.peers.claims(self.now)
+            if hello.goal is not None and (hello.parked or (hello.rank or 255, robot) < mine)
+        ]
+        return nearest_free(area.places, index, taken, self.arena.shape.radius)
+
+    def take_place(self, area: Area, turn: Turn | None) -> Point:
+        """Choose the robot's place in `area` and tell the others."""
+        place = self.place_of(area, turn.rank if turn else 0)
+        self._place = place if area.slotted else None
+        return place
+
+    @property
+    def place(self) -> Point | None:
+        """The slot that the robot has taken."""
+        return self._place
+
+    def depart(self, goal: Point, *, final_heading: float | None, turn: Turn | None) -> None:
+        """Set out for `goal`; with a gated turn through its gate."""
+        navigator, pose = self.motion, self.localiser.pose
+        assert pose is not None
+        gated = turn is not None and turn.gated
+        shared = self.turns.shared.get(turn.way) if turn is not None and gated else None
+        navigator.go(
+            self.now,
+            pose,
+            goal,
+            final_heading=final_heading,
+            parked=self.peers.parked(self.now),
+            shared=shared,
+            through_gate=gated,
+        )
+        if turn is not None and gated:
+            self.turns.apply_gate(turn)
+        self.talk.hello_soon(self.now)
+
+    def rank_changed(self, now: Instant, turn: Turn) -> None:
+        """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
+        name = Symbol(turn.job.name)
+        others = [args for args in self.senses.of("turn") if args[0] != name]
+        self.senses.replace(now, "turn", [*others, (name, turn.rank)])
+        running = self.serving(turn)
+        if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
+            return
+        if turn.goal.slotted and running in self.actions.running:
+            self.depart(self.take_place(turn.goal, turn), final_heading=None, turn=turn)
+
+    def leads(self, now: Instant, event: bytes, does: bool) -> None:
+        """State whether the robot leads `event`."""
+        name = self.turns.name_of(event)
+        if name is None:
+            return
+        if does:
+            self.senses.add(now, "leads", (name,))
+        else:
+            self.senses.drop(now, "leads", (name,))
+
+    def broadcast_failure(self) -> None:
+        """Tell the others that a deadline was missed."""
+        self.transmit(wire.encode_failure(self.talk.digest, self.failed_job or 0), None)
+
+    # -- what hosts ask ---------------------------------------------------------------------------------------
+
+    def finished(self) -> bool:
+        """Return whether the finish fact holds."""
+        if self.config.finish is None:
+            return False
+        name, patterns = self.config.finish
+        for args in self.senses.of(name):
+            if all(isinstance(p, Anything) or p.value == a for p, a in zip(patterns, args, strict=False)):
+                return True
+        index = self.program.index(name)
+        return index is not None and self.machine.holds(index, patterns)
+
+    def trace(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note something for whoever watches the robot."""
+        if len(self.trace_log) >= TRACE_MAX:
+            del self.trace_log[: TRACE_MAX // 2]
+        self.trace_log.append({"t": round(in_seconds(now), 4), "robot": self.robot, "what": what, **fields})
+
+
+def missing_handlers(program: Program, handlers: Mapping[str, Handler]) -> list[str]:
+    """Return the actions of `program` that no handler carries out, in order of declaration."""
+    return [p.name for p in program.predicates if p.kind is Kind.ACTION and p.name not in handlers]

@@ -1,0 +1,145 @@
+"""What a robot knows of itself and of the others: its pose, the areas it stands in, the peers it has heard.
+
+Localisation (paper V.B.1): odometry, gyro and compass predict, ultrasonic ranges to the beacons correct; before
+two beacons have been heard there is no pose. Peers are known by their hellos alone; the ground truth in a sample is
+for the radio shim and is never read here.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import Duration, Instant, in_seconds, seconds
+from rmr.node.motion.ekf import Ekf, initial_pose
+from rmr.node.ports import SeenBody, Sensed
+from rmr.node.wire import Hello
+
+AT_ENTER_M = 0.04
+"""A robot is at a place when it is this near to it ..."""
+AT_LEAVE_M = 0.08
+"""... and until it is this far: localisation noise does not make it flicker."""
+
+HEARD: Duration = seconds(3)
+"""A peer is a neighbor while its last frame is younger; hellos come every 0.5 to 1 s."""
+PARKED_KNOWN: Duration = seconds(15)
+"""How long a parked robot is believed to stand where it last said it stood."""
+
+
+class Percept(NamedTuple):
+    """What `robot.sense()` gives to an action."""
+
+    pose: Pose | None
+    bodies: tuple[SeenBody, ...]
+    bumped: bool
+
+
+class Localiser:
+    """Turns samples into a pose."""
+
+    def __init__(self, arena: Arena) -> None:
+        self._arena = arena
+        self._ekf: Ekf | None = None
+        self._ranges: dict[int, float] = {}
+        self._last: Sensed | None = None
+        self.travelled_m = 0.0
+        """Way of the robot's centre by odometry, metres."""
+
+    @property
+    def pose(self) -> Pose | None:
+        """The estimated pose; None before the first two ranges."""
+        return None if self._ekf is None else self._ekf.pose
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the position, metres; infinite before the first fix."""
+        return math.inf if self._ekf is None else self._ekf.position_sigma
+
+    def feed(self, sample: Sensed) -> None:
+        """Take in one sample."""
+        last, self._last = self._last, sample
+        ekf = self._ekf
+        if ekf is None:
+            self._initialise(sample)
+            return
+        if last is not None:
+            left, right = sample.left_m - last.left_m, sample.right_m - last.right_m
+            self.travelled_m += abs(left + right) / 2
+            ekf.predict(left, right, sample.gyro, in_seconds(sample.stamp - last.stamp))
+        ekf.compass(sample.compass)
+        for beacon, metres in sample.ranges:
+            ekf.range(self._arena.beacons[beacon], metres)
+
+    def _initialise(self, sample: Sensed) -> None:
+        self._ranges.update(sample.ranges)
+        if len(self._ranges) < 2:
+            return
+        pose = initial_pose(self._ranges, self._arena.beacons, sample.compass, self._arena)
+        if pose is not None:
+            self._ekf = Ekf(pose.x, pose.y, pose.theta)
+
+
+@dataclass(slots=True)
+class Peer:
+    """Another robot, as last heard."""
+
+    heard: Instant
+    rssi_dbm: float
+    hello: Hello | None = None
+    hello_at: Instant = 0
+
+
+class Peers:
+    """The robots that have been heard."""
+
+    def __init__(self) -> None:
+        self.known: dict[int, Peer] = {}
+
+    def heard(self, now: Instant, robot: int, rssi_dbm: float) -> None:
+        """Note that a frame of `robot` arrived."""
+        peer = self.known.get(robot)
+        if peer is None:
+            self.known[robot] = Peer(now, rssi_dbm)
+        else:
+            peer.heard, peer.rssi_dbm = now, rssi_dbm
+
+    def hello(self, now: Instant, robot: int, hello: Hello) -> None:
+        """Note what `robot` said about itself; call after `heard`."""
+        peer = self.known[robot]
+        peer.hello, peer.hello_at = hello, now
+
+    def neighbors(self, now: Instant) -> list[int]:
+        """Return the robots heard within HEARD, in order of their ids."""
+        return sorted(robot for robot, peer in self.known.items() if now - peer.heard <= HEARD)
+
+    def parked(self, now: Instant) -> list[Point]:
+        """Return where the others stand, as they last said."""
+        return [
+            Point(peer.hello.x, peer.hello.y)
+            for _, peer in sorted(self.known.items())
+            if peer.hello is not None and peer.hello.parked and now - peer.hello_at <= PARKED_KNOWN
+        ]
+
+    def claims(self, now: Instant) -> list[tuple[int, Hello]]:
+        """Return (robot, hello) of those that have taken a place."""
+        return [
+            (robot, peer.hello)
+            for robot, peer in sorted(self.known.items())
+            if peer.hello is not None and peer.hello.goal is not None and now - peer.hello_at <= PARKED_KNOWN
+        ]
+
+
+def standing_at(area: Area, pose: Pose, own_place: Point | None, was: bool) -> bool:
+    """Return whether a robot at `pose` stands in `area`.
+
+    At a `box` area: anywhere inside. At places: near one of them; where the robot has taken a place of its own
+    (`own_place`) only that one counts, so that driving past other robots' slots is no arrival.
+    """
+    if area.box is not None:
+        x0, y0, x1, y1 = area.box
+        return x0 <= pose.x <= x1 and y0 <= pose.y <= y1
+    reach = AT_LEAVE_M if was else AT_ENTER_M
+    places: Iterable[Point] = area.places if own_place is None else (own_place,)
+    return any(math.hypot(place.x - pose.x, place.y - pose.y) <= reach for place in places)

@@ -1,0 +1,122 @@
+"""The actions that every robot provides, written as a user would write them (CONTRACTS: actions in Python)."""
+
+import math
+from typing import TYPE_CHECKING
+
+from rmr.base.geometry import Point
+from rmr.base.time import Instant, milliseconds, seconds
+from rmr.base.values import Symbol
+from rmr.node.actions import ActionFailed, Handler, Pause
+
+if TYPE_CHECKING:
+    from rmr.node.node import NodeHandle
+
+FAILURE_REPEATS = 3
+"""A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
+STUCK_S = 20.0
+"""A drive that has had no way for so long fails."""
+
+
+async def _drive(robot: "NodeHandle", goal: Point, *, final_heading: float | None = None, gated: bool = False) -> None:
+    node = robot.node
+    navigator, pose = node.navigator, node.localiser.pose
+    if navigator is None:
+        raise ActionFailed("the robot has no wheels")
+    while pose is None:
+        await Pause(condition=lambda: node.localiser.pose is not None)
+        pose = node.localiser.pose
+    node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
+    blocked_since: Instant | None = None
+    while navigator.status != "arrived":
+        if navigator.status == "blocked":
+            blocked_since = blocked_since or node.now
+            if node.now - blocked_since > seconds(STUCK_S):
+                raise ActionFailed("no way there")
+        else:
+            blocked_since = None
+        await Pause(condition=lambda: True)
+
+
+async def moveto(robot: "NodeHandle", area_name: str) -> None:
+    """Drive to an area: the robot's own place of a slotted one, the middle of a box, the point otherwise."""
+    area = robot.node.arena.area(area_name)
+    if area is None:
+        raise ActionFailed(f"no area is called {area_name}")
+    await _drive(robot, robot.node.take_place(area, robot.turn), gated=True)
+
+
+async def lineup(robot: "NodeHandle", area_name: str, place: int) -> None:
+    """Drive to the `place`-th place (from 1) of an area's queue and face the way it moves."""
+    area = robot.node.arena.area(area_name)
+    if area is None or not area.queue:
+        raise ActionFailed(f"no area with a queue is called {area_name}")
+    if place < 1:
+        raise ActionFailed(f"there is no place {place} in a queue; the first is 1")
+    spot = area.queue[min(place, len(area.queue)) - 1]
+    ahead = area.queue[0] if place > 1 else area.places[0]
+    heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
+    await _drive(robot, spot, final_heading=heading)
+
+
+def _heading(a: Point, b: Point) -> float:
+    return math.atan2(b.y - a.y, b.x - a.x)
+
+
+def _queue_heading(queue: tuple[Point, ...]) -> float | None:
+    return _heading(queue[1], queue[0]) if len(queue) > 1 else None
+
+
+async def goto(robot: "NodeHandle", x: float, y: float) -> None:
+    """Drive to a point of the floor, metres."""
+    await _drive(robot, Point(x, y))
+
+
+async def face(robot: "NodeHandle", degrees: float) -> None:
+    """Turn to a heading, degrees counter-clockwise from the x axis."""
+    navigator = robot.node.navigator
+    if navigator is None:
+        raise ActionFailed("the robot has no wheels")
+    navigator.face(robot.node.now, math.radians(degrees))
+    await Pause(condition=lambda: navigator.status == "arrived")
+
+
+async def stop(_robot: "NodeHandle") -> None:
+    """Stop the wheels; the dispatcher has done so already."""
+
+
+async def wait(robot: "NodeHandle", duration_s: float) -> None:
+    """Let time pass, seconds."""
+    await robot.sleep(duration_s)
+
+
+async def broadcast(robot: "NodeHandle") -> None:
+    """Tell every robot in range that a deadline was missed (paper III.E)."""
+    for _ in range(FAILURE_REPEATS):
+        robot.node.broadcast_failure()
+        await Pause(robot.node.now + milliseconds(100))
+
+
+async def say(robot: "NodeHandle", text: str) -> None:
+    """Write `text` into the trace."""
+    robot.say(text)
+
+
+async def light(robot: "NodeHandle", colour: Symbol) -> None:
+    """Show a colour."""
+    robot.node.trace(robot.node.now, "light", colour=str(colour))
+
+
+PROVIDED: dict[str, Handler] = {
+    handler.name: handler
+    for handler in (
+        Handler("moveto", moveto, wheels=True),
+        Handler("lineup", lineup, wheels=True),
+        Handler("goto", goto, wheels=True),
+        Handler("face", face, wheels=True),
+        Handler("stop", stop, at_once=True),
+        Handler("wait", wait),
+        Handler("broadcast", broadcast),
+        Handler("say", say),
+        Handler("light", light),
+    )
+}

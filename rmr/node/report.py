@@ -1,0 +1,79 @@
+"""One robot's part of the run's report, and the line that shows how it is getting on."""
+
+from typing import Any
+
+from rmr.base.time import Instant, in_seconds
+from rmr.node.node import Node
+from rmr.node.turns import Phase
+from rmr.vm.assertions import Job
+
+
+def job_entry(job: Job) -> dict[str, Any]:
+    """Return a job as the report lists it; `met` is None while undecided, `cause` says why a miss is one."""
+    met = None if job.finish is None and not job.missed else not job.missed
+    return {
+        "name": job.name,
+        "job": job.text,
+        "start_s": round(in_seconds(job.start), 3),
+        "finish_s": None if job.finish is None else round(in_seconds(job.finish), 3),
+        "deadline_s": round(in_seconds(job.deadline), 3),
+        "met": met,
+        "cause": "local" if met is False else None,
+    }
+
+
+def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[str, Any]:
+    """Return robot's entry of the report; `radio` holds the link's counters."""
+    return {
+        "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
+        "distance_m": round(node.localiser.travelled_m, 3),
+        "assertions": [job_entry(job) for job in node.machine.jobs],
+        "facts": node.machine.facts(),
+        "goals": node.machine.goals(),
+        "actions": [[at, text] for at, text in node.action_log],
+        "restarts": restarts,
+        "undelivered": node.talk.undelivered,
+        "frames": radio,
+        "ticks_late": node.executive.frames_late,
+        "tasks_skipped": node.executive.skipped,
+        "schedules": schedules(node),
+    }
+
+
+def schedules(node: Node) -> list[dict[str, Any]]:
+    """Return the newest schedule of each event that the robot has heard or made."""
+    return [
+        {
+            "event": str(node.turns.name_of(event) or event.hex()),
+            "leader": schedule.leader,
+            "term": schedule.term,
+            "order": list(schedule.order),
+            "formed_s": round(in_seconds(schedule.formed), 3),
+        }
+        for event, schedule in node.turns.schedules.items()
+    ]
+
+
+def progress(node: Node, now: Instant) -> str:
+    """Return what the robot is doing in a few words."""
+    if node.finish_at is not None:
+        return f"finished at {in_seconds(node.finish_at):.1f} s"
+    turn = node.turns.current
+    action = node.actions.driving
+    doing = action.text(node.robot) if action is not None else "waiting"
+    if turn is None:
+        return doing
+    if turn.phase is Phase.SLOTTED:
+        return f"{doing}, turn {turn.rank} in {in_seconds(turn.start - now):.1f} s"
+    return f"{doing}, {turn.phase.value}"
+
+
+def status(node: Node, now: Instant, radio: dict[str, int]) -> dict[str, Any]:
+    """Return what the robot publishes while it runs."""
+    return {
+        "state": "finished" if node.finished() else "running",
+        "finished": node.finished(),
+        "progress": progress(node, now),
+        "t": round(in_seconds(now), 3),
+        "report": robot_report(node, radio),
+    }

@@ -1,0 +1,65 @@
+"""The sensed facts that every robot provides: `at`, `pose`, `peer`, `neighbor`, `range`, `turn`, `leads`, ...
+
+The robot states what holds; this module tells the virtual machine what has changed, and only for predicates that
+the program uses.
+"""
+
+from collections.abc import Iterable
+
+from rmr.base.time import Instant
+from rmr.base.values import Value
+from rmr.bytecode.program import Kind, Program
+from rmr.vm.machine import Machine
+
+Args = tuple[Value, ...]
+
+
+class SensedFacts:
+    """Mirrors what a robot senses into its virtual machine."""
+
+    def __init__(self, program: Program, machine: Machine) -> None:
+        self._machine = machine
+        self._index = {
+            p.name: i
+            for i, p in enumerate(program.predicates)
+            if p.kind is Kind.SENSED or (p.provided and p.kind is not Kind.ACTION)
+        }
+        self._held: dict[str, dict[Args, None]] = {}
+
+    def used(self, name: str) -> bool:
+        """Return whether the program reads `name`."""
+        return name in self._index
+
+    def holds(self, name: str, args: Args) -> bool:
+        """Return whether the fact is held now."""
+        return args in self._held.get(name, ())
+
+    def of(self, name: str) -> list[Args]:
+        """Return the facts of `name` held now, oldest first."""
+        return list(self._held.get(name, ()))
+
+    def add(self, now: Instant, name: str, args: Args) -> None:
+        """State that a fact holds."""
+        held = self._held.setdefault(name, {})
+        if args in held:
+            return
+        held[args] = None
+        if name in self._index:
+            self._machine.insert(now, self._index[name], args)
+
+    def drop(self, now: Instant, name: str, args: Args) -> None:
+        """State that a fact holds no more."""
+        if self._held.get(name, {}).pop(args, 0) is None and name in self._index:
+            self._machine.withdraw(now, self._index[name], args)
+
+    def replace(self, now: Instant, name: str, facts: Iterable[Args]) -> None:
+        """State that exactly `facts` hold of `name`."""
+        wanted = list(facts)
+        held = self._held.get(name, {})
+        if list(held) == wanted:
+            return
+        for args in list(held):
+            if args not in wanted:
+                self.drop(now, name, args)
+        for args in wanted:
+            self.add(now, name, args)

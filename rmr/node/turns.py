@@ -1,0 +1,373 @@
+"""Turns: how a time assertion's job gets its turn and how the robot keeps it (paper IV.C).
+
+A job whose finish some action serves takes part in the distributed schedule of its event. This module stands between
+three machines that know nothing of each other: the jobs of the virtual machine, the coordination core, and the
+navigator. It asks for a slot with the times that the robot's way needs, releases the held action just in time, tells
+the coordination core when the robot is at its gate, opens the gate when entering is granted, and reports when the
+robot is clear.
+
+A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes back to asking.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from rmr.base.arena import Area
+from rmr.base.geometry import Point
+from rmr.base.gridpath import GridPath
+from rmr.base.streams import stable_hash
+from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.program import Anything, Constant, Serving, Slot
+from rmr.coord.coordination import Coordination, JobRequest
+from rmr.coord.events import (
+    CoordEvent,
+    Entered,
+    EntryMissed,
+    LeaderChanged,
+    LeadershipBegan,
+    LeadershipEnded,
+    PathReceived,
+    ScheduleChanged,
+    SlotAssigned,
+    SlotLost,
+)
+from rmr.vm.assertions import Job
+
+if TYPE_CHECKING:
+    from rmr.node.node import Node
+
+HEADWAY_MARGIN_M = 0.05
+"""Two hulls in a row keep this gap when both drive at full speed."""
+READY: Duration = milliseconds(200)
+"""A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
+LEAVE_EARLY: Duration = milliseconds(300)
+"""An action is released this much before it must be under way to reach the gate on time."""
+REVISE_EVERY: Duration = milliseconds(500)
+REVISE_FROM: Duration = milliseconds(250)
+"""A slot is asked for anew when the robot's own estimate has moved by more than this."""
+LOGIC_DURATION: Duration = milliseconds(1)
+"""Time that an action without a body's movement is expected to take."""
+
+
+class Phase(Enum):
+    """Where a turn stands."""
+
+    ASKING = "asking"
+    SLOTTED = "slotted"
+    INSIDE = "inside"
+    LEFT = "left"
+
+
+@dataclass(slots=True)
+class Turn:
+    """One job's part in its event."""
+
+    job: Job
+    event: bytes
+    trigger: Instant
+    goal: Area | None
+    """Where the serving action leads; None when it does not move the robot to a place."""
+    phase: Phase = Phase.ASKING
+    requested: bool = False
+    gated: bool = False
+    """Whether the way passes the bottleneck, so that the gate is a place and not the action's beginning."""
+    way: int = 0
+    """Direction through the bottleneck."""
+    approach: Duration = 0
+    inside: Duration = LOGIC_DURATION
+    release: Instant = 0
+    rank: int = 0
+    start: Instant = 0
+    end: Instant = 0
+    entered_at: Instant = 0
+    revised_at: Instant = 0
+
+    def released(self, now: Instant) -> bool:
+        """Return whether the action that serves the job may begin."""
+        if self.phase in (Phase.INSIDE, Phase.LEFT) or self.job.finish is not None:
+            return True
+        return self.gated and self.phase is Phase.SLOTTED and now >= self.start - self.approach - LEAVE_EARLY
+
+
+class Turns:
+    """All turns of one robot."""
+
+    def __init__(self, node: "Node", coordination: Coordination, digest: int) -> None:
+        self._node = node
+        self._coordination = coordination
+        self._digest = digest
+        self._turns: dict[bytes, Turn] = {}
+        self.shared: dict[int, GridPath] = {}
+        """The leader's path by way."""
+        self.schedules: dict[bytes, ScheduleChanged] = {}
+        """The newest schedule of each event."""
+
+    # -- jobs -----------------------------------------------------------------------------------------------
+
+    def started(self, now: Instant, job: Job) -> None:
+        """Handle a job that has started: it asks for a turn as soon as the robot knows where it is."""
+        assertion = self._node.program.assertions[job.assertion]
+        if not assertion.scheduled or not assertion.serving:
+            return
+        event = self.event_of(job)
+        old = self._turns.get(event)
+        if old is not None and old.phase in (Phase.ASKING, Phase.SLOTTED) and old.requested:
+            self._coordination.withdraw(now, event)
+        self._turns[event] = Turn(
+            job, event, max(job.start, old.trigger + milliseconds(10) if old else 0), self._goal(job)
+        )
+        self._request(now, self._turns[event])
+
+    def event_of(self, job: Job) -> bytes:
+        """Return the event's six octets: program, assertion and finish arguments."""
+        return stable_hash(f"{self._digest}/{job.assertion}/{job.event}", 6).to_bytes(6, "big")
+
+    def _goal(self, job: Job) -> Area | None:
+        """Return the area to which a serving action with known arguments leads."""
+        for serving in self._node.program.assertions[job.assertion].serving:
+            for value in _known(serving, job):
+                area = self._node.arena.area(value) if isinstance(value, Symbol) else None
+                if area is not None:
+                    return area
+        return None
+
+    def finished(self, now: Instant, job: Job) -> None:
+        """Handle a job that has ended: its turn is over."""
+        turn = self._turns.get(self.event_of(job))
+        if turn is None or turn.job is not job:
+            return
+        if turn.phase is Phase.INSIDE:
+            self._leave(now, turn)
+        elif turn.phase is not Phase.LEFT:
+            turn.phase = Phase.LEFT
+            if turn.requested:
+                self._coordination.withdraw(now, turn.event)
+
+    def of(self, job: Job) -> Turn | None:
+        """Return the turn of `job`."""
+        turn = self._turns.get(self.event_of(job))
+        return turn if turn is not None and turn.job is job else None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a turn is under way."""
+        return self.current is not None
+
+    @property
+    def current(self) -> Turn | None:
+        """The newest turn under way."""
+        return next((turn for turn in reversed(self._turns.values()) if turn.phase is not Phase.LEFT), None)
+
+    @property
+    def rank(self) -> int:
+        """The robot's place in the newest turn's schedule, 0 without one."""
+        return next((turn.rank for turn in reversed(self._turns.values()) if turn.rank), 0)
+
+    # -- asking ---------------------------------------------------------------------------------------------
+
+    def _request(self, now: Instant, turn: Turn) -> None:
+        if not self._estimate(turn):
+            return
+        turn.requested = True
+        turn.release = now + turn.approach
+        turn.revised_at = now
+        self._coordination.trigger(
+            now,
+            JobRequest(
+                event=turn.event,
+                trigger=turn.trigger,
+                release=turn.release,
+                duration=turn.inside,
+                deadline=turn.job.deadline,
+                headway=self._headway(turn),
+                way=turn.way,
+            ),
+        )
+
+    def _headway(self, turn: Turn) -> Duration:
+        if not turn.gated:
+            return turn.inside
+        shape = self._node.arena.shape
+        return seconds((2 * shape.radius + HEADWAY_MARGIN_M) / shape.speed)
+
+    def _estimate(self, turn: Turn) -> bool:
+        """Work out approach, inside and way; False while the robot does not know where it is."""
+        node = self._node
+        if turn.goal is None or node.navigator is None:
+            return True
+        pose = node.localiser.pose
+        if pose is None:
+            return False
+        if node.navigator.route is not None and node.navigator.route.gate_m is not None:
+            turn.approach = node.navigator.eta_gate(node.now)
+            return True
+        goal = node.place_of(turn.goal, turn.rank)
+        estimate = node.navigator.estimate(pose, goal, ())
+        if estimate is None:
+            return True
+        turn.gated = estimate.inside > 0
+        turn.approach = estimate.approach if turn.gated else 0
+        turn.inside = estimate.inside if turn.gated else estimate.approach
+        turn.way = estimate.way
+        if turn.gated and node.navigator.status == "moving":
+            turn.approach += seconds(node.navigator.remaining_m / node.arena.shape.speed) // 2
+        return True
+
+    def _revise(self, now: Instant, turn: Turn) -> None:
+        """Tell the leader when the robot's own estimate no longer fits its slot."""
+        if now - turn.revised_at < REVISE_EVERY or not turn.gated:
+            return
+        turn.revised_at = now
+        self._estimate(turn)
+        release = now + turn.approach
+        if turn.phase is Phase.SLOTTED and release <= turn.start + READY:
+            return
+        if release > turn.release + REVISE_FROM:
+            turn.release = release
+            self._coordination.revise(now, turn.event, release=release)
+
+    # -- each call ------------------------------------------------------------------------------------------
+
+    def step(self, now: Instant) -> None:
+        """Advance every turn."""
+        for turn in self._turns.values():
+            if not turn.requested and turn.phase is Phase.ASKING:
+                self._request(now, turn)
+            elif turn.phase in (Phase.ASKING, Phase.SLOTTED):
+                self._revise(now, turn)
+                self._coordination.ready(now, turn.event, self._is_ready(now, turn))
+            elif turn.phase is Phase.INSIDE:
+                self._inside(now, turn)
+
+    def _is_ready(self, now: Instant, turn: Turn) -> bool:
+        serving = self._node.serving(turn)
+        if not turn.gated:
+            return serving is not None
+        navigator = self._node.navigator
+        if serving is None or serving.started is None or navigator is None or navigator.route is None:
+            return False
+        return navigator.route.gate_m is not None and navigator.eta_gate(now) <= READY
+
+    def _inside(self, now: Instant, turn: Turn) -> None:
+        navigator = self._node.navigator
+        if not turn.gated or navigator is None:
+            return
+        if navigator.route is None or navigator.route.gate_m is None or navigator.cleared:
+            self._leave(now, turn)
+            return
+        end = now + navigator.eta_clear(now)
+        if abs(end - turn.end) > REVISE_FROM:
+            turn.end = end
+            self._coordination.inside_until(now, turn.event, end)
+
+    def _leave(self, now: Instant, turn: Turn) -> None:
+        turn.phase = Phase.LEFT
+        self._coordination.leave(now, turn.event)
+        self._node.trace(now, "left", event=turn.job.event)
+
+    def action_ended(self, now: Instant, turn: Turn) -> None:
+        """Handle the end of the action that served `turn`."""
+        if turn.phase is Phase.INSIDE and not turn.gated:
+            self._leave(now, turn)
+
+    # -- what the coordination core says ----------------------------------------------------------------------
+
+    def handle(self, now: Instant, event: CoordEvent) -> None:
+        """Take in one event of the coordination core."""
+        match event:
+            case PathReceived(way=way, path=path):
+                self.shared[way] = path
+            case LeadershipBegan():
+                self._led(now, event)
+            case LeadershipEnded() | LeaderChanged():
+                self._followed(now, event)
+            case ScheduleChanged():
+                self.schedules[event.event] = event
+                self._node.trace(now, "scheduled", leader=event.leader, term=event.term, order=list(event.order))
+            case _:
+                self._turn_event(now, event)
+
+    def _turn_event(self, now: Instant, event: CoordEvent) -> None:
+        turn = self._turns.get(event.event)
+        if turn is None or turn.phase is Phase.LEFT:
+            return
+        match event:
+            case SlotAssigned():
+                self._slotted(now, turn, event)
+            case Entered(end=end, cautious=cautious):
+                turn.phase, turn.entered_at, turn.end = Phase.INSIDE, now, end
+                self._open(None, opened=True)
+                self._node.trace(now, "entered", event=turn.job.event, cautious=cautious)
+            case SlotLost() | EntryMissed():
+                turn.phase = Phase.ASKING
+                turn.revised_at = 0
+                self._open(None, opened=False)
+                self._node.trace(now, "slot_lost", event=turn.job.event, missed=isinstance(event, EntryMissed))
+
+    def _slotted(self, now: Instant, turn: Turn, event: SlotAssigned) -> None:
+        if turn.phase is Phase.INSIDE:
+            return
+        turn.phase, turn.start, turn.end = Phase.SLOTTED, event.start, event.end
+        if event.rank != turn.rank:
+            turn.rank = event.rank
+            self._node.rank_changed(now, turn)
+        self._open(event.start, opened=False)
+
+    def _open(self, opens_at: Instant | None, *, opened: bool) -> None:
+        if self._node.navigator is not None:
+            self._node.navigator.gate(opens_at, opened)
+
+    def apply_gate(self, turn: Turn) -> None:
+        """Tell a navigator that has just been given its way what `turn` allows."""
+        if turn.phase in (Phase.INSIDE, Phase.LEFT):
+            self._open(None, opened=True)
+        else:
+            self._open(turn.start if turn.phase is Phase.SLOTTED else None, opened=False)
+
+    def _led(self, now: Instant, event: LeadershipBegan) -> None:
+        node = self._node
+        turn = self._turns.get(event.event)
+        node.trace(now, "leads", term=event.term)
+        node.leads(now, event.event, True)
+        pose = node.localiser.pose
+        if turn is None or turn.goal is None or node.navigator is None or pose is None:
+            return
+        path = node.navigator.plan_shared(pose, node.place_of(turn.goal, turn.rank))
+        if path is not None:
+            self.shared[turn.way] = path
+            self._coordination.offer_path(now, event.event, turn.way, path)
+
+    def _followed(self, now: Instant, event: LeadershipEnded | LeaderChanged) -> None:
+        self._node.leads(now, event.event, False)
+
+    def name_of(self, event: bytes) -> Symbol | None:
+        """Return the name of the assertion behind `event`."""
+        turn = self._turns.get(event)
+        return None if turn is None else Symbol(turn.job.name)
+
+
+def _known(serving: Serving, job: Job) -> list[Value]:
+    """Return the arguments of a serving action that the job determines."""
+    known: list[Value] = []
+    for pattern in serving.args:
+        match pattern:
+            case Constant(value=value):
+                known.append(value)
+            case Slot(index=index):
+                bound = job.bindings[index]
+                if bound is not None:
+                    known.append(bound)
+            case Anything():
+                pass
+    return known
+
+
+def nearest_free(places: tuple[Point, ...], first: int, taken: list[Point], reach_m: float) -> Point:
+    """Return place `first` or the next one (cyclically) that nobody in `taken` occupies; `first` if all are."""
+    for offset in range(len(places)):
+        place = places[(first + offset) % len(places)]
+        if all((place.x - other.x) ** 2 + (place.y - other.y) ** 2 > reach_m**2 for other in taken):
+            return place
+    return places[first % len(places)]

@@ -1,0 +1,286 @@
+"""What robots say to each other besides coordination: facts, their acknowledgements, hellos and failures.
+
+One table of kinds; the first octet of a frame's payload is the kind (0x01-0x0F belong to `rmr.coord`). All
+numbers are big-endian; a value is one tag octet and its body, and a symbol that the program knows travels as
+its index. A frame that does not parse is the sender's mistake: `WireError`, counted and dropped by the node.
+"""
+
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
+
+PAYLOAD_OCTETS_MAX = 116
+"""127 octets of PSDU less 9 of header and 2 of FCS (IEEE 802.15.4-2006, 7.2)."""
+
+LIST_DEPTH_MAX = 8
+"""Deeper lists are refused, so that a malformed frame cannot exhaust the stack."""
+
+
+class WireError(ValueError):
+    """A payload that no robot of this program could have sent."""
+
+
+class Kind(IntEnum):
+    """First octet of a payload."""
+
+    FACT = 0x10
+    """digest 2, epoch 1, sequence 2, body."""
+    FACT_ACK = 0x11
+    """epoch 1, sequence 2."""
+    FRAGMENT = 0x12
+    """digest 2, epoch 1, sequence 2, part 1, parts 1, piece of a body."""
+    HELLO = 0x20
+    """x 2, y 2 (signed, cm), heading 1 (256ths of a turn), flags 1, rank 1, goal x 2, goal y 2 (signed, cm)."""
+    FAILURE = 0x21
+    """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E)."""
+
+
+class Role(IntEnum):
+    """What a derivation for another robot is."""
+
+    FACT = 0
+    GOAL = 1
+    ACTION = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """A fact, goal or action for another robot."""
+
+    role: Role
+    predicate: int
+    args: tuple[Value, ...]
+
+
+class Hello(NamedTuple):
+    """Where a robot says it is and what place it has taken."""
+
+    x: float
+    """Metres."""
+    y: float
+    theta: float
+    """Radians."""
+    parked: bool
+    """It stands and does not intend to move yet."""
+    rank: int
+    """Its place in the schedule, 0 without one."""
+    goal: tuple[float, float] | None
+    """The place it is going to or stands on, metres."""
+
+
+_HELLO = struct.Struct(">BhhBBBhh")
+_FACT = struct.Struct(">BHBH")
+_ACK = struct.Struct(">BBH")
+_FRAGMENT = struct.Struct(">BHBHBB")
+_FAILURE = struct.Struct(">BHB")
+FRAGMENT_OCTETS = PAYLOAD_OCTETS_MAX - _FRAGMENT.size
+FACT_BODY_OCTETS_MAX = PAYLOAD_OCTETS_MAX - _FACT.size
+PARTS_MAX = 64
+"""A fact larger than 64 fragments (about 6.9 kB) is refused by the sender."""
+
+_PARKED, _GOAL = 1, 2
+_TURN = 6.283185307179586
+
+
+def encode_hello(hello: Hello) -> bytes:
+    """Return the payload of a hello; positions beyond +-327 m are clamped."""
+    gx, gy = hello.goal or (0.0, 0.0)
+    flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0)
+    heading = round(hello.theta / _TURN * 256) & 0xFF
+    return _HELLO.pack(Kind.HELLO, _cm(hello.x), _cm(hello.y), heading, flags, min(hello.rank, 255), _cm(gx), _cm(gy))
+
+
+def decode_hello(payload: bytes) -> Hello:
+    """Return the hello in `payload`. Raises WireError."""
+    try:
+        _, x, y, heading, flags, rank, gx, gy = _HELLO.unpack(payload)
+    except struct.error as error:
+        raise WireError(f"hello: {error}") from error
+    goal = (gx / 100, gy / 100) if flags & _GOAL else None
+    return Hello(x / 100, y / 100, heading / 256 * _TURN, bool(flags & _PARKED), rank, goal)
+
+
+def _cm(metres: float) -> int:
+    return max(-32768, min(32767, round(metres * 100)))
+
+
+class FactFrame(NamedTuple):
+    """One frame of a delivery; a delivery that fits has one part."""
+
+    digest: int
+    epoch: int
+    """The sender's start count: after a restart sequence numbers begin anew."""
+    sequence: int
+    part: int
+    parts: int
+    piece: bytes
+
+
+def encode_fact_frames(digest: int, epoch: int, sequence: int, body: bytes) -> list[bytes]:
+    """Return the payloads that carry `body`: one, or fragments. Raises WireError when it is too large."""
+    if len(body) <= FACT_BODY_OCTETS_MAX:
+        return [_FACT.pack(Kind.FACT, digest & 0xFFFF, epoch & 0xFF, sequence) + body]
+    pieces = [body[i : i + FRAGMENT_OCTETS] for i in range(0, len(body), FRAGMENT_OCTETS)]
+    if len(pieces) > PARTS_MAX:
+        raise WireError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * FRAGMENT_OCTETS} octets")
+    return [
+        _FRAGMENT.pack(Kind.FRAGMENT, digest & 0xFFFF, epoch & 0xFF, sequence, part, len(pieces)) + piece
+        for part, piece in enumerate(pieces)
+    ]
+
+
+def decode_fact_frame(payload: bytes) -> FactFrame:
+    """Return the fact or fragment in `payload`. Raises WireError."""
+    try:
+        if payload[0] == Kind.FACT:
+            _, digest, epoch, sequence = _FACT.unpack_from(payload)
+            return FactFrame(digest, epoch, sequence, 0, 1, payload[_FACT.size :])
+        _, digest, epoch, sequence, part, parts = _FRAGMENT.unpack_from(payload)
+    except struct.error as error:
+        raise WireError(f"fact: {error}") from error
+    if not 0 <= part < parts <= PARTS_MAX:
+        raise WireError(f"fact: part {part} of {parts}")
+    return FactFrame(digest, epoch, sequence, part, parts, payload[_FRAGMENT.size :])
+
+
+def encode_ack(epoch: int, sequence: int) -> bytes:
+    """Return the payload that acknowledges a whole delivery."""
+    return _ACK.pack(Kind.FACT_ACK, epoch & 0xFF, sequence)
+
+
+def decode_ack(payload: bytes) -> tuple[int, int]:
+    """Return (epoch, sequence). Raises WireError."""
+    try:
+        _, epoch, sequence = _ACK.unpack(payload)
+    except struct.error as error:
+        raise WireError(f"acknowledgement: {error}") from error
+    return epoch, sequence
+
+
+def encode_failure(digest: int, assertion: int) -> bytes:
+    """Return the payload of a failure broadcast."""
+    return _FAILURE.pack(Kind.FAILURE, digest & 0xFFFF, assertion)
+
+
+def decode_failure(payload: bytes) -> tuple[int, int]:
+    """Return (digest, assertion index). Raises WireError."""
+    try:
+        _, digest, assertion = _FAILURE.unpack(payload)
+    except struct.error as error:
+        raise WireError(f"failure: {error}") from error
+    return digest, assertion
+
+
+class _Tag(IntEnum):
+    FALSE = 0
+    TRUE = 1
+    INT8 = 2
+    INT64 = 3
+    FLOAT = 4
+    STRING = 5
+    SYMBOL_INDEX = 6
+    SYMBOL = 7
+    ROBOT = 8
+    LIST = 9
+
+
+def encode_delivery(delivery: Delivery, symbols: dict[str, int]) -> bytes:
+    """Return the body of a delivery; `symbols` gives the program's symbols their index."""
+    out = bytearray((delivery.role << 4, *_length(delivery.predicate), len(delivery.args)))
+    for arg in delivery.args:
+        _encode_value(out, arg, symbols)
+    return bytes(out)
+
+
+def _length(value: int) -> bytes:
+    return struct.pack(">H", value)
+
+
+def _encode_value(out: bytearray, value: Value, symbols: dict[str, int]) -> None:
+    if isinstance(value, bool):
+        out.append(_Tag.TRUE if value else _Tag.FALSE)
+    elif isinstance(value, Robot):
+        out += struct.pack(">BH", _Tag.ROBOT, value)
+    elif isinstance(value, int):
+        out += struct.pack(">Bb", _Tag.INT8, value) if -128 <= value < 128 else struct.pack(">Bq", _Tag.INT64, value)
+    elif isinstance(value, float):
+        out += struct.pack(">Bd", _Tag.FLOAT, value)
+    elif isinstance(value, str):
+        _encode_text(out, value, symbols)
+    else:
+        out += bytes((_Tag.LIST,)) + _length(len(value))
+        for item in value:
+            _encode_value(out, item, symbols)
+
+
+def _encode_text(out: bytearray, value: str, symbols: dict[str, int]) -> None:
+    if isinstance(value, Symbol) and value in symbols:
+        out += bytes((_Tag.SYMBOL_INDEX,)) + _length(symbols[value])
+        return
+    octets = value.encode()
+    out += bytes((_Tag.SYMBOL if isinstance(value, Symbol) else _Tag.STRING,)) + _length(len(octets)) + octets
+
+
+def decode_delivery(body: bytes, symbols: Sequence[str]) -> Delivery:
+    """Return the delivery in `body`. Raises WireError."""
+    try:
+        head, predicate, count = struct.unpack_from(">BHB", body)
+        reader = _Reader(body, 4, symbols)
+        args = tuple(reader.value(0) for _ in range(count))
+        role = Role(head >> 4)
+    except (struct.error, IndexError, ValueError, UnicodeDecodeError) as error:
+        raise WireError(f"fact: {error}") from error
+    if reader.offset != len(body):
+        raise WireError("fact: octets left over")
+    return Delivery(role, predicate, args)
+
+
+class _Reader:
+    """Reads values off a body, left to right."""
+
+    def __init__(self, data: bytes, offset: int, symbols: Sequence[str]) -> None:
+        self.data, self.offset, self.symbols = data, offset, symbols
+
+    def _take(self, form: str) -> int | float:
+        value: int | float = struct.unpack_from(form, self.data, self.offset)[0]
+        self.offset += struct.calcsize(form)
+        return value
+
+    def value(self, depth: int) -> Value:
+        tag = _Tag(self._take(">B"))
+        match tag:
+            case _Tag.FALSE | _Tag.TRUE:
+                return tag is _Tag.TRUE
+            case _Tag.INT8:
+                return int(self._take(">b"))
+            case _Tag.INT64:
+                return max(INT_MIN, min(INT_MAX, int(self._take(">q"))))
+            case _Tag.FLOAT:
+                return float(self._take(">d"))
+            case _Tag.ROBOT:
+                return Robot(self._take(">H"))
+            case _Tag.SYMBOL_INDEX:
+                return Symbol(self.symbols[int(self._take(">H"))])
+            case _Tag.LIST:
+                if depth >= LIST_DEPTH_MAX:
+                    raise WireError("lists nested too deep")
+                return tuple(self.value(depth + 1) for _ in range(int(self._take(">H"))))
+            case _:
+                return self._text(tag)
+
+    def _text(self, tag: _Tag) -> str:
+        length = int(self._take(">H"))
+        octets = self.data[self.offset : self.offset + length]
+        if len(octets) != length:
+            raise WireError("text cut short")
+        self.offset += length
+        return Symbol(octets.decode()) if tag is _Tag.SYMBOL else octets.decode()
+
+
+def program_symbols(values: Iterable[Value]) -> tuple[str, ...]:
+    """Return the symbols among `values`, each once, in order of first appearance."""
+    return tuple(dict.fromkeys(str(value) for value in values if isinstance(value, Symbol)))
