@@ -1,0 +1,51 @@
+"""Programs to octets and back (paper IV.A).
+
+`encode` and `decode` are inverse to each other but for what makes no difference to a run (the debug table).
+`decode` is the gate through which everything passes that a robot will run: whatever is wrong with the octets
+(no byte-code, another version, truncated, damaged, malformed, or well-formed but unsound) ends in a
+`BytecodeError` with the reason, never in another exception and never in a program.
+"""
+
+import hashlib
+
+from rmr.bytecode.decoder import decode_tables
+from rmr.bytecode.encoder import encode_tables
+from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, VERSION, assemble, read_layout
+from rmr.bytecode.program import Program, Strategy
+from rmr.bytecode.verify import verify
+from rmr.bytecode.wire import BytecodeError
+
+__all__ = ["VERSION", "BytecodeError", "decode", "digest", "encode"]
+
+
+def encode(program: Program, *, debug: bool) -> bytes:
+    """Return `program` as byte-code; with `debug` the places in the source go along if the program has them.
+
+    Raises:
+        BytecodeError: the program does not verify (the compiler's bug).
+    """
+    reasons = verify(program)
+    if reasons:
+        raise BytecodeError("the program does not verify: " + "; ".join(reasons))
+    flags = FLAG_TEXTUAL if program.strategy is Strategy.TEXTUAL else 0
+    if debug and program.debug is not None:
+        flags |= FLAG_DEBUG
+    return assemble(flags, encode_tables(program, debug))
+
+
+def decode(data: bytes) -> Program:
+    """Return the verified program in `data`.
+
+    Raises:
+        BytecodeError: with the reason.
+    """
+    program = decode_tables(data, read_layout(data))
+    reasons = verify(program)
+    if reasons:
+        raise BytecodeError("the byte-code does not verify: " + "; ".join(reasons[:3]))
+    return program
+
+
+def digest(data: bytes) -> int:
+    """Return a 32-bit number by which robots tell whether they run the same byte-code (BLAKE2b)."""
+    return int.from_bytes(hashlib.blake2b(data, digest_size=4).digest(), "big")

@@ -1,0 +1,326 @@
+"""From the octets of the tables to a program; the mirror of `encoder`.
+
+The decoder checks what it needs in order to read on (indices, counts, tags, nesting); whether what it read
+makes a sound program is the verifier's business. It can leave notes about what it found where, from which
+the disassembler makes its text.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.encoder import (
+    ACTION,
+    BIND,
+    COMPREHENSION,
+    FACT,
+    GOAL,
+    GUARD,
+    KIND_MASK,
+    LIST_OF_ANYTHING,
+    PROVIDED,
+)
+from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, Layout
+from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.program import (
+    ANY,
+    Anything,
+    Assertion,
+    Atom,
+    Base,
+    Bind,
+    Code,
+    Comprehension,
+    Conjunct,
+    Constant,
+    Debug,
+    DeriveAction,
+    DeriveFact,
+    DeriveGoal,
+    Effect,
+    Guard,
+    Head,
+    InitialFact,
+    InitialGoal,
+    Instruction,
+    Kind,
+    Mode,
+    Pattern,
+    Place,
+    Predicate,
+    Program,
+    Rule,
+    Serving,
+    Slot,
+    Strategy,
+    Type,
+)
+from rmr.bytecode.wire import NESTING_MAX, Reader
+
+T = TypeVar("T")
+
+OPS = {int(op): op for op in Op}
+
+
+class Note(NamedTuple):
+    """What stands in the octets ``start`` to ``end``."""
+
+    table: str
+    start: int
+    end: int
+    what: object
+
+
+class _Raw(NamedTuple):
+    """A predicate whose effects are not read yet."""
+
+    name: str
+    kind: Kind
+    provided: bool
+    types: tuple[Type, ...]
+    effects: int
+    else_effects: int
+
+
+def decode_tables(data: bytes, layout: Layout, notes: list[Note] | None = None) -> Program:
+    """Return the program in `data`, unverified.
+
+    Raises:
+        BytecodeError: something in a table cannot be read.
+    """
+    return _Decoder(data, layout, notes).program()
+
+
+class _Decoder:
+    """Reads table after table; later ones refer to earlier ones."""
+
+    def __init__(self, data: bytes, layout: Layout, notes: list[Note] | None) -> None:
+        self.data = data
+        self.layout = layout
+        self.notes = notes
+        self.constants: list[Value] = []
+        self.codes: list[Code] = []
+        self.raw: list[_Raw] = []
+
+    def program(self) -> Program:
+        self.constants = self.table("constants", Reader.value)
+        self.codes = self.table("code", self.code)
+        self.raw = self.table("predicates", self.predicate)
+        effects = self.table("effects", self.effect)
+        strategy = Strategy.TEXTUAL if self.layout.flags & FLAG_TEXTUAL else Strategy.RANDOM
+        return Program(
+            predicates=self.predicates(effects),
+            facts=tuple(self.table("facts", self.fact)),
+            goals=tuple(self.table("goals", self.goal)),
+            rules=tuple(self.table("rules", self.rule)),
+            assertions=tuple(self.table("assertions", self.assertion)),
+            strategy=strategy,
+            debug=self.debug(),
+        )
+
+    def table(self, name: str, read: Callable[[Reader], T]) -> list[T]:
+        """Return the entries of a table, which must fill its octets."""
+        count, start, end = self.layout.tables[name]
+        reader = Reader(self.data, start, end)
+        entries = []
+        for _ in range(count):
+            begin = reader.position
+            entries.append(read(reader))
+            if self.notes is not None:
+                self.notes.append(Note(name, begin, reader.position, entries[-1]))
+        if reader.position != end:
+            raise reader.fail(f"{end - reader.position} octets too many in the table of {name}")
+        return entries
+
+    def code(self, reader: Reader) -> Code:
+        return tuple([self.instruction(reader) for _ in range(reader.count())])
+
+    def instruction(self, reader: Reader) -> Instruction:
+        begin = reader.position
+        octet = reader.octet()
+        op = OPS.get(octet)
+        if op is None:
+            raise reader.fail(f"unknown opcode 0x{octet:02x}")
+        instruction = Instruction(op, self.operand(reader, FORMS[op].operand))
+        if self.notes is not None:
+            self.notes.append(Note("instruction", begin, reader.position, instruction))
+        return instruction
+
+    def operand(self, reader: Reader, form: Operand) -> Value | None:
+        if form is Operand.NONE:
+            return None
+        if form is Operand.CONSTANT:
+            return self.constant(reader)
+        if form is Operand.SMALL:
+            return reader.zigzag()
+        if form is Operand.FUNCTION:
+            return reader.index(len(FUNCTIONS), "functions")
+        return reader.varint()
+
+    def constant(self, reader: Reader) -> Value:
+        return self.constants[reader.index(len(self.constants), "constants")]
+
+    def expression(self, reader: Reader) -> Code:
+        return self.codes[reader.index(len(self.codes), "expressions")]
+
+    def name(self, reader: Reader) -> str:
+        value = self.constant(reader)
+        if not isinstance(value, Symbol):
+            raise reader.fail("a name that is not a symbol")
+        return str(value)
+
+    def predicate(self, reader: Reader) -> _Raw:
+        octet = reader.octet()
+        if octet & ~(KIND_MASK | PROVIDED):
+            raise reader.fail(f"unknown kind of predicate 0x{octet:02x}")
+        kind = Kind(octet & KIND_MASK)
+        name = self.name(reader)
+        types = tuple([self.type(reader) for _ in range(reader.count())])
+        limit = self.layout.tables["effects"].entries
+        counts = (reader.count(limit), reader.count(limit)) if kind is Kind.ACTION else (0, 0)
+        return _Raw(name, kind, bool(octet & PROVIDED), types, *counts)
+
+    def type(self, reader: Reader, nesting: int = 0) -> Type:
+        octet = reader.octet()
+        if octet == LIST_OF_ANYTHING:
+            return Type(Base.LIST)
+        if octet > LIST_OF_ANYTHING or nesting > NESTING_MAX:
+            raise reader.fail(f"unknown or too deeply nested type {octet}")
+        base = Base(octet)
+        if base is Base.SYMBOL:
+            return Type(base, self.name(reader))
+        return Type(base, element=self.type(reader, nesting + 1)) if base is Base.LIST else Type(base)
+
+    def predicates(self, effects: list[Effect]) -> tuple[Predicate, ...]:
+        """Hand each action its share of the table of effects."""
+        reader = Reader(self.data, self.layout.tables["effects"].end, self.layout.tables["effects"].end)
+        if sum(raw.effects + raw.else_effects for raw in self.raw) != len(effects):
+            raise reader.fail("the actions' effects do not fill their table")
+        rest = iter(effects)
+        predicates = []
+        for raw in self.raw:
+            done = tuple([next(rest) for _ in range(raw.effects)])
+            failed = tuple([next(rest) for _ in range(raw.else_effects)])
+            predicates.append(Predicate(raw.name, raw.kind, raw.types, raw.provided, done, failed))
+        return tuple(predicates)
+
+    def predicate_index(self, reader: Reader) -> int:
+        return reader.index(len(self.raw), "predicates")
+
+    def codes_for(self, reader: Reader, predicate: int) -> tuple[Code, ...]:
+        return tuple([self.expression(reader) for _ in self.raw[predicate].types])
+
+    def effect(self, reader: Reader) -> Effect:
+        predicate = self.predicate_index(reader)
+        return Effect(predicate, self.codes_for(reader, predicate))
+
+    def owner(self, reader: Reader) -> int | None:
+        number = reader.varint()
+        return None if number == 0 else number - 1
+
+    def fact(self, reader: Reader) -> InitialFact:
+        predicate = self.predicate_index(reader)
+        owner = self.owner(reader)
+        return InitialFact(predicate, owner, tuple([self.constant(reader) for _ in self.raw[predicate].types]))
+
+    def goal(self, reader: Reader) -> InitialGoal:
+        predicate = self.predicate_index(reader)
+        owner = self.owner(reader)
+        patterns = self.patterns(reader, predicate)
+        args: list[Anything | Constant] = []
+        for pattern in patterns:
+            if isinstance(pattern, Slot):
+                raise reader.fail("a variable in a goal that the program states")
+            args.append(pattern)
+        return InitialGoal(predicate, owner, tuple(args))
+
+    def patterns(self, reader: Reader, predicate: int) -> tuple[Pattern, ...]:
+        return tuple([self.pattern(reader) for _ in self.raw[predicate].types])
+
+    def pattern(self, reader: Reader) -> Pattern:
+        number = reader.varint()
+        if number == 0:
+            return ANY
+        if number & 1:
+            return Slot(number >> 1)
+        index = (number >> 1) - 1
+        if index >= len(self.constants):
+            raise reader.fail(f"index {index} into {len(self.constants)} constants")
+        return Constant(self.constants[index])
+
+    def rule(self, reader: Reader) -> Rule:
+        return Rule(reader.varint(), self.body(reader), self.heads(reader, 0))
+
+    def body(self, reader: Reader) -> tuple[Conjunct, ...]:
+        return tuple([self.conjunct(reader) for _ in range(reader.count())])
+
+    def conjunct(self, reader: Reader) -> Conjunct:
+        tag = reader.octet()
+        if tag == GUARD:
+            return Guard(self.expression(reader))
+        if tag == BIND:
+            return Bind(reader.varint(), self.expression(reader))
+        return self.atom(reader, tag)
+
+    def atom(self, reader: Reader, tag: int) -> Atom:
+        if tag > Mode.ABSENT:
+            raise reader.fail(f"unknown kind of conjunct {tag}")
+        predicate = self.predicate_index(reader)
+        return Atom(predicate, self.patterns(reader, predicate), Mode(tag))
+
+    def heads(self, reader: Reader, nesting: int) -> tuple[Head, ...]:
+        return tuple([self.head(reader, nesting) for _ in range(reader.count())])
+
+    def head(self, reader: Reader, nesting: int) -> Head:
+        tag = reader.octet()
+        if tag == COMPREHENSION:
+            if nesting:
+                raise reader.fail("a comprehension inside a comprehension")
+            slots = tuple([reader.varint() for _ in range(reader.count())])
+            return Comprehension(slots, self.body(reader), self.heads(reader, nesting + 1))
+        if tag not in (FACT, GOAL, ACTION):
+            raise reader.fail(f"unknown kind of head {tag}")
+        kind = DeriveFact if tag == FACT else DeriveGoal if tag == GOAL else DeriveAction
+        owner = self.expression(reader)
+        predicate = self.predicate_index(reader)
+        return kind(predicate, owner, self.codes_for(reader, predicate))
+
+    def assertion(self, reader: Reader) -> Assertion:
+        flags = reader.octet()
+        if flags > 1:
+            raise reader.fail(f"unknown kind of assertion {flags}")
+        return Assertion(
+            name=self.name(reader),
+            slots=reader.varint(),
+            start=self.atom(reader, reader.octet()),
+            finish=self.atom(reader, reader.octet()),
+            deadline=self.expression(reader),
+            violation=self.violation(reader),
+            scheduled=flags == 1,
+            serving=tuple([self.serving(reader) for _ in range(reader.count())]),
+        )
+
+    def violation(self, reader: Reader) -> DeriveAction:
+        owner = self.expression(reader)
+        predicate = self.predicate_index(reader)
+        return DeriveAction(predicate, owner, self.codes_for(reader, predicate))
+
+    def serving(self, reader: Reader) -> Serving:
+        action = self.predicate_index(reader)
+        return Serving(action, self.patterns(reader, action))
+
+    def debug(self) -> Debug | None:
+        entries = self.table("debug", self.debug_entry)
+        if len(entries) != (1 if self.layout.flags & FLAG_DEBUG else 0):
+            raise Reader(self.data, 0, 0).fail("the debug table contradicts the flags")
+        return entries[0] if entries else None
+
+    def debug_entry(self, reader: Reader) -> Debug:
+        files = [reader.text() for _ in range(reader.count())]
+        rules, assertions, predicates = [
+            tuple([self.place(reader, files) for _ in range(reader.count())]) for _ in range(3)
+        ]
+        return Debug(rules, assertions, predicates)
+
+    def place(self, reader: Reader, files: list[str]) -> Place:
+        return Place(files[reader.index(len(files), "files")], reader.varint(), reader.varint())

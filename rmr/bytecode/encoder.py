@@ -1,0 +1,262 @@
+"""From a program to the octets of its tables.
+
+Constants and expressions are pooled: each distinct one is written once and named by its index, so that the
+owner expression that nearly every head has costs one octet. A pattern is one varint: 0 anything, odd a slot,
+even a constant. How many arguments an entry has is not written: its predicate says so.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.opcodes import FORMS, Operand
+from rmr.bytecode.program import (
+    Anything,
+    Assertion,
+    Atom,
+    Base,
+    Code,
+    Comprehension,
+    Conjunct,
+    Debug,
+    DeriveAction,
+    DeriveFact,
+    DeriveGoal,
+    Effect,
+    Guard,
+    Head,
+    InitialFact,
+    InitialGoal,
+    Instruction,
+    Kind,
+    Pattern,
+    Place,
+    Predicate,
+    Program,
+    Rule,
+    Serving,
+    Slot,
+    Type,
+)
+from rmr.bytecode.wire import Writer, identity
+
+GUARD, BIND = 4, 5
+"""Tags of conjuncts; 0 to 3 are atoms of that mode."""
+FACT, GOAL, ACTION, COMPREHENSION = range(4)
+"""Tags of heads."""
+LIST_OF_ANYTHING = 8
+"""Tag of a list type without an element type; 0 to 7 are the bases."""
+KIND_MASK, PROVIDED = 3, 4
+"""Bits of a predicate's first octet."""
+
+T = TypeVar("T")
+
+
+class Pools:
+    """The constants and expressions seen so far, in the order of their first use."""
+
+    def __init__(self) -> None:
+        self.constants: dict[tuple[str, object], int] = {}
+        self.values: list[Value] = []
+        self.codes: dict[tuple[object, ...], int] = {}
+        self.code = Writer()
+
+    def constant(self, value: Value) -> int:
+        """Return the index of `value`."""
+        key = identity(value)
+        if key not in self.constants:
+            self.constants[key] = len(self.values)
+            self.values.append(value)
+        return self.constants[key]
+
+    def expression(self, code: Code) -> int:
+        """Return the index of `code`."""
+        key = tuple((i.op, None if i.operand is None else identity(i.operand)) for i in code)
+        if key not in self.codes:
+            self.codes[key] = len(self.codes)
+            self.code.varint(len(code))
+            for instruction in code:
+                self._instruction(instruction)
+        return self.codes[key]
+
+    def _instruction(self, instruction: Instruction) -> None:
+        self.code.octet(instruction.op)
+        form = FORMS[instruction.op].operand
+        operand = instruction.operand
+        if form is Operand.NONE:
+            return
+        assert operand is not None  # verified before
+        if form is Operand.CONSTANT:
+            self.code.varint(self.constant(operand))
+            return
+        assert isinstance(operand, int)
+        if form is Operand.SMALL:
+            self.code.zigzag(operand)
+        else:
+            self.code.varint(operand)
+
+
+def encode_tables(program: Program, debug: bool) -> dict[str, tuple[int, bytes]]:
+    """Return for each table the number of entries and the octets; `program` is verified."""
+    encoder = _Encoder(program)
+    effects = [e for p in program.predicates for e in (*p.effects, *p.else_effects)]
+    tables = {
+        "predicates": _table(program.predicates, encoder.predicate),
+        "effects": _table(effects, encoder.derived),
+        "facts": _table(program.facts, encoder.fact),
+        "goals": _table(program.goals, encoder.goal),
+        "rules": _table(program.rules, encoder.rule),
+        "assertions": _table(program.assertions, encoder.assertion),
+        "debug": _debug_table(program.debug if debug else None),
+    }
+    pools = encoder.pools
+    tables["code"] = (len(pools.codes), bytes(pools.code.octets))
+    tables["constants"] = _table(pools.values, lambda writer, value: writer.value(value))
+    return tables
+
+
+def _table(entries: Iterable[T], write: Callable[[Writer, T], None]) -> tuple[int, bytes]:
+    writer = Writer()
+    count = 0
+    for entry in entries:
+        write(writer, entry)
+        count += 1
+    return count, bytes(writer.octets)
+
+
+def _debug_table(debug: Debug | None) -> tuple[int, bytes]:
+    """Return the names of the files, then the places of rules, assertions and predicates."""
+    if debug is None:
+        return 0, b""
+    writer = Writer()
+    groups = (debug.rules, debug.assertions, debug.predicates)
+    files = list(dict.fromkeys(place.file for group in groups for place in group))
+    writer.varint(len(files))
+    for file in files:
+        writer.text(file)
+    for group in groups:
+        writer.varint(len(group))
+        for place in group:
+            _place(writer, place, files)
+    return 1, bytes(writer.octets)
+
+
+def _place(writer: Writer, place: Place, files: list[str]) -> None:
+    writer.varint(files.index(place.file))
+    writer.varint(place.line)
+    writer.varint(place.column)
+
+
+class _Encoder:
+    """Writes entries of each kind; holds the pools they refer to."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.pools = Pools()
+
+    def predicate(self, writer: Writer, predicate: Predicate) -> None:
+        writer.octet(predicate.kind | (PROVIDED if predicate.provided else 0))
+        writer.varint(self.pools.constant(Symbol(predicate.name)))
+        writer.varint(len(predicate.types))
+        for kind in predicate.types:
+            self.type(writer, kind)
+        if predicate.kind is Kind.ACTION:
+            writer.varint(len(predicate.effects))
+            writer.varint(len(predicate.else_effects))
+
+    def type(self, writer: Writer, kind: Type) -> None:
+        if kind.base is Base.LIST and kind.element is None:
+            writer.octet(LIST_OF_ANYTHING)
+            return
+        writer.octet(kind.base)
+        if kind.base is Base.SYMBOL:
+            writer.varint(self.pools.constant(Symbol(kind.name)))
+        if kind.element is not None:
+            self.type(writer, kind.element)
+
+    def derived(self, writer: Writer, item: Effect | DeriveFact | DeriveGoal | DeriveAction) -> None:
+        writer.varint(item.predicate)
+        for code in item.args:
+            writer.varint(self.pools.expression(code))
+
+    def fact(self, writer: Writer, fact: InitialFact) -> None:
+        self._owned(writer, fact.predicate, fact.owner)
+        for value in fact.args:
+            writer.varint(self.pools.constant(value))
+
+    def goal(self, writer: Writer, goal: InitialGoal) -> None:
+        self._owned(writer, goal.predicate, goal.owner)
+        self.patterns(writer, goal.args)
+
+    def _owned(self, writer: Writer, predicate: int, owner: int | None) -> None:
+        writer.varint(predicate)
+        writer.varint(0 if owner is None else owner + 1)
+
+    def patterns(self, writer: Writer, patterns: Iterable[Pattern]) -> None:
+        for pattern in patterns:
+            if isinstance(pattern, Anything):
+                writer.varint(0)
+            elif isinstance(pattern, Slot):
+                writer.varint(pattern.index * 2 + 1)
+            else:
+                writer.varint(self.pools.constant(pattern.value) * 2 + 2)
+
+    def rule(self, writer: Writer, rule: Rule) -> None:
+        writer.varint(rule.slots)
+        self.body(writer, rule.body)
+        self.heads(writer, rule.head)
+
+    def body(self, writer: Writer, body: tuple[Conjunct, ...]) -> None:
+        writer.varint(len(body))
+        for conjunct in body:
+            if isinstance(conjunct, Atom):
+                self.atom(writer, conjunct)
+            elif isinstance(conjunct, Guard):
+                writer.octet(GUARD)
+                writer.varint(self.pools.expression(conjunct.code))
+            else:
+                writer.octet(BIND)
+                writer.varint(conjunct.slot)
+                writer.varint(self.pools.expression(conjunct.code))
+
+    def atom(self, writer: Writer, atom: Atom) -> None:
+        writer.octet(atom.mode)
+        writer.varint(atom.predicate)
+        self.patterns(writer, atom.args)
+
+    def heads(self, writer: Writer, heads: tuple[Head, ...]) -> None:
+        writer.varint(len(heads))
+        for head in heads:
+            self.head(writer, head)
+
+    def head(self, writer: Writer, head: Head) -> None:
+        if isinstance(head, Comprehension):
+            writer.octet(COMPREHENSION)
+            writer.varint(len(head.slots))
+            for slot in head.slots:
+                writer.varint(slot)
+            self.body(writer, head.body)
+            self.heads(writer, head.head)
+            return
+        writer.octet(FACT if isinstance(head, DeriveFact) else GOAL if isinstance(head, DeriveGoal) else ACTION)
+        self.violation(writer, head)
+
+    def violation(self, writer: Writer, head: DeriveFact | DeriveGoal | DeriveAction) -> None:
+        writer.varint(self.pools.expression(head.owner))
+        self.derived(writer, head)
+
+    def assertion(self, writer: Writer, assertion: Assertion) -> None:
+        writer.octet(1 if assertion.scheduled else 0)
+        writer.varint(self.pools.constant(Symbol(assertion.name)))
+        writer.varint(assertion.slots)
+        self.atom(writer, assertion.start)
+        self.atom(writer, assertion.finish)
+        writer.varint(self.pools.expression(assertion.deadline))
+        self.violation(writer, assertion.violation)
+        writer.varint(len(assertion.serving))
+        for serving in assertion.serving:
+            self.serving(writer, serving)
+
+    def serving(self, writer: Writer, serving: Serving) -> None:
+        writer.varint(serving.action)
+        self.patterns(writer, serving.args)

@@ -1,0 +1,112 @@
+"""The frame of a byte-code file: header, directory of tables, tables (paper IV.A).
+
+    offset  octets  what
+    0       4       magic ``RMR`` and 0x1A
+    4       1       version
+    5       1       flags: bit 0 strategy textual, bit 1 a debug table is there
+    6       4       size of the whole file, little-endian
+    10      4       CRC-32 (zlib) of everything but these four octets
+    14      ...     directory: for each table the number of entries and the offset of the first one, varints;
+                    offsets count from the end of the directory
+    ...     ...     the tables in the directory's order, one after the other
+
+As the paper wants it, a robot finds the number of facts, of rules and the offset of the first of each without
+reading anything else. The order of the tables is `TABLES`; a table refers to entries of others by index.
+"""
+
+import struct
+import zlib
+from typing import NamedTuple
+
+from rmr.bytecode.wire import BytecodeError, Reader, Writer
+
+MAGIC = b"RMR\x1a"
+VERSION = 1
+FLAG_TEXTUAL = 1
+FLAG_DEBUG = 2
+HEADER = struct.Struct("<4sBBII")
+CRC_OFFSET = 10
+SIZE_MAX = 1 << 24
+"""A longer program is refused before it is read: robots have megabytes, not gigabytes (paper V.B.2)."""
+
+TABLES = ("constants", "code", "predicates", "effects", "facts", "goals", "rules", "assertions", "debug")
+
+
+class Table(NamedTuple):
+    """One table's place: octets ``start`` to ``end`` hold so many entries."""
+
+    entries: int
+    start: int
+    end: int
+
+
+class Layout(NamedTuple):
+    """The header and the directory, decoded."""
+
+    flags: int
+    size: int
+    crc: int
+    directory: int
+    """Offset of the directory."""
+    tables: dict[str, Table]
+
+
+def checksum(data: bytes) -> int:
+    """Return the CRC-32 of a file without the four octets that hold it."""
+    return zlib.crc32(data[CRC_OFFSET + 4 :], zlib.crc32(data[:CRC_OFFSET]))
+
+
+def assemble(flags: int, tables: dict[str, tuple[int, bytes]]) -> bytes:
+    """Return the file made of `tables` (name: number of entries, octets)."""
+    directory = Writer()
+    offset = 0
+    for name in TABLES:
+        count, octets = tables[name]
+        directory.varint(count)
+        directory.varint(offset)
+        offset += len(octets)
+    body = bytes(directory.octets) + b"".join(tables[name][1] for name in TABLES)
+    size = HEADER.size + len(body)
+    data = HEADER.pack(MAGIC, VERSION, flags, size, 0) + body
+    return HEADER.pack(MAGIC, VERSION, flags, size, checksum(data)) + body
+
+
+def read_layout(data: bytes) -> Layout:
+    """Return the layout of `data`.
+
+    Raises:
+        BytecodeError: no byte-code, another version, truncated or longer than it says, damaged.
+    """
+    if data[:4] != MAGIC[: len(data)] or not data:
+        raise BytecodeError("not RMR byte-code (it does not begin with the magic octets)")
+    if len(data) > 4 and data[4] != VERSION:
+        raise BytecodeError(f"byte-code of version {data[4]}, but this runtime reads version {VERSION}; recompile it")
+    if len(data) < HEADER.size:
+        raise BytecodeError(f"truncated: {len(data)} octets are there, the header alone has {HEADER.size}")
+    _, _, flags, size, crc = HEADER.unpack_from(data)
+    if len(data) < size:
+        raise BytecodeError(f"truncated: {len(data)} of {size} octets are there")
+    if len(data) > size or size > SIZE_MAX:
+        raise BytecodeError(f"wrong size: the header says {size} octets, {len(data)} are there (at most {SIZE_MAX})")
+    if crc != checksum(data):
+        raise BytecodeError(f"damaged: its CRC-32 is {checksum(data):08x}, the header says {crc:08x}")
+    if flags & ~(FLAG_TEXTUAL | FLAG_DEBUG):
+        raise BytecodeError(f"malformed byte-code: unknown flags 0x{flags:02x}")
+    return Layout(flags, size, crc, HEADER.size, _read_directory(data))
+
+
+def _read_directory(data: bytes) -> dict[str, Table]:
+    """Return the tables' places, each held against the file's end."""
+    reader = Reader(data, HEADER.size, len(data))
+    entries = [(reader.varint(), reader.varint()) for _ in TABLES]
+    base = reader.position
+    starts = [base + offset for _, offset in entries]
+    ends = [*starts[1:], len(data)]
+    tables = {}
+    for name, (count, _), start, end in zip(TABLES, entries, starts, ends, strict=True):
+        if not base <= start <= end <= len(data) or count > end - start:
+            raise BytecodeError(f"malformed byte-code: the table of {name} does not fit ({count} entries)")
+        tables[name] = Table(count, start, end)
+    if starts[0] != base:
+        raise BytecodeError("malformed byte-code: a gap before the first table")
+    return tables
