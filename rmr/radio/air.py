@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from rmr.base.time import NEVER, Instant
 from rmr.radio.frame import PSDU_MAX
+from rmr.radio.phy import airtime
 
 ACK_ATTEMPT = 0x80
 """Set in `Announcement.attempt` of an acknowledgement, whose low bits repeat the data frame's attempt."""
@@ -54,8 +55,8 @@ class Announcement(NamedTuple):
             raise ValueError("an announcement's integers are out of range")
         if not all(isinstance(value, int | float) and -1e6 < value < 1e6 for value in (power_dbm, x, y)):
             raise ValueError("an announcement's power or position is out of range")
-        if not isinstance(psdu, bytes) or len(psdu) > PSDU_MAX or start >= end:
-            raise ValueError("an announcement's frame is out of range")
+        if not isinstance(psdu, bytes) or len(psdu) > PSDU_MAX or end - start != airtime(len(psdu)):
+            raise ValueError("an announcement's frame and its airtime do not agree")
         return cls(source, sequence, attempt, start, end, float(power_dbm), float(x), float(y), psdu)
 
 

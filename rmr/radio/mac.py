@@ -48,8 +48,8 @@ SHORT_SPACE: Duration = 192 * NS_PER_US
 LONG_SPACE: Duration = 640 * NS_PER_US
 
 QUEUE_MAX = 64
-"""Requests that may wait: about a third of a second of airtime at full size. More fail at once, so that a sender
-who does not keep up with the channel learns of it."""
+"""Requests that may wait, nearly half a second of full-sized frames. More fail at once, so that a sender who
+offers more than the channel takes learns of it."""
 
 
 class State(Enum):
@@ -146,7 +146,8 @@ class Mac:
         """Whether an acknowledgement of `sequence` (0..255) that starts at `start` is the one waited for."""
         return (
             self._current is not None
-            and self.state is State.WAITING
+            and self._current.wants_ack
+            and self.state in (State.SENDING, State.WAITING)
             and self._current.sequence & 0xFF == sequence
             and self._sent_end <= start < self._sent_end + ACK_WAIT
         )

@@ -275,4 +275,4 @@ def _mix(word: int) -> int:
 
 def draw(seed: int, source: int, sequence: int, attempt: int, receiver: int) -> int:
     """Return 64 random bits that depend on nothing but the arguments; every process agrees on them."""
-    return _mix(_mix(seed & _MASK) ^ _mix(source << 56 ^ receiver << 40 ^ sequence << 8 ^ attempt))
+    return _mix(_mix(_mix(seed & _MASK) ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))

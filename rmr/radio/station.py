@@ -21,7 +21,7 @@ from random import Random
 
 from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
-from rmr.radio.frame import ACK_OCTETS, BROADCAST, AckFrame, DataFrame, FrameError, decode, encode_ack
+from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, decode, encode_ack
 from rmr.radio.mac import Mac, State, Transmission
 from rmr.radio.phy import (
     LOCK_HISTORY,
@@ -82,7 +82,7 @@ class Counters:
     access_failed: int = 0
     """Requests that found no free channel or no place in the queue."""
     late: int = 0
-    """Announcements made after their start, or heard after their reception was due."""
+    """Announcements made over a grace after their start, or heard after their reception was due."""
 
     def as_dict(self) -> dict[str, int]:
         """Return the counters by name."""
@@ -157,7 +157,10 @@ class Station:
             self.next_wake = self._mac.next_wake
 
     def hear(self, announcement: Announcement) -> None:
-        """Take note of a transmission of another station, early or late; its own are ignored."""
+        """Take note of a transmission of another station, early, late or twice; its own are ignored.
+
+        It is heard where the station was last said to be (`move`, `advance`).
+        """
         if announcement.source == self.address:
             return
         dx = announcement.x - self._x
@@ -171,7 +174,9 @@ class Station:
         heard = _Heard(announcement, power_dbm)
         if not self._add(heard):
             return
-        if self._concerns(heard):
+        if self._concerns(heard) and len(self._due) < AIR_MAX:
+            if self._now > heard.end + self._allowance(announcement.attempt):
+                self.counters.late += 1
             insort(self._due, heard, key=_by_end)
             self.next_wake = min(self.next_wake, self._due[0].end + self._grace)
 
@@ -183,9 +188,9 @@ class Station:
         """
         self._x = x
         self._y = y
+        self._now = now
         if now < self.next_wake:
             return []
-        self._now = now
         while True:
             mac_at = self._mac.next_wake
             heard_at = self._due[0].end + self._grace if self._due else NEVER
@@ -203,7 +208,7 @@ class Station:
     def _add(self, heard: _Heard) -> bool:
         """Keep `heard` among what is on the air, in order of start; False if it was there already."""
         air = self._air
-        horizon = max(self._now, heard.start) - LOCK_HISTORY - 4 * self._grace - 5 * NS_PER_MS
+        horizon = heard.start - LOCK_HISTORY - 4 * self._grace - airtime(PSDU_MAX)
         while air and (air[0].end < horizon or len(air) >= AIR_MAX):
             del air[0]
         key = heard.announcement[:3]
@@ -221,7 +226,7 @@ class Station:
             return False
         heard.frame = frame
         if isinstance(frame, AckFrame):
-            return self._mac.state is not State.IDLE
+            return self._mac.awaits_ack(frame.sequence, heard.start)
         return frame.pan == self.pan and frame.destination in (self.address, BROADCAST)
 
     def _resolve(self, heard: _Heard, at: Instant) -> None:
@@ -292,16 +297,14 @@ class Station:
             ACK_ATTEMPT | original.attempt,
             start,
             end,
-            self._grace,
         )
 
     def _step_mac(self, at: Instant) -> None:
         mac = self._mac
-        busy = mac.state is State.BACKOFF and channel_busy(at, self._air, self._deaf, self._channel)
-        out = mac.fire(busy)
+        out = mac.fire(mac.state is State.BACKOFF and self._busy(at))
         if isinstance(out, Transmission):
             self.counters.sent += 1
-            self._announce(out.psdu, out.sequence, out.attempt, out.start, out.end, 0)
+            self._announce(out.psdu, out.sequence, out.attempt, out.start, out.end)
         elif out is not None:
             if out.status == "no_ack":
                 self.counters.no_ack += 1
@@ -309,10 +312,21 @@ class Station:
                 self.counters.access_failed += 1
             self._out.append(out)
 
-    def _announce(
-        self, psdu: bytes, sequence: int, attempt: int, start: Instant, end: Instant, allowance: Duration
-    ) -> None:
-        if self._now > start + allowance:
+    def _busy(self, at: Instant) -> bool:
+        """Assess the channel in the window that ends at `at`."""
+        deaf = self._deaf
+        if self._grace:
+            # Frames not decided yet may have to be acknowledged: keep their acknowledgements' times free.
+            owed = [h.end for h in self._due if isinstance(h.frame, DataFrame) and h.frame.wants_ack]
+            deaf = deaf + [(end, end + 2 * TURNAROUND + _ACK_AIRTIME) for end in owed]
+        return channel_busy(at, self._air, deaf, self._channel)
+
+    def _allowance(self, attempt: int) -> Duration:
+        """How long after its end an announcement may arrive in time: acknowledgements leave a grace later."""
+        return 2 * self._grace if attempt & ACK_ATTEMPT else self._grace
+
+    def _announce(self, psdu: bytes, sequence: int, attempt: int, start: Instant, end: Instant) -> None:
+        if self._now > start + self._grace:
             self.counters.late += 1
         deaf = self._deaf
         while deaf and deaf[0][1] < start - LOCK_HISTORY - 4 * self._grace:
