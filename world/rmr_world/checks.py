@@ -1,0 +1,348 @@
+"""From a document to a `Lab`: what the schema says of each key, then what relates the parts to each other.
+
+Nothing stops at the first mistake. A part that the schema refuses is reported and cut out, the rest is built
+and judged: robots and areas against walls, obstacles and one another, names against what they name.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from rmr.base.arena import Area, Arena, Obstacle, RobotShape
+from rmr.base.geometry import Point, Pose, distance
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Constant
+from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
+from rmr_world.document import Document, LabError, Path_, Problem
+from rmr_world.lab import (
+    Fault,
+    Kill,
+    Lab,
+    Localisation,
+    Loss,
+    Partition,
+    RadioSettings,
+    Restart,
+    RobotStart,
+    Stall,
+)
+from rmr_world.schema import ROBOTS_MAX, AreaSpec, FaultSpec, LabFile, RobotSpec, json_schema, near_miss, schema_keys
+from rmr_world.terms import TermError, parse_fact, parse_finish
+
+_ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
+"""Sections of which a bad item is cut out alone."""
+_STAND_INS: Mapping[str, Any] = {"lab": "x", "program": "x.rmr", "arena": {"size": [1000.0, 1000.0]}}
+"""For required sections that are wrong or missing, so that the rest can be judged."""
+_TOUCH_M = 1e-9
+"""Bodies that stand side by side do not overlap."""
+
+
+def build(document: Document, path: Path) -> Lab:
+    """Return the lab that `document` describes. Raises LabError with all problems."""
+    accepted = _accepted(document)
+    judge = _Judge(document, accepted)
+    lab = judge.lab(path)
+    if judge.problems:
+        raise LabError(judge.problems)
+    return lab
+
+
+@dataclass(slots=True)
+class _Accepted:
+    """What the schema leaves of a document."""
+
+    spec: LabFile
+    problems: list[Problem]
+    cut: set[str] = field(default_factory=set)
+    """Sections from which something was cut out."""
+    kept: dict[str, list[int]] = field(default_factory=dict)
+    """For each list that lost items: the indices, in the file, of those that are left."""
+
+    def items(self, name: str) -> list[tuple[int, Any]]:
+        """Return the items of a list section with their indices in the file."""
+        section = getattr(self.spec, name)
+        return list(zip(self.kept.get(name, range(len(section))), section, strict=False))
+
+
+def _accepted(document: Document) -> _Accepted:
+    """Judge the document key by key."""
+    problems = list(document.problems)
+    if not isinstance(document.value, dict):
+        message = "should be a mapping with the keys lab, program, arena and robots"
+        raise LabError([*problems, document.problem((), message)])
+    data: dict[str, Any] = dict(document.value)
+    try:
+        return _Accepted(LabFile.model_validate(data), problems)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+    schema = json_schema()
+    problems += [_problem(document, schema, item) for item in errors]
+    kept = _prune(data, [item["loc"] for item in errors])
+    cut = {str(item["loc"][0]) for item in errors}
+    return _Accepted(LabFile.model_validate(data), problems, cut, kept)
+
+
+def _problem(document: Document, schema: dict[str, Any], error: ErrorDetails) -> Problem:
+    """Return one of pydantic's findings in this project's words."""
+    path: Path_ = tuple(part for part in error["loc"] if part != "[key]")
+    kind, message = error["type"], error["msg"]
+    if kind == "extra_forbidden":
+        known = schema_keys(schema, path[:-1])
+        hint = near_miss(str(path[-1]), known) or "; known are " + ", ".join(known)
+        return document.problem(path, f"unknown key{hint}", key=True)
+    if kind == "missing":
+        return document.problem(path, "is missing")
+    message = message.removeprefix("Value error, ").replace(" after validation", "")
+    for phrase in ("Input", "String", "Tuple", "List"):
+        message = message.removeprefix(phrase + " ")
+    given = error["input"]
+    if isinstance(given, str | int | float) or given is None:
+        message += f", not {'null' if given is None else repr(given)[:60]}"
+    return document.problem(path, message, key="[key]" in error["loc"])
+
+
+def _prune(data: dict[str, Any], locations: list[tuple[int | str, ...]]) -> dict[str, list[int]]:
+    """Cut what stands at `locations` out of `data`, as little as possible; put stand-ins for what must be there.
+
+    Returns the indices of the items that are left in lists that lost some.
+    """
+    kept: dict[str, list[int]] = {}
+    for name in dict.fromkeys(str(location[0]) for location in locations):
+        bad = [location[1] for location in locations if location[0] == name and len(location) > 1]
+        whole = any(location == (name,) for location in locations)
+        section = data.pop(name, None)
+        if name in _ITEMISED and not whole and isinstance(section, list):
+            kept[name] = [i for i in range(len(section)) if i not in bad]
+            data[name] = [section[i] for i in kept[name]]
+        elif name in _ITEMISED and not whole and isinstance(section, dict):
+            data[name] = {key: item for key, item in section.items() if key not in bad}
+        if name in _STAND_INS and not data.get(name):
+            data[name] = _STAND_INS[name]
+    return kept
+
+
+class _Judge:
+    """Builds the lab part by part and collects what does not fit."""
+
+    def __init__(self, document: Document, accepted: _Accepted) -> None:
+        self._document = document
+        self._accepted = accepted
+        self._spec = accepted.spec
+        self.problems = accepted.problems
+        raw = document.value if isinstance(document.value, dict) else {}
+        areas = raw.get("areas")
+        self._area_names = sorted(areas) if isinstance(areas, dict) else []
+
+    def _complain(self, path: Path_, message: str) -> None:
+        self.problems.append(self._document.problem(path, message))
+
+    def lab(self, path: Path) -> Lab:
+        """Return the lab; it is whole only if `problems` is empty."""
+        spec = self._spec
+        arena = self._arena()
+        robots = self._robots(arena)
+        if Path(spec.program).suffix not in {".rmr", ".rbc"}:
+            self._complain(("program",), f"should be a .rmr or .rbc file, not '{spec.program}'")
+        self._texts(robots, arena)
+        return Lab(
+            name=spec.lab,
+            program=path.parent / spec.program,
+            seed=spec.seed,
+            duration=spec.duration,
+            finish=spec.finish or "",
+            arena=arena,
+            robots=tuple(robot for _, robot in robots),
+            facts=tuple(spec.facts),
+            radio=RadioSettings(**spec.radio.model_dump()),
+            localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
+            faults=self._faults({robot.id for _, robot in robots}),
+            path=path,
+            places=self._document.places,
+        )
+
+    def _arena(self) -> Arena:
+        spec = self._spec
+        width, height = spec.arena.size
+        shape = RobotShape(
+            spec.robot.radius, spec.robot.speed, spec.robot.turn, spec.robot.view.angle, spec.robot.view.depth
+        )
+        bare = Arena(width, height, spec.arena.cell, self._obstacles(width, height), shape=shape)
+        areas = tuple(area for name, item in spec.areas.items() if (area := self._area(name, item, bare)))
+        if spec.bottleneck is not None and spec.bottleneck not in self._area_names:
+            hint = near_miss(spec.bottleneck, self._area_names)
+            self._complain(("bottleneck",), f"area '{spec.bottleneck}' is not defined{hint}")
+        return replace(bare, areas=areas, beacons=self._beacons(width, height), bottleneck=spec.bottleneck)
+
+    def _obstacles(self, width: float, height: float) -> tuple[Obstacle, ...]:
+        obstacles: list[Obstacle] = []
+        for i, item in self._accepted.items("obstacles"):
+            try:
+                obstacle = obstacle_of(item)
+            except ValueError as error:
+                self._complain(("obstacles", i), str(error))
+                continue
+            obstacles.append(obstacle)
+            if not overlaps(obstacle, width, height):
+                self._complain(("obstacles", i), "lies outside the arena")
+        return tuple(obstacles)
+
+    def _area(self, name: str, spec: AreaSpec, arena: Arena) -> Area | None:
+        path: Path_ = ("areas", name)
+        try:
+            area = area_of(name, spec)
+        except ValueError as error:
+            self._complain(path, str(error))
+            return None
+        if spec.box is not None:
+            x0, y0, x1, y1 = spec.box
+            self._inside((*path, "box"), [Point(x0, y0), Point(x1, y1)], arena, fit=False)
+        elif spec.at is not None:
+            self._inside((*path, "at"), area.places, arena)
+        else:
+            kind = "slots" if spec.slots else "line"
+            self._inside((*path, kind), area.places, arena, indexed=kind == "slots")
+            self._apart((*path, kind), area.places, arena.shape.radius)
+        self._inside((*path, "queue"), area.queue, arena)
+        self._apart((*path, "queue", "spacing"), area.queue, arena.shape.radius)
+        return area
+
+    def _inside(
+        self, path: Path_, places: Sequence[Point], arena: Arena, *, fit: bool = True, indexed: bool = False
+    ) -> None:
+        """Complain about places out of the arena or, with `fit`, where a robot cannot stand."""
+        for k, (x, y) in enumerate(places):
+            where = f"({x:g}, {y:g})" if fit and not indexed else "it"
+            at = (*path, k) if indexed else path
+            if not (0.0 <= x <= arena.width and 0.0 <= y <= arena.height):
+                self._complain(at, f"{where} is out of the arena, {arena.width:g} m x {arena.height:g} m")
+            elif fit and arena.clearance(x, y) < arena.shape.radius - _TOUCH_M:
+                self._complain(at, f"a robot of radius {arena.shape.radius:g} m does not fit at ({x:g}, {y:g})")
+            else:
+                continue
+            if not indexed:
+                return
+
+    def _apart(self, path: Path_, places: Sequence[Point], radius: float) -> None:
+        for k, a in enumerate(places):
+            for i, b in enumerate(places[:k]):
+                if distance(*a, *b) < 2 * radius - _TOUCH_M:
+                    self._complain(path, f"places {i} and {k} are closer than two robots of radius {radius:g} m")
+                    return
+
+    def _beacons(self, width: float, height: float) -> tuple[Point, ...]:
+        given = self._spec.localisation.beacons
+        if given is None:
+            return Point(0.0, 0.0), Point(width, 0.0)
+        for k, (x, y) in enumerate(given):
+            if not (0.0 <= x <= width and 0.0 <= y <= height):
+                self._complain(("localisation", "beacons", k), f"is out of the arena, {width:g} m x {height:g} m")
+        return tuple(Point(x, y) for x, y in given)
+
+    def _robots(self, arena: Arena) -> list[tuple[int, RobotStart]]:
+        """Return the robots, each with the index of the item that made it."""
+        robots: list[tuple[int, RobotStart]] = []
+        for i, item in self._accepted.items("robots"):
+            for start in _starts(item):
+                self._robot(("robots", i), start, robots, arena)
+                robots.append((i, start))
+        if len(robots) > ROBOTS_MAX:
+            self._complain(("robots",), f"there are {len(robots)} robots; at most {ROBOTS_MAX} are possible")
+        return robots
+
+    def _robot(self, path: Path_, start: RobotStart, others: list[tuple[int, RobotStart]], arena: Arena) -> None:
+        """Complain if `start` repeats an id, or overlaps a wall, an obstacle or one of the `others`."""
+        radius, (x, y, _) = arena.shape.radius, start.pose
+        if any(other.id == start.id for _, other in others):
+            self._complain(path, f"robot {start.id} is there already")
+            return
+        inside = [k for k, obstacle in enumerate(arena.obstacles) if obstacle.distance(x, y) < radius - _TOUCH_M]
+        touching = [o.id for _, o in others if distance(x, y, o.pose.x, o.pose.y) < 2 * radius - _TOUCH_M]
+        if not (0.0 <= x <= arena.width and 0.0 <= y <= arena.height):
+            self._complain(path, f"robot {start.id} starts out of the arena, {arena.width:g} m x {arena.height:g} m")
+        elif min(x, y, arena.width - x, arena.height - y) < radius - _TOUCH_M:
+            self._complain(path, f"robot {start.id} starts inside a wall")
+        elif inside:
+            self._complain(path, f"robot {start.id} starts inside an obstacle")
+        if touching:
+            self._complain(path, f"robot {start.id} starts inside robot {touching[0]}")
+
+    def _texts(self, robots: list[tuple[int, RobotStart]], arena: Arena) -> None:
+        """Judge `facts` and `finish`."""
+        ids = {robot.id for _, robot in robots}
+        for i, text in self._accepted.items("facts"):
+            try:
+                owner = parse_fact(text).owner
+            except TermError as error:
+                self._complain(("facts", i), str(error))
+                continue
+            if owner is not None:
+                self._known(("facts", i), owner, ids)
+        if not self._spec.finish:
+            return
+        try:
+            pattern = parse_finish(self._spec.finish)
+        except TermError as error:
+            self._complain(("finish",), str(error))
+            return
+        if pattern.name == "at":
+            self._destination(pattern.patterns, arena, len(robots))
+
+    def _destination(self, patterns: tuple[Any, ...], arena: Arena, robots: int) -> None:
+        """Judge the area of ``finish: at(R, area)``."""
+        if len(patterns) != 1:
+            self._complain(("finish",), "at has two arguments: at(R, area)")
+            return
+        if not isinstance(patterns[0], Constant) or not isinstance(patterns[0].value, Symbol):
+            return
+        name = str(patterns[0].value)
+        area = arena.area(name)
+        if name not in self._area_names:
+            self._complain(("finish",), f"area '{name}' is not defined{near_miss(name, self._area_names)}")
+        elif area is not None and area.slotted and len(area.places) < robots:
+            self._complain(("finish",), f"area '{name}' has {len(area.places)} slots for {robots} robots")
+
+    def _known(self, path: Path_, robot: int, ids: set[int]) -> None:
+        if robot not in ids and "robots" not in self._accepted.cut:
+            self._complain(path, f"robot {robot} is not in this lab")
+
+    def _faults(self, ids: set[int]) -> tuple[Fault, ...]:
+        faults: list[Fault] = []
+        for i, item in self._accepted.items("faults"):
+            path: Path_ = ("faults", i)
+            fault = _fault(item)
+            faults.append(fault)
+            if isinstance(fault, Kill | Restart | Stall):
+                self._known(path, fault.robot, ids)
+            elif isinstance(fault, Partition):
+                members = [robot for group in fault.groups for robot in group]
+                for robot in members:
+                    self._known((*path, "partition"), robot, ids)
+                if len(dict.fromkeys(members)) < len(members):
+                    self._complain((*path, "partition"), "a robot stands in two groups")
+        return tuple(faults)
+
+
+def _starts(spec: RobotSpec) -> list[RobotStart]:
+    if spec.grid is not None and spec.ids is not None:
+        poses = grid_poses(spec.grid, len(spec.ids))
+        return [RobotStart(robot, pose) for robot, pose in zip(spec.ids, poses, strict=True)]
+    assert spec.id is not None
+    assert spec.pose is not None
+    return [RobotStart(spec.id, Pose(*spec.pose))]
+
+
+def _fault(spec: FaultSpec) -> Fault:
+    at, start, end = spec.at or 0, spec.from_ or 0, spec.to or 0
+    if spec.kill is not None:
+        return Kill(at, spec.kill)
+    if spec.restart is not None:
+        return Restart(at, spec.restart)
+    if spec.loss is not None:
+        return Loss(start, end, spec.loss)
+    if spec.stall is not None:
+        return Stall(start, end, spec.stall)
+    return Partition(start, end, tuple(map(tuple, spec.partition or ())))

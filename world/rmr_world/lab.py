@@ -1,0 +1,179 @@
+"""The lab as one value: arena, robots, radio, what the run is about. Read from a lab file, checked whole.
+
+`load_lab` reports every mistake of a file at once, each with line and column. It goes in three passes:
+`document` reads YAML with positions, `schema` judges it key by key, `checks` judges how the parts fit. A part
+that fails a pass is left out of the next one, so that one slip neither hides other mistakes nor causes
+complaints about itself. A `Lab` is plain and immutable; physics, simulator and hosts take it as it is.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Pose
+from rmr.base.time import Duration, Instant
+from rmr_world.document import LabError, Path_, Problem, read
+from rmr_world.terms import FinishPattern, LabFact, parse_fact, parse_finish
+
+LAB_FILE = "lab.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStart:
+    """A robot and where it starts."""
+
+    id: int
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class RadioSettings:
+    """The radio's settings of a lab."""
+
+    tx_power_dbm: float = 0.0
+    sensitivity_dbm: float = -85.0
+    exponent: float = 3.0
+    loss: float = 0.0
+    """Share of all frames that is lost on top of what physics loses."""
+    interference: str = "capture_3db"
+    seed: int | None = None
+    """None: the run's seed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Localisation:
+    """The ultrasonic localisation service; the beacons stand in the arena (paper V.B.1)."""
+
+    rate: float = 10.0
+    """Pulses of each beacon per second."""
+    sigma: float = 0.005
+    """Standard deviation of a range, metres."""
+    dropout: float = 0.0
+    """Share of the pulses that a robot does not hear."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """A robot's process dies."""
+
+    at: Instant
+    robot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """A robot that died starts again."""
+
+    at: Instant
+    robot: int
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """The radio loses more frames for a while."""
+
+    start: Instant
+    end: Instant
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Partition:
+    """Groups of robots do not hear each other for a while."""
+
+    start: Instant
+    end: Instant
+    groups: tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """A robot's process does nothing for a while."""
+
+    start: Instant
+    end: Instant
+    robot: int
+
+
+Fault = Kill | Restart | Loss | Partition | Stall
+
+
+@dataclass(frozen=True, slots=True)
+class Lab:
+    """A whole lab."""
+
+    name: str
+    program: Path
+    seed: int
+    duration: Duration
+    """The run ends then at the latest."""
+    finish: str
+    """Fact pattern that every robot holds in the end; empty: the run lasts its `duration`."""
+    arena: Arena
+    robots: tuple[RobotStart, ...]
+    """In the order of the file."""
+    facts: tuple[str, ...] = ()
+    radio: RadioSettings = RadioSettings()
+    localisation: Localisation = Localisation()
+    faults: tuple[Fault, ...] = ()
+    path: Path = Path(LAB_FILE)
+    places: Mapping[Path_, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
+    """Line and column of the file's parts, for complaints that need the program."""
+
+    @property
+    def roster(self) -> tuple[int, ...]:
+        """The robots' ids, ascending."""
+        return tuple(sorted(robot.id for robot in self.robots))
+
+    @property
+    def initial_facts(self) -> tuple[LabFact, ...]:
+        """`facts`, parsed."""
+        return tuple(map(parse_fact, self.facts))
+
+    @property
+    def finish_pattern(self) -> FinishPattern | None:
+        """`finish`, parsed; None when there is none."""
+        return parse_finish(self.finish) if self.finish else None
+
+    def with_robots(self, count: int) -> "Lab":
+        """Return the lab with its first `count` robots and the facts that concern them.
+
+        Raises LabError when the lab has fewer.
+        """
+        if not 1 <= count <= len(self.robots):
+            message = f"there are {len(self.robots)} robots in this lab, so not {count}"
+            raise LabError([Problem(str(self.path), *self.places.get(("robots",), (1, 1)), "robots", message)])
+        robots = self.robots[:count]
+        ids = {robot.id for robot in robots}
+        facts = tuple(text for text in self.facts if (owner := parse_fact(text).owner) is None or owner in ids)
+        faults = tuple(left for fault in self.faults if (left := _among(fault, ids)) is not None)
+        return replace(self, robots=robots, facts=facts, faults=faults)
+
+
+def _among(fault: Fault, ids: set[int]) -> Fault | None:
+    """Return what is left of `fault` when only the robots `ids` take part."""
+    if isinstance(fault, Kill | Restart | Stall):
+        return fault if fault.robot in ids else None
+    if isinstance(fault, Partition):
+        groups = tuple(kept for group in fault.groups if (kept := tuple(i for i in group if i in ids)))
+        return replace(fault, groups=groups) if len(groups) > 1 else None
+    return fault
+
+
+def lab_path(path: Path) -> Path:
+    """Return the lab file that `path`, a lab file or its folder, means."""
+    return path / LAB_FILE if path.is_dir() else path
+
+
+def load_lab(path: Path) -> Lab:
+    """Return the lab in `path`, a lab file or a folder with a ``lab.yaml``.
+
+    Raises LabError with everything that is wrong with it.
+    """
+    from rmr_world.checks import build  # noqa: PLC0415  (pydantic loads only where a file is read)
+
+    return build(read(lab_path(path)), lab_path(path))
+
+
+__all__ = ["Lab", "LabError", "Problem", "load_lab"]
