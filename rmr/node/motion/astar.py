@@ -9,11 +9,11 @@ The reduction pulls the string tight: from each kept point the path goes straigh
 from which the whole segment keeps the clearance. It tests the true geometry, not the cells.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
+from itertools import pairwise
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
@@ -100,7 +100,7 @@ def _trace(parent: dict[int, int], goal: int) -> list[int]:
 def grid_path(grid: Grid, cells: Sequence[int]) -> GridPath:
     """Return a list of neighbouring cells as first cell and steps."""
     codes = {dr * grid.stride + dc: code for code, (dc, dr) in enumerate(STEPS)}
-    return GridPath(grid.cell_at(cells[0]), tuple(codes[b - a] for a, b in itertools.pairwise(cells)))
+    return GridPath(grid.cell_at(cells[0]), tuple(codes[b - a] for a, b in pairwise(cells)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,12 +42,12 @@ class Ekf:
     """The estimate of one robot's pose."""
 
     __slots__ = (
+        "_ptt",
         "_pxt",
         "_pxx",
         "_pxy",
         "_pyt",
         "_pyy",
-        "_ptt",
         "range_sigma",
         "rejected",
         "rejected_in_row",
@@ -153,10 +153,7 @@ def initial_pose(
     The two circles meet on both sides of the beacons' line; the solution inside the arena is taken. None while
     there are no ranges to two different beacons, or none of their solutions lies inside.
     """
-    latest: dict[int, float] = {}
-    for index, metres in ranges:
-        if 0 <= index < len(beacons):
-            latest[index] = metres
+    latest = {index: metres for index, metres in ranges if 0 <= index < len(beacons)}
     known = sorted(latest.items())
     for i, (first, r1) in enumerate(known):
         for second, r2 in known[i + 1 :]:

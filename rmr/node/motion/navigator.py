@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
+from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, seconds
 from rmr.node.motion.avoid import limit_twist
 from rmr.node.motion.follow import BRAKE, Follower, braking_speed, turn_towards
+from rmr.node.motion.grid import discs_around
 from rmr.node.motion.route import Route, follower_route, leader_route, shared_part
 from rmr.node.ports import SeenBody
 
@@ -26,6 +27,8 @@ EARLY_S = 0.25
 """A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
 RETRY_S = 0.5
 """Between two tries to find a way when blocked."""
+SAME_PLACE_M = 0.03
+"""A parked robot that is reported this near to where it was has not moved."""
 FACED = 0.03
 """Heading error that counts as facing, radians."""
 
@@ -51,10 +54,12 @@ class Navigator:
         "_follower",
         "_gate_open",
         "_goal",
+        "_holding",
         "_next_try",
         "_opens_at",
         "_parked",
         "_pose",
+        "_replan_due",
         "_shared",
         "_through",
         "arena",
@@ -79,6 +84,8 @@ class Navigator:
         self._gate_open = False
         self._next_try: Instant = 0
         self._blocked_since: Instant = NEVER
+        self._replan_due = False
+        self._holding = False
         self._pose = Pose(0.0, 0.0, 0.0)
 
     # -- orders ---------------------------------------------------------------------------------------------
@@ -98,6 +105,7 @@ class Navigator:
         self._goal, self._face, self._driven = goal, final_heading, None
         self._parked, self._shared, self._through = tuple(parked), shared, through_gate
         self._opens_at, self._gate_open = None, False
+        self._holding = through_gate
         self._pose = pose
         return self._replan(now, pose)
 
@@ -108,9 +116,12 @@ class Navigator:
     def update_parked(self, points: Sequence[Point]) -> None:
         """Tell where robots are parked now; a blocked robot tries again at its next step."""
         parked = tuple(points)
-        if parked != self._parked:
-            self._parked = parked
-            self._next_try = 0
+        if _same(parked, self._parked):
+            return
+        self._parked = parked
+        self._next_try = 0
+        if self._follower is not None and (self.parked or self._obstructed()):
+            self._replan_due = True
 
     def face(self, now: Instant, theta: float) -> None:  # noqa: ARG002
         """Turn in place to the heading `theta`, radians."""
@@ -140,9 +151,11 @@ class Navigator:
             return limit_twist(self._driven, bodies, self.arena.shape.radius)
         if self.status in ("idle", "arrived"):
             return STILL
-        if self._follower is None:
-            if self._goal is not None and (now < self._next_try or not self._replan(now, pose)):
-                return STILL
+        if self._follower is None and self._goal is not None and (now < self._next_try or not self._replan(now, pose)):
+            return STILL
+        if self._replan_due:
+            self._replan_due = False
+            self._replan(now, pose, keep=True)
         follower = self._follower
         if follower is None:
             return self._turn(pose)
@@ -165,6 +178,7 @@ class Navigator:
         speed = self.arena.shape.speed
         gate = follower.route.gate_m
         if gate is None or self._gate_open or self.passed_gate:
+            self._holding = False
             return speed
         hold = braking_speed(gate - self._stop_before() - follower.s)
         if self._opens_at is None:
@@ -173,8 +187,9 @@ class Navigator:
         to_line = self._line(follower.route) - follower.s
         if to_line <= 0.0 or left <= 0.0:
             return min(speed, hold)
-        if follower.pivoting or self._standing_wait(to_line, left):
-            return 0.0 if self._standing_wait(to_line, left) else speed
+        self._holding = self._holding and self._standing_wait(to_line, left)
+        if self._holding:
+            return 0.0
         return min(speed, hold, max(0.02, to_line / left))
 
     def _standing_wait(self, to_line: float, left: float) -> bool:
@@ -190,11 +205,23 @@ class Navigator:
         brake = speed * speed / (2.0 * BRAKE)
         return max(0.0, (route.gate_m or 0.0) - self._stop_before() - brake)
 
-    def _replan(self, now: Instant, pose: Pose) -> bool:
+    def _obstructed(self) -> bool:
+        """Return whether a parked robot now stands on the rest of the route."""
+        follower = self._follower
+        if follower is None or self._goal is None:
+            return False
+        start = Point(self._pose.x, self._pose.y)
+        discs = discs_around(self._parked, self.arena.shape.radius, start, self._goal)
+        return follower.route.meets(follower.s, discs)
+
+    def _replan(self, now: Instant, pose: Pose, *, keep: bool = False) -> bool:
+        """Plan from `pose`. With `keep` the old route stays when there is no other."""
         assert self._goal is not None
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
         route = self._route(Point(pose.x, pose.y), self._goal, self._parked, self._shared, self._through)
+        if route is None and keep:
+            return False
         if route is None:
             self._follower, self.status = None, "blocked"
             return False
@@ -214,6 +241,11 @@ class Navigator:
     def route(self) -> Route | None:
         """Return the route being followed."""
         return None if self._follower is None else self._follower.route
+
+    @property
+    def parked(self) -> bool:
+        """Return whether the robot stands for a while: idle, arrived, blocked, or not yet due to leave."""
+        return self.status != "moving" or self._holding
 
     @property
     def remaining_m(self) -> float:
@@ -281,3 +313,8 @@ class Navigator:
         """Return the part of the robot's route that it shares when it leads; None without a gate."""
         route = self.route
         return None if route is None else shared_part(self.arena, route)
+
+
+def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
+    """Return whether two lists of parked robots mean the same but for the noise of their estimates."""
+    return len(a) == len(b) and all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)

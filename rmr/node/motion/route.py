@@ -1,7 +1,7 @@
 """The way of one robot: the leader's path and the followers' (paper IV.D.1).
 
 The leader goes S1 -> S1' -> P1' -> T1' -> T1 and shares P1', the part of its path that everybody needs: from
-a little before the bottleneck to where it is wide again. A follower k goes S_k -> S1' -> P1' -> T1' -> T_k with
+the bottleneck to where it is wide again (what lies before depends on where the leader comes from). A follower k goes S_k -> S1' -> P1' -> T1' -> T_k with
 straight legs where they are free and its own A* where they are not; it joins P1' where it is nearest, so that
 a robot that waits at the entry never drives back to S1'.
 
@@ -9,22 +9,24 @@ A route is a polyline measured by arc length. Two lengths on it concern the bott
 passes nearest to the bottleneck area, and where the narrow section after it has ended.
 """
 
-import itertools
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
 from rmr.base.gridpath import GridPath
 from rmr.node.motion.astar import Floor, plan
-from rmr.node.motion.grid import MARGIN_M, discs_around, grid_of, segment_clearance
+from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 
 GATE_REACH_M = 0.15
 """A route has a gate if it passes the bottleneck's point within this."""
-LEAD_IN_M = 0.15
-"""How far before the gate the shared path begins."""
+VIA_M = 0.05
+"""A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
+DETOUR_M = 0.15
+"""What the way through the bottleneck's very point may cost."""
 SCAN_M = 0.02
 """Step of the search for the end of the narrow section."""
 
@@ -66,6 +68,14 @@ class Route:
         a, b = self.points[i], self.points[i + 1]
         return math.atan2(b.y - a.y, b.x - a.x)
 
+    def meets(self, s: float, discs: Discs) -> bool:
+        """Return whether the route after arc length `s` enters one of `discs`."""
+        i = self.segment(s)
+        rest = (self.point(s), *self.points[i + 1 :])
+        return any(
+            point_segment_distance(x, y, *a, *b) < keep - 0.01 for a, b in pairwise(rest) for x, y, keep in discs
+        )
+
     def project(self, x: float, y: float, low: float, high: float) -> float:
         """Return the arc length within [low, high] whose point is nearest to (x, y)."""
         best, best_s = math.inf, low
@@ -87,19 +97,16 @@ class Route:
 def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> Route:
     """Return the route along `points` (two at least), with its gate if it is to pass the bottleneck."""
     at = [0.0]
-    for a, b in itertools.pairwise(points):
+    for a, b in pairwise(points):
         at.append(at[-1] + distance(*a, *b))
     route = Route(tuple(points), tuple(at))
-    if not through_gate or arena.bottleneck is None:
+    centre = gate_point(arena) if through_gate else None
+    if centre is None:
         return route
-    area = arena.area(arena.bottleneck)
-    if area is None:
-        return route
-    centre = area.places[0]
     gate = route.project(*centre, 0.0, route.length_m)
     if distance(*route.point(gate), *centre) > GATE_REACH_M:
         return route
-    return Route(route.points, route.at_m, gate, _end_of_narrow(arena, route, gate), way_of(route.heading(gate)))
+    return Route(route.points, route.at_m, gate, _end_of_narrow(arena, route, gate), way_of(route.heading(gate + 0.01)))
 
 
 def way_of(heading: float) -> int:
@@ -134,26 +141,39 @@ def _narrow(arena: Arena, route: Route, s: float) -> bool:
 def leader_route(
     arena: Arena, start: Point, goal: Point, parked: Sequence[Point], *, through_gate: bool
 ) -> Route | None:
-    """Return the robot's own route by A*, or None when there is no way."""
+    """Return the robot's own route by A*, or None when there is no way.
+
+    A route that passes the bottleneck goes through its very point, so that robots from all sides meet there and
+    nowhere before.
+    """
     found = plan(arena, start, goal, parked)
     if found is None:
         return None
-    return make_route(arena, found.points, through_gate=through_gate)
+    route = make_route(arena, found.points, through_gate=through_gate)
+    if route.gate_m is None or route.gate_m < VIA_M:
+        return route
+    via = gate_point(arena)
+    assert via is not None
+    into = plan(arena, start, via, parked)
+    out = plan(arena, via, goal, parked)
+    if into is None or out is None or into.length_m + out.length_m > route.length_m + DETOUR_M:
+        return route
+    return make_route(arena, [*into.points, *out.points[1:]], through_gate=True)
+
+
+def gate_point(arena: Arena) -> Point | None:
+    """Return the bottleneck's point; None when the arena has none."""
+    area = None if arena.bottleneck is None else arena.area(arena.bottleneck)
+    return None if area is None else area.places[0]
 
 
 def shared_part(arena: Arena, route: Route) -> GridPath | None:
-    """Return the cells of `route` from before its gate to the end of the narrow section (P1' of the paper)."""
+    """Return the cells of `route` from its gate to the end of the narrow section (P1' of the paper)."""
     if route.gate_m is None:
         return None
-    grid = grid_of(arena)
-    begin = route.point(max(0.0, route.gate_m - LEAD_IN_M))
-    end = route.point(route.clear_m)
+    begin, end = route.point(route.gate_m), route.point(route.clear_m)
     found = plan(arena, begin, end)
-    if found is None:
-        return None
-    path = found.path
-    inside = all(0 <= c < grid.columns and 0 <= r < grid.rows for c, r in path.cells())
-    return path if inside else None
+    return None if found is None else found.path
 
 
 def follower_route(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath) -> Route | None:
@@ -181,9 +201,12 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     if len(points) < 2:
         return None
     floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
-    for a, b in itertools.pairwise(points):
+    for a, b in pairwise(points):
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
+    via = gate_point(arena)
+    if nearest == 0 and via is not None and distance(*points[0], *via) < GATE_REACH_M:
+        points[0] = via
     return floor.pull(points)
 
 

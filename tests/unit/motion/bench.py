@@ -177,3 +177,96 @@ class Bench:
             if done():
                 return True
         return False
+
+
+class Stream:
+    """Hands out ideal slots at the gate: rank k enters a headway after rank k - 1; who is late gets a new slot."""
+
+    ENTRY_WINDOW_S = 0.25
+    LEAD_S = 0.6
+
+    def __init__(self, bench: Bench, order: Sequence[int], headway_s: float, begin_s: float = 0.6) -> None:
+        self.bench = bench
+        self.order = [bench.bodies[i] for i in order]
+        self.headway_s = headway_s
+        self.begin_s = begin_s
+        self.missed = 0
+        self.slots: dict[int, float] = {}
+        self.entered: dict[int, float] = {}
+        self.cleared: dict[int, float] = {}
+        self.arrived: dict[int, float] = {}
+        self.goals: dict[int, Point] = {}
+        self.shared = None
+
+    def parked_for(self, body: Body) -> list[Point]:
+        """Return where others stand: what their messages say, with the error of their own estimates."""
+        return [Point(*o.estimate[:2]) for o in self.bench.bodies if o is not body and o.nav.parked]
+
+    def assign(self, places: Sequence[Point]) -> None:
+        """Plan every trip and give every robot its slot, in order."""
+        bench = self.bench
+        last = -math.inf
+        for rank, body in enumerate(self.order):
+            goal = self.goals[body.robot] = places[rank]
+            parked = self.parked_for(body) + [self.goals[o.robot] for o in self.order[:rank]]
+            ok = body.nav.go(bench.now, body.estimate, goal, parked=parked, shared=self.shared, through_gate=True)
+            assert ok, f"robot {body.robot} finds no way"
+            if self.shared is None:
+                self.shared = body.nav.shared_path()
+            release = max(bench.time + self.LEAD_S, bench.time + in_seconds(body.nav.eta_gate(bench.now)))
+            last = max(release, last + self.headway_s)
+            self.slots[body.robot] = last
+
+    def _parked_ahead(self, body: Body) -> list[Point]:
+        """Return who stands now and whose place lies ahead: ranks before mine that are through or on their way."""
+        mine = self.slots[body.robot]
+        ahead = [self.goals[o.robot] for o in self.order if self.slots[o.robot] < mine and not o.nav.parked]
+        return self.parked_for(body) + ahead
+
+    def step(self) -> None:
+        bench = self.bench
+        if bench.tick % 15 == 0:
+            for body in self.order:
+                body.nav.update_parked(self._parked_ahead(body))
+        for body in self.order:
+            self._gate(body)
+        bench.step()
+        for body in self.order:
+            if body.nav.cleared and body.robot not in self.cleared:
+                self.cleared[body.robot] = bench.time
+            if body.nav.status == "arrived" and body.robot not in self.arrived:
+                self.arrived[body.robot] = bench.time
+
+    def _gate(self, body: Body) -> None:
+        bench, robot = self.bench, body.robot
+        if robot in self.entered:
+            return
+        start = self.slots[robot]
+        ready = in_seconds(body.nav.eta_gate(bench.now)) < self.ENTRY_WINDOW_S
+        if start <= bench.time and ready:
+            self.entered[robot] = bench.time
+        elif bench.time > start + self.ENTRY_WINDOW_S:
+            self.missed += 1
+            self.slots[robot] = max(bench.time + self.LEAD_S, max(self.slots.values()) + self.headway_s)
+        body.nav.gate(round(self.slots[robot] * 1e9), robot in self.entered)
+
+    def run(self, until_s: float) -> bool:
+        while self.bench.time < until_s:
+            self.step()
+            if len(self.arrived) == len(self.order):
+                return True
+        return False
+
+
+def stream_testbed(seed: int, headway_s: float = 0.95, robots: int = 6, noise: float = 1.0, watch=None) -> Stream:
+    """Run the test-bed: `robots` robots in random order stream to the exit slots."""
+    bench = Bench(testbed(), TESTBED_STARTS[:robots], seed, noise)
+    order = list(range(robots))
+    bench.rng.shuffle(order)
+    while bench.time < 0.6:
+        bench.step()
+    stream = Stream(bench, order, headway_s)
+    stream.assign(bench.arena.area("exit").places)
+    stream.watch = watch
+    stream.run(60.0)
+    return stream
