@@ -1,0 +1,117 @@
+"""Actions: the wheels are used by one at a time, turns hold actions back, failures become else effects."""
+
+from rmr.base.time import seconds
+from rmr.node.actions import ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
+
+
+class Turn:
+    open = False
+
+    def released(self, now: int) -> bool:
+        return self.open
+
+
+class FakeNode:
+    """Hosts a dispatcher and keeps what it is told."""
+
+    def __init__(self, **handlers: Handler) -> None:
+        self.now = 0
+        self.robot = 4
+        self.ended: list[tuple[str, str | None]] = []
+        self.halts = 0
+        self.log: list[str] = []
+        self.dispatcher = Dispatcher(self, handlers)
+        self.serial = 0
+
+    def action_ended(self, now, running, failure):
+        self.ended.append((running.name, failure))
+
+    def handle(self, running):
+        return RobotHandle(lambda: self.now, self, running)
+
+    def halt(self):
+        self.halts += 1
+
+    def derive(self, name: str, *args, turn=None) -> None:
+        self.serial += 1
+        handler = self.dispatcher._handlers[name]
+        self.dispatcher.derive(self.now, Running(self.serial, name, args, handler, turn))
+
+    def step(self, at_s: float) -> None:
+        self.now = seconds(at_s)
+        self.dispatcher.step(self.now)
+
+
+async def drive(robot, duration_s):
+    await robot.sleep(duration_s)
+
+
+def wheels(name: str) -> Handler:
+    return Handler(name, drive, wheels=True)
+
+
+def test_a_second_driving_action_waits_until_the_wheels_are_free():
+    node = FakeNode(a=wheels("a"), b=wheels("b"))
+    node.derive("a", 2.0)
+    node.derive("b", 1.0)
+    node.step(1.0)
+    assert node.ended == []
+    node.step(2.0)
+    assert node.ended == [("a", None)]
+    node.step(3.0)
+    assert node.ended == [("a", None), ("b", None)]
+
+
+def test_stop_does_not_wait_and_fails_what_was_driving():
+    async def stop(robot):
+        pass
+
+    node = FakeNode(a=wheels("a"), stop=Handler("stop", stop, at_once=True))
+    node.derive("a", 100.0)
+    node.derive("stop")
+    assert node.ended == [("a", "stopped"), ("stop", None)]
+    assert node.halts >= 1
+
+
+def test_an_action_waits_for_its_turn_without_keeping_others_from_the_wheels():
+    node = FakeNode(a=wheels("a"), b=wheels("b"))
+    turn = Turn()
+    node.derive("a", 1.0, turn=turn)
+    node.derive("b", 1.0)
+    node.step(1.0)
+    assert node.ended == [("b", None)]
+    turn.open = True
+    node.step(1.5)
+    node.step(2.5)
+    assert node.ended == [("b", None), ("a", None)]
+
+
+def test_a_failed_action_ends_with_its_reason():
+    async def fail(robot):
+        raise ActionFailed("the door is shut")
+
+    node = FakeNode(fail=Handler("fail", fail))
+    node.derive("fail")
+    assert node.ended == [("fail", "the door is shut")]
+
+
+def test_a_mistake_in_a_users_action_fails_the_action_and_not_the_robot():
+    async def broken(robot):
+        raise KeyError("nothing")
+
+    node = FakeNode(broken=Handler("broken", broken))
+    node.derive("broken")
+    assert node.ended == [("broken", "KeyError: 'nothing'")]
+
+
+def test_a_condition_is_looked_at_whenever_the_robot_runs():
+    seen = []
+
+    async def watch(robot):
+        await Pause(condition=lambda: len(seen) > 1)
+
+    node = FakeNode(watch=Handler("watch", watch))
+    node.derive("watch")
+    seen += [1, 2]
+    node.step(0.1)
+    assert node.ended == [("watch", None)]

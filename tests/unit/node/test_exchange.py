@@ -1,0 +1,95 @@
+"""Facts between robots arrive exactly once while both live, whatever the radio loses or repeats."""
+
+from random import Random
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rmr.base.time import NEVER, seconds
+from rmr.node import wire
+from rmr.node.exchange import IN_FLIGHT_MAX, TIME_TO_LIVE, Exchange
+from rmr.node.wire import Delivery, Kind, Role
+
+FACT = Delivery(Role.FACT, 3, (1,))
+
+
+class Pair:
+    """Two exchanges over a link that loses and repeats frames as `rng` says."""
+
+    def __init__(self, rng: Random, loss: float = 0.0, repeat: float = 0.0, digests: tuple[int, int] = (9, 9)) -> None:
+        self.a = Exchange(digests[0], 0, Random(1))
+        self.b = Exchange(digests[1], 0, Random(2))
+        self.rng, self.loss, self.repeat = rng, loss, repeat
+        self.now = 0
+        self.arrived: list[bytes] = []
+
+    def _carry(self, source: Exchange, target: Exchange) -> None:
+        frames, source.outbox[:] = list(source.outbox), []
+        for payload, _ in frames:
+            for _ in range(1 + (self.rng.random() < self.repeat)):
+                if self.rng.random() < self.loss:
+                    continue
+                if payload[0] == Kind.FACT_ACK:
+                    target.acknowledged(self.now, payload, 1)
+                else:
+                    body = target.received(payload, 1)
+                    if body is not None:
+                        self.arrived.append(body)
+
+    def run(self, until: int) -> None:
+        while self.now < until:
+            self._carry(self.a, self.b)
+            self._carry(self.b, self.a)
+            self._carry(self.a, self.b)
+            if self.a.next_wake == NEVER or self.a.next_wake > until:
+                break
+            self.now = max(self.now + 1, self.a.next_wake)
+            self.a.wake(self.now)
+
+
+@given(st.integers(0, 10**6), st.floats(0, 0.7), st.floats(0, 0.5), st.integers(1, 20))
+def test_every_fact_arrives_exactly_once(seed, loss, repeat, count):
+    pair = Pair(Random(seed), loss, repeat)
+    bodies = [bytes([i]) * (1 + 17 * i) for i in range(count)]
+    for body in bodies:
+        pair.a.send(0, 1, FACT, body)
+    pair.run(seconds(29))
+    lost = [1 for _ in pair.a.undelivered]
+    assert len(set(pair.arrived)) == len(pair.arrived), "nothing arrives twice"
+    if loss <= 0.3:
+        assert sorted(pair.arrived) == sorted(bodies)
+    assert not lost, "nothing is given up before its time"
+
+
+def test_what_nobody_acknowledges_comes_back_to_the_sender():
+    pair = Pair(Random(0), loss=1.0)
+    pair.a.send(0, 1, FACT, b"x")
+    pair.run(TIME_TO_LIVE + seconds(5))
+    assert pair.a.undelivered == [(1, FACT)]
+    assert pair.arrived == []
+
+
+def test_at_most_a_bounded_number_is_in_flight_and_the_rest_waits_in_order():
+    exchange = Exchange(1, 0, Random(0))
+    for i in range(IN_FLIGHT_MAX + 5):
+        exchange.send(0, 1, FACT, bytes([i]))
+    assert len(exchange.outbox) == IN_FLIGHT_MAX
+    exchange.acknowledged(0, wire.encode_ack(0, 0), 1)
+    assert wire.decode_fact_frame(exchange.outbox[-1][0]).piece == bytes([IN_FLIGHT_MAX])
+
+
+def test_a_restarted_sender_is_not_taken_for_its_earlier_life():
+    receiver = Exchange(1, 0, Random(0))
+    for epoch in (0, 1):
+        (frame,) = wire.encode_fact_frames(1, epoch, 0, b"x")
+        assert receiver.received(frame, 5) == b"x"
+        assert receiver.received(frame, 5) is None
+    assert receiver.duplicates == 2
+
+
+def test_facts_of_another_program_are_counted_and_dropped():
+    pair = Pair(Random(0), digests=(1, 2))
+    pair.a.send(0, 1, FACT, b"x")
+    pair.run(seconds(1))
+    assert pair.arrived == []
+    assert pair.b.foreign > 0

@@ -1,0 +1,83 @@
+"""Frames between robots round-trip, and octets that nobody sent are refused."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
+from rmr.node import wire
+from rmr.node.wire import Delivery, Hello, Role, WireError
+
+SYMBOLS = ("entry", "exit")
+INDEX = {name: i for i, name in enumerate(SYMBOLS)}
+
+scalars = st.one_of(
+    st.booleans(),
+    st.integers(INT_MIN, INT_MAX),
+    st.floats(allow_nan=False),
+    st.text(max_size=20),
+    st.sampled_from([Symbol("exit"), Symbol("elsewhere")]),
+    st.integers(0, 65533).map(Robot),
+)
+values: st.SearchStrategy[Value] = st.recursive(scalars, lambda v: st.lists(v, max_size=4).map(tuple), max_leaves=8)
+
+
+@given(st.sampled_from(Role), st.integers(0, 65535), st.lists(values, max_size=6))
+def test_a_delivery_reads_back_as_it_was_written_with_its_types(role, predicate, args):
+    delivery = Delivery(role, predicate, tuple(args))
+    back = wire.decode_delivery(wire.encode_delivery(delivery, INDEX), SYMBOLS)
+    assert back == delivery
+    assert [type(a) for a in back.args] == [type(a) for a in delivery.args]
+
+
+@given(st.binary(max_size=130))
+def test_random_octets_are_refused_and_never_raise_anything_else(octets):
+    for decode in (
+        wire.decode_hello,
+        wire.decode_ack,
+        wire.decode_failure,
+        lambda data: wire.decode_delivery(data, SYMBOLS),
+    ):
+        try:
+            decode(octets)
+        except WireError:
+            continue
+    if octets:
+        try:
+            frame = wire.decode_fact_frame(octets)
+        except WireError:
+            return
+        assert 0 <= frame.part < frame.parts
+
+
+def test_lists_nested_too_deep_are_refused():
+    value: Value = ()
+    for _ in range(wire.LIST_DEPTH_MAX + 2):
+        value = (value,)
+    body = wire.encode_delivery(Delivery(Role.FACT, 0, (value,)), INDEX)
+    with pytest.raises(WireError, match="deep"):
+        wire.decode_delivery(body, SYMBOLS)
+
+
+@given(
+    st.floats(-300, 300), st.floats(-300, 300), st.floats(0, 6.28), st.booleans(), st.integers(0, 255), st.booleans()
+)
+def test_a_hello_keeps_position_to_the_centimetre(x, y, theta, parked, rank, going):
+    hello = Hello(x, y, theta, parked, rank, (y, x) if going else None)
+    back = wire.decode_hello(wire.encode_hello(hello))
+    assert back.x == pytest.approx(x, abs=0.0051)
+    assert back.y == pytest.approx(y, abs=0.0051)
+    assert (back.parked, back.rank) == (parked, rank)
+    assert (back.goal is None) is not going
+
+
+def test_every_payload_fits_one_frame():
+    frames = wire.encode_fact_frames(0xABCD, 1, 7, bytes(1000))
+    assert len(frames) > 1
+    assert all(len(frame) <= wire.PAYLOAD_OCTETS_MAX for frame in frames)
+    assert len(wire.encode_fact_frames(0xABCD, 1, 7, bytes(wire.FACT_BODY_OCTETS_MAX))) == 1
+
+
+def test_a_fact_too_large_to_travel_says_how_large_it_may_be():
+    with pytest.raises(WireError, match=r"at most \d+ octets"):
+        wire.encode_fact_frames(0, 0, 0, bytes(wire.PARTS_MAX * wire.FRAGMENT_OCTETS + 1))

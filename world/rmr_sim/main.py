@@ -1,0 +1,95 @@
+"""`rmr sim LAB`: a lab in virtual time, in one process, the same for the same seed."""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+from rmr_world.report import table_text, write
+
+from rmr import __version__
+from rmr.bytecode.codec import BytecodeError
+from rmr.node.node import MissingHandlers
+from rmr_sim.run import SimulationError, prepare, report_of
+from rmr_world.document import LabError
+
+EXIT_FAILED, EXIT_INVALID, EXIT_STRICT = 1, 3, 4
+
+
+def _arguments(argv: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="rmr sim", description="Run a lab in virtual time, in one process; the same seed gives the same report."
+    )
+    parser.add_argument("lab", type=Path, metavar="LAB", help="a folder with a lab.yaml, or a lab.yaml")
+    parser.add_argument("--seed", type=int, help="instead of the lab file's seed")
+    parser.add_argument("--robots", type=int, metavar="N", help="only the first N robots of the lab")
+    parser.add_argument("--loss", type=float, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
+    parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
+    parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: none is written)")
+    parser.add_argument("--trace", type=Path, metavar="FILE", help="write what happened as JSON lines")
+    parser.add_argument("--json", action="store_true", help="the report as JSON on standard output")
+    parser.add_argument("--strict", action="store_true", help="exit 4 when a deadline was missed or robots touched")
+    parser.add_argument("--version", action="version", version=f"rmr {__version__}")
+    return parser.parse_args(argv)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    arguments = _arguments(argv)
+    try:
+        return _run(arguments)
+    except (LabError, SimulationError, BytecodeError, MissingHandlers, OSError) as error:
+        print(f"rmr sim: {error}", file=sys.stderr)
+        return EXIT_INVALID
+    except KeyboardInterrupt:
+        print("rmr sim: interrupted", file=sys.stderr)
+        return EXIT_FAILED
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    simulation = prepare(
+        arguments.lab,
+        seed=arguments.seed,
+        robots=arguments.robots,
+        loss=arguments.loss,
+        actions=arguments.actions,
+        warn=lambda text: print(text, file=sys.stderr),
+    )
+    began = time.perf_counter()
+    finished = simulation.run()
+    wall_s = time.perf_counter() - began
+    report = report_of(simulation, finished)
+    if arguments.run is not None:
+        write(report, run_folder(arguments.run, simulation))
+    if arguments.trace is not None:
+        _write_trace(simulation.trace(), arguments.trace)
+    if arguments.json:
+        json.dump(report, sys.stdout, indent=2, sort_keys=True)
+        print()
+    else:
+        print(table_text(report))
+    speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
+    print(f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)", file=sys.stderr)
+    return exit_code(report, strict=arguments.strict)
+
+
+def exit_code(report: dict[str, object], *, strict: bool) -> int:
+    """Return the exit code for a report (0 fine, 1 not finished, 4 under --strict: missed or touched)."""
+    if not report["finished"]:
+        return EXIT_FAILED
+    deadlines = report["deadlines"]
+    assert isinstance(deadlines, dict)
+    if strict and (deadlines["missed"] or report["collisions"]):
+        return EXIT_STRICT
+    return 0
+
+
+def _write_trace(entries: list[dict[str, object]], path: Path) -> None:
+    with path.open("w") as file:
+        for entry in entries:
+            file.write(json.dumps(entry) + "\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""From a lab's path to a simulation, and from a simulation to its report."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rmr_world.report import assemble
+
+from rmr.node.userfile import load_actions
+from rmr_sim.simulation import Simulation
+from rmr_world.checks import check_program
+from rmr_world.document import LabError
+from rmr_world.lab import load_lab
+from rmr_world.program import load_program
+
+
+class SimulationError(Exception):
+    """The simulation cannot begin; the message says why."""
+
+
+def prepare(
+    path: Path,
+    *,
+    seed: int | None = None,
+    robots: int | None = None,
+    loss: float | None = None,
+    actions: Path | None = None,
+    warn: Callable[[str], None] = lambda _: None,
+) -> Simulation:
+    """Return the simulation of the lab in `path`.
+
+    Raises LabError, ProgramError, ActionsError, MissingHandlers or SimulationError with what is wrong.
+    """
+    lab = load_lab(path)
+    if robots is not None:
+        lab = lab.with_robots(robots)
+    if loss is not None:
+        if not 0.0 <= loss < 1.0:
+            raise SimulationError(f"--loss is a share from 0 up to 1, not {loss}")
+        lab = replace(lab, radio=replace(lab.radio, loss=loss))
+    loaded = load_program(lab.program)
+    if loaded.warnings:
+        warn(loaded.warnings)
+    problems = check_program(lab, loaded.program)
+    if problems:
+        raise LabError(problems)
+    return Simulation(lab, loaded.program, loaded.digest, lab.seed if seed is None else seed, load_actions(actions))
+
+
+def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
+    """Return the report of a run that is over; wall time is left out, so that equal seeds give equal octets."""
+    world = simulation.world
+    return assemble(
+        simulation.lab,
+        mode="simulated",
+        seed=simulation.seed,
+        finished=finished,
+        time_s=simulation.time_s,
+        wall_s=None,
+        robots=simulation.robot_parts(),
+        truth={"collisions": world.collisions, "min_gap_m": world.min_gap_m},
+        bus_lost=0,
+    )

@@ -1,0 +1,191 @@
+"""One simulated run: world, radios and nodes of a lab in virtual time.
+
+The robots are the very nodes that a robot process hosts and the radios the very stations; only the hosts differ.
+Announcements reach every other station at the instant they are made, so receptions are exact. The world advances at
+each 1/60 s tick; robots that stand still are sampled less often, as the world server does.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from rmr.base.geometry import Twist
+from rmr.base.streams import stable_hash, stream
+from rmr.base.time import Instant, in_seconds, tick_start
+from rmr.bytecode.program import Program
+from rmr.node.actions import Handler
+from rmr.node.config import NodeConfig
+from rmr.node.node import Node
+from rmr.node.ports import Confirmed, Ports, Received, Sensed
+from rmr.node.report import robot_report
+from rmr.radio.air import Announcement
+from rmr.radio.air import Confirmed as RadioConfirmed
+from rmr.radio.station import RadioConfig, Station
+from rmr_sim.kernel import RADIO, ROBOT, Alarm, Kernel
+from rmr_world.lab import Lab
+from rmr_world.physics import World
+from rmr_world.terms import parse_fact, parse_finish
+
+IDLE_SAMPLE_TICKS = 6
+"""A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
+
+
+class SimulatedRobot:
+    """A node with its station and its body in the world."""
+
+    def __init__(self, simulation: "Simulation", robot: int, node_of: Any) -> None:
+        self._simulation = simulation
+        self.robot = robot
+        lab, seed = simulation.lab, simulation.seed
+        radio = lab.radio
+        self.station = Station(
+            robot,
+            stable_hash(lab.name, 2),
+            radio.seed if radio.seed is not None else seed,
+            stream(f"{seed}/robot{robot}/csma"),
+            RadioConfig(radio.tx_power_dbm, radio.sensitivity_dbm, radio.exponent, radio.loss, radio.interference),
+        )
+        self._received: list[Received] = []
+        self._confirmed: list[Confirmed] = []
+        self._samples: list[Sensed] = []
+        self.x, self.y, _ = simulation.world.pose(robot)
+        self.still = True
+        self.node: Node = node_of(Ports(self, self))
+        self.radio_alarm = Alarm(simulation.kernel, RADIO, self._advance)
+        self.node_alarm = Alarm(simulation.kernel, ROBOT, self.tick)
+
+    # -- the node's ports -------------------------------------------------------------------------------------
+
+    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+        """Queue a frame."""
+        self.station.request(self._simulation.kernel.now, payload, destination, handle)
+
+    def receive(self) -> list[Received]:
+        """Return the frames that have arrived."""
+        received, self._received = self._received, []
+        return received
+
+    def confirmations(self) -> list[Confirmed]:
+        """Return the outcomes that have become known."""
+        confirmed, self._confirmed = self._confirmed, []
+        return confirmed
+
+    def sense(self) -> list[Sensed]:
+        """Return the new samples."""
+        samples, self._samples = self._samples, []
+        return samples
+
+    def act(self, twist: Twist, stamp: Instant) -> None:
+        """Command the wheels."""
+        self.still = twist.v == 0.0 and twist.w == 0.0
+        self._simulation.world.act(self.robot, twist, stamp, self._simulation.kernel.now)
+
+    # -- the host's part --------------------------------------------------------------------------------------
+
+    def sample(self, now: Instant) -> None:
+        """Take a sample of the world."""
+        sample = self._simulation.world.sense(self.robot, now)
+        self.x, self.y, _ = sample.truth
+        self._samples.append(sample)
+
+    def tick(self, now: Instant) -> None:
+        """Let the node run, and see to what it wants next."""
+        self.node.tick(now)
+        self.node_alarm.set(max(self.node.next_wake, now + 1))
+        self.radio_alarm.set(self.station.next_wake)
+
+    def _advance(self, now: Instant) -> None:
+        arrived = False
+        for out in self.station.advance(now, self.x, self.y):
+            if isinstance(out, Announcement):
+                self._simulation.announce(self, out)
+            elif isinstance(out, RadioConfirmed):
+                self._confirmed.append(Confirmed(out.handle, out.status))
+                arrived = True
+            else:
+                self._received.append(Received(*out))
+                arrived = True
+        if arrived:
+            self.node_alarm.set(now)
+        self.radio_alarm.set(self.station.next_wake)
+
+    def hear(self, announcement: Announcement) -> None:
+        """Hear another station's transmission."""
+        self.station.hear(announcement)
+        self.radio_alarm.set(self.station.next_wake)
+
+
+class Simulation:
+    """A lab's run in virtual time."""
+
+    def __init__(
+        self, lab: Lab, program: Program, digest: int, seed: int, handlers: Mapping[str, Handler] | None = None
+    ) -> None:
+        """Raise `rmr.node.node.MissingHandlers` when the program declares an action that nothing carries out."""
+        self.lab = lab
+        self.seed = seed
+        self.kernel = Kernel()
+        self.world = World(lab, seed)
+        self.finish_at: Instant | None = None
+        facts = tuple((fact.name, fact.owner, fact.args) for fact in map(parse_fact, lab.facts))
+        finish = parse_finish(lab.finish) if lab.finish else None
+        roster = tuple(start.id for start in lab.robots)
+
+        def node_of(robot: int) -> Any:
+            config = NodeConfig(robot, roster, lab.arena, seed, facts, finish and (finish.name, finish.patterns))
+            return lambda ports: Node(config, program, ports, handlers or {}, digest)
+
+        self.robots = [SimulatedRobot(self, robot, node_of(robot)) for robot in roster]
+
+    def announce(self, sender: SimulatedRobot, announcement: Announcement) -> None:
+        """Hand a transmission to all other stations."""
+        for robot in self.robots:
+            if robot is not sender:
+                robot.hear(announcement)
+
+    def run(self) -> bool:
+        """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished."""
+        for robot in self.robots:
+            robot.node.start(0)
+        index = 0
+        while True:
+            now = tick_start(index)
+            self.kernel.run_until(now - 1 if now else 0)
+            self.kernel.now = now
+            self._tick(now, index)
+            if all(robot.node.finished() for robot in self.robots):
+                self.finish_at = now
+                return True
+            if now >= self.lab.duration:
+                return False
+            index += 1
+
+    def _tick(self, now: Instant, index: int) -> None:
+        self.world.step(now)
+        for robot in self.robots:
+            if robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS:
+                if robot.node.next_wake <= now:
+                    robot.tick(now)
+                continue
+            robot.sample(now)
+            robot.tick(now)
+
+    @property
+    def now(self) -> Instant:
+        """Virtual time."""
+        return self.kernel.now
+
+    def robot_parts(self) -> dict[int, dict[str, Any]]:
+        """Return every robot's part of the report."""
+        parts: dict[int, dict[str, Any]] = {}
+        for robot in self.robots:
+            part = robot_report(robot.node, robot.station.counters.as_dict())
+            part["distance_m"] = round(self.world.distance_m(robot.robot), 3)
+            parts[robot.robot] = part
+        return parts
+
+    @property
+    def time_s(self) -> float:
+        """From the first tick to the last robot's finish, seconds of lab time."""
+        ends = [robot.node.finish_at for robot in self.robots]
+        known = [end for end in ends if end is not None]
+        return in_seconds(max(known) if len(known) == len(ends) else self.now)

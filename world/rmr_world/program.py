@@ -1,0 +1,54 @@
+"""A lab's program, from source or byte-code, judged against the lab.
+
+Used by whoever starts a lab: the simulator, the launcher, the world server. A robot process never comes here; it
+carries byte-code only.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rmr.lang.compiler import compile_file
+from rmr.lang.render import render_text
+
+from rmr.bytecode import codec
+from rmr.bytecode.codec import BytecodeError
+from rmr.bytecode.program import Program
+
+
+class ProgramError(Exception):
+    """The program cannot run; the message is what a person is shown, one or more lines."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedProgram:
+    """A program that is ready to run."""
+
+    program: Program
+    octets: bytes
+    """Its byte-code, with the debug section."""
+    digest: int
+    """Identifies the program in messages between robots."""
+    warnings: str
+    """The compiler's warnings, rendered; empty when there are none."""
+
+
+def load_program(path: Path, *, color: bool = False) -> LoadedProgram:
+    """Return the program in `path`, a ``.rmr`` or ``.rbc`` file. Raises ProgramError with all that is wrong."""
+    if path.suffix == ".rbc":
+        return _load_bytecode(path)
+    compilation = compile_file(path)
+    text = render_text(compilation.diagnostics, compilation.sources, color=color)
+    if compilation.program is None:
+        raise ProgramError(text)
+    octets = codec.encode(compilation.program, debug=True)
+    return LoadedProgram(compilation.program, octets, codec.digest(octets), text)
+
+
+def _load_bytecode(path: Path) -> LoadedProgram:
+    try:
+        octets = path.read_bytes()
+        return LoadedProgram(codec.decode(octets), octets, codec.digest(octets), "")
+    except OSError as error:
+        raise ProgramError(f"{path}: {error.strerror}") from error
+    except BytecodeError as error:
+        raise ProgramError(f"{path}: {error}") from error
