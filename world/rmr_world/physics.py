@@ -177,7 +177,7 @@ class World:
         index = tick_index(now)
         while self._tick < index:
             self._tick += 1
-            self._advance(now)
+            self._advance(tick_start(self._tick))
 
     def _advance(self, now: Instant) -> None:
         """One tick."""
