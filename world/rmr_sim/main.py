@@ -6,15 +6,16 @@ import sys
 import time
 from pathlib import Path
 
-from rmr_world.report import table_text, write
-
 from rmr import __version__
-from rmr.bytecode.codec import BytecodeError
 from rmr.node.node import MissingHandlers
-from rmr_sim.run import SimulationError, prepare, report_of
+from rmr.node.userfile import ActionsError
+from rmr_sim.run import UsageError, prepare, report_of
 from rmr_world.document import LabError
+from rmr_world.program import ProgramError
+from rmr_world.report import table_text, write
+from rmr_world.runfolder import RunFolderError, make_run_folder
 
-EXIT_FAILED, EXIT_INVALID, EXIT_STRICT = 1, 3, 4
+EXIT_FAILED, EXIT_USAGE, EXIT_INVALID, EXIT_STRICT = 1, 2, 3, 4
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
@@ -26,7 +27,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--robots", type=int, metavar="N", help="only the first N robots of the lab")
     parser.add_argument("--loss", type=float, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
     parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
-    parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: none is written)")
+    parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write what happened as JSON lines")
     parser.add_argument("--json", action="store_true", help="the report as JSON on standard output")
     parser.add_argument("--strict", action="store_true", help="exit 4 when a deadline was missed or robots touched")
@@ -39,9 +40,12 @@ def main(argv: list[str] | None = None) -> int:
     arguments = _arguments(argv)
     try:
         return _run(arguments)
-    except (LabError, SimulationError, BytecodeError, MissingHandlers, OSError) as error:
-        print(f"rmr sim: {error}", file=sys.stderr)
+    except (LabError, ProgramError, ActionsError, MissingHandlers) as error:
+        print(error, file=sys.stderr)
         return EXIT_INVALID
+    except (UsageError, RunFolderError, OSError) as error:
+        print(f"rmr sim: {error}", file=sys.stderr)
+        return EXIT_USAGE
     except KeyboardInterrupt:
         print("rmr sim: interrupted", file=sys.stderr)
         return EXIT_FAILED
@@ -60,8 +64,7 @@ def _run(arguments: argparse.Namespace) -> int:
     finished = simulation.run()
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
-    if arguments.run is not None:
-        write(report, run_folder(arguments.run, simulation))
+    write(report, make_run_folder(simulation.lab.name, arguments.run))
     if arguments.trace is not None:
         _write_trace(simulation.trace(), arguments.trace)
     if arguments.json:

@@ -5,18 +5,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rmr_world.report import assemble
-
 from rmr.node.userfile import load_actions
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
 from rmr_world.document import LabError
 from rmr_world.lab import load_lab
 from rmr_world.program import load_program
+from rmr_world.report import assemble
 
 
-class SimulationError(Exception):
-    """The simulation cannot begin; the message says why."""
+class UsageError(Exception):
+    """The command's words are off; the message says why."""
 
 
 def prepare(
@@ -30,14 +29,14 @@ def prepare(
 ) -> Simulation:
     """Return the simulation of the lab in `path`.
 
-    Raises LabError, ProgramError, ActionsError, MissingHandlers or SimulationError with what is wrong.
+    Raises LabError, ProgramError, ActionsError, MissingHandlers or UsageError with what is wrong.
     """
     lab = load_lab(path)
     if robots is not None:
         lab = lab.with_robots(robots)
     if loss is not None:
         if not 0.0 <= loss < 1.0:
-            raise SimulationError(f"--loss is a share from 0 up to 1, not {loss}")
+            raise UsageError(f"--loss is a share from 0 up to 1, not {loss}")
         lab = replace(lab, radio=replace(lab.radio, loss=loss))
     loaded = load_program(lab.program)
     if loaded.warnings:

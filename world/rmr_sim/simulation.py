@@ -189,3 +189,8 @@ class Simulation:
         ends = [robot.node.finish_at for robot in self.robots]
         known = [end for end in ends if end is not None]
         return in_seconds(max(known) if len(known) == len(ends) else self.now)
+
+    def trace(self) -> list[dict[str, Any]]:
+        """Return what the robots noted, in order of time, then of their ids."""
+        entries = [entry for robot in self.robots for entry in robot.node.trace_log]
+        return sorted(entries, key=lambda entry: (entry["t"], entry["robot"]))
