@@ -1,0 +1,86 @@
+"""The robot's byte-code: read, verified, and complete in its actions, before anything of it runs."""
+
+import importlib.util
+from pathlib import Path
+from typing import NamedTuple
+
+from rmr.bytecode import codec
+from rmr.bytecode.program import Kind, Program
+from rmr.node.actions import Handler, registered
+from rmr.node.node import missing_handlers
+from rmr.node.provided import PROVIDED
+
+PROGRAM_OCTETS_MAX = 1 << 20
+"""No program is that large; a file that is was never byte-code."""
+
+
+class RefusedError(Exception):
+    """The robot cannot run this; the message says why and what to do."""
+
+
+class Loaded(NamedTuple):
+    """A program and its identity."""
+
+    program: Program
+    digest: int
+
+
+def load_program(path: Path) -> Loaded:
+    """Return the verified program in `path`. Raises RefusedError."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(PROGRAM_OCTETS_MAX + 1)
+    except OSError as error:
+        raise RefusedError(f"{path}: {error.strerror or error}") from None
+    if len(data) > PROGRAM_OCTETS_MAX:
+        raise RefusedError(f"{path}: too large for byte-code")
+    try:
+        return Loaded(codec.decode(data), codec.digest(data))
+    except codec.BytecodeError as error:
+        hint = " (compile it first: rmrc PROG.rmr)" if path.suffix == ".rmr" else ""
+        raise RefusedError(f"{path}: {error}{hint}") from None
+
+
+def load_actions(path: Path | None) -> dict[str, Handler]:
+    """Run the user's file of actions, if any, and return all handlers registered by it. Raises RefusedError."""
+    if path is None:
+        return registered()
+    spec = importlib.util.spec_from_file_location("rmr_user_actions", path)
+    if spec is None or spec.loader is None:
+        raise RefusedError(f"{path}: not a Python file")
+    try:
+        spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    except OSError as error:
+        raise RefusedError(f"{path}: {error.strerror or error}") from None
+    except Exception as error:
+        line = _line_in(error, path)
+        raise RefusedError(f"{path}{line}: {type(error).__name__}: {error}") from None
+    return registered()
+
+
+def _line_in(error: BaseException, path: Path) -> str:
+    """Return ``:line`` of the innermost frame that lies in `path`."""
+    line = getattr(error, "lineno", None)
+    trace = error.__traceback__
+    while trace is not None:
+        if Path(trace.tb_frame.f_code.co_filename) == path:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return "" if line is None else f":{line}"
+
+
+def check_actions(program: Program, handlers: dict[str, Handler]) -> None:
+    """Raise RefusedError if the program declares actions that nothing carries out; it names all, and where."""
+    missing = missing_handlers(program, {**PROVIDED, **handlers})
+    if missing:
+        listed = "; ".join(name + _declared(program, name) for name in missing)
+        raise RefusedError(f'no handler for action {listed} (give one with --actions FILE.py: @action("{missing[0]}"))')
+
+
+def _declared(program: Program, name: str) -> str:
+    debug = program.debug
+    index = next(i for i, p in enumerate(program.predicates) if p.name == name and p.kind is Kind.ACTION)
+    if debug is None or index >= len(debug.predicates):
+        return ""
+    place = debug.predicates[index]
+    return f", declared at {place.file}:{place.line}:{place.column}"

@@ -1,0 +1,73 @@
+"""Lab time in a robot process: this machine's monotonic clock plus an offset, measured by round trips.
+
+A question leaves at T1 and reaches the world at T2, the answer leaves it at T3 and arrives at T4 (T1 and T4 by
+this machine's monotonic clock, T2 and T3 in lab time). As in NTP (RFC 5905, section 8), the offset is
+((T2 - T1) + (T3 - T4)) / 2, wrong by at most half the time under way; of the last few samples the one that was
+under way for the shortest time stands. Lab time never goes back while the same clock runs.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+from rmr.base.time import Duration, Instant
+
+SAMPLES_MAX = 8
+"""Samples among which the fastest is chosen (RFC 5905: the clock filter's eight stages)."""
+
+
+class Sample(NamedTuple):
+    """One round trip."""
+
+    delay: Duration
+    offset: Duration
+    """Lab time minus monotonic time."""
+
+
+class LabClock:
+    """Lab time as a function of the monotonic clock."""
+
+    def __init__(self) -> None:
+        self.state = "unknown"
+        """``unknown`` before the first sample, then one of `rmr.bus.wire.CLOCK_STATES`."""
+        self._samples: deque[Sample] = deque(maxlen=SAMPLES_MAX)
+        self._offset: Duration = 0
+        self._standing: Instant = 0
+        self._last: Instant | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether lab time goes on."""
+        return self.state == "running"
+
+    @property
+    def delay(self) -> Duration | None:
+        """Time under way of the sample that stands; None without one."""
+        return min(self._samples).delay if self._samples else None
+
+    def forget(self) -> None:
+        """Start afresh: the world says that its clock has started, stopped or jumped, or it is another world."""
+        self._samples.clear()
+        self._last = None
+
+    def sample(self, state: str, asked: int, arrived: Instant, stamp: Instant, received: int) -> None:
+        """Take in a round trip: T1 `asked` and T4 `received` monotonic, T2 `arrived` and T3 `stamp` in lab time."""
+        if state != self.state:
+            self.forget()
+            self.state = state
+        self._standing = stamp
+        if state != "running":
+            return
+        delay = (received - asked) - (stamp - arrived)
+        offset = ((arrived - asked) + (stamp - received)) // 2
+        self._samples.append(Sample(max(0, delay), offset))
+        self._offset = min(self._samples).offset
+
+    def at(self, monotonic: int) -> Instant:
+        """Return lab time at a monotonic instant: negative before a start that is set for a moment ahead."""
+        if self.state != "running":
+            return self._standing
+        now = monotonic + self._offset
+        if self._last is not None and now < self._last:
+            return self._last
+        self._last = now
+        return now

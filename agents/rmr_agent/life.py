@@ -1,0 +1,205 @@
+"""One life of a robot: one node, from the moment it knows the lab until it ends or the world begins anew.
+
+Real time in, real time out: the node is called at its `next_wake`, the station at its own, and both whenever
+something has come in; in between the process sleeps. A sample of a body whose node will look at it within a frame
+anyway wakes nobody.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rmr.base import arena
+from rmr.base.streams import stream
+from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
+from rmr.base.values import Value
+from rmr.bus import wire
+from rmr.bytecode.program import ANY, Base, Constant, Program, Type
+from rmr.node.actions import Handler
+from rmr.node.config import GivenFact, NodeConfig
+from rmr.node.node import Node
+from rmr.node.ports import Ports
+from rmr.radio.station import RadioConfig, Station
+from rmr_agent.bytecode import Loaded, RefusedError
+from rmr_agent.clock import LabClock
+from rmr_agent.ports import RADIO_GRACE, BusBody, RadioLink
+
+FRAME: Duration = NS_PER_S // TICK_HZ
+
+SLEEP_MAX_S = 1.0
+"""The longest sleep: a bound on what a wrong `next_wake` could cost."""
+
+TURNS_MAX = 4
+"""Calls of the node in one go: what it sends may come due at once. More wait for the event loop's next round."""
+
+
+def node_config(robot: int, known: wire.Map, program: Program, epoch: int) -> NodeConfig:
+    """Return the node's configuration from what the world tells. Raises RefusedError if it does not fit the program."""
+    finish = None
+    if known.finish is not None:
+        name, patterns = known.finish
+        finish = name, tuple(ANY if value is None else Constant(value) for value in patterns)
+    try:
+        floor = arena.from_data(known.arena)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise RefusedError(f"its world describes no arena that this robot understands ({error})") from None
+    return NodeConfig(
+        robot=robot,
+        roster=known.roster,
+        arena=floor,
+        seed=known.seed,
+        facts=tuple(_fitted(program, *fact) for fact in known.facts if fact[1] in {None, robot}),
+        finish=finish,
+        epoch=epoch,
+    )
+
+
+def _fitted(program: Program, name: str, owner: int | None, args: tuple[Value, ...]) -> GivenFact:
+    """Return a fact of the lab with its integers made floats where the program declares floats."""
+    index = program.index(name)
+    if index is None:
+        raise RefusedError(f"its fact {name}(...) means nothing to the program, which has no such predicate")
+    types = program.predicates[index].types
+    if len(types) != len(args):
+        raise RefusedError(
+            f"its fact {name}(...) has {len(args)} arguments beside the owner, the program's {len(types)}"
+        )
+    return name, owner, tuple(_as(kind, value) for kind, value in zip(types, args, strict=True))
+
+
+def _as(kind: Type, value: Value) -> Value:
+    if kind.base is Base.FLOAT and type(value) is int:
+        return float(value)
+    if kind.element is not None and isinstance(value, tuple):
+        return tuple(_as(kind.element, item) for item in value)
+    return value
+
+
+class Life:
+    """A node with its ports and its timer."""
+
+    def __init__(
+        self,
+        config: NodeConfig,
+        loaded: Loaded,
+        handlers: dict[str, Handler],
+        radio: dict[str, Any],
+        clock: LabClock,
+        send: "Sender",
+        fail: Callable[[Exception], None],
+    ) -> None:
+        self._clock = clock
+        self._fail = fail
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._soon = False
+        self._over = False
+        self._begun_cpu = 0
+        settings = dict(radio)
+        pan, seed = settings.pop("pan"), settings.pop("seed")
+        rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
+        station = Station(config.robot, pan, seed, rng, RadioConfig(**settings), RADIO_GRACE)
+        self.link = RadioLink(station, self.now, send.air)
+        self.body = BusBody(send.act)
+        self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
+        self.started = False
+        self.turns = 0
+        """How often the node has been called."""
+
+    def now(self) -> Instant:
+        """Return lab time."""
+        return self._clock.at(time.monotonic_ns())
+
+    def _spent(self) -> Duration:
+        return time.thread_time_ns() - self._begun_cpu
+
+    @property
+    def ready(self) -> bool:
+        """Whether the robot has all that it needs to start: its body answers and it knows lab time."""
+        return self.body.place is not None and self._clock.state != "unknown"
+
+    # -- input ----------------------------------------------------------------------------------------------
+
+    def sense(self, sample: wire.Sense) -> None:
+        """Take in a sample of the body."""
+        first = self.body.place is None
+        self.body.feed(sample)
+        if not self.started:
+            self.body.keep_newest()
+        if first or not self.started or self.node.next_wake - self.now() > FRAME:
+            self.wake()
+
+    def hear(self, message: wire.Air) -> None:
+        """Take in the announcement of a radio frame."""
+        before = self.link.station.next_wake
+        self.link.hear(message.announcement)
+        if self.link.station.next_wake < before:
+            self.wake()
+
+    def wake(self) -> None:
+        """Look soon at what is due."""
+        if not self._soon and not self._over:
+            self._soon = True
+            self._loop.call_soon(self._turn)
+
+    def end(self) -> None:
+        """Do nothing more."""
+        self._over = True
+        if self._timer is not None:
+            self._timer.cancel()
+
+    # -- turns ----------------------------------------------------------------------------------------------
+
+    def _turn(self) -> None:
+        self._soon = False
+        if self._over:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        try:
+            self._advance()
+        except Exception as error:
+            self._fail(error)
+            return
+        self._sleep()
+
+    def _advance(self) -> None:
+        if not self._clock.running or self.body.place is None:
+            return
+        now = self.now()
+        if now < 0:
+            return
+        if not self.started:
+            self.started = True
+            self.node.start(now)
+        x, y = self.body.place
+        sampled = self.body.waiting and self.node.next_wake - now > FRAME
+        for _ in range(TURNS_MAX):
+            self.link.advance(now, x, y)
+            if not (sampled or self.link.waiting or now >= self.node.next_wake):
+                return
+            sampled = False
+            self.turns += 1
+            self._begun_cpu = time.thread_time_ns()
+            self.node.tick(now)
+            now = self.now()
+
+    def _sleep(self) -> None:
+        if not self._clock.running or self.body.place is None:
+            return  # the clock's start, or the first sample, wakes
+        wake = min(self.node.next_wake if self.started else 0, self.link.station.next_wake, NEVER)
+        delay_s = (wake - self.now()) / NS_PER_S
+        if delay_s <= 0:
+            self.wake()
+        else:
+            self._timer = self._loop.call_later(min(delay_s, SLEEP_MAX_S), self._turn)
+
+
+class Sender:
+    """Where a life's output goes."""
+
+    def __init__(self, air: Callable[[wire.Message], None], act: Callable[[wire.Message], None]) -> None:
+        self.air = air
+        self.act = act

@@ -1,0 +1,117 @@
+"""The node's ports in a robot process: the radio and the body, both over the bus.
+
+The radio is a `rmr.radio.station.Station`: what it announces goes out on the bus, what others announce comes
+in, and everything else about a frame's fate is decided here, by time stamps. Announcements are some
+milliseconds late when they arrive, hence the grace.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from rmr.base.geometry import STILL, Twist
+from rmr.base.time import Duration, Instant, milliseconds
+from rmr.bus import wire
+from rmr.node.ports import Confirmed, Received, SeenBody, Sensed
+from rmr.radio.air import Announcement
+from rmr.radio.station import Station
+
+RADIO_GRACE: Duration = milliseconds(4)
+"""How long after a frame's end its reception is decided: announcements cross the bus in 0.3 to 2 ms."""
+
+SAMPLES_MAX = 240
+"""Sensor samples that wait for the node: four seconds of a moving robot."""
+
+FRAMES_MAX = 512
+"""Frames and outcomes that wait for the node."""
+
+
+class RadioLink:
+    """`rmr.node.ports.Link` over a station."""
+
+    def __init__(self, station: Station, now: Callable[[], Instant], publish: Callable[[wire.Message], None]) -> None:
+        self.station = station
+        self._now = now
+        self._publish = publish
+        self._received: deque[Received] = deque(maxlen=FRAMES_MAX)
+        self._confirmed: deque[Confirmed] = deque(maxlen=FRAMES_MAX)
+        self.malformed = 0
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the node has something to fetch."""
+        return bool(self._received or self._confirmed)
+
+    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+        """Queue `payload`; see `rmr.node.ports.Link`."""
+        self.station.request(self._now(), payload, destination, handle)
+
+    def receive(self) -> list[Received]:
+        """Return what has arrived since the last call."""
+        received = list(self._received)
+        self._received.clear()
+        return received
+
+    def confirmations(self) -> list[Confirmed]:
+        """Return the outcomes since the last call."""
+        confirmed = list(self._confirmed)
+        self._confirmed.clear()
+        return confirmed
+
+    def hear(self, fields: tuple[Any, ...]) -> None:
+        """Take in an announcement from the bus."""
+        try:
+            announcement = Announcement.from_wire(fields)
+        except ValueError:
+            self.malformed += 1
+            return
+        self.station.hear(announcement)
+
+    def advance(self, now: Instant, x: float, y: float) -> None:
+        """Let the station do what is due; (x, y) is the robot's true place in metres."""
+        for out in self.station.advance(now, x, y):
+            if isinstance(out, Announcement):
+                self._publish(wire.Air(out.to_wire()))
+            elif hasattr(out, "status"):
+                self._confirmed.append(Confirmed(*out))
+            else:
+                self._received.append(Received(*out))
+
+
+class BusBody:
+    """`rmr.node.ports.Body` over the bus."""
+
+    def __init__(self, publish: Callable[[wire.Message], None]) -> None:
+        self._publish = publish
+        self._samples: deque[Sensed] = deque(maxlen=SAMPLES_MAX)
+        self.place: tuple[float, float] | None = None
+        """The robot's true place, for the radio alone; None before the first sample."""
+        self.twist = STILL
+        """The last command."""
+
+    def feed(self, sample: wire.Sense) -> None:
+        """Take in a sample from the bus."""
+        bodies = tuple([SeenBody(*body) for body in sample.bodies])
+        self._samples.append(Sensed(*sample._replace(bodies=bodies)))  # type: ignore[arg-type]
+        self.place = sample.truth[:2]
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the node has something to fetch."""
+        return bool(self._samples)
+
+    def keep_newest(self) -> None:
+        """Drop all samples but the newest: before lab time runs, they all say the same."""
+        while len(self._samples) > 1:
+            self._samples.popleft()
+
+    def sense(self) -> list[Sensed]:
+        """Return the samples since the last call."""
+        samples = list(self._samples)
+        self._samples.clear()
+        return samples
+
+    def act(self, twist: Twist, stamp: Instant) -> None:
+        """Command the wheels."""
+        self.twist = twist
+        self._publish(wire.Act(twist.v, twist.w, stamp))

@@ -1,0 +1,305 @@
+"""The robot process as a whole: it finds its world, lives, and survives the world's end.
+
+    waiting     no world (yet, or any more): the process says so and keeps trying
+    ready       the world has accepted it, its body answers, lab time is known
+    running     lab time runs and so does the node
+    finished    running, and the lab's finish fact holds
+
+A world that dies and returns, or another in its place, is a new run with a new clock and new poses, so the
+robot then begins a new life: a fresh node from the same byte-code. A mere loss of the connection ends nothing: the
+same world, known by the number of its session, goes on with the same node.
+"""
+
+import asyncio
+import contextlib
+import logging
+import random
+import time
+from typing import Any
+
+from rmr.bus import wire
+from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
+from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, Seldom
+from rmr.bus.session import Bus, open_when_there
+from rmr.node.actions import Handler
+from rmr.node.report import progress, robot_report
+from rmr_agent.bytecode import Loaded, RefusedError
+from rmr_agent.clock import LabClock
+from rmr_agent.life import Life, Sender, node_config
+
+SAY_AGAIN_S = 5.0
+"""How often a waiting robot says that it waits."""
+
+ASK_S = 1.0
+"""How long the world may take to answer."""
+
+ASK_AGAIN_S = 0.25
+"""Between questions to a world that is not there."""
+
+TAKEN_PATIENCE_S = 2.0
+"""How long an id may stay taken: the world notices within that time that its last bearer was killed."""
+
+CLOCK_STANDING_S = 0.5
+CLOCK_RUNNING_S = 2.0
+"""How often lab time is asked for while it stands and while it runs; two clocks drift 0.1 ms apart in 2 s."""
+
+CLOCK_BURST = 5
+"""Questions in a row when nothing is known of lab time."""
+
+STATUS_S = 0.25
+"""How often the robot's state is looked at for news."""
+
+STATUS_AT_LEAST_S = 0.5
+"""How often it is told without news."""
+
+FLUSH_S = 0.05
+"""What the last status gets to leave before the session is closed."""
+
+log = logging.getLogger("rmr")
+
+
+class RobotProcess:
+    """One robot in one process."""
+
+    def __init__(
+        self, robot: int, connect: str, lab: str | None, loaded: Loaded, handlers: dict[str, Handler], ending: Ending
+    ) -> None:
+        self._robot = robot
+        self._connect = connect
+        self._loaded = loaded
+        self._handlers = handlers
+        self._ending = ending
+        self._keys = Keys(lab or ANY_LAB)
+        self._token = random.SystemRandom().getrandbits(48)
+        self._clock = LabClock()
+        self._clock_news = asyncio.Event()
+        self._rejoin = asyncio.Event()
+        self._waiting = Seldom(self._say_waiting, SAY_AGAIN_S)
+        self._lives = 0
+        self._life: Life | None = None
+        self._told: tuple[Any, ...] = ()
+        self._told_s = 0.0
+        self._traced = 0
+        self._bus: Bus
+
+    def _say_waiting(self) -> None:
+        log.info("waiting for the world at %s", self._connect)
+
+    # -- from nothing to a place in the lab -------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Live until the end is asked for; the reason and the exit code stand in the `Ending`."""
+        opening = asyncio.ensure_future(open_when_there(self._robot, self._connect, self._waiting))
+        if not await self._unless_ended(opening):
+            return
+        self._bus = opening.result()
+        try:
+            await self._lives_in_a_row()
+        finally:
+            await self._leave()
+
+    async def _unless_ended(self, task: asyncio.Future[Any]) -> bool:
+        """Wait for `task`; return False, and cancel it, when the end is asked for first."""
+        ended = asyncio.ensure_future(self._ending.wait())
+        await asyncio.wait([task, ended], return_when=asyncio.FIRST_COMPLETED)
+        ended.cancel()
+        if task.done():
+            task.result()
+            return True
+        task.cancel()
+        return False
+
+    async def _lives_in_a_row(self) -> None:
+        tasks: list[asyncio.Future[None]] = []
+        world = None
+        while True:
+            self._rejoin.clear()
+            joining = asyncio.ensure_future(self._join())
+            if not await self._unless_ended(joining):
+                break
+            known = joining.result()
+            if not tasks:
+                self._listen()
+                tasks = [asyncio.ensure_future(self._keep_time()), asyncio.ensure_future(self._tell())]
+            if known.run != world:
+                world = known.run
+                self._begin(known)
+            if not await self._unless_ended(asyncio.ensure_future(self._rejoin.wait())):
+                break
+        for task in tasks:
+            task.cancel()
+
+    async def _join(self) -> wire.Envelope:
+        """Return what the world tells the robot, in its envelope. A refusal asks for the end."""
+        patience_s = time.monotonic() + TAKEN_PATIENCE_S
+        while True:
+            replies = await self._bus.ask(self._keys.map, wire.AskMap(self._robot, self._token), ASK_S)
+            maps = [(envelope, envelope.body) for envelope, _ in replies if isinstance(envelope.body, wire.Map)]
+            labs = sorted({known.lab for _, known in maps})
+            if len(labs) > 1:
+                self._ending.ask(
+                    f"several labs run at {self._connect}: {', '.join(labs)}; choose with --lab", EXIT_USAGE
+                )
+            elif not maps:
+                self._waiting()
+            elif self._accepted(maps[0][1], patience_s):
+                self._keys = Keys(maps[0][1].lab)
+                self._waiting.over()
+                return maps[0][0]
+            await asyncio.sleep(ASK_AGAIN_S)
+
+    def _accepted(self, known: wire.Map, patience_s: float) -> bool:
+        robot = self._robot
+        if not known.listed:
+            roster = ", ".join(map(str, known.roster))
+            self._ending.ask(f"lab {known.lab} has no robot {robot}; its robots are {roster}", EXIT_USAGE)
+        elif not known.taken:
+            return True
+        elif time.monotonic() > patience_s:
+            self._ending.ask(f"robot {robot} of lab {known.lab} is taken: another process is it already", EXIT_FAILED)
+        return False
+
+    def _listen(self) -> None:
+        """Subscribe to everything, once: what is declared is declared again after a loss of the connection."""
+        bus, keys = self._bus, self._keys
+        bus.subscribe(keys.sense(self._robot), self._on_sense)
+        bus.subscribe(keys.radio(), self._on_air)
+        bus.subscribe(keys.clock, self._on_clock)
+        bus.subscribe(keys.stop(self._robot), self._on_stop)
+        bus.declare_alive(keys.alive(ROBOT_ROLE, self._robot))
+        bus.watch_alive(keys.alive(WORLD_ROLE, "*"), self._on_world)
+        bus.on_transport = self._on_transport
+
+    def _begin(self, envelope: wire.Envelope) -> None:
+        """Begin a life in the world that sent `envelope`."""
+        known = envelope.body
+        assert isinstance(known, wire.Map)
+        if self._life is not None:
+            self._life.end()
+            log.info("another run has begun; robot %d starts anew", self._robot)
+        send = Sender(
+            lambda body: self._bus.publish(self._keys.radio(), body),
+            lambda body: self._bus.publish(self._keys.act(self._robot), body),
+        )
+        try:
+            config = node_config(self._robot, known, self._loaded.program, self._lives)
+        except RefusedError as error:
+            self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
+            return
+        self._life = Life(config, self._loaded, self._handlers, known.radio, self._clock, send, self._broken)
+        self._lives += 1
+        self._traced = 0
+        self._clock.forget()
+        self._clock_news.set()
+        log.info("robot %d is in lab %s", self._robot, known.lab)
+
+    def _broken(self, error: Exception) -> None:
+        log.error("internal error: %s: %s", type(error).__name__, error, exc_info=error)
+        self._ending.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
+
+    # -- what comes in ------------------------------------------------------------------------------------------
+
+    def _on_sense(self, _key: str, message: wire.Envelope) -> None:
+        if self._life is not None and isinstance(message.body, wire.Sense):
+            self._life.sense(message.body)
+
+    def _on_air(self, _key: str, message: wire.Envelope) -> None:
+        if self._life is not None and isinstance(message.body, wire.Air):
+            self._life.hear(message.body)
+
+    def _on_clock(self, _key: str, _message: wire.Envelope) -> None:
+        self._clock.forget()
+        self._clock_news.set()
+
+    def _on_stop(self, _key: str, message: wire.Envelope) -> None:
+        if isinstance(message.body, wire.Stop):
+            self._ending.ask(message.body.reason or "asked to stop")
+
+    def _on_world(self, _key: str, alive: bool) -> None:
+        if alive:
+            self._rejoin.set()
+        else:
+            what = f"lab {self._keys.lab}'s world" if self._bus.connected else "the connection"
+            log.info("lost %s at %s; waiting for it to return", what, self._connect)
+
+    def _on_transport(self, up: bool) -> None:
+        if up:
+            self._rejoin.set()
+
+    # -- lab time -------------------------------------------------------------------------------------------------
+
+    async def _keep_time(self) -> None:
+        """Ask for lab time, often at first and now and then later."""
+        while True:
+            burst = 1 if self._clock.delay is not None else CLOCK_BURST
+            for _ in range(burst):
+                await self._ask_time()
+            if self._life is not None:
+                self._life.wake()
+            self._clock_news.clear()
+            period_s = CLOCK_RUNNING_S if self._clock.running else CLOCK_STANDING_S
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._clock_news.wait(), period_s)
+
+    async def _ask_time(self) -> None:
+        asked = time.monotonic_ns()
+        for envelope, received in await self._bus.ask(self._keys.clock, wire.AskClock(), ASK_S):
+            body = envelope.body
+            if isinstance(body, wire.Clock):
+                self._clock.sample(body.state, asked, body.arrived, body.stamp, received)
+
+    # -- what goes out ----------------------------------------------------------------------------------------------
+
+    async def _tell(self) -> None:
+        """Publish the robot's state at changes and twice a second."""
+        while True:
+            await asyncio.sleep(STATUS_S)
+            self._publish_status(final=False)
+
+    def _publish_status(self, *, final: bool) -> None:
+        life = self._life
+        if life is None:
+            return
+        now = life.now()
+        finished = life.started and life.node.finished()
+        state = self._state(finished=finished, final=final)
+        news = (state, progress(life.node, now) if life.started else "", finished)
+        due = time.monotonic() - self._told_s >= STATUS_AT_LEAST_S
+        self._log_trace(life)
+        if not (final or due or news != self._told):
+            return
+        self._told, self._told_s = news, time.monotonic()
+        self._bus.publish(
+            self._keys.status(self._robot), wire.Status(state, news[1], finished, final, now, self._report(life))
+        )
+
+    def _report(self, life: Life) -> dict[str, Any]:
+        losses = self._bus.losses
+        bus = {"lost": losses.lost, "malformed": losses.malformed + life.link.malformed}
+        if not life.started:
+            return {"bus": bus}
+        return robot_report(life.node, life.link.station.counters.as_dict()) | {"bus": bus}
+
+    def _state(self, *, finished: bool, final: bool) -> str:
+        assert self._life is not None
+        if final:
+            return "stopped" if self._ending.code == 0 else "failed"
+        if not self._life.ready:
+            return "waiting"
+        if not self._life.started:
+            return "ready"
+        return "finished" if finished else "running"
+
+    def _log_trace(self, life: Life) -> None:
+        """Write what the node has noted since the last time into the log."""
+        for entry in life.node.trace_log:
+            log.debug("%s", entry.get("what", ""), extra={"data": entry})
+        life.node.trace_log.clear()
+
+    async def _leave(self) -> None:
+        """Tell for the last time, then leave the bus."""
+        if self._life is not None:
+            self._publish_status(final=True)
+            self._life.end()
+            await asyncio.sleep(FLUSH_S)
+        self._bus.close()

@@ -1,0 +1,96 @@
+"""The key space of one lab on the bus: one table, from which publishers, subscribers and docs derive.
+
+    rmr/{lab}/radio/{cx}/{cy}     announcements of radio frames, by cell of the floor
+    rmr/{lab}/body/{id}/sense     world -> robot: what its sensors say
+    rmr/{lab}/body/{id}/act       robot -> world: its wheel command
+    rmr/{lab}/clock               world: asked for lab time, and tells when lab time starts, stops or jumps
+    rmr/{lab}/map                 world: asked by a robot that arrives for all it must know, and for its place
+    rmr/{lab}/truth               world: where the bodies really are, for operators
+    rmr/{lab}/ops/{who}/status    how a robot, or the world, is doing
+    rmr/{lab}/ops/{who}/stop      asks a robot, or the world, for an orderly end
+    rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
+
+`who` is a robot's id or ``world``.
+"""
+
+import re
+from dataclasses import dataclass
+
+WORLD = "world"
+"""The world's name where robots have their id."""
+
+ROBOT_ROLE = "robot"
+WORLD_ROLE = "world"
+"""Roles of liveliness tokens."""
+
+LAB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+"""A lab's name is one chunk of a key, so it holds none of zenoh's separators and wild cards (``/ * $ # ? @``)."""
+
+ANY_LAB = "*"
+"""In place of a lab's name: whichever lab is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The keys of one lab. Raises ValueError when `lab` cannot be part of a key."""
+
+    lab: str
+
+    def __post_init__(self) -> None:
+        if self.lab != ANY_LAB and not LAB_NAME.fullmatch(self.lab):
+            raise ValueError(f"'{self.lab}' cannot name a lab: letters, digits, '-', '_' and '.', 64 at most")
+
+    def radio(self, cell_x: int = 0, cell_y: int = 0) -> str:
+        """Return the key of the radio cell. There is one cell for now: every robot hears of every frame."""
+        return f"rmr/{self.lab}/radio/{cell_x}/{cell_y}"
+
+    def sense(self, robot: int) -> str:
+        """Return the key of a robot's sensor samples."""
+        return f"rmr/{self.lab}/body/{robot}/sense"
+
+    def act(self, robot: int) -> str:
+        """Return the key of a robot's wheel commands."""
+        return f"rmr/{self.lab}/body/{robot}/act"
+
+    @property
+    def acts(self) -> str:
+        """All robots' wheel commands."""
+        return f"rmr/{self.lab}/body/*/act"
+
+    @property
+    def clock(self) -> str:
+        """Lab time."""
+        return f"rmr/{self.lab}/clock"
+
+    @property
+    def map(self) -> str:
+        """What a robot must know."""
+        return f"rmr/{self.lab}/map"
+
+    @property
+    def truth(self) -> str:
+        """Ground truth."""
+        return f"rmr/{self.lab}/truth"
+
+    def status(self, who: int | str) -> str:
+        """Return the key of the state of a robot or of the world."""
+        return f"rmr/{self.lab}/ops/{who}/status"
+
+    @property
+    def statuses(self) -> str:
+        """Everybody's state."""
+        return f"rmr/{self.lab}/ops/*/status"
+
+    def stop(self, who: int | str) -> str:
+        """Return the key on which a robot or the world is asked to end."""
+        return f"rmr/{self.lab}/ops/{who}/stop"
+
+    def alive(self, role: str, ident: int | str) -> str:
+        """Return the key of a liveliness token; ``*`` for any."""
+        return f"rmr/{self.lab}/alive/{role}/{ident}"
+
+
+def last_id(key: str) -> int | None:
+    """Return the number at the end of an `alive` key, or None when there is none."""
+    text = key.rsplit("/", 1)[-1]
+    return int(text) if text.isascii() and text.isdigit() else None

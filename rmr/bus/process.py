@@ -1,0 +1,155 @@
+"""What every process of a run has in common: log lines, signals, the lifeline of its launcher.
+
+A process never shows a traceback. Whatever goes wrong is one line for a person on standard error and, under
+``--log``, one JSON object per line for programs; the exit code says which kind of wrong it was.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+EXIT_OK = 0
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+EXIT_INVALID = 3
+"""Exit codes: fine; it ran and failed; wrong usage; an invalid program, byte-code or lab file."""
+
+LIFELINE = "RMR_LIFELINE"
+"""Environment variable with the number of a descriptor: its end-of-file means that the launcher has died."""
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object per record: time (seconds since 1970), level, who, message, and whatever `extra` holds."""
+
+    def __init__(self, who: str) -> None:
+        super().__init__()
+        self._who = who
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return `record` as one line."""
+        line = {
+            "time": round(record.created, 6),
+            "level": record.levelname.lower(),
+            "who": self._who,
+            "message": record.getMessage(),
+            **getattr(record, "data", {}),
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(line, ensure_ascii=False, default=str)
+
+
+class Plain(logging.Formatter):
+    """One line for a person; a traceback goes to the log file alone."""
+
+    def __init__(self, who: str) -> None:
+        super().__init__()
+        self._who = who
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return `record` as one line."""
+        return f"{self._who}: {record.getMessage()}"
+
+
+def start_logging(who: str, file: Path | None) -> logging.Logger:
+    """Return the process's logger: people's lines on standard error, JSON lines in `file`. Raises OSError."""
+    logger = logging.getLogger("rmr")
+    logger.setLevel(logging.DEBUG if file is not None else logging.INFO)
+    logger.propagate = False
+    people = logging.StreamHandler(sys.stderr)
+    people.setFormatter(Plain(who))
+    people.setLevel(logging.INFO)
+    logger.addHandler(people)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        programs = logging.FileHandler(file, encoding="utf-8")
+        programs.setFormatter(JsonLines(who))
+        logger.addHandler(programs)
+    return logger
+
+
+class Ending:
+    """When the process shall end, and why: the first reason stands."""
+
+    def __init__(self) -> None:
+        self._event = asyncio.Event()
+        self.code = EXIT_OK
+        self.reason = ""
+
+    @property
+    def asked(self) -> bool:
+        """Whether the end has been asked for."""
+        return self._event.is_set()
+
+    def ask(self, reason: str, code: int = EXIT_OK) -> None:
+        """Ask for an orderly end."""
+        if not self.asked:
+            self.reason, self.code = reason, code
+            self._event.set()
+
+    async def wait(self) -> None:
+        """Return once the end has been asked for."""
+        await self._event.wait()
+
+
+def handle_signals(ending: Ending) -> None:
+    """Make the first SIGINT or SIGTERM ask for an orderly end and a second one end the process at once."""
+    loop = asyncio.get_running_loop()
+
+    def asked(name: str) -> None:
+        if ending.asked:
+            os._exit(EXIT_FAILED)
+        ending.ask(name)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, asked, number.name)
+
+
+def hold_lifeline() -> None:
+    """End the process at once when the launcher that started it has died, however it died.
+
+    There is nobody left to report to, so nothing is put in order: the process group of a killed launcher must
+    vanish even while this process is stuck.
+    """
+    number = os.environ.get(LIFELINE, "")
+    if not number.isdigit():
+        return
+    descriptor = int(number)
+    with contextlib.suppress(OSError):
+        os.set_inheritable(descriptor, False)
+        os.set_blocking(descriptor, False)
+
+    def readable() -> None:
+        with contextlib.suppress(BlockingIOError):
+            if not os.read(descriptor, 64):
+                os._exit(EXIT_FAILED)
+
+    with contextlib.suppress(OSError, ValueError):
+        asyncio.get_running_loop().add_reader(descriptor, readable)
+
+
+class Seldom:
+    """Says a thing the first time and then every `period_s` seconds while it lasts."""
+
+    def __init__(self, say: Callable[[], None], period_s: float) -> None:
+        self._say = say
+        self._period_s = period_s
+        self._next_s = 0.0
+
+    def __call__(self) -> None:
+        """Say it, if it is time."""
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + self._period_s
+            self._say()
+
+    def over(self) -> None:
+        """It is over: the next time counts as the first."""
+        self._next_s = 0.0

@@ -1,0 +1,285 @@
+"""One session on the bus for each process: a star whose router is the world (or a zenohd), no scouting.
+
+Rules, each bought by a measurement: congestion control is always DROP (with BLOCK one stopped robot froze
+everybody for seconds); never `express` (it loses messages under load); callbacks run on zenoh's own threads and
+do nothing but fill the inbox (an indirect one costs a thread of its own and hangs at exit); everything is
+undeclared before the session is closed; and no process forks once a session is open. A lease of three seconds
+decides when a stopped process counts as gone.
+
+A client whose router has gone sees every liveliness token vanish: whoever watches liveliness watches
+`Bus.connected` too before calling anyone dead. zenoh connects again by itself and then declares again whatever
+was declared; before the first connection `open_when_there` tries again and again.
+
+`Bus` is used on the event loop alone.
+"""
+
+import asyncio
+import json
+import os
+import random
+import re
+from collections.abc import Callable
+from typing import Any
+
+RUNTIME = (
+    "(rx: (handover: app), acc: (handover: app), tx: (handover: app), net: (handover: app), app: (worker_threads: 1))"
+)
+"""zenoh's thread pools, merged into one thread: fifty robots share a few cores."""
+
+os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read once, when the first session is opened
+
+import zenoh  # noqa: E402 - after the environment it reads
+from zenoh.handlers import Callback  # noqa: E402
+
+from rmr.bus import wire  # noqa: E402
+from rmr.bus.bridge import Inbox, Take  # noqa: E402
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where a world listens and a robot connects unless told otherwise."""
+
+LEASE_MS = 3000
+"""A silent peer is given up after this time."""
+
+RETRY_FIRST_MS = 100
+RETRY_MAX_MS = 1000
+"""Between attempts to connect: doubled from the first to the last of these."""
+
+ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
+
+Handler = Callable[[str, wire.Envelope], None]
+"""Takes a key and the message that came on it."""
+
+Answer = Callable[[wire.Envelope, int], wire.Message | None]
+"""Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
+
+
+class BusError(Exception):
+    """The bus cannot be used as asked; the message says why and what to do."""
+
+
+class NobodyThereError(BusError):
+    """No router answers at the endpoint (yet)."""
+
+
+def check_endpoint(endpoint: str) -> str:
+    """Return `endpoint` if it is one. Raises BusError."""
+    match = ENDPOINT.fullmatch(endpoint)
+    if not match or not 0 < int(match[3]) < 65536:
+        raise BusError(f"'{endpoint}' is no endpoint: expected PROTOCOL/HOST:PORT, for example {DEFAULT_ENDPOINT}")
+    return endpoint
+
+
+def _config(listen: str | None, connect: str | None) -> Any:
+    settings = {
+        "mode": "client" if listen is None else "router",
+        "listen/endpoints": [] if listen is None else [listen],
+        "connect/endpoints": [] if connect is None else [connect],
+        "connect/timeout_ms": 0,
+        "connect/exit_on_failure": False,
+        "connect/retry": {
+            "period_init_ms": RETRY_FIRST_MS,
+            "period_max_ms": RETRY_MAX_MS,
+            "period_increase_factor": 2,
+        },
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+        "transport/link/tx/lease": LEASE_MS,
+    }
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _explain(error: Exception, listen: str | None, connect: str | None) -> BusError:
+    """Return what zenoh's error means to a person."""
+    text = str(error)
+    if "Address already in use" in text:
+        return BusError(f"{listen} is in use: another world runs there (end it, or choose another --listen)")
+    if "Unable to connect" in text or "Timeout" in text:
+        return NobodyThereError(f"nobody listens at {connect}")
+    reason = re.sub(r"\s+at \S+\.rs:\d+\.?", "", text)
+    return BusError(f"cannot use {listen or connect}: {reason}")
+
+
+def open_bus(sender: int, *, listen: str | None = None, connect: str | None = None) -> "Bus":
+    """Open the process's session: a router at `listen`, or else a client of the router at `connect`.
+
+    `sender` is written into every message. Must run on the event loop. Raises BusError (a bad endpoint, an
+    address in use) and `NobodyThereError` when no router answers at `connect`.
+    """
+    for endpoint in (listen, connect):
+        if endpoint is not None:
+            check_endpoint(endpoint)
+    try:
+        session = zenoh.open(_config(listen, connect))
+    except zenoh.ZError as error:
+        raise _explain(error, listen, connect) from None
+    return Bus(session, sender, is_client=listen is None)
+
+
+async def open_when_there(sender: int, connect: str, waiting: Callable[[], None]) -> "Bus":
+    """Open a client's session as soon as a router answers; `waiting` is called after each attempt in vain."""
+    pause_ms = RETRY_FIRST_MS
+    while True:
+        try:
+            return open_bus(sender, connect=connect)
+        except NobodyThereError:
+            waiting()
+        await asyncio.sleep(pause_ms / 1000)
+        pause_ms = min(2 * pause_ms, RETRY_MAX_MS)
+
+
+class Bus:
+    """An open session: publish, subscribe, ask, answer, and who is alive."""
+
+    def __init__(self, session: Any, sender: int, *, is_client: bool) -> None:
+        self.is_client = is_client
+        """Whether its router is another process."""
+        self._session = session
+        self._inbox = Inbox(asyncio.get_running_loop())
+        self._sender = sender
+        self._run = random.SystemRandom().getrandbits(48)
+        self._publishers: dict[str, Any] = {}
+        self._numbers: dict[str, int] = {}
+        self._declared: list[Any] = []
+        self._transports = 0
+        self._closed = False
+        self.losses = wire.Losses()
+        """What has been lost or malformed among the messages received."""
+        self.on_transport: Callable[[bool], None] | None = None
+        """Called when the first transport comes up and when the last one has gone."""
+        listener = session.info.declare_transport_events_listener(self._callback(self._transport), history=True)
+        self._declared.append(listener)
+
+    @property
+    def run(self) -> int:
+        """The random number of this session, as its messages carry it."""
+        return self._run
+
+    @property
+    def connected(self) -> bool:
+        """Whether any transport is up."""
+        return self._transports > 0
+
+    def _callback(self, take: Take) -> Any:
+        put = self._inbox.put
+        return Callback(lambda item: put(take, item), indirect=False)
+
+    def _transport(self, event: Any, _arrived: int) -> None:
+        before = self._transports
+        self._transports += 1 if event.kind == zenoh.SampleKind.PUT else -1
+        if (before > 0) != (self._transports > 0) and self.on_transport and not self._closed:
+            self.on_transport(self.connected)
+
+    def _envelope(self, key: str, body: wire.Message) -> bytes:
+        number = self._numbers[key] = self._numbers.get(key, 0) + 1
+        return wire.encode(self._sender, self._run, number, body)
+
+    def publish(self, key: str, body: wire.Message) -> None:
+        """Send `body` to whoever subscribes to `key`. Never blocks; may be lost when the way is congested."""
+        if self._closed:
+            return
+        publisher = self._publishers.get(key)
+        if publisher is None:
+            publisher = self._publishers[key] = self._session.declare_publisher(
+                key, congestion_control=zenoh.CongestionControl.DROP, express=False
+            )
+        publisher.put(self._envelope(key, body))
+
+    def _decode(self, payload: Any) -> wire.Envelope | None:
+        try:
+            message = wire.decode(payload.to_bytes())
+        except wire.MalformedError:
+            self.losses.malformed += 1
+            return None
+        return message
+
+    def subscribe(self, key: str, handler: Handler) -> None:
+        """Hand every message on `key` (wild cards allowed) to `handler`; not this session's own."""
+
+        def take(sample: Any, _arrived: int) -> None:
+            if self._closed or sample.kind != zenoh.SampleKind.PUT:
+                return
+            actual = str(sample.key_expr)
+            message = self._decode(sample.payload)
+            if message is not None:
+                self.losses.note(actual, message)
+                handler(actual, message)
+
+        self._declared.append(
+            self._session.declare_subscriber(key, self._callback(take), allowed_origin=zenoh.Locality.REMOTE)
+        )
+
+    def serve(self, key: str, answer: Answer) -> None:
+        """Answer the questions asked on `key`."""
+
+        def take(query: Any, arrived: int) -> None:
+            message = None if self._closed or query.payload is None else self._decode(query.payload)
+            reply = None if message is None else answer(message, arrived)
+            if reply is not None:
+                query.reply(key, self._envelope(f"{key}?", reply))
+            query.drop()
+
+        self._declared.append(self._session.declare_queryable(key, self._callback(take), complete=True))
+
+    async def ask(self, key: str, body: wire.Message, timeout_s: float) -> list[tuple[wire.Envelope, int]]:
+        """Return the replies to `body` of all who serve `key`, each with its instant of arrival (monotonic ns).
+
+        Waits until all have answered, `timeout_s` at most; nobody there is an empty list.
+        """
+        replies: list[tuple[wire.Envelope, int]] = []
+        done = asyncio.get_running_loop().create_future()
+
+        def take(reply: Any, arrived: int) -> None:
+            message = None if reply is None or reply.ok is None else self._decode(reply.ok.payload)
+            if message is not None:
+                replies.append((message, arrived))
+            if reply is None and not done.done():
+                done.set_result(None)
+
+        put = self._inbox.put
+        self._session.get(
+            key,
+            Callback(lambda reply: put(take, reply), drop=lambda: put(take, None), indirect=False),
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=timeout_s,
+            congestion_control=zenoh.CongestionControl.DROP,
+            express=False,
+            payload=self._envelope(f"{key}?", body),
+        )
+        # Twice the time: should the end of the replies be lost with the loop's inbox, nobody waits for ever.
+        await asyncio.wait([done], timeout=2 * timeout_s)
+        return replies
+
+    def declare_alive(self, key: str) -> Callable[[], None]:
+        """Show everybody that this process lives, under `key`; returns the call that withdraws it."""
+        token = self._session.liveliness().declare_token(key)
+        self._declared.append(token)
+
+        def withdraw() -> None:
+            if token in self._declared:
+                self._declared.remove(token)
+                token.undeclare()
+
+        return withdraw
+
+    def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
+        """Hand every token on `key` (wild cards allowed) that is there, appears or vanishes to `handler`."""
+
+        def take(sample: Any, _arrived: int) -> None:
+            if not self._closed:
+                handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._declared.append(self._session.liveliness().declare_subscriber(key, self._callback(take), history=True))
+
+    def close(self) -> None:
+        """Undeclare everything, then close. May be called again."""
+        if self._closed:
+            return
+        self._closed = True
+        for declared in [*self._publishers.values(), *reversed(self._declared)]:
+            declared.undeclare()
+        self._session.close()

@@ -1,0 +1,412 @@
+"""Messages on the bus: msgpack arrays, strictly read.
+
+Every message is ``[type, sender, run, number, field, ...]``: `sender` is a robot's id or one of the names
+below, `run` a random number drawn when the sender's session began, and `number` counts the sender's messages
+on that key. A receiver therefore knows how many messages the middleware lost between two that arrived, which
+must never be mistaken for radio loss.
+
+A peer's mistake is counted and dropped, never an exception that travels: `decode` raises `MalformedError` and
+nothing else, whatever the octets, and a message that it returns has the declared types throughout.
+Each type is one named tuple and one row of `TABLE`; nothing else lists them.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import msgpack  # type: ignore[import-untyped]
+
+from rmr.base.time import Instant
+from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
+
+WORLD_ID = -1
+"""The world as a sender."""
+
+OPERATOR_ID = -2
+"""A person's command as a sender (``rmr up``, ``rmr ps``)."""
+
+MESSAGE_OCTETS_MAX = 1 << 20
+"""The largest message that is read; a map with thousands of obstacles stays well below."""
+
+VALUE_DEPTH_MAX = 16
+"""Lists within lists in a fact's arguments."""
+
+STATES = ("waiting", "ready", "running", "finished", "stopped", "failed")
+"""What a `Status` says: waiting for the world; ready to start; the lab clock runs; every wanted fact is held;
+ended in order; ended by an error."""
+
+CLOCK_STATES = ("waiting", "running", "stopped")
+"""Lab time stands at 0 before the start; runs; stands at the end."""
+
+
+class MalformedError(ValueError):
+    """Octets that are no message of ours; the message says what is wrong with them."""
+
+
+# --- the messages -----------------------------------------------------------------------------------------
+
+
+class Air(NamedTuple):
+    """A radio frame that begins (`rmr.radio`'s announcement, in its own spelling)."""
+
+    announcement: tuple[Any, ...]
+
+
+class Sense(NamedTuple):
+    """One sample of a robot's sensors; fields as in `rmr.node.ports.Sensed`."""
+
+    stamp: Instant
+    left_m: float
+    right_m: float
+    gyro: float
+    compass: float
+    ranges: tuple[tuple[int, float], ...]
+    bodies: tuple[tuple[float, float, float, float], ...]
+    bumped: bool
+    truth: tuple[float, float, float]
+
+
+class Act(NamedTuple):
+    """A wheel command: m/s, rad/s, and the lab instant at which it was given."""
+
+    v: float
+    w: float
+    stamp: Instant
+
+
+class AskClock(NamedTuple):
+    """What is lab time?"""
+
+
+class Clock(NamedTuple):
+    """Lab time, in reply to `AskClock` and whenever it starts, stops or jumps."""
+
+    state: str
+    """One of `CLOCK_STATES`."""
+    arrived: Instant
+    """Lab time when the question reached the world (clock filter of NTP, RFC 5905: T2)."""
+    stamp: Instant
+    """Lab time when the answer left it (T3)."""
+
+
+class AskMap(NamedTuple):
+    """A robot arrives and asks for its place and for what it must know."""
+
+    robot: int
+    token: int
+    """Tells two processes with the same id apart."""
+
+
+class Map(NamedTuple):
+    """All that a robot must know of the lab."""
+
+    lab: str
+    listed: bool
+    """Whether the lab has this robot."""
+    taken: bool
+    """Whether another process is this robot already."""
+    seed: int
+    roster: tuple[int, ...]
+    arena: dict[str, Any]
+    """As `rmr.base.arena.to_data` writes it."""
+    radio: dict[str, Any]
+    """Settings of the radio, by name."""
+    facts: tuple[tuple[str, int | None, tuple[Value, ...]], ...]
+    """Predicate, owner (None: every robot), arguments without the owner."""
+    finish: tuple[str, tuple[Value | None, ...]] | None
+    """Predicate and arguments of the finish fact, of which None matches anything; None: the lab has none."""
+    clock: str
+    """One of `CLOCK_STATES`."""
+
+
+class Truth(NamedTuple):
+    """Where the bodies really are."""
+
+    stamp: Instant
+    robots: tuple[tuple[int, float, float, float, float], ...]
+    """Id, x, y (metres), heading (radians), distance driven (metres)."""
+    collisions: int
+    min_gap_m: float | None
+    """Smallest gap between two bodies so far; None while there is none to tell."""
+    ticks_late: int
+    """Ticks of the physics that began more than one tick after their time."""
+    final: bool
+
+
+class Status(NamedTuple):
+    """How a robot or the world is doing."""
+
+    state: str
+    """One of `STATES`."""
+    progress: str
+    """For people: one short line."""
+    finished: bool
+    """The robot holds the lab's finish fact."""
+    final: bool
+    """The last status: its sender leaves."""
+    stamp: Instant
+    report: dict[str, Any]
+    """Its part of the run's report."""
+
+
+class Stop(NamedTuple):
+    """Please end in order."""
+
+    reason: str
+
+
+# --- checks: each returns the value in its declared type or raises MalformedError ------------------------------
+
+Check = Callable[[Any], Any]
+
+
+def _number(value: Any) -> float:
+    if type(value) is float and math.isfinite(value):
+        return value
+    if type(value) is int and -(1 << 53) <= value <= 1 << 53:
+        return float(value)
+    raise MalformedError("expected a finite number")
+
+
+def _integer(value: Any) -> int:
+    if type(value) is not int:
+        raise MalformedError("expected an integer")
+    return value
+
+
+def _count(value: Any) -> int:
+    if type(value) is not int or value < 0:
+        raise MalformedError("expected a count")
+    return value
+
+
+def _robot(value: Any) -> int:
+    if type(value) is not int or not 0 <= value <= ROBOT_ID_MAX:
+        raise MalformedError("expected a robot's id")
+    return value
+
+
+def _flag(value: Any) -> bool:
+    if type(value) is not bool:
+        raise MalformedError("expected a flag")
+    return value
+
+
+def _text(value: Any) -> str:
+    if type(value) is not str:
+        raise MalformedError("expected text")
+    return value
+
+
+def _plain(value: Any) -> Any:
+    """Accept what JSON and msgpack share, and octets; lists become tuples."""
+    kind = type(value)
+    if value is None or kind in {bool, int, float, str, bytes}:
+        return value
+    if kind is list:
+        return tuple(_plain(item) for item in value)
+    if kind is dict:
+        return {_text(key): _plain(item) for key, item in value.items()}
+    raise MalformedError("expected plain data")
+
+
+def _record(value: Any) -> dict[str, Any]:
+    if type(value) is not dict:
+        raise MalformedError("expected a record")
+    return {_text(key): _plain(item) for key, item in value.items()}
+
+
+def _one_of(words: tuple[str, ...]) -> Check:
+    def check(value: Any) -> str:
+        if type(value) is not str or value not in words:
+            raise MalformedError(f"expected one of {', '.join(words)}")
+        return value
+
+    return check
+
+
+def _optional(inner: Check) -> Check:
+    return lambda value: None if value is None else inner(value)
+
+
+def _each(inner: Check) -> Check:
+    def check(value: Any) -> tuple[Any, ...]:
+        if type(value) is not list:
+            raise MalformedError("expected a list")
+        return tuple([inner(item) for item in value])
+
+    return check
+
+
+def _group(*inner: Check) -> Check:
+    def check(value: Any) -> tuple[Any, ...]:
+        if type(value) is not list or len(value) != len(inner):
+            raise MalformedError(f"expected {len(inner)} values")
+        return tuple([test(item) for test, item in zip(inner, value, strict=True)])
+
+    return check
+
+
+# --- values of facts: symbols and robots keep their type ---------------------------------------------------
+
+
+def pack_value(value: Value) -> Any:
+    """Return `value` as plain data in which symbols, robots and lists are marked."""
+    if isinstance(value, Symbol):
+        return ["s", str(value)]
+    if isinstance(value, Robot):
+        return ["r", int(value)]
+    if isinstance(value, tuple):
+        return ["l", *map(pack_value, value)]
+    return value
+
+
+def _value(packed: Any, depth: int = 0) -> Value:
+    if type(packed) in {bool, int, float, str}:
+        return packed  # type: ignore[no-any-return]
+    if type(packed) is not list or not packed or depth > VALUE_DEPTH_MAX:
+        raise MalformedError("expected a value")
+    mark, *rest = packed
+    if mark == "l":
+        return tuple([_value(item, depth + 1) for item in rest])
+    if mark == "s" and len(rest) == 1:
+        return Symbol(_text(rest[0]))
+    if mark == "r" and len(rest) == 1:
+        return Robot(_robot(rest[0]))
+    raise MalformedError("expected a value")
+
+
+def _pack_map(message: tuple[Any, ...]) -> list[Any]:
+    fields = Map(*message)
+    facts = [[name, owner, [pack_value(arg) for arg in args]] for name, owner, args in fields.facts]
+    finish = None
+    if fields.finish is not None:
+        name, patterns = fields.finish
+        finish = [name, [None if pattern is None else pack_value(pattern) for pattern in patterns]]
+    return list(fields._replace(facts=facts, finish=finish))  # type: ignore[arg-type]
+
+
+# --- the table ----------------------------------------------------------------------------------------------
+
+Message = Air | Sense | Act | AskClock | Clock | AskMap | Map | Truth | Status | Stop
+
+
+class Row(NamedTuple):
+    """One type of message."""
+
+    code: int
+    kind: type[Any]
+    checks: tuple[Check, ...]
+    """One for each field, in order."""
+    pack: Callable[[tuple[Any, ...]], Any] = list
+
+
+_POSE = _group(_number, _number, _number)
+
+TABLE = (
+    Row(1, Air, (_each(_plain),)),
+    Row(
+        2,
+        Sense,
+        (
+            *(_integer, _number, _number, _number, _number),
+            _each(_group(_count, _number)),
+            _each(_group(_number, _number, _number, _number)),
+            _flag,
+            _POSE,
+        ),
+    ),
+    Row(3, Act, (_number, _number, _integer)),
+    Row(4, AskClock, ()),
+    Row(5, Clock, (_one_of(CLOCK_STATES), _integer, _integer)),
+    Row(6, AskMap, (_robot, _count)),
+    Row(
+        7,
+        Map,
+        (
+            *(_text, _flag, _flag, _integer, _each(_robot), _record, _record),
+            _each(_group(_text, _optional(_robot), _each(_value))),
+            _optional(_group(_text, _each(_optional(_value)))),
+            _one_of(CLOCK_STATES),
+        ),
+        _pack_map,
+    ),
+    Row(
+        8,
+        Truth,
+        (
+            *(_integer, _each(_group(_robot, _number, _number, _number, _number))),
+            *(_count, _optional(_number), _count, _flag),
+        ),
+    ),
+    Row(9, Status, (_one_of(STATES), _text, _flag, _flag, _integer, _record)),
+    Row(10, Stop, (_text,)),
+)
+"""Every type of message: its code on the wire, its form, the check of each field."""
+
+_BY_CODE = {row.code: row for row in TABLE}
+_BY_KIND = {row.kind: row for row in TABLE}
+
+
+class Envelope(NamedTuple):
+    """A message and where it comes from."""
+
+    sender: int
+    run: int
+    number: int
+    body: Message
+
+
+def encode(sender: int, run: int, number: int, body: Message) -> bytes:
+    """Return the octets of a message. Raises TypeError or ValueError when a field holds what msgpack cannot carry."""
+    row = _BY_KIND[type(body)]
+    return bytes(msgpack.packb([row.code, sender, run, number, *row.pack(body)]))
+
+
+def decode(data: bytes) -> Envelope:
+    """Return the message in `data`. Raises MalformedError."""
+    if len(data) > MESSAGE_OCTETS_MAX:
+        raise MalformedError("too long")
+    try:
+        items = msgpack.unpackb(data)
+    except (ValueError, TypeError, RecursionError, OverflowError) as error:
+        raise MalformedError(f"not msgpack: {error}") from None
+    if type(items) is not list or len(items) < 4:
+        raise MalformedError("expected an array of type, sender, run, number")
+    code, sender, run, number, *fields = items
+    row = _BY_CODE.get(code) if type(code) is int else None
+    if row is None:
+        raise MalformedError("an unknown type of message")
+    if len(fields) != len(row.checks):
+        raise MalformedError(f"{row.kind.__name__} has {len(row.checks)} fields")
+    values = [check(field) for check, field in zip(row.checks, fields, strict=True)]
+    return Envelope(_integer(sender), _count(run), _count(number), row.kind(*values))
+
+
+STREAMS_MAX = 4096
+"""Streams that a `Losses` keeps apart: more than robots times keys that one process hears."""
+
+
+class Losses:
+    """Counts what the middleware lost: gaps in the numbers of each sender's messages on each key."""
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self.repeated = 0
+        """Numbers that did not go up: doubled or overtaken."""
+        self.malformed = 0
+        self._streams: dict[tuple[str, int], tuple[int, int]] = {}
+
+    def note(self, key: str, message: Envelope) -> None:
+        """Take note of a message that arrived. The first of a stream, or of a sender's new run, sets its origin."""
+        stream = (key, message.sender)
+        run, number = self._streams.get(stream, (None, 0))
+        if run != message.run:
+            if run is None and len(self._streams) >= STREAMS_MAX:
+                return
+        elif message.number <= number:
+            self.repeated += 1
+            return
+        else:
+            self.lost += message.number - number - 1
+        self._streams[stream] = (message.run, message.number)

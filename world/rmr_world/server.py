@@ -1,0 +1,306 @@
+"""The world as a process: lab time, physics in real time, the robots' bodies, and ground truth for operators.
+
+The physics is stepped tick by tick of lab time. A tick that begins late is made up for, a bounded number at a
+time, and counted; a world that was held up for longer than `BEHIND_MAX` sets lab time back instead. Each robot
+that is alive gets its sensor samples, 60 a second while it moves and fewer while it stands.
+
+A robot's place in the lab is claimed with the question for the map: whoever asks first is that robot while its
+liveliness token stands. Vanished tokens mean nothing while the world itself has lost its router.
+"""
+
+import asyncio
+import logging
+import math
+import time
+from dataclasses import asdict
+from typing import Any
+
+from rmr.base import arena
+from rmr.base.geometry import STILL, Pose, Twist
+from rmr.base.streams import stable_hash
+from rmr.base.time import NS_PER_S, TICK_HZ, in_seconds, milliseconds, tick_index, tick_start
+from rmr.bus import wire
+from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
+from rmr.bus.process import EXIT_FAILED, Ending
+from rmr.bus.session import LEASE_MS, Bus
+from rmr.bytecode.program import Constant
+from rmr_world.lab import Lab
+from rmr_world.labtime import LabTime
+from rmr_world.physics import World
+
+START_DELAY = milliseconds(100)
+"""Between the decision to start and lab time 0: all robots have heard of it by then."""
+
+CATCH_UP_MAX = 10
+"""Ticks made up for before the bus has its turn again."""
+
+BEHIND_MAX = 60
+"""Ticks that are made up for at all; a world further behind sets lab time back."""
+
+STANDING_EVERY = 4
+"""A standing robot gets every fourth sample: 15 a second."""
+
+TRUTH_EVERY = 6
+"""Ground truth goes out every sixth tick: 10 a second."""
+
+STATUS_S = 0.5
+"""Between the world's own statuses, and between samples and truths before lab time runs a third of it."""
+
+CLAIM_S = 1.0
+"""How long a claim stands without a liveliness token: a robot shows it within milliseconds."""
+
+JUDGE_S = 0.2
+"""Between the loss of a token and its judgement: the loss of the world's own connection shows within this time."""
+
+FLUSH_S = 0.05
+"""What the last messages get to leave before the session is closed."""
+
+log = logging.getLogger("rmr")
+
+
+class WorldServer:
+    """One lab's world on the bus."""
+
+    def __init__(self, lab: Lab, seed: int, bus: Bus, ending: Ending, *, when_ready: bool) -> None:
+        self._lab = lab
+        self._seed = seed
+        self._bus = bus
+        self._ending = ending
+        self._when_ready = when_ready
+        self._keys = Keys(lab.name)
+        self._physics = World(lab, seed)
+        self._time = LabTime()
+        self._tick = 0
+        self._late = 0
+        self._set_back = 0
+        self._alive: set[int] = set()
+        self._claims: dict[int, tuple[int, float]] = {}
+        self._ready: set[int] = set()
+        self._commanded: dict[int, Twist] = {}
+        self._seen: dict[int, Pose] = {}
+        self._map = self._describe()
+
+    def _describe(self) -> wire.Map:
+        """Return what every robot must know."""
+        lab, finish = self._lab, self._lab.finish_pattern
+        radio = asdict(lab.radio)
+        if radio["seed"] is None:
+            radio["seed"] = self._seed
+        return wire.Map(
+            lab=lab.name,
+            listed=True,
+            taken=False,
+            seed=self._seed,
+            roster=lab.roster,
+            arena=arena.to_data(lab.arena),
+            radio=radio | {"pan": stable_hash(lab.name, 2) & 0x7FFF},
+            facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
+            finish=None if finish is None else (finish.name, tuple(map(_plain_pattern, finish.patterns))),
+            clock=self._time.state,
+        )
+
+    # -- life -----------------------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Serve until the end is asked for."""
+        self._serve()
+        tasks = [asyncio.ensure_future(job) for job in (self._drive(), self._tell())]
+        if not self._when_ready:
+            self._start()
+        ended = asyncio.ensure_future(self._ending.wait())
+        await asyncio.wait([*tasks, ended], return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
+            if task.done() and task.exception() is not None:
+                error = task.exception()
+                log.error("internal error: %s: %s", type(error).__name__, error, exc_info=error)
+                self._ending.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
+            task.cancel()
+        await self._leave()
+
+    def _serve(self) -> None:
+        """Declare everything; the liveliness token comes last, for whoever sees it may ask at once."""
+        bus, keys = self._bus, self._keys
+        bus.subscribe(keys.acts, self._on_act)
+        bus.subscribe(keys.statuses, self._on_status)
+        bus.subscribe(keys.stop(WORLD), self._on_stop)
+        bus.serve(keys.map, self._answer_map)
+        bus.serve(keys.clock, self._answer_clock)
+        bus.watch_alive(keys.alive(ROBOT_ROLE, "*"), self._on_alive)
+        bus.declare_alive(keys.alive(WORLD_ROLE, 0))
+
+    def _start(self) -> None:
+        self._time.start(time.monotonic_ns(), START_DELAY)
+        self._publish_clock()
+        log.info("lab time runs")
+
+    async def _leave(self) -> None:
+        """Stop lab time, tell for the last time, leave."""
+        self._time.stop(time.monotonic_ns())
+        self._publish_clock()
+        self._publish_truth(final=True)
+        self._publish_status(final=True)
+        await asyncio.sleep(FLUSH_S)
+
+    # -- questions --------------------------------------------------------------------------------------------
+
+    def _answer_map(self, message: wire.Envelope, _arrived: int) -> wire.Message | None:
+        if not isinstance(message.body, wire.AskMap):
+            return None
+        robot, token = message.body
+        if robot not in self._lab.roster:
+            return self._map._replace(listed=False, clock=self._time.state)
+        taken = self._taken(robot, token)
+        if not taken:
+            self._claims[robot] = token, time.monotonic()
+        return self._map._replace(taken=taken, clock=self._time.state)
+
+    def _taken(self, robot: int, token: int) -> bool:
+        claim = self._claims.get(robot)
+        if claim is None or claim[0] == token:
+            return False
+        return robot in self._alive or time.monotonic() - claim[1] < CLAIM_S
+
+    def _answer_clock(self, message: wire.Envelope, arrived: int) -> wire.Message | None:
+        if not isinstance(message.body, wire.AskClock):
+            return None
+        return wire.Clock(self._time.state, self._time.at(arrived), self._time.at(time.monotonic_ns()))
+
+    # -- what comes in ----------------------------------------------------------------------------------------
+
+    def _on_act(self, _key: str, message: wire.Envelope) -> None:
+        body = message.body
+        if isinstance(body, wire.Act) and message.sender in self._alive and self._time.state == "running":
+            self._commanded[message.sender] = twist = Twist(body.v, body.w)
+            self._physics.act(message.sender, twist, body.stamp, self._time.at(time.monotonic_ns()))
+
+    def _on_status(self, _key: str, message: wire.Envelope) -> None:
+        if isinstance(message.body, wire.Status) and message.body.state == "ready":
+            self._ready.add(message.sender)
+            if self._when_ready and self._time.state == "waiting" and self._ready >= set(self._lab.roster):
+                self._start()
+
+    def _on_stop(self, _key: str, message: wire.Envelope) -> None:
+        if isinstance(message.body, wire.Stop):
+            self._ending.ask(message.body.reason or "asked to stop")
+
+    def _on_alive(self, key: str, alive: bool) -> None:
+        robot = last_id(key)
+        if robot is None or robot not in self._lab.roster:
+            return
+        if alive:
+            if robot not in self._alive:
+                log.info("robot %d is here", robot)
+            self._alive.add(robot)
+            self._publish_sense(robot)
+        else:
+            self._claims[robot] = self._claims.get(robot, (0, 0.0))[0], 0.0
+            asyncio.get_running_loop().call_later(JUDGE_S, self._judge, robot, self._claims[robot])
+
+    def _judge(self, robot: int, claim: tuple[int, float]) -> None:
+        """Decide whether a robot whose token has vanished is gone."""
+        if self._ending.asked or robot not in self._alive or self._claims.get(robot) != claim:
+            return
+        if not self._bus.connected and self._bus.is_client:
+            loop = asyncio.get_running_loop()
+            loop.call_later(LEASE_MS / 1000, self._judge, robot, claim)
+            return
+        self._alive.discard(robot)
+        self._ready.discard(robot)
+        log.info("robot %d has left", robot)
+
+    # -- physics ------------------------------------------------------------------------------------------------
+
+    async def _drive(self) -> None:
+        """Step the physics in lab time; before it runs, let the robots feel where they stand."""
+        while self._time.state != "running":
+            for robot in sorted(self._alive):
+                self._publish_sense(robot)
+            await asyncio.sleep(STATUS_S / 3)
+        while True:
+            due = tick_start(self._tick + 1) - self._time.at(time.monotonic_ns())
+            await asyncio.sleep(max(0, due) / NS_PER_S)
+            if due <= 0:
+                self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Make the ticks that are due, `CATCH_UP_MAX` at most."""
+        behind = tick_index(self._time.at(time.monotonic_ns())) - self._tick
+        if behind > BEHIND_MAX:
+            self._time.set_back((behind - 1) * NS_PER_S // TICK_HZ)
+            self._set_back += 1
+            log.warning("the world was held up for %.1f s; lab time is set back", (behind - 1) / TICK_HZ)
+            self._publish_clock()
+            behind = 1
+        self._late += max(0, behind - 1)
+        ticks = min(behind, CATCH_UP_MAX)
+        for _ in range(ticks):
+            self._tick += 1
+            self._physics.step(tick_start(self._tick))
+        for robot in sorted(self._alive):
+            if self._due(robot, ticks):
+                self._publish_sense(robot)
+        if self._crossed(TRUTH_EVERY, ticks):
+            self._publish_truth(final=False)
+
+    def _crossed(self, every: int, ticks: int) -> bool:
+        return self._tick // every != (self._tick - ticks) // every
+
+    def _due(self, robot: int, ticks: int) -> bool:
+        """Return whether `robot` gets a sample now: always while it moves or is told to, else now and then."""
+        if self._commanded.get(robot, STILL) != STILL or self._seen.get(robot) != self._physics.pose(robot):
+            return True
+        return (self._tick + robot) // STANDING_EVERY != (self._tick + robot - ticks) // STANDING_EVERY
+
+    # -- what goes out --------------------------------------------------------------------------------------------
+
+    def _publish_clock(self) -> None:
+        now = self._time.at(time.monotonic_ns())
+        self._bus.publish(self._keys.clock, wire.Clock(self._time.state, now, now))
+
+    def _publish_sense(self, robot: int) -> None:
+        sensed = self._physics.sense(robot, tick_start(self._tick))
+        self._seen[robot] = self._physics.pose(robot)
+        self._bus.publish(self._keys.sense(robot), wire.Sense(*sensed))
+
+    def _publish_truth(self, *, final: bool) -> None:
+        physics = self._physics
+        robots = tuple((robot, *physics.pose(robot), physics.distance_m(robot)) for robot in self._lab.roster)
+        gap = physics.min_gap_m
+        truth = wire.Truth(
+            stamp=tick_start(self._tick),
+            robots=robots,
+            collisions=physics.collisions,
+            min_gap_m=gap if math.isfinite(gap) else None,
+            ticks_late=self._late,
+            final=final,
+        )
+        self._bus.publish(self._keys.truth, truth)
+
+    async def _tell(self) -> None:
+        while True:
+            self._publish_status(final=False)
+            if self._time.state != "running":
+                self._publish_truth(final=False)
+            await asyncio.sleep(STATUS_S)
+
+    def _publish_status(self, *, final: bool) -> None:
+        now = self._time.at(time.monotonic_ns())
+        here = f"{len(self._alive)} of {len(self._lab.roster)} robots"
+        state = "stopped" if final else "ready" if self._time.state == "waiting" else "running"
+        status = wire.Status(state, f"{in_seconds(max(0, now)):.1f} s, {here}", False, final, now, self._report())
+        self._bus.publish(self._keys.status(WORLD), status)
+
+    def _report(self) -> dict[str, Any]:
+        return {
+            "alive": sorted(self._alive),
+            "ready": sorted(self._ready),
+            "contacts": [list(contact) for contact in self._physics.contacts[:100]],
+            "commands_dropped": self._physics.dropped,
+            "ticks_late": self._late,
+            "set_back": self._set_back,
+            "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed},
+        }
+
+
+def _plain_pattern(pattern: Any) -> Any:
+    return pattern.value if isinstance(pattern, Constant) else None
