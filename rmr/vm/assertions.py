@@ -1,0 +1,215 @@
+"""Time assertions at work: jobs and the queue of their deadlines (paper III.E, V.B.3).
+
+A fact that matches S starts a job that waits for F under S's bindings. A later S for the same F starts that
+job anew, with its own D: the paper measures "since the last time". Once its deadline has passed a job is
+missed for ever; a late F still fills in its finish, but an S after the miss opens a new job, to which that F
+then belongs. The queue is sorted by deadline, then serial; entries of jobs that have ended or started anew are
+recognised and dropped when they come up.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from heapq import heapify, heappop, heappush
+
+from rmr.base.time import NEVER, NS_PER_S, Instant
+from rmr.base.values import Robot, Value, format_value
+from rmr.bytecode.program import SELF_SLOT, Anything, Assertion, Constant, Kind, Pattern, Program, Slot
+from rmr.bytecode.wire import identity
+from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.events import ExpressionFailed, JobFinished, JobStarted, VmEvent
+from rmr.vm.job import Job
+from rmr.vm.match import pattern_agrees
+from rmr.vm.store import Args, Store
+
+__all__ = ["JOBS_MAX", "LIVE_MAX", "Assertions", "Job"]
+
+JOBS_MAX = 1024
+"""Jobs remembered for the report; beyond that the oldest are forgotten."""
+
+LIVE_MAX = 256
+"""Jobs that wait for their finish fact; beyond that the oldest is given up and counted."""
+
+Key = tuple[int, object]
+"""An assertion and its finish fact's arguments."""
+
+Entry = tuple[Instant, int, int, Job]
+"""Of the queue: deadline, the job's serial, the number of the entry, the job."""
+
+
+class Assertions:
+    """The jobs of one robot."""
+
+    def __init__(self, program: Program, robot: Robot, store: Store) -> None:
+        self.jobs: deque[Job] = deque(maxlen=JOBS_MAX)
+        self.given_up = 0
+        self.due: Instant = NEVER
+        """The next deadline."""
+        self._program = program
+        self._robot = robot
+        self._store = store
+        self._live: dict[Key, Job] = {}
+        self._queue: list[Entry] = []
+        self._serial = 0
+        self._pushed = 0
+        self._concerned = {a.start.predicate for a in program.assertions}
+        self._concerned |= {a.finish.predicate for a in program.assertions}
+
+    def concerns(self, predicate: int) -> bool:
+        """Tell whether inserting a fact of `predicate` may start or end a job."""
+        return predicate in self._concerned
+
+    def inserted(self, now: Instant, predicate: int, args: Args) -> list[VmEvent]:
+        """Return what a fact's insertion brought about: it ends jobs before it starts one."""
+        events: list[VmEvent] = []
+        for key, job in list(self._live.items()):
+            finish = self._program.assertions[job.assertion].finish
+            if finish.predicate == predicate and pattern_agrees(finish.args, args, job.bindings):
+                events.append(self._finish(now, key))
+        for index, assertion in enumerate(self._program.assertions):
+            start = assertion.start
+            if start.predicate == predicate:
+                bindings = bind(assertion.slots, start.args, args, self._robot)
+                if bindings is not None:
+                    events.extend(self._start(now, index, assertion, bindings))
+        return events
+
+    def overdue(self, until: Instant) -> list[Job]:
+        """Return the jobs that miss a deadline at or before `until`, first due first, each once."""
+        missed = []
+        while self.due <= until:
+            job = heappop(self._queue)[-1]
+            job.missed = True
+            missed.append(job)
+            self._settle()
+        return missed
+
+    def serving(self, action: int, args: Args) -> list[Job]:
+        """Return the scheduled jobs that wait for their finish fact and that this action serves, first due first."""
+        served = [job for job in self._live.values() if self._serves(job, action, args)]
+        return sorted(served, key=lambda job: (job.deadline, job.serial))
+
+    def _serves(self, job: Job, action: int, args: Args) -> bool:
+        assertion = self._program.assertions[job.assertion]
+        return assertion.scheduled and any(
+            serving.action == action and pattern_agrees(serving.args, args, job.bindings)
+            for serving in assertion.serving
+        )
+
+    def _start(
+        self, now: Instant, index: int, assertion: Assertion, bindings: tuple[Value | None, ...]
+    ) -> Iterator[VmEvent]:
+        """Start a job, or start anew the one that waits for the same fact."""
+        try:
+            deadline = due_at(now, assertion, bindings)
+        except NoValue as reason:
+            yield ExpressionFailed(f"deadline of assertion {assertion.name}", str(reason), now)
+            return
+        finish = tuple(instantiate(pattern, bindings) for pattern in assertion.finish.args)
+        key = (index, tuple(identity(p.value) if isinstance(p, Constant) else repr(p) for p in finish))
+        job = self._live.get(key)
+        if job is None or job.missed:
+            job = self._open(now, key, index, finish, bindings)
+        job.start, job.deadline, job.bindings = now, deadline, bindings
+        self._pushed += 1
+        heappush(self._queue, (deadline, job.serial, self._pushed, job))
+        self._settle()
+        yield JobStarted(job)
+        if self._holds(assertion, bindings):
+            yield self._finish(now, key)
+
+    def _open(
+        self, now: Instant, key: Key, index: int, finish: tuple[Pattern, ...], bindings: tuple[Value | None, ...]
+    ) -> Job:
+        assertion = self._program.assertions[index]
+        predicate = self._program.predicates[assertion.finish.predicate]
+        mark = "!" if predicate.kind is Kind.PERSISTENT else ""
+        texts = [pattern_text(pattern) for pattern in finish]
+        self._serial += 1
+        job = Job(
+            serial=self._serial,
+            assertion=index,
+            name=assertion.name,
+            event=f"{assertion.name}({', '.join(texts)})",
+            text=f"{mark}{predicate.name}({', '.join([format_value(self._robot), *texts])})",
+            start=now,
+            deadline=now,
+            bindings=bindings,
+        )
+        self._live.pop(key, None)
+        if len(self._live) >= LIVE_MAX:
+            del self._live[next(iter(self._live))]
+            self.given_up += 1
+        self._live[key] = job
+        self.jobs.append(job)
+        return job
+
+    def _finish(self, now: Instant, key: Key) -> VmEvent:
+        job = self._live.pop(key)
+        job.finish = now
+        self._settle()
+        return JobFinished(job)
+
+    def _holds(self, assertion: Assertion, bindings: tuple[Value | None, ...]) -> bool:
+        """Tell whether F is persistent or sensed and holds."""
+        table = self._store.tables[assertion.finish.predicate]
+        return not table.linear and any(
+            pattern_agrees(assertion.finish.args, fact.args, bindings) for fact in table.facts.values()
+        )
+
+    def _settle(self) -> None:
+        """Drop outdated entries from the head of the queue, and all of them when they are the most."""
+        queue = self._queue
+        if len(queue) > 4 * LIVE_MAX:
+            queue[:] = [entry for entry in queue if _waits(entry)]
+            heapify(queue)
+        while queue and not _waits(queue[0]):
+            heappop(queue)
+        self.due = queue[0][0] if queue else NEVER
+
+
+def _waits(entry: Entry) -> bool:
+    """Tell whether a queue entry is the deadline of a job that is still undecided."""
+    deadline, _, _, job = entry
+    return job.finish is None and not job.missed and job.deadline == deadline
+
+
+def bind(slots: int, patterns: tuple[Pattern, ...], args: Args, robot: Robot) -> tuple[Value | None, ...] | None:
+    """Return the slots as `args` bind them through `patterns`, or None if they do not match."""
+    bindings: list[Value | None] = [None] * slots
+    bindings[SELF_SLOT] = robot
+    if not pattern_agrees(patterns, args, tuple(bindings)):
+        return None
+    for pattern, value in zip(patterns, args, strict=True):
+        if isinstance(pattern, Slot):
+            bindings[pattern.index] = value
+    return tuple(bindings)
+
+
+def instantiate(pattern: Pattern, bindings: tuple[Value | None, ...]) -> Pattern:
+    """Return `pattern` with its variable replaced by what it is bound to."""
+    if isinstance(pattern, Slot):
+        value = bindings[pattern.index]
+        return pattern if value is None else Constant(value)
+    return pattern
+
+
+def pattern_text(pattern: Pattern) -> str:
+    """Return a pattern in program syntax; what is free is ``_``."""
+    return format_value(pattern.value) if isinstance(pattern, Constant) else "_"
+
+
+def goal_text(name: str, robot: Robot, args: tuple[Anything | Constant, ...]) -> str:
+    """Return a fact with free arguments in program syntax."""
+    return f"{name}({', '.join([format_value(robot), *map(pattern_text, args)])})"
+
+
+def due_at(now: Instant, assertion: Assertion, bindings: tuple[Value | None, ...]) -> Instant:
+    """Return the deadline of a job that starts now.
+
+    Raises:
+        NoValue: D is no number of seconds.
+    """
+    value = evaluate(assertion.deadline, bindings, now)  # type: ignore[arg-type]
+    if type(value) is not int and type(value) is not float:
+        raise NoValue("a deadline that is no number of seconds")
+    return min(now + round(value * NS_PER_S), NEVER - 1)

@@ -1,0 +1,131 @@
+"""What the virtual machine reports to whoever hosts it, in the order in which it happened.
+
+The machine acts on nothing but its own facts: whatever concerns the radio, the robot's body or the
+operator leaves it as one of these events (the paper's NEW_ACTION and NEW_FACT, figure 6).
+"""
+
+from dataclasses import dataclass
+
+from rmr.base.time import Instant
+from rmr.base.values import Value
+from rmr.vm.job import Job
+
+Args = tuple[Value, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RuleFired:
+    """A rule was applied (paper IV.B, "Process The Rule")."""
+
+    rule: int
+    """Index into the program's rules."""
+    at: Instant
+
+
+@dataclass(frozen=True, slots=True)
+class FactSent:
+    """A rule derived a fact of another robot: it must be carried there."""
+
+    destination: int
+    """The robot that owns it."""
+    predicate: int
+    args: Args
+    """Without the owner."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSent:
+    """A rule derived a goal of another robot: it must be carried there."""
+
+    destination: int
+    """The robot whose goal it is."""
+    predicate: int
+    args: Args
+    """Without the owner."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionDerived:
+    """An action was derived, by a rule or by a missed deadline."""
+
+    serial: int
+    """Names it in `Machine.complete`; 0 if another robot executes it."""
+    predicate: int
+    executor: int
+    """The robot that is to carry it out."""
+    args: Args
+    """Without the executor."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobStarted:
+    """A fact that starts a time assertion's job was inserted; a job that ran already has started anew."""
+
+    job: Job
+
+
+@dataclass(frozen=True, slots=True)
+class JobFinished:
+    """The finish fact was inserted, in time or (``job.missed``) late."""
+
+    job: Job
+
+
+@dataclass(frozen=True, slots=True)
+class JobMissed:
+    """A deadline passed without the finish fact; the violation action was derived."""
+
+    job: Job
+
+
+@dataclass(frozen=True, slots=True)
+class GoalAchieved:
+    """A fact that matches an open goal was inserted, or held already."""
+
+    predicate: int
+    args: tuple[object, ...]
+    """The goal's arguments: values, or ANY."""
+    at: Instant
+
+
+@dataclass(frozen=True, slots=True)
+class FactInserted:
+    """Traced only: a fact of this robot now holds."""
+
+    predicate: int
+    args: Args
+    at: Instant
+
+
+@dataclass(frozen=True, slots=True)
+class FactRemoved:
+    """Traced only: a fact was consumed or withdrawn."""
+
+    predicate: int
+    args: Args
+    at: Instant
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionFailed:
+    """An expression has no value (``1 / 0``): what needed it was left out."""
+
+    where: str
+    """``rule 3``, ``assertion crossing``, ``effect of moveto``."""
+    reason: str
+    at: Instant
+
+
+VmEvent = (
+    RuleFired
+    | FactSent
+    | GoalSent
+    | ActionDerived
+    | JobStarted
+    | JobFinished
+    | JobMissed
+    | GoalAchieved
+    | FactInserted
+    | FactRemoved
+    | ExpressionFailed
+)

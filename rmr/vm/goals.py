@@ -1,0 +1,94 @@
+"""Goals: what the robot wants to hold (paper III.B).
+
+A goal is open until its robot inserts a matching fact of any kind, or at once if it holds one; deriving it
+again opens it again. Goals steer the choice among satisfied rules (paper figure 6): a firing that derives an
+open goal has rank 0, one from which no open goal follows has none. Ranks above 0 (goals that further firings
+reach) have their place here; so far none is given.
+"""
+
+from collections import deque
+
+from rmr.base.time import Instant, in_seconds
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import Anything, Constant, Effect, Program
+from rmr.bytecode.wire import identity
+from rmr.vm.assertions import goal_text
+from rmr.vm.derive import Derived, Role
+from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.events import GoalAchieved
+from rmr.vm.match import pattern_agrees
+from rmr.vm.store import Args, Store
+
+ACHIEVED_MAX = 1024
+"""Achievements remembered for the report; beyond that the oldest are forgotten."""
+
+GoalArgs = tuple[Anything | Constant, ...]
+
+
+class Goals:
+    """The goals of one robot."""
+
+    def __init__(self, program: Program, robot: Robot, store: Store) -> None:
+        self._program = program
+        self._robot = robot
+        self._store = store
+        self._open: dict[int, dict[object, GoalArgs]] = {}
+        self._achieved: deque[tuple[str, float]] = deque(maxlen=ACHIEVED_MAX)
+
+    def wanted(self, predicate: int) -> bool:
+        """Tell whether a goal of `predicate` is open."""
+        return predicate in self._open
+
+    def want(self, now: Instant, predicate: int, args: GoalArgs) -> list[GoalAchieved]:
+        """Open a goal, or discharge it at once if a fact holds that matches."""
+        goals = self._open.setdefault(predicate, {})
+        goals[tuple(identity(p.value) if isinstance(p, Constant) else "_" for p in args)] = args
+        for fact in self._store.tables[predicate].facts.values():
+            if pattern_agrees(args, fact.args):
+                return self.inserted(now, predicate, fact.args)
+        return []
+
+    def inserted(self, now: Instant, predicate: int, args: Args) -> list[GoalAchieved]:
+        """Discharge the goals that a fact fulfils."""
+        goals = self._open.get(predicate, {})
+        met = [key for key, goal in goals.items() if pattern_agrees(goal, args)]
+        events = []
+        for key in met:
+            goal = goals.pop(key)
+            self._achieved.append((self._text(predicate, goal), in_seconds(now)))
+            events.append(GoalAchieved(predicate, tuple(p.value if isinstance(p, Constant) else p for p in goal), now))
+        if not goals:
+            self._open.pop(predicate, None)
+        return events
+
+    def report(self) -> dict[str, list[list[object]] | list[str]]:
+        """Return the goals achieved, each with the time in seconds, and those open, as the report lists them."""
+        still = [self._text(predicate, goal) for predicate, goals in self._open.items() for goal in goals.values()]
+        return {"achieved": [[text, at] for text, at in self._achieved], "open": sorted(still)}
+
+    def rank(self, derived: list[Derived], now: Instant) -> int | None:
+        """Return how many firings lie between this one and an open goal: 0 if it derives one, None if none follows."""
+        return 0 if any(self._derives_goal(item, now) for item in derived) else None
+
+    def _derives_goal(self, item: Derived, now: Instant) -> bool:
+        if item.owner != self._robot or item.role is Role.GOAL:
+            return False
+        if item.role is Role.FACT:
+            return self._fulfils(item.predicate, item.args)
+        effects = self._program.predicates[item.predicate].effects
+        return any(self._effect_fulfils(effect, item.args, now) for effect in effects)
+
+    def _effect_fulfils(self, effect: Effect, args: Args, now: Instant) -> bool:
+        if effect.predicate not in self._open:
+            return False
+        env: list[Value] = [self._robot, *args]
+        try:
+            return self._fulfils(effect.predicate, tuple([evaluate(code, env, now) for code in effect.args]))
+        except NoValue:
+            return False
+
+    def _fulfils(self, predicate: int, args: Args) -> bool:
+        return any(pattern_agrees(goal, args) for goal in self._open.get(predicate, {}).values())
+
+    def _text(self, predicate: int, goal: GoalArgs) -> str:
+        return goal_text(self._program.predicates[predicate].name, self._robot, goal)

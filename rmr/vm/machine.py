@@ -1,0 +1,301 @@
+"""The virtual machine of one robot: facts in, events out (paper IV.B, figure 6).
+
+The executable specification of what a program means. The host hands in facts from outside, goals, the ends of
+actions and the time, calls `run`, and takes away what happened with `drain`. A firing is atomic: what the
+body consumed goes, then what the head derives comes, and only then is the next rule chosen. An insertion
+first discharges goals, then ends jobs, then starts them.
+
+A deadline is part of the time in which the job may finish (t' - t <= d, paper III.E): what is inserted at the
+very instant of the deadline is in time, so deadlines before `now` are dealt with before anything else that
+happens at `now`, and those at `now` after it. The machine holds no clock and never waits; between two `run`s
+the host sleeps until `next_wake`.
+"""
+
+from random import Random
+
+from rmr.base.time import Instant
+from rmr.base.values import Robot, Value, format_fact
+from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
+from rmr.vm.assertions import Assertions
+from rmr.vm.derive import Derivation, Derived, Role
+from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.events import (
+    ActionDerived,
+    ExpressionFailed,
+    FactInserted,
+    FactRemoved,
+    FactSent,
+    GoalSent,
+    JobMissed,
+    RuleFired,
+    VmEvent,
+)
+from rmr.vm.goals import GoalArgs, Goals
+from rmr.vm.interpreter import Interpreter
+from rmr.vm.job import Job
+from rmr.vm.match import pattern_agrees
+from rmr.vm.outside import Gate
+from rmr.vm.store import Args, Fact, Store
+
+FIRING_BUDGET = 500
+"""Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
+
+ACTIONS_MAX = 1024
+"""Actions under way of which the end is awaited; beyond that the oldest are forgotten."""
+
+ROBOT_NUMBER = "id"
+"""The provided persistent predicate ``!id(R, N)``."""
+
+
+class Machine:
+    """Runs one program for one robot."""
+
+    def __init__(
+        self,
+        program: Program,
+        robot: int,
+        rng: Random,
+        *,
+        firing_budget: int = FIRING_BUDGET,
+        trace: bool = False,
+    ) -> None:
+        self.program = program
+        self.robot = Robot(robot)
+        self.firings = 0
+        self._budget = firing_budget
+        self._trace = trace
+        self._now: Instant = 0
+        self._events: list[VmEvent] = []
+        self._failures = 0
+        self._serial = 0
+        self._actions: dict[int, tuple[int, Args]] = {}
+        self._gate = Gate(program.predicates)
+        self._store = Store(program.predicates)
+        self._goals = Goals(program, self.robot, self._store)
+        self._assertions = Assertions(program, self.robot, self._store)
+        self._interpreter = Interpreter(program, self.robot, self._store, self._goals, rng)
+
+    # What the host hands in
+
+    def start(self, now: Instant) -> None:
+        """Insert the facts, then the goals, that the program states for this robot."""
+        number = self.program.index(ROBOT_NUMBER)
+        if number is not None and self.program.predicates[number].provided:
+            self.insert(now, number, (int(self.robot),))
+        for fact in self.program.facts:
+            if fact.owner is None or fact.owner == self.robot:
+                self._insert(now, fact.predicate, fact.args)
+        for goal in self.program.goals:
+            if goal.owner is None or goal.owner == self.robot:
+                self._want(now, goal.predicate, goal.args)
+
+    def insert(self, now: Instant, predicate: int, args: Args) -> None:
+        """Insert a fact from outside, of any kind; a sensed or persistent one that holds is no insertion.
+
+        Raises:
+            ValueError: `args` (without the owner) are not what the predicate declares.
+        """
+        self._arrive(now)
+        self._insert(now, predicate, self._gate.fact(predicate, args))
+
+    def want(self, now: Instant, predicate: int, args: tuple[Value | Pattern, ...]) -> None:
+        """Open a goal from outside; ANY among `args` matches anything.
+
+        Raises:
+            ValueError: `args` (without the owner) are not what the predicate declares.
+        """
+        self._arrive(now)
+        self._want(now, predicate, self._gate.goal(predicate, args))
+
+    def withdraw(self, now: Instant, predicate: int, args: Args) -> None:
+        """Remove a sensed fact that no longer holds; nothing happens if it does not hold.
+
+        Raises:
+            ValueError: the predicate is not sensed, or `args` are not what it declares.
+        """
+        self._arrive(now)
+        fact = self._store.tables[predicate].find(self._gate.sensed(predicate, args))
+        if fact is not None:
+            self._remove(now, fact)
+
+    def derive_action(self, now: Instant, predicate: int, args: Args) -> None:
+        """Take up an action that another robot derived for this one.
+
+        Raises:
+            ValueError: `args` (without the executor) are not what the action declares.
+        """
+        self._arrive(now)
+        self._act(Derived(Role.ACTION, predicate, self.robot, self._gate.action(predicate, args)))
+
+    def complete(self, now: Instant, serial: int, ok: bool) -> bool:
+        """End an action: insert its effects, or the else effects; False if no such action is under way.
+
+        Effects on sensed predicates are left to the senses.
+        """
+        self._arrive(now)
+        action = self._actions.pop(serial, None)
+        if action is None:
+            return False
+        predicate = self.program.predicates[action[0]]
+        for effect in predicate.effects if ok else predicate.else_effects:
+            if self.program.predicates[effect.predicate].kind is not Kind.SENSED:
+                self._take_effect(now, predicate.name, effect, action[1])
+        return True
+
+    def run(self, now: Instant) -> None:
+        """Deal with the deadlines that are due and fire rules until quiescence, or until the budget is used."""
+        self._now = now
+        if self._assertions.due < now:
+            self._miss(now - 1)
+        if self._interpreter.busy:
+            self._fire(now)
+        if self._assertions.due <= now:
+            self._miss(now)
+
+    # What the host asks
+
+    @property
+    def quiescent(self) -> bool:
+        """Whether no rule is satisfied, as far as the last `run` could tell."""
+        return not self._interpreter.busy
+
+    @property
+    def next_wake(self) -> Instant:
+        """When `run` is next needed: the next deadline; at once if rules may be satisfied; NEVER."""
+        return self._now if self._interpreter.busy else self._assertions.due
+
+    @property
+    def jobs(self) -> list[Job]:
+        """The jobs of all time assertions, in the order of their first start (the last `JOBS_MAX`)."""
+        return list(self._assertions.jobs)
+
+    @property
+    def expression_failures(self) -> int:
+        """How often an expression without value left something out."""
+        return self._failures + self._interpreter.failures
+
+    def drain(self) -> list[VmEvent]:
+        """Return what happened since the last call, in order."""
+        events, self._events = self._events, []
+        return events
+
+    def serves(self, predicate: int, args: Args) -> list[Job]:
+        """Return the scheduled jobs without finish that this action of the robot serves, first due first."""
+        return self._assertions.serving(predicate, args)
+
+    def holds(self, predicate: int, args: tuple[Pattern, ...]) -> bool:
+        """Tell whether a fact that matches `args` holds; slots stand for anything."""
+        return any(pattern_agrees(args, fact.args) for fact in self._store.tables[predicate].facts.values())
+
+    def facts(self) -> list[str]:
+        """Return the temporary and persistent facts, none that is provided, in program syntax, sorted."""
+        texts: list[str] = []
+        for predicate, table in zip(self.program.predicates, self._store.tables, strict=True):
+            if predicate.provided or predicate.kind is Kind.SENSED:
+                continue
+            mark = "!" if predicate.kind is Kind.PERSISTENT else ""
+            texts.extend(format_fact(predicate.name, (self.robot, *f.args), mark) for f in table.facts.values())
+        return sorted(texts)
+
+    def goals(self) -> dict[str, list[list[object]] | list[str]]:
+        """Return ``{"achieved": [[text, seconds], ...], "open": [text, ...]}``."""
+        return self._goals.report()
+
+    # What happens inside
+
+    def _arrive(self, now: Instant) -> None:
+        """Let pass what was due before something happens at `now`."""
+        self._now = now
+        if self._assertions.due < now:
+            self._miss(now - 1)
+
+    def _fire(self, now: Instant) -> None:
+        interpreter = self._interpreter
+        interpreter.resume()
+        for _ in range(self._budget):
+            firing = interpreter.select(now)
+            if interpreter.failed:
+                self._events += interpreter.failed
+                interpreter.failed.clear()
+            if firing is None:
+                return
+            self._apply(now, *firing)
+
+    def _apply(self, now: Instant, rule: int, derivation: Derivation) -> None:
+        """Fire a rule: remove what it consumes, then add what it derives."""
+        self.firings += 1
+        self._events.append(RuleFired(rule, now))
+        for fact in derivation.consumed:
+            self._remove(now, fact)
+        for item in derivation.derived:
+            if item.role is Role.ACTION:
+                self._act(item)
+            elif item.owner != self.robot:
+                event = FactSent if item.role is Role.FACT else GoalSent
+                self._events.append(event(item.owner, item.predicate, item.args))
+            elif item.role is Role.FACT:
+                self._insert(now, item.predicate, item.args)
+            else:
+                self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
+
+    def _insert(self, now: Instant, predicate: int, args: Args) -> None:
+        if self._store.insert(predicate, args) is None:
+            return
+        if self._trace:
+            self._events.append(FactInserted(predicate, args, now))
+        self._interpreter.touch(predicate)
+        if self._goals.wanted(predicate):
+            self._events += self._goals.inserted(now, predicate, args)
+            self._interpreter.touch_goal(predicate)
+        if self._assertions.concerns(predicate):
+            self._events += self._assertions.inserted(now, predicate, args)
+
+    def _remove(self, now: Instant, fact: Fact) -> None:
+        self._store.remove(fact)
+        self._interpreter.touch(fact.predicate)
+        if self._trace:
+            self._events.append(FactRemoved(fact.predicate, fact.args, now))
+
+    def _want(self, now: Instant, predicate: int, args: GoalArgs) -> None:
+        self._events += self._goals.want(now, predicate, args)
+        self._interpreter.touch_goal(predicate)
+
+    def _act(self, item: Derived) -> None:
+        """Report an action; its end is awaited if this robot executes it."""
+        serial = 0
+        if item.owner == self.robot:
+            self._serial += 1
+            serial = self._serial
+            if len(self._actions) >= ACTIONS_MAX:
+                del self._actions[next(iter(self._actions))]
+            self._actions[serial] = (item.predicate, item.args)
+        self._events.append(ActionDerived(serial, item.predicate, item.owner, item.args))
+
+    def _take_effect(self, now: Instant, name: str, effect: Effect, args: Args) -> None:
+        env: list[Value] = [self.robot, *args]
+        try:
+            values = tuple([evaluate(code, env, now) for code in effect.args])
+        except NoValue as reason:
+            self._fail(f"effect of {name}", reason, now)
+            return
+        self._insert(now, effect.predicate, values)
+
+    def _miss(self, until: Instant) -> None:
+        """Derive the violations of the deadlines up to `until`, each as of its own instant."""
+        for job in self._assertions.overdue(until):
+            self._events.append(JobMissed(job))
+            violation = self.program.assertions[job.assertion].violation
+            env: list[Value] = job.bindings  # type: ignore[assignment]
+            try:
+                owner = evaluate(violation.owner, env, job.deadline)
+                args = tuple([evaluate(code, env, job.deadline) for code in violation.args])
+                if type(owner) is not Robot:
+                    raise NoValue("an executor that is no robot")
+            except NoValue as reason:
+                self._fail(f"violation of assertion {job.name}", reason, job.deadline)
+                continue
+            self._act(Derived(Role.ACTION, violation.predicate, owner, args))
+
+    def _fail(self, where: str, reason: NoValue, now: Instant) -> None:
+        self._failures += 1
+        self._events.append(ExpressionFailed(where, str(reason), now))

@@ -1,0 +1,245 @@
+"""Finding the matches of a body.
+
+The conjuncts are tried in their order, and for each atom the facts oldest first. So the matches come in the
+order in which the language wants them: conjunct by conjunct, the oldest facts go first (paper III.D gives
+the conjunction, figure 6 the choice). Two conjuncts never match the same temporary fact. Nothing changes
+while matches are being looked for; a comprehension looks at the facts as they will stand when the rule's
+own have been taken: `gone`.
+
+Which slots are bound when an atom is reached is known beforehand, so each atom is planned once: constants to
+test, bound slots to compare with, slots to bind.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass
+
+from rmr.base.values import Value
+from rmr.bytecode.program import (
+    SELF_SLOT,
+    Anything,
+    Atom,
+    Bind,
+    Code,
+    Conjunct,
+    Guard,
+    Mode,
+    Pattern,
+    Predicate,
+    Slot,
+)
+from rmr.vm.evaluate import NoValue, evaluate, same
+from rmr.vm.store import Fact, Store, is_open
+
+Args = tuple[Value, ...]
+Env = list[Value]
+Found = list[Fact]
+OnFailure = Callable[[int, Found, str], None]
+"""Told (step, facts matched so far, reason) when an expression of a body has no value."""
+
+
+@dataclass(frozen=True, slots=True)
+class AtomStep:
+    """An atom, planned."""
+
+    predicate: int
+    mode: Mode
+    tests: tuple[tuple[int, Value], ...]
+    """(position, constant)"""
+    joins: tuple[tuple[int, int], ...]
+    """(position, slot bound before)"""
+    binds: tuple[tuple[int, int], ...]
+    """(position, slot bound here)"""
+    twins: tuple[tuple[int, int], ...]
+    """(position, earlier position) of a variable that the atom has twice."""
+    strict: bool
+    """The predicate leaves types open, so values of different kinds may meet."""
+
+
+@dataclass(frozen=True, slots=True)
+class GuardStep:
+    """A condition."""
+
+    code: Code
+
+
+@dataclass(frozen=True, slots=True)
+class BindStep:
+    """A variable that an expression binds."""
+
+    slot: int
+    code: Code
+
+
+Step = AtomStep | GuardStep | BindStep
+Plan = tuple[Step, ...]
+
+
+def plan(body: Iterable[Conjunct], predicates: tuple[Predicate, ...], bound: Iterable[int] = (SELF_SLOT,)) -> Plan:
+    """Return the steps of `body`, before which the slots `bound` are bound."""
+    known = set(bound)
+    steps: list[Step] = []
+    for conjunct in body:
+        if isinstance(conjunct, Guard):
+            steps.append(GuardStep(conjunct.code))
+        elif isinstance(conjunct, Bind):
+            steps.append(BindStep(conjunct.slot, conjunct.code))
+            known.add(conjunct.slot)
+        else:
+            steps.append(plan_atom(conjunct, predicates, known))
+            if conjunct.mode is not Mode.ABSENT:
+                known.update(pattern.index for pattern in conjunct.args if isinstance(pattern, Slot))
+    return tuple(steps)
+
+
+def plan_atom(atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[int]) -> AtomStep:
+    """Return the plan of an atom; slots that are not `bound` are bound by it (by ABSENT only compared)."""
+    tests: list[tuple[int, Value]] = []
+    joins: list[tuple[int, int]] = []
+    binds: dict[int, int] = {}
+    twins: list[tuple[int, int]] = []
+    for position, pattern in enumerate(atom.args):
+        if isinstance(pattern, Anything):
+            continue
+        if not isinstance(pattern, Slot):
+            tests.append((position, pattern.value))
+        elif pattern.index in bound:
+            joins.append((position, pattern.index))
+        elif pattern.index in binds:
+            twins.append((position, binds[pattern.index]))
+        else:
+            binds[pattern.index] = position
+    return AtomStep(
+        atom.predicate,
+        atom.mode,
+        tuple(tests),
+        tuple(joins),
+        tuple((position, slot) for slot, position in binds.items()),
+        tuple(twins),
+        any(is_open(kind) for kind in predicates[atom.predicate].types),
+    )
+
+
+def agrees(step: AtomStep, args: Args, env: Env) -> bool:
+    """Tell whether `args` match the atom; binds nothing."""
+    if step.strict:
+        return (
+            all(same(args[position], value) for position, value in step.tests)
+            and all(same(args[position], env[slot]) for position, slot in step.joins)
+            and all(same(args[position], args[other]) for position, other in step.twins)
+        )
+    for position, value in step.tests:
+        if args[position] != value:
+            return False
+    for position, slot in step.joins:
+        if args[position] != env[slot]:
+            return False
+    return all(args[position] == args[other] for position, other in step.twins)
+
+
+def candidates(step: AtomStep, store: Store, env: Env) -> Iterable[Fact]:
+    """Return facts, oldest first, among them all that match the atom."""
+    table = store.tables[step.predicate]
+    if step.tests:
+        position, value = step.tests[0]
+        return table.probe(position, value)
+    if step.joins:
+        position, slot = step.joins[0]
+        return table.probe(position, env[slot])
+    return table.facts.values()
+
+
+def matches(
+    steps: Plan, store: Store, env: Env, now: int, on_failure: OnFailure, gone: Collection[int] = ()
+) -> Iterator[Found]:
+    """Yield the facts of each match, one for each atom that is not ABSENT, with their values in `env`.
+
+    Both lists are reused: whoever keeps them copies them. Facts whose serials are `gone` are not seen.
+    """
+    search = _Search(steps, store, env, now, on_failure, gone)
+    return search.extend(0)
+
+
+class _Search:
+    """One depth-first search."""
+
+    __slots__ = ("env", "found", "gone", "now", "on_failure", "steps", "store")
+
+    def __init__(
+        self, steps: Plan, store: Store, env: Env, now: int, on_failure: OnFailure, gone: Collection[int]
+    ) -> None:
+        self.steps = steps
+        self.store = store
+        self.env = env
+        self.now = now
+        self.on_failure = on_failure
+        self.gone = gone
+        self.found: Found = []
+
+    def extend(self, index: int) -> Iterator[Found]:
+        """Yield the ways to satisfy the steps from `index` on."""
+        if index == len(self.steps):
+            yield self.found
+            return
+        step = self.steps[index]
+        if type(step) is AtomStep:
+            if step.mode is Mode.ABSENT:
+                if next(self.facts(step), None) is None:
+                    yield from self.extend(index + 1)
+                return
+            yield from self.take(step, index)
+        elif self.holds(step, index):
+            yield from self.extend(index + 1)
+
+    def take(self, step: AtomStep, index: int) -> Iterator[Found]:
+        """Yield the ways with each fact that the atom can take."""
+        linear = step.mode is not Mode.READ
+        last = index + 1 == len(self.steps)
+        env, found = self.env, self.found
+        for fact in self.facts(step):
+            if linear and fact in found:
+                continue
+            for position, slot in step.binds:
+                env[slot] = fact.args[position]
+            found.append(fact)
+            if last:
+                yield found
+            else:
+                yield from self.extend(index + 1)
+            found.pop()
+
+    def facts(self, step: AtomStep) -> Iterator[Fact]:
+        """Yield the facts that match the atom alone, oldest first."""
+        for fact in candidates(step, self.store, self.env):
+            if fact.serial not in self.gone and agrees(step, fact.args, self.env):
+                yield fact
+
+    def holds(self, step: Step, index: int) -> bool:
+        """Evaluate a condition, or bind a variable; False also if the expression has no value."""
+        assert not isinstance(step, AtomStep)
+        try:
+            value = evaluate(step.code, self.env, self.now)
+            if isinstance(step, BindStep):
+                self.env[step.slot] = value
+                return True
+            if type(value) is not bool:
+                raise NoValue("a condition that is neither true nor false")
+        except NoValue as reason:
+            self.on_failure(index, self.found, str(reason))
+            return False
+        return value
+
+
+def pattern_agrees(patterns: tuple[Pattern, ...], args: Args, bindings: tuple[Value | None, ...] = ()) -> bool:
+    """Tell whether `args` match `patterns`; slots without a binding match anything, the same one the same."""
+    free: dict[int, Value] = {}
+    for pattern, value in zip(patterns, args, strict=True):
+        if isinstance(pattern, Anything):
+            continue
+        if isinstance(pattern, Slot):
+            bound = bindings[pattern.index] if pattern.index < len(bindings) else None
+            expected = free.setdefault(pattern.index, value) if bound is None else bound
+        else:
+            expected = pattern.value
+        if not same(expected, value):
+            return False
+    return True

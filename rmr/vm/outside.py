@@ -1,0 +1,88 @@
+"""The gate through which facts from outside pass: senses, other robots, operators, Python actions.
+
+What the program itself derives is checked when it is compiled and verified; what comes from outside is
+checked here, so that the machine behind never meets a value that its predicate does not declare. An int where
+a float is declared is converted; everything else that does not fit is the caller's mistake.
+"""
+
+from collections.abc import Sequence
+
+from rmr.base.values import Value
+from rmr.bytecode.program import ANY, Anything, Base, Constant, Kind, Pattern, Predicate, Slot, Type
+from rmr.bytecode.verify import conforms
+from rmr.vm.store import Args
+
+
+class Gate:
+    """Checks arguments against the declared types."""
+
+    def __init__(self, predicates: Sequence[Predicate]) -> None:
+        self._predicates = predicates
+
+    def fact(self, predicate: int, args: Args) -> Args:
+        """Return the arguments of a fact. Raises ValueError."""
+        declared = self._predicate(predicate)
+        if declared.kind is Kind.ACTION:
+            raise ValueError(f"{declared.name} is an action, not a fact")
+        return self._convert(declared, args)
+
+    def sensed(self, predicate: int, args: Args) -> Args:
+        """Return the arguments of a sensed fact. Raises ValueError."""
+        declared = self._predicate(predicate)
+        if declared.kind is not Kind.SENSED:
+            raise ValueError(f"{declared.name} is not sensed: its facts cannot be withdrawn")
+        return self._convert(declared, args)
+
+    def action(self, predicate: int, args: Args) -> Args:
+        """Return the arguments of an action. Raises ValueError."""
+        declared = self._predicate(predicate)
+        if declared.kind is not Kind.ACTION:
+            raise ValueError(f"{declared.name} is no action")
+        return self._convert(declared, args)
+
+    def goal(self, predicate: int, args: Sequence[Value | Pattern]) -> tuple[Anything | Constant, ...]:
+        """Return the patterns of a goal. Raises ValueError."""
+        declared = self._predicate(predicate)
+        if declared.kind is Kind.ACTION:
+            raise ValueError(f"{declared.name} is an action, not a goal")
+        if len(args) != len(declared.types):
+            raise _arity(declared, len(args))
+        patterns: list[Anything | Constant] = []
+        for position, (arg, kind) in enumerate(zip(args, declared.types, strict=True)):
+            if isinstance(arg, Slot | Anything):
+                patterns.append(ANY)
+            else:
+                value = arg.value if isinstance(arg, Constant) else arg
+                patterns.append(Constant(_value(declared, position, kind, value)))
+        return tuple(patterns)
+
+    def _predicate(self, index: int) -> Predicate:
+        if not 0 <= index < len(self._predicates):
+            raise ValueError(f"there is no predicate {index}")
+        return self._predicates[index]
+
+    def _convert(self, declared: Predicate, args: Args) -> Args:
+        if len(args) != len(declared.types):
+            raise _arity(declared, len(args))
+        return tuple([_value(declared, i, kind, args[i]) for i, kind in enumerate(declared.types)])
+
+
+def _arity(declared: Predicate, count: int) -> ValueError:
+    return ValueError(f"{declared.name} has {len(declared.types)} arguments without its owner, not {count}")
+
+
+def _value(declared: Predicate, position: int, kind: Type, value: Value) -> Value:
+    """Return `value` as the declared type. Raises ValueError."""
+    if kind.base is Base.FLOAT and type(value) is int:
+        value = _as_float(value)
+    if not conforms(value, kind):
+        wanted = kind.name or kind.base.name.lower()
+        raise ValueError(f"argument {position + 2} of {declared.name} is {value!r}, which is no {wanted}")
+    return value
+
+
+def _as_float(value: int) -> Value:
+    try:
+        return float(value)
+    except OverflowError:
+        return value

@@ -1,0 +1,109 @@
+"""The facts of one robot: the paper's tiny database (V.B.3), insert, delete, query.
+
+Temporary facts are linear resources: a multiset, each insertion a fact of its own. Persistent and sensed
+facts are sets. Every fact has a serial number, so that "oldest first" is insertion order; a fact that is
+withdrawn and comes back is a new one. A table indexes an argument once somebody probes it in a table that is
+worth it. Values that Python calls equal but the language does not (1 and @1) meet only where no type is
+fixed; the matcher compares those strictly.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from rmr.base.values import Value
+from rmr.bytecode.program import Base, Kind, Predicate, Type
+from rmr.bytecode.wire import identity
+
+INDEX_FROM = 12
+"""Facts of a predicate from which on an index is cheaper than looking at each."""
+
+Args = tuple[Value, ...]
+
+
+class Fact:
+    """One fact; compared by identity."""
+
+    __slots__ = ("args", "predicate", "serial")
+
+    def __init__(self, predicate: int, args: Args, serial: int) -> None:
+        self.predicate = predicate
+        self.args = args
+        self.serial = serial
+
+
+class Table:
+    """The facts of one predicate in the order of insertion."""
+
+    __slots__ = ("_indices", "_known", "_open", "facts", "linear")
+
+    def __init__(self, predicate: Predicate) -> None:
+        self.linear = predicate.kind is Kind.TEMPORARY
+        self.facts: dict[int, Fact] = {}
+        self._open = any(is_open(kind) for kind in predicate.types)
+        self._known: dict[object, Fact] = {}
+        self._indices: dict[int, dict[Value, dict[int, Fact]]] = {}
+
+    def find(self, args: Args) -> Fact | None:
+        """Return the fact of a set with these arguments."""
+        return self._known.get(identity(args) if self._open else args)
+
+    def add(self, fact: Fact) -> None:
+        """Hold `fact`; of a set it is new."""
+        self.facts[fact.serial] = fact
+        if not self.linear:
+            self._known[identity(fact.args) if self._open else fact.args] = fact
+        for position, index in self._indices.items():
+            index.setdefault(fact.args[position], {})[fact.serial] = fact
+
+    def remove(self, fact: Fact) -> None:
+        """Drop `fact`."""
+        del self.facts[fact.serial]
+        if not self.linear:
+            del self._known[identity(fact.args) if self._open else fact.args]
+        for position, index in self._indices.items():
+            bucket = index[fact.args[position]]
+            del bucket[fact.serial]
+            if not bucket:
+                del index[fact.args[position]]
+
+    def probe(self, position: int, value: Value) -> Iterable[Fact]:
+        """Return facts, oldest first, among them all whose argument at `position` is `value`."""
+        if len(self.facts) < INDEX_FROM:
+            return self.facts.values()
+        index = self._indices.get(position)
+        if index is None:
+            index = self._indices[position] = {}
+            for fact in self.facts.values():
+                index.setdefault(fact.args[position], {})[fact.serial] = fact
+        bucket = index.get(value)
+        return bucket.values() if bucket is not None else ()
+
+
+class Store:
+    """All facts of one robot."""
+
+    __slots__ = ("_serial", "tables")
+
+    def __init__(self, predicates: Sequence[Predicate]) -> None:
+        self.tables = [Table(predicate) for predicate in predicates]
+        self._serial = 0
+
+    def insert(self, predicate: int, args: Args) -> Fact | None:
+        """Insert a fact; None if it is one of a set and holds already."""
+        table = self.tables[predicate]
+        if not table.linear and table.find(args) is not None:
+            return None
+        self._serial += 1
+        fact = Fact(predicate, args, self._serial)
+        table.add(fact)
+        return fact
+
+    def remove(self, fact: Fact) -> None:
+        """Remove a fact that is there."""
+        self.tables[fact.predicate].remove(fact)
+
+
+def is_open(kind: Type) -> bool:
+    """Tell whether nothing fixes (a part of) the type."""
+    if kind.base is Base.LIST:
+        return kind.element is None or is_open(kind.element)
+    return kind.base is Base.OPEN
