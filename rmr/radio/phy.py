@@ -21,7 +21,7 @@ every process, and the simulator, decides alike.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import comb, exp, log10
+from math import comb, exp, inf, log10
 from typing import NamedTuple
 
 from rmr.base.time import NS_PER_US, Duration, Instant
@@ -83,6 +83,8 @@ class Channel(NamedTuple):
     noise_mw: float
     busy_mw: float
     """Energy from which on the channel counts as busy."""
+    carrier_mw: float
+    """Power from which on a frame is recognised within a clear channel assessment."""
     capture: bool
     """Mode ``capture_3db``, else ``awgn``."""
 
@@ -133,10 +135,12 @@ def path_loss_db(distance_m: float, exponent: float) -> float:
 
 def channel_of(config: RadioConfig) -> Channel:
     """Return the powers that `config` implies."""
+    capture = config.interference == "capture_3db"
     return Channel(
         noise_mw=milliwatts(config.sensitivity_dbm - NOISE_BELOW_SENSITIVITY_DB),
         busy_mw=milliwatts(config.sensitivity_dbm + config.energy_threshold_db),
-        capture=config.interference == "capture_3db",
+        carrier_mw=milliwatts(config.sensitivity_dbm) if capture else inf,
+        capture=capture,
     )
 
 
@@ -237,18 +241,23 @@ def _can_lock(
 def channel_busy(end: Instant, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> bool:
     """Return the result of the clear channel assessment that ends at `end` (6.9.9, mode 3: energy or carrier).
 
-    A station that transmits or turns around within the window cannot assess it and takes it for busy. In
-    mode ``awgn`` a frame that ends inside the window is missed, as in ns-3.
+    Carrier is a frame at the sensitivity or above, or one that the receiver is locked on. A station that
+    transmits or turns around within the window cannot assess it and takes it for busy. Mode ``awgn`` is that
+    of ns-3: energy, or locked on a frame; a frame that ends inside the window is missed.
     """
     begin = end - CCA
     for since, until in deaf:
         if since < end and until > begin:
             return True
-    least_end = begin if channel.capture else end - 1
-    present = [s for s in air if s.start < end and s.end > begin and (s.end > least_end or s.start >= begin)]
+    present = [s for s in air if s.start < end and s.end > begin]
+    if not channel.capture:
+        present = [s for s in present if s.end >= end or s.start >= begin]
     if not present:
         return False
-    return sum(s.power_mw for s in present) >= channel.busy_mw or locked_on(end, air, deaf, channel) is not None
+    energy = sum(s.power_mw for s in present)
+    if energy >= channel.busy_mw or any(s.power_mw >= channel.carrier_mw for s in present):
+        return True
+    return locked_on(end, air, deaf, channel) is not None
 
 
 def link_quality(rssi_dbm: float, verdict: Verdict, config: RadioConfig) -> int:

@@ -13,7 +13,7 @@ sender waits for its acknowledgement twice the grace longer. Everything else goe
 announcement leads to the same reception as an early one.
 """
 
-from bisect import insort
+from bisect import bisect_left, insort
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from math import log10
@@ -208,13 +208,14 @@ class Station:
     def _add(self, heard: _Heard) -> bool:
         """Keep `heard` among what is on the air, in order of start; False if it was there already."""
         air = self._air
-        horizon = heard.start - LOCK_HISTORY - 4 * self._grace - airtime(PSDU_MAX)
+        horizon = min(self._now, heard.start) - LOCK_HISTORY - 4 * self._grace - airtime(PSDU_MAX)
         while air and (air[0].end < horizon or len(air) >= AIR_MAX):
             del air[0]
-        key = heard.announcement[:3]
-        if any(other.announcement[:3] == key for other in reversed(air)):
+        key = _by_start(heard)
+        at = bisect_left(air, key, key=_by_start)
+        if at < len(air) and _by_start(air[at]) == key:
             return False
-        insort(air, heard, key=_by_start)
+        air.insert(at, heard)
         return True
 
     def _concerns(self, heard: _Heard) -> bool:
