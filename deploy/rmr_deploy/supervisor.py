@@ -27,8 +27,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-LIFELINE = "RMR_LIFELINE"
-"""Environment variable with the descriptor number of the lifeline's read end."""
+from rmr.bus.process import LIFELINE
 
 POLL_S = 0.02
 """How often a stopping process is looked at; far below what a person notices."""
@@ -50,7 +49,7 @@ class Child:
     name: str
     """What people call it: ``world``, ``robot-4``."""
     process: subprocess.Popen[bytes]
-    log: Path
+    output: Path
     """Where its standard output and standard error go."""
 
     @property
@@ -70,20 +69,20 @@ class Family:
         self.children: list[Child] = []
         self._read, self._write = os.pipe()
 
-    def start(self, name: str, command: Sequence[str], log: Path) -> Child:
-        """Start `command`; its output is appended to `log`. Raises OSError if it cannot be started."""
-        with log.open("ab") as output:
+    def start(self, name: str, command: Sequence[str], output: Path) -> Child:
+        """Start `command`; what it writes is appended to `output`. Raises OSError if it cannot be started."""
+        with output.open("ab") as sink:
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
+                stdout=sink,
+                stderr=sink,
                 env=os.environ | {LIFELINE: str(self._read), "PYTHONUNBUFFERED": "1"},
                 pass_fds=(self._read,),
                 start_new_session=True,
                 preexec_fn=_death_with_parent(),  # noqa: PLW1509 - safe: no other thread runs yet (see above)
             )
-        child = Child(name, process, log)
+        child = Child(name, process, output)
         self.children.append(child)
         return child
 

@@ -9,7 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
-from rmr_deploy.supervisor import LIFELINE, Child, Family
+
+from rmr.bus.process import LIFELINE
+from rmr_deploy.supervisor import Child, Family
 
 OBEDIENT = "import time; print('up', flush=True); time.sleep(60)"
 STUBBORN = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
@@ -26,7 +28,7 @@ def family():
 
 def start(family: Family, folder: Path, code: str, name: str = "robot-1") -> Child:
     child = family.start(name, [sys.executable, "-S", "-c", code], folder / f"{name}.jsonl")
-    eventually(lambda: b"up" in child.log.read_bytes() or child.exit_code() is not None)
+    eventually(lambda: b"up" in child.output.read_bytes() or child.exit_code() is not None)
     return child
 
 
@@ -48,7 +50,7 @@ def runs(pid: int) -> bool:
 def test_output_of_a_process_goes_to_its_log(family, tmp_path):
     child = start(family, tmp_path, "import sys; print('up'); print('to stderr', file=sys.stderr)")
     eventually(lambda: child.exit_code() == 0)
-    assert child.log.read_text().split("\n") == ["up", "to stderr", ""]
+    assert child.output.read_text().split("\n") == ["up", "to stderr", ""]
 
 
 def test_a_process_leads_a_session_of_its_own_so_that_ctrl_c_does_not_reach_it(family, tmp_path):

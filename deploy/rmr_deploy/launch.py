@@ -1,0 +1,287 @@
+"""One run from its first process to its last: start, wait until all are ready, watch, stop in order.
+
+    starting -> running -> stopping -> over
+        any of them ends early when a process dies, time is up, or a person says so
+
+The world is the router and starts first, but nobody waits for it: robots are started at once and connect when it
+listens, so that the whole start costs what the slowest process costs. The lab clock begins when every robot is
+ready (``rmr-world --when-ready``). A run is over when every robot holds the finish fact, when the lab's duration
+has passed, or when a process has died; robots stop before the world, which is asked last for the final truth.
+Every wait here is bounded by a named constant.
+"""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rmr_deploy.obituary import obituary
+from rmr_deploy.plan import INVALID, Plan, free_port
+from rmr_deploy.screen import Line, Screen
+from rmr_deploy.supervisor import Child, Family
+from rmr_deploy.watch import Watch
+
+POLL_S = 0.05
+"""How often processes are looked at: a death is told within a twentieth of a second."""
+
+READY_S_MAX = 30.0
+"""Six robots are ready within five seconds; a loaded machine may take longer, a broken one never gets there."""
+
+SILENCE_S_MAX = 10.0
+"""Wall time beyond the lab's duration before a run whose clock does not advance is given up."""
+
+FINAL_S_MAX = 2.0
+"""How long a process may take to say its last after it was asked to stop."""
+
+LEAVE_S_MAX = 1.5
+"""How long it may then take to leave by itself before it gets SIGTERM."""
+
+DRAW_S = 0.2
+"""Between two drawings of the robots' lines."""
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What came of a run."""
+
+    finished: bool = False
+    """Every robot held the finish fact (or the lab asks for none and its duration has passed)."""
+    reason: str = ""
+    """Why the run ended, for people."""
+    interrupted: bool = False
+    hurried: bool = False
+    """Interrupted twice: everything was killed at once."""
+    invalid: bool = False
+    """A process refused the program or the lab."""
+    died: dict[str, int] = field(default_factory=dict)
+    """Exit codes of the processes that ended before their time, by name."""
+    ready_s: float | None = None
+    """Wall time from the start of the first process until all were ready."""
+    wall_s: float = 0.0
+    """Wall time of the whole run."""
+
+
+class Run:
+    """A run in progress."""
+
+    def __init__(self, plan: Plan, screen: Screen) -> None:
+        self.plan = plan
+        self.outcome = Outcome()
+        self.watch: Watch | None = None
+        self._screen = screen
+        self._family = Family()
+        self._world: Child | None = None
+        self._robots: dict[int, Child] = {}
+        self._limit_s = plan.wishes.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
+        self._began = time.monotonic()
+        self._drawn = 0.0
+
+    async def go(self) -> Outcome:
+        """Run to the end; whatever happens, no process is left behind. Raises OSError if one cannot be started."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, self._interrupt, number.name)
+        try:
+            self._start()
+            await self._attend()
+            await self._stop()
+        finally:
+            self._screen.close()
+            self._family.kill()
+            if self.watch is not None:
+                self.watch.close()
+            self.outcome.wall_s = time.monotonic() - self._began
+        self._sweep()
+        return self.outcome
+
+    def _interrupt(self, signal_name: str) -> None:
+        """Stop in order at the first request, at once at the second."""
+        if self.outcome.interrupted:
+            self.outcome.hurried = True
+            self._family.kill()
+            return
+        self.outcome.interrupted = True
+        self._screen.say(
+            "stopping; once more to stop at once" if signal_name == "SIGINT" else f"stopping: {signal_name}"
+        )
+
+    # --- start ---------------------------------------------------------------------------------------------
+
+    def _start(self) -> None:
+        plan, endpoint = self.plan, f"tcp/127.0.0.1:{free_port()}"
+        self._world = self._child("world", "rmr_world.main", world_arguments(plan, endpoint))
+        for robot in plan.lab.roster:
+            self._robots[robot] = self._child(
+                f"robot-{robot}", "rmr_agent.main", agent_arguments(plan, robot, endpoint)
+            )
+        pids = {child.name: child.pid for child in self._family.children}
+        write_processes(plan.folder / "processes.json", endpoint, pids)
+        self._endpoint = endpoint
+
+    def _child(self, name: str, module: str, arguments: Sequence[str]) -> Child:
+        command = [sys.executable, "-P", "-m", module, *arguments, "--log", str(self.plan.logs / f"{name}.jsonl")]
+        return self._family.start(name, command, self.plan.logs / f"{name}.out")
+
+    # --- watch ---------------------------------------------------------------------------------------------
+
+    async def _attend(self) -> None:
+        """Return when the run is over; `outcome` says why."""
+        opening = asyncio.create_task(Watch.of(self.plan.lab.name, self._endpoint))
+        try:
+            await self._until(opening.done)
+        finally:
+            if opening.done() and not opening.cancelled():
+                self.watch = opening.result()
+            opening.cancel()
+        if self.outcome.reason or self.watch is None:
+            return
+        watch, roster = self.watch, self.plan.lab.roster
+        await self._until(lambda: watch.ready(roster))
+        if not self.outcome.reason:
+            self.outcome.ready_s = time.monotonic() - self._began
+            self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
+            await self._until(self._finished)
+
+    def _finished(self) -> bool:
+        """Whether the run has reached its end in good order."""
+        watch, lab = self.watch, self.plan.lab
+        assert watch is not None
+        if lab.finish and watch.finished(self._living()):
+            self.outcome.finished = not self.outcome.died
+            self.outcome.reason = "every robot holds the finish fact"
+        elif watch.now >= lab.duration:
+            self.outcome.finished = not lab.finish and not self.outcome.died
+            self.outcome.reason = f"the lab's duration of {self.plan.duration_s:g} s has passed"
+        return bool(self.outcome.reason)
+
+    def _living(self) -> tuple[int, ...]:
+        return tuple(robot for robot in self.plan.lab.roster if f"robot-{robot}" not in self.outcome.died)
+
+    async def _until(self, claim: Callable[[], bool]) -> None:
+        """Wait until `claim` holds, or the run must end: `outcome.reason` is then set."""
+        while not claim():
+            self._look_after()
+            if self.outcome.reason:
+                return
+            self._draw()
+            await asyncio.sleep(POLL_S)
+        self._draw(now=True)
+
+    def _look_after(self) -> None:
+        """Find a reason to end the run before its time."""
+        elapsed_s = time.monotonic() - self._began
+        self._mourn()
+        if self.outcome.reason:
+            return
+        if self.outcome.interrupted:
+            self.outcome.reason = "interrupted"
+        elif self.outcome.ready_s is None and elapsed_s > READY_S_MAX:
+            self.outcome.reason = f"not ready within {READY_S_MAX:g} s: {', '.join(self._unready())}"
+        elif elapsed_s > self._limit_s:
+            self.outcome.reason = f"not finished within {self._limit_s:g} s of wall time"
+
+    def _unready(self) -> list[str]:
+        watch = self.watch
+        if watch is None:
+            return ["the world does not answer"]
+        return [f"robot {robot}" for robot in self.plan.lab.roster if not watch.ready((robot,))]
+
+    def _mourn(self) -> None:
+        """Tell of the processes that have died since the last look."""
+        news = [child for child in self._family.dead() if child.name not in self.outcome.died]
+        for child in news:
+            code = child.exit_code()
+            assert code is not None
+            self.outcome.died[child.name] = code
+            self.outcome.invalid |= code == INVALID
+            self._screen.say(obituary(child))
+        if news and not (self.plan.wishes.keep_going and self._can_go_on()):
+            self.outcome.reason = f"{', '.join(child.name for child in news)} died"
+
+    def _can_go_on(self) -> bool:
+        return self.outcome.ready_s is not None and "world" not in self.outcome.died and bool(self._living())
+
+    def _draw(self, *, now: bool = False) -> None:
+        if not now and time.monotonic() < self._drawn + DRAW_S:
+            return
+        self._drawn = time.monotonic()
+        watch, roster = self.watch, self.plan.lab.roster
+        lab_s = watch.now_s if watch is not None and watch.running(roster) else None
+        self._screen.show(lab_s, [self._line(robot) for robot in roster])
+
+    def _line(self, robot: int) -> Line:
+        code = self.outcome.died.get(f"robot-{robot}")
+        if code is not None:
+            return Line(robot, "died", f"exit code {code}")
+        return Line(robot, *(("starting", "") if self.watch is None else self.watch.line(robot)))
+
+    # --- stop ----------------------------------------------------------------------------------------------
+
+    async def _stop(self) -> None:
+        """Stop the robots, then the world: ask, wait for the last word, then signals."""
+        watch, robots = self.watch, list(self._robots.values())
+        if watch is not None:
+            for robot in self.plan.lab.roster:
+                watch.ask_to_stop(robot, self.outcome.reason)
+            await self._patiently(lambda: all(self._has_said_its_last(robot) for robot in self._robots))
+            await self._family.left(robots, LEAVE_S_MAX)
+        await self._end(robots)
+        assert self._world is not None
+        if watch is not None:
+            watch.ask_world_to_stop(self.outcome.reason)
+            await self._patiently(lambda: (watch.truth is not None and watch.truth.final) or self._gone(self._world))
+            await self._family.left([self._world], LEAVE_S_MAX)
+        await self._end([self._world])
+
+    async def _end(self, children: Sequence[Child]) -> None:
+        """End what has not left by itself, and say so: a process should leave when it is asked to."""
+        late = [child.name for child in children if child.exit_code() is None]
+        stubborn = [child.name for child in await self._family.stop(children)]
+        if late and not self.outcome.hurried:
+            self._screen.say(f"{', '.join(late)} did not leave when asked and got SIGTERM")
+        if stubborn and not self.outcome.hurried:
+            self._screen.say(f"{', '.join(stubborn)} did not leave at SIGTERM and got SIGKILL")
+
+    def _has_said_its_last(self, robot: int) -> bool:
+        return self._gone(self._robots[robot]) or (self.watch is not None and self.watch.final(robot))
+
+    @staticmethod
+    def _gone(child: Child | None) -> bool:
+        return child is None or child.exit_code() is not None
+
+    @staticmethod
+    async def _patiently(claim: Callable[[], bool]) -> None:
+        end = time.monotonic() + FINAL_S_MAX
+        while not claim() and time.monotonic() < end:
+            await asyncio.sleep(POLL_S)
+
+    def _sweep(self) -> None:
+        """Remove the plain output of processes that left in order: their logs say the same."""
+        for child in self._family.children:
+            if child.name not in self.outcome.died:
+                child.output.unlink(missing_ok=True)
+
+
+def world_arguments(plan: Plan, endpoint: str) -> list[str]:
+    """Return the arguments of ``rmr-world``."""
+    lab = plan.lab
+    config = ["--config", str(lab.path), "--listen", endpoint, "--seed", str(lab.seed), "--when-ready"]
+    return [*config, "--robots", str(len(lab.robots))]
+
+
+def agent_arguments(plan: Plan, robot: int, endpoint: str) -> list[str]:
+    """Return the arguments of ``rmr-agent`` for one robot."""
+    actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
+    return ["--id", str(robot), str(plan.byte_code), "--connect", endpoint, "--lab", plan.lab.name, *actions]
+
+
+def write_processes(path: Path, endpoint: str, pids: dict[str, int]) -> None:
+    """Leave in the run folder what runs and where: for whoever wants to look at one of them."""
+    record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids}
+    path.write_text(json.dumps(record, indent=1) + "\n")

@@ -1,0 +1,68 @@
+"""A lab as real processes, from the compiler to the report.
+
+The order is: judge lab and program, with everything that is wrong with them; make the run folder; run (`launch`);
+write ``report.json``; show the table. The report is written whatever becomes of the run. The exit code is that of
+the commands' contract: 0 finished, 1 not finished or a process died, 2 wrong usage, 3 invalid program,
+byte-code or lab file, 4 under ``--strict`` when a deadline was missed or robots touched.
+"""
+
+import asyncio
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import click
+from rich.console import Console
+
+from rmr_deploy.launch import Outcome, Run
+from rmr_deploy.plan import INVALID, Plan, RefusedError, Wishes, make_plan
+from rmr_deploy.record import make_report
+from rmr_deploy.screen import make_screen, table
+from rmr_world import report
+
+FINE, FAILED, NOT_STRICT = 0, 1, 4
+"""Exit codes beside those of `plan`."""
+
+
+def perform(wishes: Wishes) -> int:
+    """Run a lab as `wishes` say; return the exit code."""
+    try:
+        plan = make_plan(wishes, color=sys.stderr.isatty())
+    except RefusedError as refusal:
+        click.echo(str(refusal).rstrip("\n"), err=True)
+        return refusal.exit_code
+    if plan.program.warnings:
+        click.echo(plan.program.warnings.rstrip("\n"), err=True)
+    run = Run(plan, make_screen(json=wishes.as_json))
+    try:
+        outcome = asyncio.run(run.go())
+    except OSError as error:
+        click.echo(f"rmr up: a process cannot be started: {error}", err=True)
+        return FAILED
+    record = make_report(plan, outcome, run.watch)
+    report.write(record, plan.folder)
+    tell(record, outcome, plan)
+    return exit_code(outcome, record, strict=wishes.strict)
+
+
+def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
+    """Show the table and the run in a few words, and where it is asked for the report as JSON."""
+    as_json = plan.wishes.as_json
+    Console(stderr=as_json, highlight=False).print(table(record))
+    where = plan.folder / report.REPORT_FILE
+    click.echo(f"{report.summary(record)}\n{outcome.reason}; the report is {where}", err=as_json)
+    if as_json:
+        click.echo(report.to_json(record), nl=False)
+
+
+def exit_code(outcome: Outcome, record: Mapping[str, Any], *, strict: bool) -> int:
+    """Return the exit code of a run."""
+    if outcome.invalid and outcome.ready_s is None:
+        return INVALID
+    if not outcome.finished or outcome.died:
+        return FAILED
+    imperfect = record["deadlines"]["missed"] or record["collisions"]
+    return NOT_STRICT if strict and imperfect else FINE
+
+
+__all__ = ["Wishes", "exit_code", "perform", "tell"]

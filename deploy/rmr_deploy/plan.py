@@ -1,0 +1,122 @@
+"""What a run needs before its first process starts: a valid lab, a compiled program, a folder, a port.
+
+Everything that a person can get wrong is found here, so that nothing has to be stopped because of it: the lab
+file and the program are judged as a whole, with every mistake shown, and the lab's own facts and finish
+pattern are judged against the program. `RefusedError` carries the message and the exit code of the commands' contract.
+"""
+
+import socket
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rmr.base.time import in_seconds
+from rmr_world.lab import Lab, LabError, load_lab
+from rmr_world.program import LoadedProgram, ProgramError, load_program
+from rmr_world.runfolder import RunFolderError, make_run_folder
+from rmr_world.usage import check_program
+
+USAGE, INVALID = 2, 3
+"""Exit codes: wrong usage; an invalid program, byte-code or lab file."""
+
+
+class RefusedError(Exception):
+    """The run cannot begin: why, for people, and the exit code."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wishes:
+    """What the person who starts a run asks for; None where the lab decides."""
+
+    lab: Path
+    """A lab file or its folder."""
+    robots: int | None = None
+    """How many of the lab's robots, from the first."""
+    seed: int | None = None
+    actions: Path | None = None
+    """A file with the handlers of the program's own actions."""
+    as_json: bool = False
+    strict: bool = False
+    folder: Path | None = None
+    """The run folder."""
+    timeout_s: float | None = None
+    """Wall time of the run at most."""
+    keep_going: bool = False
+    """Whether the others go on when a robot has died."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Everything about a run that is fixed before it begins."""
+
+    wishes: Wishes
+    lab: Lab
+    """With the run's seed and robots."""
+    program: LoadedProgram
+    """The same for every robot."""
+    folder: Path
+    """The run folder: report.json, logs/, the compiled program."""
+
+    @property
+    def byte_code(self) -> Path:
+        """The compiled program's file."""
+        return self.folder / f"{self.lab.program.stem}.rbc"
+
+    @property
+    def logs(self) -> Path:
+        """The folder of the logs, one JSON-lines file per process."""
+        return self.folder / "logs"
+
+    @property
+    def duration_s(self) -> float:
+        """Lab seconds after which the run is over, finished or not."""
+        return in_seconds(self.lab.duration)
+
+
+def make_plan(wishes: Wishes, *, color: bool) -> Plan:
+    """Return the plan of a run and make its folder. Raises RefusedError."""
+    lab = read_lab(wishes.lab, wishes.robots)
+    if wishes.seed is not None:
+        lab = replace(lab, seed=wishes.seed)
+    program = read_program(lab, color=color)
+    try:
+        plan = Plan(wishes, lab, program, make_run_folder(lab.name, wishes.folder))
+    except RunFolderError as error:
+        raise RefusedError(str(error), USAGE) from error
+    plan.logs.mkdir()
+    plan.byte_code.write_bytes(plan.program.octets)
+    return plan
+
+
+def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
+    """Return the lab's program, judged by itself and against the lab. Raises RefusedError."""
+    try:
+        loaded = load_program(lab.program, color=color)
+    except ProgramError as error:
+        raise RefusedError(str(error), INVALID) from error
+    problems = check_program(lab, loaded.program)
+    if problems:
+        raise RefusedError(str(LabError(problems)), INVALID)
+    return loaded
+
+
+def read_lab(path: Path, robots: int | None) -> Lab:
+    """Return the valid lab in `path`, with its first `robots` robots. Raises RefusedError."""
+    try:
+        lab = load_lab(path)
+        return lab if robots is None else lab.with_robots(robots)
+    except LabError as error:
+        raise RefusedError(str(error), INVALID) from error
+    except OSError as error:
+        raise RefusedError(f"{error.filename or path}: {error.strerror}", INVALID) from error
+
+
+def free_port() -> int:
+    """Return a loopback port that is free now. Another process may take it first: the world then says so."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port

@@ -1,0 +1,63 @@
+"""The report of a run of processes: what each robot and the world said last, in the form that all modes share.
+
+A robot that died has its last known part, a world that died leaves the last truth that it told; of whom nothing
+was ever heard the report says that nothing was done. Times are lab time, except `wall_s` and `ready_s`.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rmr_deploy.launch import Outcome
+from rmr_deploy.plan import Plan
+from rmr_deploy.watch import Watch
+from rmr_world.report import assemble
+
+
+def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, Any]:
+    """Return the report of a run that is over; `watch` is None when nobody was ever heard."""
+    parts = {robot: dict(watch.report(robot)) if watch else {} for robot in plan.lab.roster}
+    schedules = [schedule for part in parts.values() for schedule in part.pop("schedules", ())]
+    buses = [part.pop("bus", {}) for part in parts.values()]
+    report = assemble(
+        plan.lab,
+        mode="processes",
+        seed=plan.lab.seed,
+        finished=outcome.finished,
+        time_s=time_s(parts, outcome, watch),
+        wall_s=outcome.wall_s,
+        robots=parts,
+        truth=truth(watch),
+        schedule=merged(schedules),
+        bus_lost=sum(bus.get("lost", 0) for bus in buses),
+    )
+    return {**report, "ready_s": outcome.ready_s, "reason": outcome.reason, "died": outcome.died}
+
+
+def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: Outcome, watch: Watch | None) -> float:
+    """Return lab seconds from the first tick to the last robot's finish, or to the end of a run without one."""
+    finishes = [part.get("finish_s") for part in parts.values()]
+    if outcome.finished and finishes and None not in finishes:
+        return float(max(finish for finish in finishes if finish is not None))
+    return watch.now_s if watch else 0.0
+
+
+def truth(watch: Watch | None) -> dict[str, Any]:
+    """Return what the world saw, as the report wants it; empty when it told nothing."""
+    told = watch.truth if watch else None
+    if told is None:
+        return {}
+    ways = {robot: distance_m for robot, _x, _y, _theta, distance_m in told.robots}
+    return {"collisions": told.collisions, "min_gap_m": told.min_gap_m, "distance_m": ways}
+
+
+def merged(schedules: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return each schedule once: every robot tells the newest that it heard or made, so most are told often.
+
+    Of one leader's term the newest stands.
+    """
+    newest: dict[tuple[str, int, int], dict[str, Any]] = {}
+    for schedule in schedules:
+        key = (schedule["event"], schedule["term"], schedule["leader"])
+        if key not in newest or schedule["formed_s"] > newest[key]["formed_s"]:
+            newest[key] = {**schedule, "order": list(schedule["order"])}
+    return [newest[key] for key in sorted(newest)]

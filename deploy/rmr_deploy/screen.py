@@ -1,0 +1,131 @@
+"""What a person sees while a run goes on, and the table at its end.
+
+On a terminal one line per robot is kept up to date in place; elsewhere a plain line is written when a robot's
+state changes or it says something new, so that a log file stays short. With `--json` all of it goes to standard
+error, standard output then being one JSON document.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from rmr_world.report import COLUMNS, rows
+
+REFRESH_HZ = 8
+"""How often the lines are drawn; statuses come several times a second."""
+
+PLAIN_PERIOD_S = 2.0
+"""A robot's progress is written this often at most where lines stay; a change of its state always is."""
+
+COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", "died": "bold red"}
+"""States as the robots tell them, and what the launcher knows of a process that is gone."""
+
+MET_COLOURS = {True: "green", False: "bold red", None: ""}
+
+
+class Line(NamedTuple):
+    """What one robot is doing."""
+
+    robot: int
+    state: str
+    """``starting``, a state of `rmr.bus.wire.STATES`, or ``died``."""
+    progress: str
+    """For people: one short line."""
+
+
+class Screen(Protocol):
+    """Where a run is shown."""
+
+    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+        """Show what the robots are doing at lab time `lab_s` (None: it has not begun)."""
+
+    def say(self, message: str) -> None:
+        """Write a message that stays."""
+
+    def close(self) -> None:
+        """Show nothing more but messages."""
+
+
+def make_screen(*, json: bool) -> Screen:
+    """Return the screen for standard output, or for standard error when that is kept for JSON."""
+    console = Console(stderr=json, highlight=False, soft_wrap=not (sys.stderr if json else sys.stdout).isatty())
+    return LiveScreen(console) if console.is_terminal else PlainScreen(console)
+
+
+class LiveScreen:
+    """One line per robot on a terminal, redrawn in place."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._live.start()
+
+    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+        """Redraw."""
+        self._live.update(Group(_head(lab_s, lines), *map(_drawn, lines)), refresh=True)
+
+    def say(self, message: str) -> None:
+        """Write `message` above the lines."""
+        self._live.console.print(Text(printable(message)))
+
+    def close(self) -> None:
+        """Take the lines away; the table follows."""
+        self._live.stop()
+
+
+class PlainScreen:
+    """A line of text whenever there is news."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        self._shown: dict[int, tuple[float, Line]] = {}
+
+    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+        """Write the lines that have changed."""
+        now = lab_s or 0.0
+        for line in lines:
+            since, shown = self._shown.get(line.robot, (0.0, Line(line.robot, "", "")))
+            if line.state == shown.state and (line == shown or now < since + PLAIN_PERIOD_S):
+                continue
+            self._shown[line.robot] = now, line
+            when = "" if lab_s is None else f"{lab_s:7.1f} s  "
+            self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
+
+    def say(self, message: str) -> None:
+        """Write `message`."""
+        self.console.print(Text(printable(message)))
+
+    def close(self) -> None:
+        """Do nothing: what is written is written."""
+
+
+def _head(lab_s: float | None, lines: Sequence[Line]) -> Text:
+    done = sum(line.state == "finished" for line in lines)
+    time = "starting" if lab_s is None else f"{lab_s:.1f} s"
+    return Text(f"{time}, {done} of {len(lines)} finished", style="bold", no_wrap=True)
+
+
+def _drawn(line: Line) -> Text:
+    text = Text(f"robot {line.robot:<4}", no_wrap=True, overflow="ellipsis")
+    return text.append(f"{line.state:<9} ", COLOURS.get(line.state, "")).append(printable(line.progress))
+
+
+def printable(text: str) -> str:
+    """Return `text` without what could steer a terminal: a robot may say anything."""
+    return "".join(char if char.isprintable() or char == "\n" else "?" for char in text)
+
+
+def table(report: Mapping[str, Any]) -> Table:
+    """Return the table of a report: robot, deadline, finish, lateness, met."""
+    drawn = Table(box=None, pad_edge=False, header_style="bold")
+    for name in COLUMNS:
+        drawn.add_column(name, justify="right")
+    for row in rows(report):
+        *cells, met = row.cells()
+        drawn.add_row(*cells, Text(met, MET_COLOURS[row.met]))
+    return drawn

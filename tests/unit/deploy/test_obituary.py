@@ -1,0 +1,47 @@
+"""A death is told with its cause and its last words."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+from rmr_deploy.obituary import LAST_LINES, how, last_lines, obituary
+from rmr_deploy.supervisor import Child
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0, "ended with exit code 0"),
+        (3, "ended with exit code 3"),
+        (-9, "was killed by SIGKILL"),
+        (-40, "was killed by signal 40"),
+    ],
+)
+def test_an_exit_code_is_told_in_words(code, words):
+    assert how(code) == words
+
+
+def test_an_obituary_names_the_process_its_end_and_its_last_words(tmp_path):
+    output = tmp_path / "robot-3.out"
+    output.write_text("robot 3: no handler for action blink\n")
+    process = subprocess.Popen([sys.executable, "-S", "-c", "raise SystemExit(3)"])
+    process.wait()
+    assert obituary(Child("robot-3", process, output)) == (
+        f"robot-3 (pid {process.pid}) ended with exit code 3; its last words:\n    robot 3: no handler for action blink"
+    )
+
+
+def test_only_the_end_of_a_long_output_is_read(tmp_path):
+    output = tmp_path / "robot-1.out"
+    output.write_text("".join(f"line {number}\n" for number in range(200_000)))
+    began = time.perf_counter()
+    assert last_lines(output) == [f"line {number}" for number in range(200_000 - LAST_LINES, 200_000)]
+    assert time.perf_counter() - began < 0.5
+
+
+def test_octets_that_are_no_text_do_not_hide_the_rest(tmp_path):
+    output = tmp_path / "robot-1.out"
+    output.write_bytes(b"\xff\xfe broken\nlast\n")
+    assert last_lines(output)[-1] == "last"
