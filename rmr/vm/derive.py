@@ -15,6 +15,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import (
     SELF_SLOT,
     Atom,
+    Bind,
     Comprehension,
     Conjunct,
     DeriveAction,
@@ -165,8 +166,6 @@ def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:
         if isinstance(item, Atom):
             if item.mode is not Mode.ABSENT:
                 bound.extend(pattern.index for pattern in item.args if isinstance(pattern, Slot))
-        elif not hasattr(item, "slot"):
-            continue
-        else:
+        elif isinstance(item, Bind):
             bound.append(item.slot)
     return bound

@@ -1,0 +1,231 @@
+"""Byte-code as text: every octet of a file with its offset and what it says.
+
+Each line holds the offset in hex, the octets and their meaning. Variables are written as slots (``$0`` is the
+robot itself), expressions in postfix (``{$1 s EQ}``), so that what one reads is what the machine does.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from rmr.base.values import Value, format_value
+from rmr.bytecode.decoder import Note, decode_tables
+from rmr.bytecode.layout import CRC_OFFSET, HEADER, TABLES, VERSION, Layout, read_layout
+from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.program import (
+    Anything,
+    Assertion,
+    Atom,
+    Base,
+    Bind,
+    Code,
+    Comprehension,
+    Conjunct,
+    Debug,
+    DeriveAction,
+    DeriveGoal,
+    Effect,
+    Guard,
+    Head,
+    InitialFact,
+    InitialGoal,
+    Instruction,
+    Kind,
+    Mode,
+    Pattern,
+    Place,
+    Predicate,
+    Program,
+    Rule,
+    Slot,
+    Type,
+)
+
+OCTETS_SHOWN = 12
+"""Octets on a line; what is longer goes on without text."""
+
+_KINDS = {Kind.TEMPORARY: "type ", Kind.PERSISTENT: "type !", Kind.SENSED: "type sensor ", Kind.ACTION: "type action "}
+_MODES = {Mode.CONSUME: "", Mode.READ: "", Mode.KEEP: "$", Mode.ABSENT: "not "}
+
+
+def disassemble(data: bytes) -> str:
+    """Return `data` as annotated text, one line for each entry, offsets in hex.
+
+    Raises:
+        BytecodeError: `data` is no byte-code of this version, damaged or malformed.
+    """
+    notes: list[Note] = []
+    layout = read_layout(data)
+    program = decode_tables(data, layout, notes)
+    lines = list(_header(data, layout))
+    for table in TABLES:
+        entries, start, end = layout.tables[table]
+        lines.append(f"; {table}: {entries} at 0x{start:04x}, {end - start} octets")
+        for number, note in enumerate(note for note in notes if note.table == table):
+            lines.extend(_entry(data, program, notes, number, note))
+    return "\n".join(lines) + "\n"
+
+
+def _line(data: bytes, start: int, end: int, text: str) -> Iterator[str]:
+    """Yield the line of the octets `start` to `end`, and lines of octets alone if they are many."""
+    for at in range(start, max(end, start + 1), OCTETS_SHOWN):
+        octets = data[at : min(end, at + OCTETS_SHOWN)].hex(" ")
+        yield f"0x{at:04x}  {octets:<{OCTETS_SHOWN * 3}}{text}".rstrip()
+        text = ""
+
+
+def _header(data: bytes, layout: Layout) -> Iterator[str]:
+    yield from _line(data, 0, 4, "magic")
+    yield from _line(data, 4, 5, f"version {VERSION}")
+    yield from _line(data, 5, 6, f"flags {layout.flags:#04x}")
+    yield from _line(data, 6, CRC_OFFSET, f"size {layout.size} octets")
+    yield from _line(data, CRC_OFFSET, HEADER.size, f"CRC-32 {layout.crc:08x}")
+    yield from _line(data, HEADER.size, layout.tables[TABLES[0]].start, "directory: entries and offset of each table")
+
+
+def _entry(data: bytes, program: Program, notes: list[Note], number: int, note: Note) -> Iterator[str]:
+    """Yield the lines of one entry; an expression's instructions stand one below the other."""
+    if note.table != "code":
+        yield from _line(data, note.start, note.end, f"{number}: {_Text(program).entry(number, note)}")
+        return
+    inner = [i for i in notes if i.table == "instruction" and note.start <= i.start and i.end <= note.end]
+    first = inner[0].start if inner else note.end
+    yield from _line(data, note.start, first, f"{number}: {len(inner)} instructions")
+    for item in inner:
+        assert isinstance(item.what, Instruction)
+        yield from _line(data, item.start, item.end, "   " + instruction_text(item.what))
+
+
+def instruction_text(instruction: Instruction) -> str:
+    """Return an instruction with its operand."""
+    operand = instruction.operand
+    if operand is None:
+        return instruction.op.name
+    form = FORMS[instruction.op].operand
+    if form is Operand.FUNCTION:
+        assert isinstance(operand, int)
+        return f"CALL {FUNCTIONS[operand].name}/{FUNCTIONS[operand].arity}"
+    mark = "$" if form is Operand.SLOT else ""
+    return f"{instruction.op.name} {mark}{format_value(operand)}"
+
+
+def code_text(code: Code) -> str:
+    """Return an expression in postfix."""
+    words = [_word(instruction) for instruction in code]
+    return words[0] if len(words) == 1 else "{" + " ".join(words) + "}"
+
+
+def _word(instruction: Instruction) -> str:
+    operand = instruction.operand
+    if instruction.op is Op.LOAD:
+        return f"${operand}"
+    if instruction.op in (Op.CONST, Op.INT) and operand is not None:
+        return format_value(operand)
+    return instruction_text(instruction).replace(" ", ":")
+
+
+def pattern_text(pattern: Pattern) -> str:
+    """Return a pattern: ``_``, a slot or a constant."""
+    if isinstance(pattern, Anything):
+        return "_"
+    return f"${pattern.index}" if isinstance(pattern, Slot) else format_value(pattern.value)
+
+
+def type_text(kind: Type) -> str:
+    """Return a type as it is declared; ``_`` is what nothing fixes."""
+    if kind.base is Base.OPEN:
+        return "_"
+    if kind.base is Base.LIST:
+        return "list " + (type_text(kind.element) if kind.element is not None else "_")
+    return kind.name if kind.base is Base.SYMBOL else kind.base.name.lower()
+
+
+class _Text:
+    """Renders entries with the names of one program's predicates."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+
+    def entry(self, number: int, note: Note) -> str:
+        debug = self.program.debug or Debug()
+        match note.what:
+            case Rule() as rule:
+                return self.rule(rule) + _place(debug.rules, number)
+            case Assertion() as assertion:
+                return self.assertion(assertion) + _place(debug.assertions, number)
+            case Effect() as effect:
+                return self.term(effect.predicate, "$0", map(code_text, effect.args))
+            case InitialFact() as fact:
+                return self.term(fact.predicate, _owner(fact.owner), map(format_value, fact.args))
+            case InitialGoal() as goal:
+                return "?" + self.term(goal.predicate, _owner(goal.owner), map(pattern_text, goal.args))
+            case Debug():
+                return "places in the source"
+        if note.table == "predicates":
+            return self.predicate(self.program.predicates[number]) + _place(debug.predicates, number)
+        value: Value = note.what  # type: ignore[assignment]
+        return format_value(value)
+
+    def name(self, predicate: int) -> str:
+        declared = self.program.predicates[predicate]
+        return ("!" if declared.kind is Kind.PERSISTENT else "") + declared.name
+
+    def term(self, predicate: int, owner: str, args: Iterable[str]) -> str:
+        return f"{self.name(predicate)}({', '.join([owner, *args])})"
+
+    def predicate(self, predicate: Predicate) -> str:
+        text = f"{_KINDS[predicate.kind]}{predicate.name}({', '.join(['robot', *map(type_text, predicate.types)])})"
+        for word, effects in ((" -o ", predicate.effects), (" else ", predicate.else_effects)):
+            if effects:
+                text += word + ", ".join(self.term(e.predicate, "$0", map(code_text, e.args)) for e in effects)
+        return text + (" (provided)" if predicate.provided else "")
+
+    def rule(self, rule: Rule) -> str:
+        return f"{self.body(rule.body)} -o {self.heads(rule.head)}  ; {rule.slots} slots"
+
+    def body(self, body: Iterable[Conjunct]) -> str:
+        return ", ".join(map(self.conjunct, body))
+
+    def conjunct(self, conjunct: Conjunct) -> str:
+        match conjunct:
+            case Atom():
+                return _MODES[conjunct.mode] + self.atom(conjunct)
+            case Guard():
+                return code_text(conjunct.code)
+            case Bind():
+                return f"${conjunct.slot} = {code_text(conjunct.code)}"
+
+    def atom(self, atom: Atom) -> str:
+        return self.term(atom.predicate, "$0", map(pattern_text, atom.args))
+
+    def heads(self, heads: Iterable[Head]) -> str:
+        return ", ".join(map(self.head, heads)) or "1"
+
+    def head(self, head: Head) -> str:
+        if isinstance(head, Comprehension):
+            slots = ", ".join(f"${slot}" for slot in head.slots)
+            return f"{{{slots} | {self.body(head.body)} | {self.heads(head.head)}}}"
+        mark = "?" if isinstance(head, DeriveGoal) else ""
+        return mark + self.term(head.predicate, code_text(head.owner), map(code_text, head.args))
+
+    def assertion(self, assertion: Assertion) -> str:
+        violation: DeriveAction = assertion.violation
+        parts = [
+            self.atom(assertion.start),
+            self.atom(assertion.finish),
+            code_text(assertion.deadline),
+            self.head(violation),
+        ]
+        word = "assert" if assertion.scheduled else "watch"
+        text = f"{assertion.name}: {word}({', '.join(parts)})"
+        served = [self.term(s.action, "$0", map(pattern_text, s.args)) for s in assertion.serving]
+        return text + ("  ; served by " + ", ".join(served) if served else "")
+
+
+def _owner(owner: int | None) -> str:
+    return "_" if owner is None else f"@{owner}"
+
+
+def _place(places: tuple[Place, ...], number: int) -> str:
+    if number >= len(places):
+        return ""
+    place = places[number]
+    return f"  ; {place.file}:{place.line}:{place.column}"
