@@ -65,6 +65,8 @@ class Counters:
     """Transmissions of data frames, repeats included."""
     acknowledgements: int = 0
     """Transmissions of acknowledgements."""
+    withheld: int = 0
+    """Acknowledgements not sent because the station transmitted at that time (late announcements only)."""
     received: int = 0
     """Data frames received and handed on."""
     collided: int = 0
@@ -289,6 +291,7 @@ class Station:
         start = heard.end + TURNAROUND
         end = start + _ACK_AIRTIME
         if any(since < end and until > start for since, until in self._deaf):
+            self.counters.withheld += 1
             return
         original = heard.announcement
         self.counters.acknowledgements += 1

@@ -79,6 +79,20 @@ def test_a_station_does_not_transmit_over_an_acknowledgement_that_it_may_owe() -
         assert mine.start >= ack.end or mine.end <= ack.start
 
 
+def test_an_acknowledgement_that_would_run_into_an_own_transmission_is_withheld_and_counted() -> None:
+    ether = Ether([(0, 0)], grace=GRACE)
+    ether.send(0, 0, b"mine" * 9)
+    ether.run(3 * MS)
+    (mine,) = ether.announced(0)
+    psdu_us = 32 * (6 + 11 + 40)
+    incoming = transmission(9, mine.start - (psdu_us + 250) * US, x=2.0, to=0)  # ends 250 us before `mine` starts
+    ether.stations[0].hear(incoming)
+    ether.run(SECOND)
+    assert len(ether.received(0)) == 1
+    assert ether.announced(0, acks=True) == []
+    assert ether.stations[0].counters.withheld == 1
+
+
 def test_an_announcement_that_comes_after_its_reception_was_due_is_counted() -> None:
     listener = station(grace=GRACE)
     one = transmission(9, MS, x=2.0)
