@@ -1,33 +1,62 @@
-"""Stop if dangerous (paper IV.E), by closing speed rather than by mere sight.
+"""Stop if dangerous (paper IV.E), by closing speed rather than by mere sight, and the way out of stand-offs.
 
 For each body in the field of view the closest approach under the relative velocity is computed. A body is
 dangerous when that miss distance is below two radii and 25 mm and this robot itself closes in. Then the speed
 falls in proportion to the gap that is left, down to a stop. A body that comes from behind, or that this robot
-does not close in on, never stops it.
+does not close in on, never stops it. Of two that cross, the one that has the other on its right gives way
+early, the other late, so that one of them goes first.
+
+The field of view is narrow: a body that has left it is remembered for a moment at the place where it would be
+now (`Watch`), so that turning away from a body does not make it vanish.
+
+Robots that stop each other for longer than their patience are in a stand-off (`StandOff`). The way out is a
+detour around where the others are, biased to the right, so that two robots face to face both pass on the right
+hand; where there is no way around, a little way back.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from rmr.base.geometry import Twist
+from rmr.base.arena import RobotShape
+from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.time import Instant, in_seconds, seconds
 from rmr.node.ports import SeenBody
 
 MISS_MARGIN_M = 0.025
 """Closest approach nearer than two radii and this is dangerous."""
-STOP_GAP_M = 0.012
+STOP_GAP_M = 0.015
 """Gap between hulls at which the robot stands."""
 SLOPE_PER_S = 2.5
 """Speed allowed per metre of gap, 1/s."""
+LATE_SLOPE_PER_S = 6.0
+"""Likewise towards a body that crosses from the left: it gives way."""
 HORIZON_S = 3.0
 """Approaches later than this are no danger yet."""
+STILL_MPS = 0.03
+"""A body slower than this stands."""
+MEMORY_S = 0.8
+"""How long a body that has left the field of view is remembered."""
+REMEMBERED_MAX = 8
+"""Bodies remembered at once; no more fit around a robot within its view."""
+PATIENCE_S = 0.7
+"""Standing before another for longer than this is a stand-off."""
+PATIENCE_STEP_S = 0.2
+"""Robots differ in patience by multiples of this, so that not all act at once."""
+BIAS_M = 0.05
+"""How far the detour takes the other to be to the left of where it is."""
+GHOST_S = 2.5
+"""How long a detour keeps off the place where the other was."""
+BACK_S = 0.8
+"""Length of a way back."""
+BACK_MPS = 0.08
+"""Speed of a way back."""
 
 
 def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float) -> float:
-    """Return the greatest forward speed up to `v` (m/s) that no body in view makes dangerous."""
+    """Return the greatest forward speed up to `v` (m/s) that no body makes dangerous."""
     limit = v
     for body in bodies:
-        if limit <= 0.0:
-            break
         limit = min(limit, _limit(v, body, radius))
     return max(0.0, limit)
 
@@ -41,21 +70,130 @@ def _limit(v: float, body: SeenBody, radius: float) -> float:
     closing = -(x * rvx + y * bvy)
     if closing <= 0.0:
         return v
-    speed2 = rvx * rvx + bvy * bvy
-    t = closing / speed2
+    t = closing / (rvx * rvx + bvy * bvy)
     miss = math.hypot(x + rvx * t, y + bvy * t)
     if t > HORIZON_S or miss >= 2.0 * radius + MISS_MARGIN_M:
         return v
+    speed = math.hypot(bvx, bvy)
+    moving = speed > STILL_MPS
+    if moving and miss >= 2.0 * radius + 0.005 and abs(x * bvy - y * bvx) / speed < miss:
+        return v  # standing still would bring the two nearer than going on
     gap = away - 2.0 * radius - STOP_GAP_M
     if gap <= 0.0:
         return 0.0
     recede = max(0.0, (x * bvx + y * bvy) / away)
-    return min(v, SLOPE_PER_S * gap + recede)
+    slope = LATE_SLOPE_PER_S if moving and y > 0.0 and bvy < -STILL_MPS else SLOPE_PER_S
+    return min(v, slope * gap + recede)
 
 
 def limit_twist(twist: Twist, bodies: Sequence[SeenBody], radius: float) -> Twist:
-    """Return `twist`, slowed along its arc as the bodies in view demand."""
+    """Return `twist`, slowed along its arc as the bodies around demand."""
     if twist.v <= 0.0 or not bodies:
         return twist
     v = safe_speed(twist.v, bodies, radius)
     return twist if v >= twist.v else Twist(v, twist.w * v / twist.v)
+
+
+class _Seen(NamedTuple):
+    """A body on the floor: where it was and how it moved when last seen."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    at: Instant
+
+
+class Watch:
+    """The bodies around: those in view and those that have just left it."""
+
+    __slots__ = ("_memory", "_shape")
+
+    def __init__(self, shape: RobotShape) -> None:
+        self._shape = shape
+        self._memory: list[_Seen] = []
+
+    def update(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody]) -> Sequence[SeenBody]:
+        """Take in what is seen from `pose`; return all bodies around in the robot's frame."""
+        if not bodies and not self._memory:
+            return bodies
+        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        fresh = [
+            _Seen(
+                pose.x + b.x * cos - b.y * sin,
+                pose.y + b.x * sin + b.y * cos,
+                b.vx * cos - b.vy * sin,
+                b.vx * sin + b.vy * cos,
+                now,
+            )
+            for b in bodies
+        ]
+        around = list(bodies)
+        kept = fresh
+        for old in self._memory:
+            age = in_seconds(now - old.at)
+            x, y = old.x + old.vx * age, old.y + old.vy * age
+            if age > MEMORY_S or any(math.hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
+                continue
+            dx, dy = x - pose.x, y - pose.y
+            body = SeenBody(dx * cos + dy * sin, dy * cos - dx * sin, old.vx * cos + old.vy * sin, 0.0)
+            body = body._replace(vy=old.vy * cos - old.vx * sin)
+            if not self._in_view(body):
+                kept.append(old)
+                around.append(body)
+        self._memory = kept[:REMEMBERED_MAX]
+        return around
+
+    def _in_view(self, body: SeenBody) -> bool:
+        """Return whether the body would surely be seen if it were there."""
+        away = math.hypot(body.x, body.y)
+        return (
+            away < self._shape.view_depth + self._shape.radius - 0.02
+            and abs(math.atan2(body.y, body.x)) < 0.5 * self._shape.view_angle - 0.05
+        )
+
+    def places(self, now: Instant) -> list[Point]:
+        """Return where the bodies around are now, on the floor."""
+        return [Point(s.x + s.vx * in_seconds(now - s.at), s.y + s.vy * in_seconds(now - s.at)) for s in self._memory]
+
+
+class StandOff:
+    """Notices that others keep this robot standing."""
+
+    __slots__ = ("_patience", "_since", "ghosts", "ghosts_until", "tries")
+
+    def __init__(self, robot: int) -> None:
+        self._patience = seconds(PATIENCE_S + PATIENCE_STEP_S * (robot % 4))
+        self._since: Instant | None = None
+        self.ghosts: tuple[Point, ...] = ()
+        self.ghosts_until: Instant = 0
+        self.tries = 0
+
+    def reset(self) -> None:
+        """Forget everything: a new drive begins."""
+        self._since, self.ghosts, self.tries = None, (), 0
+
+    def blocked(self, now: Instant, wish: Twist, allowed: Twist) -> bool:
+        """Note this tick; return whether the patience is over (once per patience)."""
+        if wish.v <= 0.02 or allowed.v > 0.25 * wish.v:
+            if allowed.v > 0.02:
+                self._since = None
+            return False
+        if self._since is None:
+            self._since = now
+        if now - self._since < self._patience:
+            return False
+        self._since = now
+        self.tries += 1
+        return True
+
+    def mark(self, now: Instant, pose: Pose, places: Sequence[Point], radius: float) -> None:
+        """Remember `places` of others as obstacles of the detour, shifted to the left of the way to each."""
+        ghosts = []
+        for x, y in places:
+            away = math.hypot(x - pose.x, y - pose.y)
+            if away > 8.0 * radius or away < 1e-6:
+                continue
+            shift = BIAS_M / away
+            ghosts.append(Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift))
+        self.ghosts, self.ghosts_until = tuple(ghosts), now + seconds(GHOST_S)

@@ -13,7 +13,7 @@ Two beacons on one line leave two mirrored solutions; `initial_pose` takes the o
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, wrap
@@ -28,8 +28,8 @@ GYRO_SIGMA = 0.02
 """Noise of the gyro, rad/s."""
 GYRO_SHARE = 0.8
 """Weight of the gyro against the wheels in the turn."""
-COMPASS_SIGMA = 0.05
-"""Noise of the compass, radians."""
+COMPASS_SIGMA = 0.06
+"""Noise of the compass, radians; more than its datasheet's 2 degrees, because readings at 60 Hz are not alone."""
 RANGE_SIGMA = 0.007
 """Noise of an ultrasonic range, metres."""
 GATE = 4.0
@@ -145,16 +145,13 @@ class Ekf:
             self._pxx, self._pyy, self._ptt = self._pxx * 4.0 + 1e-4, self._pyy * 4.0 + 1e-4, self._ptt * 4.0 + 1e-4
 
 
-def initial_pose(
-    ranges: Sequence[tuple[int, float]], beacons: Sequence[Point], compass: float, arena: Arena
-) -> Pose | None:
-    """Return the pose from the ranges (beacon index, metres) to two beacons and the compass, or None.
+def initial_pose(ranges: Mapping[int, float], beacons: Sequence[Point], compass: float, arena: Arena) -> Pose | None:
+    """Return the pose from the ranges (metres by beacon index) to two beacons and the compass, or None.
 
     The two circles meet on both sides of the beacons' line; the solution inside the arena is taken. None while
     there are no ranges to two different beacons, or none of their solutions lies inside.
     """
-    latest = {index: metres for index, metres in ranges if 0 <= index < len(beacons)}
-    known = sorted(latest.items())
+    known = sorted((index, metres) for index, metres in ranges.items() if 0 <= index < len(beacons))
     for i, (first, r1) in enumerate(known):
         for second, r2 in known[i + 1 :]:
             point = _meet(beacons[first], r1, beacons[second], r2, arena)

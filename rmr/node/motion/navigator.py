@@ -1,36 +1,37 @@
 """Joins planning, following and avoidance for one robot.
 
-One order of precedence each tick: the path's wish, cut by the gate (not before the slot, never while it is
-closed), cut by stop-if-dangerous, which has the last word. The gate has a line: the place where the hull's
-front is far enough before the gate point to brake from full speed. Slots mean that line: a robot that crosses
-it at full speed as the slot opens loses nothing.
+Each tick asks in order of precedence: the path's wish, cut by the gate (not before the slot, never while it is
+closed), cut by stop-if-dangerous, which has the last word. A robot that stands in a stand-off for longer than
+its patience gets a detour.
+
+A route around parked robots is made anew when they change: at once while the robot still stands, on the way
+only when one of them is now in the way. A robot that is parked on the gate's own point will leave before this
+one may pass; it does not hide the gate.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
-from rmr.base.time import NEVER, Duration, Instant, in_seconds, seconds
-from rmr.node.motion.avoid import limit_twist
-from rmr.node.motion.follow import BRAKE, Follower, braking_speed, turn_towards
-from rmr.node.motion.grid import discs_around
-from rmr.node.motion.route import Route, follower_route, leader_route, shared_part
+from rmr.base.time import Duration, Instant, seconds
+from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist
+from rmr.node.motion.follow import Follower, turn_towards
+from rmr.node.motion.gate import START_S, Gate
+from rmr.node.motion.grid import MARGIN_M, discs_around
+from rmr.node.motion.route import Route, follower_route, gate_point, gated_again, leader_route, shared_part
 from rmr.node.ports import SeenBody
 
-GATE_MARGIN_M = 0.01
-"""Between the hull's front and the gate when the robot waits there."""
-START_S = 0.15
-"""What speeding up from standstill costs against full speed, seconds."""
-EARLY_S = 0.25
-"""A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
 RETRY_S = 0.5
 """Between two tries to find a way when blocked."""
 SAME_PLACE_M = 0.03
 """A parked robot that is reported this near to where it was has not moved."""
 FACED = 0.03
 """Heading error that counts as facing, radians."""
+LOST_SIGMA_M = 0.1
+"""A robot less sure of its place than this drives at half speed."""
 
 
 class Estimate(NamedTuple):
@@ -44,24 +45,30 @@ class Estimate(NamedTuple):
     """Direction through the gate."""
 
 
+class Order(NamedTuple):
+    """What `go` was asked for."""
+
+    goal: Point
+    shared: GridPath | None
+    through_gate: bool
+
+
 class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_blocked_since",
+        "_back_until",
         "_driven",
         "_face",
         "_follower",
-        "_gate_open",
-        "_goal",
-        "_holding",
+        "_gate",
         "_next_try",
-        "_opens_at",
+        "_order",
         "_parked",
         "_pose",
         "_replan_due",
-        "_shared",
-        "_through",
+        "_stand_off",
+        "_watch",
         "arena",
         "replans",
         "robot",
@@ -72,20 +79,19 @@ class Navigator:
         self.arena = arena
         self.robot = robot
         self.status = "idle"
+        """``idle``, ``moving``, ``arrived`` or ``blocked`` (no way; tried again when parked robots change)."""
         self.replans = 0
+        self._order: Order | None = None
         self._follower: Follower | None = None
-        self._goal: Point | None = None
+        self._gate = Gate(arena.shape, holding=False)
         self._face: float | None = None
         self._driven: Twist | None = None
         self._parked: tuple[Point, ...] = ()
-        self._shared: GridPath | None = None
-        self._through = False
-        self._opens_at: Instant | None = None
-        self._gate_open = False
         self._next_try: Instant = 0
-        self._blocked_since: Instant = NEVER
         self._replan_due = False
-        self._holding = False
+        self._back_until: Instant = 0
+        self._watch = Watch(arena.shape)
+        self._stand_off = StandOff(robot)
         self._pose = Pose(0.0, 0.0, 0.0)
 
     # -- orders ---------------------------------------------------------------------------------------------
@@ -102,16 +108,15 @@ class Navigator:
         through_gate: bool = False,
     ) -> bool:
         """Plan a way to `goal` and begin. Returns False, with status blocked, when there is none yet."""
-        self._goal, self._face, self._driven = goal, final_heading, None
-        self._parked, self._shared, self._through = tuple(parked), shared, through_gate
-        self._opens_at, self._gate_open = None, False
-        self._holding = through_gate
-        self._pose = pose
+        self._clear()
+        self._order = Order(goal, shared, through_gate)
+        self._face, self._parked, self._pose = final_heading, tuple(parked), pose
+        self._gate = Gate(self.arena.shape, holding=through_gate)
         return self._replan(now, pose)
 
     def gate(self, opens_at: Instant | None, opened: bool) -> None:
         """Tell when the slot at the gate begins (None: unknown, wait before it) and whether entering is allowed."""
-        self._opens_at, self._gate_open = opens_at, opened
+        self._gate.opens_at, self._gate.opened = opens_at, opened
 
     def update_parked(self, points: Sequence[Point]) -> None:
         """Tell where robots are parked now; a blocked robot tries again at its next step."""
@@ -120,7 +125,7 @@ class Navigator:
             return
         self._parked = parked
         self._next_try = 0
-        if self._follower is not None and (self.parked or self._obstructed()):
+        if self._follower is not None and not self._follower.arrived and (self.parked or self._obstructed()):
             self._replan_due = True
 
     def face(self, now: Instant, theta: float) -> None:  # noqa: ARG002
@@ -139,31 +144,50 @@ class Navigator:
         self.status = "idle"
 
     def _clear(self) -> None:
-        self._follower = self._goal = self._face = self._driven = None
-        self._opens_at, self._gate_open = None, False
+        self._order = self._follower = self._face = self._driven = None
+        self._gate = Gate(self.arena.shape, holding=False)
+        self._replan_due = False
+        self._back_until = 0
+        self._stand_off.reset()
 
     # -- each tick ------------------------------------------------------------------------------------------
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
+        around = self._watch.update(now, pose, bodies)
         if self._driven is not None:
-            return limit_twist(self._driven, bodies, self.arena.shape.radius)
-        if self.status in ("idle", "arrived"):
+            return limit_twist(self._driven, around, self.arena.shape.radius)
+        if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
-        if self._follower is None and self._goal is not None and (now < self._next_try or not self._replan(now, pose)):
-            return STILL
-        if self._replan_due:
-            self._replan_due = False
-            self._replan(now, pose, keep=True)
         follower = self._follower
         if follower is None:
             return self._turn(pose)
         follower.locate(pose)
+        self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose)
-        wish = follower.steer(pose, self._gate_limit(now, follower))
-        return limit_twist(wish, bodies, self.arena.shape.radius)
+        if now < self._back_until:
+            return self._back(pose)
+        limit = self._gate.limit(now, follower.route, follower.s)
+        if sigma > LOST_SIGMA_M:
+            limit = min(limit, 0.5 * self.arena.shape.speed)
+        wish = follower.steer(pose, limit)
+        allowed = limit_twist(wish, around, self.arena.shape.radius)
+        if self._stand_off.blocked(now, wish, allowed):
+            self._detour(now, pose)
+        return allowed
+
+    def _ready(self, now: Instant, pose: Pose) -> bool:
+        """Return whether there is something to follow or to face, planning when that is due."""
+        if self._order is None:
+            return True
+        if self._follower is None:
+            return now >= self._next_try and self._replan(now, pose)
+        if self._replan_due:
+            self._replan_due = False
+            self._replan(now, pose, keep=True)
+        return True
 
     def _turn(self, pose: Pose) -> Twist:
         """Turn to the heading that was ordered; without one the robot has arrived."""
@@ -173,67 +197,70 @@ class Navigator:
             return STILL
         return Twist(0.0, turn_towards(error, self.arena.shape))
 
-    def _gate_limit(self, now: Instant, follower: Follower) -> float:
-        """Return the speed that the gate allows, m/s."""
-        speed = self.arena.shape.speed
-        gate = follower.route.gate_m
-        if gate is None or self._gate_open or self.passed_gate:
-            self._holding = False
-            return speed
-        hold = braking_speed(gate - self._stop_before() - follower.s)
-        if self._opens_at is None:
-            return min(speed, hold)
-        left = in_seconds(self._opens_at - now)
-        to_line = self._line(follower.route) - follower.s
-        if to_line <= 0.0 or left <= 0.0:
-            return min(speed, hold)
-        self._holding = self._holding and self._standing_wait(to_line, left)
-        if self._holding:
-            return 0.0
-        return min(speed, hold, max(0.02, to_line / left))
+    def _detour(self, now: Instant, pose: Pose) -> None:
+        """Leave a stand-off: around the others, or a little way back."""
+        stand_off = self._stand_off
+        stand_off.mark(now, pose, self._watch.places(now), self.arena.shape.radius)
+        if not self._replan(now, pose, keep=True) or stand_off.tries % 3 == 0:
+            self._back_until = now + seconds(BACK_S)
 
-    def _standing_wait(self, to_line: float, left: float) -> bool:
-        """Return whether it is too early to leave: driving now would mean creeping."""
-        return left > to_line / self.arena.shape.speed + START_S + EARLY_S + 0.1 * left
+    def _back(self, pose: Pose) -> Twist:
+        """Drive straight back unless something is known to be there."""
+        shape = self.arena.shape
+        x, y = pose.x - math.cos(pose.theta) * 0.03, pose.y - math.sin(pose.theta) * 0.03
+        free = self.arena.clearance(x, y) > shape.radius and all(
+            distance(x, y, *p) > 2.0 * shape.radius + 0.01 for p in self._parked
+        )
+        return Twist(-BACK_MPS, 0.0) if free else STILL
 
-    def _stop_before(self) -> float:
-        return self.arena.shape.radius + GATE_MARGIN_M
-
-    def _line(self, route: Route) -> float:
-        """Return the arc length of the gate's line."""
-        speed = self.arena.shape.speed
-        brake = speed * speed / (2.0 * BRAKE)
-        return max(0.0, (route.gate_m or 0.0) - self._stop_before() - brake)
+    # -- planning -------------------------------------------------------------------------------------------
 
     def _obstructed(self) -> bool:
         """Return whether a parked robot now stands on the rest of the route."""
         follower = self._follower
-        if follower is None or self._goal is None:
+        if follower is None or self._order is None:
             return False
         start = Point(self._pose.x, self._pose.y)
-        discs = discs_around(self._parked, self.arena.shape.radius, start, self._goal)
+        discs = discs_around(self._parked, self.arena.shape.radius, start, self._order.goal)
         return follower.route.meets(follower.s, discs)
 
     def _replan(self, now: Instant, pose: Pose, *, keep: bool = False) -> bool:
         """Plan from `pose`. With `keep` the old route stays when there is no other."""
-        assert self._goal is not None
+        assert self._order is not None
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
-        route = self._route(Point(pose.x, pose.y), self._goal, self._parked, self._shared, self._through)
-        if route is None and keep:
-            return False
+        goal, shared, through = self._order
+        start = Point(pose.x, pose.y)
+        parked = self._parked
+        if now < self._stand_off.ghosts_until:
+            parked = (*parked, *self._stand_off.ghosts)
+        route = self._route(start, goal, parked, shared, through and not self._gate.passed)
         if route is None:
-            self._follower, self.status = None, "blocked"
+            if not keep:
+                self._follower, self.status = None, "blocked"
             return False
+        if self._gate.passed and not self._gate.cleared:
+            route = gated_again(self.arena, route)
         self._follower, self.status = Follower(route, self.arena.shape), "moving"
         return True
 
     def _route(
         self, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath | None, through: bool
     ) -> Route | None:
-        if through and shared is not None:
+        if not through:
+            return leader_route(self.arena, start, goal, parked, through_gate=False)
+        parked = self._without_gate_keeper(parked)
+        if shared is not None:
             return follower_route(self.arena, start, goal, parked, shared)
-        return leader_route(self.arena, start, goal, parked, through_gate=through)
+        return leader_route(self.arena, start, goal, parked, through_gate=True)
+
+    def _without_gate_keeper(self, parked: Sequence[Point]) -> Sequence[Point]:
+        """Return `parked` without a robot that stands on the gate's point: it goes first."""
+        gate = gate_point(self.arena)
+        if gate is None:
+            return parked
+        keep = 2.0 * self.arena.shape.radius + MARGIN_M
+        return [p for p in parked if distance(*p, *gate) >= keep]
 
     # -- what others ask ------------------------------------------------------------------------------------
 
@@ -245,7 +272,7 @@ class Navigator:
     @property
     def parked(self) -> bool:
         """Return whether the robot stands for a while: idle, arrived, blocked, or not yet due to leave."""
-        return self.status != "moving" or self._holding
+        return self.status != "moving" or self._gate.holding
 
     @property
     def remaining_m(self) -> float:
@@ -254,26 +281,20 @@ class Navigator:
 
     @property
     def passed_gate(self) -> bool:
-        """Return whether the robot's front is beyond the gate's stopping place."""
-        follower = self._follower
-        if follower is None or follower.route.gate_m is None:
-            return False
-        return follower.s > max(0.0, follower.route.gate_m - self._stop_before()) + 0.02
+        """Return whether the robot has gone beyond the gate's stopping place during this drive."""
+        return self._gate.passed
 
     @property
     def cleared(self) -> bool:
         """Return whether the hull is out of the narrow section."""
-        follower = self._follower
-        if follower is None or follower.route.gate_m is None:
-            return False
-        return follower.s >= follower.route.clear_m or follower.arrived
+        return self._gate.cleared
 
     def eta_gate(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
         follower = self._follower
-        if follower is None or follower.route.gate_m is None or self.passed_gate:
+        if follower is None or follower.route.gate_m is None or self._gate.passed:
             return 0
-        way = self._line(follower.route) - follower.s
+        way = self._gate.line_m(follower.route) - follower.s
         if way <= 0.0:
             return 0
         return self._drive_time(way, abs(follower.heading_error(self._pose)))
@@ -281,9 +302,10 @@ class Navigator:
     def eta_clear(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least until it is clear; 0 when it is or without a gate."""
         follower = self._follower
-        if follower is None or follower.route.gate_m is None or self.cleared:
+        if follower is None or follower.route.gate_m is None or self._gate.cleared:
             return 0
-        return self._drive_time(follower.route.clear_m - follower.s, abs(follower.heading_error(self._pose)))
+        way = max(0.0, follower.route.clear_m - follower.s)
+        return self._drive_time(way, abs(follower.heading_error(self._pose)))
 
     def _drive_time(self, way: float, turn: float) -> Duration:
         pivot = turn / self.arena.shape.turn + 0.2 if turn > 0.35 else 0.0
@@ -305,13 +327,13 @@ class Navigator:
         turn = abs(Follower(route, self.arena.shape).heading_error(pose))
         if route.gate_m is None:
             return Estimate(self._drive_time(route.length_m, turn), 0, 0)
-        line = self._line(route)
+        line = self._gate.line_m(route)
         inside = seconds((route.clear_m - line) / self.arena.shape.speed + START_S)
         return Estimate(self._drive_time(line, turn), inside, route.way)
 
-    def shared_path(self) -> GridPath | None:
-        """Return the part of the robot's route that it shares when it leads; None without a gate."""
-        route = self.route
+    def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
+        """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
+        route = self._route(Point(pose.x, pose.y), goal, (), None, True)
         return None if route is None else shared_part(self.arena, route)
 
 

@@ -1,9 +1,9 @@
 """The way of one robot: the leader's path and the followers' (paper IV.D.1).
 
 The leader goes S1 -> S1' -> P1' -> T1' -> T1 and shares P1', the part of its path that everybody needs: from
-the bottleneck to where it is wide again (what lies before depends on where the leader comes from). A follower k goes S_k -> S1' -> P1' -> T1' -> T_k with
-straight legs where they are free and its own A* where they are not; it joins P1' where it is nearest, so that
-a robot that waits at the entry never drives back to S1'.
+the bottleneck to where it is wide again (what lies before depends on where the leader comes from). A follower
+k goes S_k -> S1' -> P1' -> T1' -> T_k with straight legs where they are free and its own A* where they are not;
+it joins P1' where it is nearest, so that a robot that waits at the entry never drives back to S1'.
 
 A route is a polyline measured by arc length. Two lengths on it concern the bottleneck: the gate, where it
 passes nearest to the bottleneck area, and where the narrow section after it has ended.
@@ -12,7 +12,7 @@ passes nearest to the bottleneck area, and where the narrow section after it has
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from rmr.base.arena import Arena
@@ -107,6 +107,11 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
     if distance(*route.point(gate), *centre) > GATE_REACH_M:
         return route
     return Route(route.points, route.at_m, gate, _end_of_narrow(arena, route, gate), way_of(route.heading(gate + 0.01)))
+
+
+def gated_again(arena: Arena, route: Route) -> Route:
+    """Return `route`, made anew inside the narrow section, with the gate behind its start."""
+    return replace(route, gate_m=0.0, clear_m=_end_of_narrow(arena, route, 0.0), way=way_of(route.heading(0.0)))
 
 
 def way_of(heading: float) -> int:

@@ -2,7 +2,7 @@
 
 No radio and no schedule: the benches hand out ideal slots. Poses reach the robots with an error that drifts as
 an EKF's does (a first-order process), wheels turn a little more or less than commanded, bodies are seen by
-their centres, exactly. Contacts are overlaps of discs or of a disc and an obstacle.
+their hulls, with a little noise. Contacts are overlaps of discs or of a disc and an obstacle.
 """
 
 import math
@@ -112,10 +112,19 @@ class Body:
             if math.hypot(dx, dy) - shape.radius > shape.view_depth:
                 continue
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
-            if abs(math.atan2(y, x)) > shape.view_angle / 2:
+            half_width = math.asin(min(1.0, shape.radius / math.hypot(dx, dy)))
+            if abs(math.atan2(y, x)) - half_width > shape.view_angle / 2:
                 continue
             vx, vy = other.v * math.cos(other.theta), other.v * math.sin(other.theta)
-            seen.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
+            noise = self.noise
+            seen.append(
+                SeenBody(
+                    x + self.rng.gauss(0, 0.002) * noise,
+                    y + self.rng.gauss(0, 0.002) * noise,
+                    vx * cos + vy * sin + self.rng.gauss(0, 0.005) * noise,
+                    vy * cos - vx * sin + self.rng.gauss(0, 0.005) * noise,
+                )
+            )
         return seen
 
 
@@ -212,7 +221,7 @@ class Stream:
             ok = body.nav.go(bench.now, body.estimate, goal, parked=parked, shared=self.shared, through_gate=True)
             assert ok, f"robot {body.robot} finds no way"
             if self.shared is None:
-                self.shared = body.nav.shared_path()
+                self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
             release = max(bench.time + self.LEAD_S, bench.time + in_seconds(body.nav.eta_gate(bench.now)))
             last = max(release, last + self.headway_s)
             self.slots[body.robot] = last
@@ -268,5 +277,74 @@ def stream_testbed(seed: int, headway_s: float = 0.95, robots: int = 6, noise: f
     stream = Stream(bench, order, headway_s)
     stream.assign(bench.arena.area("exit").places)
     stream.watch = watch
+    stream.run(60.0)
+    return stream
+
+
+class QueueStream(Stream):
+    """Robots line up behind the gate in order, then pass; a slot is given when a robot stands in its place."""
+
+    def begin(self, places: Sequence[Point], queue: Sequence[Point]) -> None:
+        """Send every robot to its place in the queue."""
+        self.places = places
+        self.lined: dict[int, float] = {}
+        bench = self.bench
+        for rank, body in enumerate(self.order):
+            self.goals[body.robot] = places[rank]
+            body.nav.go(bench.now, body.estimate, queue[rank], final_heading=0.0, parked=self.parked_for(body))
+
+    def step(self) -> None:
+        bench = self.bench
+        for rank, body in enumerate(self.order):
+            if body.robot not in self.lined and body.nav.status == "arrived":
+                self.lined[body.robot] = bench.time
+                parked = self.parked_for(body) + [self.goals[o.robot] for o in self.order[:rank]]
+                ok = body.nav.go(
+                    bench.now,
+                    body.estimate,
+                    self.places[rank],
+                    parked=parked,
+                    shared=self.shared,
+                    through_gate=True,
+                )
+                assert ok, "no way from the queue"
+                if self.shared is None:
+                    self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
+        for rank, body in enumerate(self.order):
+            if body.robot in self.lined and body.robot not in self.slots and len(self.slots) == rank:
+                last = max(self.slots.values(), default=-math.inf)
+                release = bench.time + max(self.LEAD_S, in_seconds(body.nav.eta_gate(bench.now)))
+                self.slots[body.robot] = max(release, last + self.headway_s)
+        super().step()
+
+    def _parked_ahead(self, body: Body) -> list[Point]:
+        rank = self.order.index(body)
+        through = [self.goals[o.robot] for o in self.order[:rank] if o.robot in self.entered and not o.nav.parked]
+        return self.parked_for(body) + (through if body.robot in self.lined else [])
+
+    def _gate(self, body: Body) -> None:
+        if body.robot in self.slots:
+            super()._gate(body)
+
+    def run(self, until_s: float) -> bool:
+        while self.bench.time < until_s:
+            self.step()
+            for robot in list(self.arrived):
+                if robot not in self.entered:
+                    del self.arrived[robot]
+            if len(self.arrived) == len(self.order):
+                return True
+        return False
+
+
+def pass_corridor(seed: int, headway_s: float = 0.95, robots: int = 6, noise: float = 1.0) -> QueueStream:
+    """Run the corridor: `robots` robots line up in random order, then pass to the exit slots."""
+    bench = Bench(corridor(), CORRIDOR_STARTS[:robots], seed, noise)
+    order = list(range(robots))
+    bench.rng.shuffle(order)
+    while bench.time < 0.6:
+        bench.step()
+    stream = QueueStream(bench, order, headway_s)
+    stream.begin(bench.arena.area("exit").places, bench.arena.area("entry").queue)
     stream.run(60.0)
     return stream

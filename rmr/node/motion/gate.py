@@ -1,0 +1,77 @@
+"""The gate of a route as one robot drives up to it: when to leave, how fast to come, where to stop.
+
+The gate has a line: the place where the hull's front is so far before the bottleneck's point that the robot can
+still stop there from full speed. Slots mean that line: a robot that crosses it at full speed as its slot opens
+loses nothing, one whose gate stays closed stops with its front before the point. A robot leaves just in time
+and adapts its speed, rather than wait before the entry where others pass.
+"""
+
+from rmr.base.arena import RobotShape
+from rmr.base.time import Instant, in_seconds
+from rmr.node.motion.follow import BRAKE, braking_speed
+from rmr.node.motion.route import Route
+
+MARGIN_M = 0.01
+"""Between the hull's front and the gate when the robot waits there."""
+START_S = 0.15
+"""What speeding up from standstill costs against full speed, seconds."""
+EARLY_S = 0.25
+"""A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
+EARLY_SHARE = 0.1
+"""Likewise, as a share of the time that is left."""
+SLOWEST_MPS = 0.02
+
+
+class Gate:
+    """What is known about the gate during one drive."""
+
+    __slots__ = ("cleared", "holding", "opened", "opens_at", "passed", "shape")
+
+    def __init__(self, shape: RobotShape, *, holding: bool) -> None:
+        self.shape = shape
+        self.opens_at: Instant | None = None
+        self.opened = False
+        self.holding = holding
+        """Not yet left: it is too early."""
+        self.passed = False
+        self.cleared = False
+
+    def stop_m(self, route: Route) -> float:
+        """Return the arc length at which the robot waits for the gate to open."""
+        return max(0.0, (route.gate_m or 0.0) - self.shape.radius - MARGIN_M)
+
+    def line_m(self, route: Route) -> float:
+        """Return the arc length of the gate's line."""
+        return max(0.0, self.stop_m(route) - self.shape.speed * self.shape.speed / (2.0 * BRAKE))
+
+    def locate(self, route: Route, s: float, arrived: bool) -> None:
+        """Take in the robot's progress."""
+        if route.gate_m is None:
+            return
+        if s > self.stop_m(route) + 0.02:
+            self.passed = True
+        if self.passed and (arrived or s >= route.clear_m):
+            self.cleared = True
+
+    def limit(self, now: Instant, route: Route, s: float) -> float:
+        """Return the speed that the gate allows at arc length `s`, m/s."""
+        speed = self.shape.speed
+        if route.gate_m is None or self.opened or self.passed:
+            self.holding = False
+            return speed
+        stop = braking_speed(self.stop_m(route) - s)
+        if self.opens_at is None:
+            self.holding = False
+            return min(speed, stop)
+        left = in_seconds(self.opens_at - now)
+        to_line = self.line_m(route) - s
+        self.holding = self.holding and self._too_early(to_line, left)
+        if self.holding:
+            return 0.0
+        if to_line <= 0.0 or left <= 0.0:
+            return min(speed, stop)
+        return min(speed, stop, max(SLOWEST_MPS, to_line / left))
+
+    def _too_early(self, to_line: float, left: float) -> bool:
+        """Return whether leaving now would mean creeping."""
+        return left * (1.0 - EARLY_SHARE) > max(0.0, to_line) / self.shape.speed + START_S + EARLY_S
