@@ -1,0 +1,292 @@
+"""What the parts of one event's machine share: its state, its timers and its way out.
+
+The parts (follower, leader, passage) are functions over this one value; the group hands it from one to the
+next. Everything a robot remembers of an event stands here, so that any state is readable at any moment.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from random import Random
+
+from rmr.base.gridpath import GridPath
+from rmr.base.time import NEVER, Duration, Instant
+from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
+from rmr.coord.fence import Fence
+from rmr.coord.ledger import Ledger
+from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Sched, Term, encode, on_grid
+from rmr.coord.states import Passage, Role, check_passage, check_role
+from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
+
+
+class Timer(IntEnum):
+    """The timers of one machine, in the order in which equal ones run."""
+
+    POLL = 0
+    """Claim, enter, or let the window pass."""
+    BEACON = 1
+    ASK = 2
+    JOIN = 3
+    SUSPECT = 4
+    RELAY = 5
+    WITNESS = 6
+    OPEN = 7
+    PLAN = 8
+    ISSUE = 9
+
+
+class Outbox:
+    """Frames and events of all events of one robot, waiting to be drained."""
+
+    def __init__(self) -> None:
+        self.items: list[Send | CoordEvent] = []
+        self.handle = 0
+        self.owners: dict[int, bytes] = {}
+        """Event of each unicast whose outcome is awaited."""
+
+    def put(self, item: "Send | CoordEvent") -> None:
+        """Queue `item`; the oldest gives way when nobody drains."""
+        if len(self.items) >= OUTPUT_MAX:
+            del self.items[0]
+        self.items.append(item)
+
+
+class OwnJob:
+    """This robot's live job."""
+
+    __slots__ = (
+        "announced",
+        "claimed",
+        "entered",
+        "lease",
+        "missed",
+        "ready",
+        "request",
+        "since",
+        "slot",
+        "told",
+        "trigger",
+        "until",
+    )
+
+    def __init__(self, request: JobRequest, trigger: Instant) -> None:
+        self.request = request
+        self.trigger = trigger
+        """On the grid and unique; the job's identity in frames."""
+        self.slot: tuple[Instant, Instant, int] | None = None
+        """Start, end, rank."""
+        self.lease: Instant = 0
+        """Entering under the slot is allowed before this."""
+        self.announced: tuple[Instant, Instant, int, Term] | None = None
+        self.missed: Instant | None = None
+        self.ready = False
+        self.claimed: Instant | None = None
+        """Start of the slot that claims were sent for."""
+        self.since: Instant = 0
+        """Claiming and awake since."""
+        self.entered: Instant = 0
+        self.until: Instant = 0
+        self.told: tuple[Instant, Duration] = (request.release, request.duration)
+        """Release and duration as the leader was told last."""
+
+
+class Held:
+    """The newest schedule known: per part the newest frame of one term."""
+
+    __slots__ = ("formed", "order", "parts", "term")
+
+    def __init__(self) -> None:
+        self.term = NO_TERM
+        self.parts: dict[int, Sched] = {}
+        self.order: tuple[int, ...] = ()
+        self.formed: Instant = 0
+
+    @property
+    def issued(self) -> Instant:
+        """The newest instant of issue; far in the past when nothing is held."""
+        return max((part.issued for part in self.parts.values()), default=-NEVER)
+
+    @property
+    def resigned(self) -> bool:
+        """Whether the newest frame is a resignation."""
+        return any(part.resign for part in self.parts.values())
+
+    def take(self, sched: Sched) -> None:
+        """Hold `sched` in place of what it supersedes."""
+        if sched.term != self.term:
+            self.term = sched.term
+            self.parts = {}
+        self.parts[sched.part] = sched
+        for part in [p for p in self.parts if p >= sched.parts]:
+            del self.parts[part]
+
+    def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
+        """Return the part, the rank and the entry of a job; None when no part lists it."""
+        for part in self.parts.values():
+            for index, entry in enumerate(part.entries):
+                if entry.robot == robot and entry.trigger == trigger:
+                    return part, part.passed + 10 * part.part + index + 1, entry
+        return None
+
+    def complete(self) -> bool:
+        """Return whether all parts of one issue are held."""
+        parts = list(self.parts.values())
+        return bool(parts) and len(parts) == parts[0].parts and len({part.issued for part in parts}) == 1
+
+    def entries(self) -> list[Entry]:
+        """Return all entries by rank."""
+        return [entry for part in sorted(self.parts) for entry in self.parts[part].entries]
+
+    def raw(self) -> list[bytes]:
+        """Return the frames, to be relayed unchanged."""
+        return [encode(self.parts[part]) for part in sorted(self.parts)]
+
+
+class Context:
+    """The state of one event's machine."""
+
+    def __init__(
+        self, event: bytes, robot: int, rng: Random, peers: Callable[[], int], values: Values, outbox: Outbox
+    ) -> None:
+        self.event = event
+        self.robot = robot
+        self.rng = rng
+        self.peers = peers
+        self.values = values
+        self.outbox = outbox
+        self.role = Role.NONE
+        self.passage = Passage.OUT
+        self.job: OwnJob | None = None
+        self.next_job: JobRequest | None = None
+        """Triggered while inside; begins on leaving."""
+        self.fence = Fence(robot, values)
+        self.held = Held()
+        self.counter = 0
+        """Highest counter of a term heard of."""
+        self.ledger: Ledger | None = None
+        """Of a leader."""
+        self.led = NO_TERM
+        """The last term that this robot led itself."""
+        self.awake: Instant = 0
+        """The last input."""
+
+        self.asked: Instant | None = None
+        self.asks = 0
+        self.asked_by: dict[int, Job] = {}
+        """Jobs of other askers, for the ledger should this robot lead."""
+        self.bans: dict[int, Instant] = {}
+        self.no_acks = 0
+        self.joins = 0
+        self.relayed: Instant = -NEVER
+        self.answered: Instant = -NEVER
+        self.reminded: Instant = -NEVER
+        self.witnessed: int | None = None
+
+        self.last_issued: Instant = -NEVER
+        self.extras = 0
+        self.idle_since: Instant | None = None
+        self.turn = 0
+        """Which further part of a long schedule is repeated next."""
+        self.paths: dict[int, tuple[Instant, GridPath]] = {}
+        """As leader: the path offered for each way and when."""
+        self.path_parts: dict[int, tuple[Instant, dict[int, tuple[int, ...]]]] = {}
+        self.paths_known: dict[int, Instant] = {}
+
+        self.timers = [NEVER] * len(Timer)
+        self.next_wake: Instant = NEVER
+
+    def set(self, timer: Timer, at: Instant) -> None:
+        """Set `timer`; NEVER stops it."""
+        self.timers[timer] = at
+        self.next_wake = min(self.timers)
+
+    def sooner(self, timer: Timer, at: Instant) -> None:
+        """Set `timer` unless it runs out earlier."""
+        if at < self.timers[timer]:
+            self.set(timer, at)
+
+    def uniform(self, low: Duration, high: Duration) -> Duration:
+        """Return a duration drawn from [low, high)."""
+        return low + int(self.rng.random() * (high - low))
+
+    def spread(self) -> Duration:
+        """Return a random wait before an answer that several may give."""
+        peers = min(max(self.peers(), 1), self.values.reply_peers_max)
+        return self.uniform(0, self.values.reply_spread * peers)
+
+    def become(self, role: Role) -> None:
+        """Change the role."""
+        if role is not self.role:
+            check_role(self.role, role)
+            self.role = role
+
+    def proceed(self, passage: Passage) -> None:
+        """Change the phase of the own job."""
+        if passage is not self.passage:
+            check_passage(self.passage, passage)
+            self.passage = passage
+
+    def send(self, message: Message, at: Instant, destination: int | None = None) -> None:
+        """Send a frame at `at` or a little later (all robots tick on one grid)."""
+        self.send_raw(encode(message), at, destination)
+
+    def send_raw(self, payload: bytes, at: Instant, destination: int | None = None) -> None:
+        """Send encoded octets likewise."""
+        box = self.outbox
+        handle = 0
+        if destination is not None:
+            box.handle = handle = box.handle % 0xFFFF + 1
+            box.owners[handle] = self.event
+        box.put(Send(payload, destination, handle, at + self.uniform(0, self.values.dither)))
+
+    def emit(self, event: CoordEvent) -> None:
+        """Report what has happened."""
+        self.outbox.put(event)
+
+    def fresh(self, now: Instant) -> bool:
+        """Return whether the schedule held is one that somebody may act upon."""
+        return now < self.held.issued + self.values.lease + 2 * self.values.clock_error
+
+    def banned(self, leader: int, now: Instant) -> bool:
+        """Return whether `leader` is avoided."""
+        return now < self.bans.get(leader, -NEVER)
+
+    def job_frame(self, now: Instant, term: Term) -> Job:
+        """Return the JOB frame of the own job."""
+        job = self.job
+        assert job is not None
+        request = job.request
+        job.told = (request.release, request.duration)
+        asked = now if self.asked is None else self.asked
+        return Job(
+            self.event,
+            now,
+            term,
+            asked,
+            job.trigger,
+            request.release,
+            request.duration,
+            request.deadline,
+            request.headway,
+            request.way,
+            job.missed,
+        )
+
+    def report_order(self) -> None:
+        """Report the order of the schedule held when it is another than before."""
+        held = self.held
+        order = tuple(e.robot for e in held.entries() if e.robot != NOBODY and e.start is not None)
+        if not order or (held.order and held.order[-len(order) :] == order):
+            return
+        held.order = order
+        held.formed = held.issued
+        self.emit(ScheduleChanged(self.event, held.term.leader, held.term.counter, order, held.formed))
+
+
+def stamp(now: Instant) -> Instant:
+    """Return `now` as frames carry it, in whole milliseconds."""
+    return now - now % MS
+
+
+def identity(trigger: Instant, previous: Instant) -> Instant:
+    """Return a trigger on the grid that is greater than `previous`."""
+    return max(on_grid(trigger), on_grid(previous) + GRID)

@@ -1,0 +1,144 @@
+"""All events of one robot: who leads, who goes when, and what to tell the radio.
+
+The core is values in, values out. The host hands it triggers, frames and `now`, calls `wake` at `next_wake`
+or a little later, and takes frames and events away with `drain`. Robots that have no job of an event hear its
+frames all the same and keep its newest schedule and beacons, so that they know who is inside when they come.
+"""
+
+from collections.abc import Callable
+from random import Random
+
+from rmr.base.gridpath import GridPath
+from rmr.base.time import NEVER, Duration, Instant
+from rmr.coord.context import Context, Outbox
+from rmr.coord.events import CoordEvent, JobRequest, Send
+from rmr.coord.group import Group
+from rmr.coord.messages import EVENT_OCTETS, MessageError, decode
+from rmr.coord.states import Passage, Role
+from rmr.coord.values import EVENTS_MAX, IN_FLIGHT_MAX, WAY_MAX, Values
+
+__all__ = ["Coordination", "JobRequest"]
+
+_KIND_LAST = 0x0F
+
+
+class Coordination:
+    """The coordination core of one robot."""
+
+    def __init__(
+        self, robot: int, rng: Random, known_peers: "Callable[[], int] | int", values: Values | None = None
+    ) -> None:
+        """`known_peers`: how many other robots there are, as far as known; it tunes waiting times only."""
+        self.robot = robot
+        self.malformed = 0
+        """Frames that were no frames of coordination or from a broken clock."""
+        self._rng = rng
+        self._peers: Callable[[], int] = known_peers if callable(known_peers) else lambda: known_peers
+        self._values = Values() if values is None else values
+        self._outbox = Outbox()
+        self._groups: dict[bytes, Group] = {}
+        self.next_wake: Instant = NEVER
+
+    def trigger(self, now: Instant, request: JobRequest) -> None:
+        """A job starts. Raises ValueError for an event that is not six octets or a way out of 0..15."""
+        if len(request.event) != EVENT_OCTETS or not 0 <= request.way <= WAY_MAX:
+            raise ValueError("an event has six octets and a way is 0..15")
+        self._group(request.event).trigger(now, request)
+        self._settle()
+
+    def revise(
+        self, now: Instant, event: bytes, *, release: Instant | None = None, duration: Duration | None = None
+    ) -> None:
+        """The robot's own estimate has changed; the leader is told when it matters and the slot can still move."""
+        self._group(event).revise(now, release, duration)
+        self._settle()
+
+    def receive(self, now: Instant, payload: bytes, source: int) -> bool:
+        """Take in a frame's payload; False when it is none of coordination (or malformed, which is counted)."""
+        if not payload or not 0 < payload[0] <= _KIND_LAST:
+            return False
+        try:
+            message = decode(payload)
+        except MessageError:
+            self.malformed += 1
+            return False
+        time = message[1]
+        if time > now + self._values.future:
+            self.malformed += 1
+            return False
+        self._group(message.event).receive(now, message, source)
+        self._settle()
+        return True
+
+    def confirmed(self, now: Instant, handle: int, status: str) -> None:
+        """The outcome of a unicast: ``ok``, ``no_ack`` or ``access_failure``. Unknown handles are ignored."""
+        event = self._outbox.owners.pop(handle, None)
+        group = None if event is None else self._groups.get(event)
+        if group is not None:
+            group.confirmed(now, status)
+            self._settle()
+
+    def ready(self, now: Instant, event: bytes, ready: bool) -> None:
+        """The robot is at its gate, or will be within the entry window: entering is allowed; or no more."""
+        self._group(event).ready(now, ready)
+        self._settle()
+
+    def inside_until(self, now: Instant, event: bytes, end: Instant) -> None:
+        """While inside: the end has moved."""
+        self._group(event).inside_until(now, end)
+
+    def leave(self, now: Instant, event: bytes) -> None:
+        """Clear of it: the job is done."""
+        self._group(event).leave(now)
+        self._settle()
+
+    def withdraw(self, now: Instant, event: bytes) -> None:
+        """The job is over without entering."""
+        self._group(event).withdraw(now)
+        self._settle()
+
+    def offer_path(self, now: Instant, event: bytes, way: int, path: GridPath) -> None:
+        """The leader's path for one way, to be sent to the others."""
+        self._group(event).offer_path(now, way, path)
+        self._settle()
+
+    def wake(self, now: Instant) -> None:
+        """Run all timers that are due."""
+        if now < self.next_wake:
+            return
+        for group in self._groups.values():
+            if group.next_wake <= now:
+                group.wake(now)
+        self._settle()
+
+    def drain(self) -> "list[Send | CoordEvent]":
+        """Return the frames and events since the last call, oldest first."""
+        items = self._outbox.items
+        if items:
+            self._outbox.items = []
+        return items
+
+    def _group(self, event: bytes) -> Group:
+        group = self._groups.get(event)
+        if group is None:
+            if len(self._groups) >= EVENTS_MAX:
+                self._forget()
+            context = Context(event, self.robot, self._rng, self._peers, self._values, self._outbox)
+            group = self._groups[event] = Group(context)
+        return group
+
+    def _forget(self) -> None:
+        """Make room: drop the event that has been quiet longest and has no live job here."""
+        idle = [
+            (group.context.awake, event)
+            for event, group in self._groups.items()
+            if group.context.passage is Passage.OUT and group.context.role is Role.NONE
+        ]
+        if idle:
+            del self._groups[min(idle)[1]]
+
+    def _settle(self) -> None:
+        self.next_wake = min((group.context.next_wake for group in self._groups.values()), default=NEVER)
+        owners = self._outbox.owners
+        while len(owners) > IN_FLIGHT_MAX:
+            del owners[next(iter(owners))]

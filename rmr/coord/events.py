@@ -1,0 +1,139 @@
+"""What a coordination core hands up: frames for the radio, and what has happened, in the past tense."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rmr.base.gridpath import GridPath
+from rmr.base.time import Instant
+
+
+class Send(NamedTuple):
+    """A frame for the radio."""
+
+    payload: bytes
+    destination: int | None
+    """None: broadcast."""
+    handle: int
+    """Names the frame when its outcome is reported; 0 when the outcome does not matter (broadcasts)."""
+    at: Instant
+    """Not before this instant."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobRequest:
+    """One robot's timed work on a shared place."""
+
+    event: bytes
+    """Six octets that name the group (a hash of program, assertion and finish arguments)."""
+    trigger: Instant
+    """When the job started; with the robot it is the job's identity."""
+    release: Instant
+    """The robot cannot be at its gate before."""
+    duration: int
+    """Nanoseconds inside, an upper bound."""
+    deadline: Instant
+    """By when it shall be outside again."""
+    headway: int
+    """Nanoseconds between two entries in the same way."""
+    way: int
+    """0..15: robots of different ways exclude each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlotAssigned:
+    """The job has a slot, or its slot or rank has changed."""
+
+    event: bytes
+    trigger: Instant
+    rank: int
+    """From 1: the robot is the rank-th of this event. Fixed from the frozen zone on."""
+    start: Instant
+    """The robot enters between this and the entry window later."""
+    end: Instant
+    leader: int
+    term: int
+
+
+@dataclass(frozen=True, slots=True)
+class SlotLost:
+    """The slot holds no more; another will follow."""
+
+    event: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Entered:
+    """The robot is inside: it may drive now."""
+
+    event: bytes
+    start: Instant
+    end: Instant
+    """By when it said it would be outside."""
+    cautious: bool
+    """Somebody may still be inside who was not heard of for longer than any stall."""
+
+
+@dataclass(frozen=True, slots=True)
+class EntryMissed:
+    """The entry window has passed, or another robot went first; another slot will follow."""
+
+    event: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LeadershipBegan:
+    """This robot leads the event."""
+
+    event: bytes
+    term: int
+
+
+@dataclass(frozen=True, slots=True)
+class LeadershipEnded:
+    """This robot leads the event no more."""
+
+    event: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderChanged:
+    """This robot follows another leader than before."""
+
+    event: bytes
+    leader: int
+    term: int
+
+
+@dataclass(frozen=True, slots=True)
+class ScheduleChanged:
+    """The newest schedule known here has another order (not merely lost those that are done)."""
+
+    event: bytes
+    leader: int
+    term: int
+    order: tuple[int, ...]
+    """Robots with a slot, by rank."""
+    formed: Instant
+    """When this order was issued."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathReceived:
+    """The leader's path for one way is complete here."""
+
+    event: bytes
+    way: int
+    path: GridPath
+
+
+CoordEvent = (
+    SlotAssigned
+    | SlotLost
+    | Entered
+    | EntryMissed
+    | LeadershipBegan
+    | LeadershipEnded
+    | LeaderChanged
+    | ScheduleChanged
+    | PathReceived
+)

@@ -1,0 +1,162 @@
+"""The fence: what is known of robots that claim or are inside, and whether one may enter.
+
+A schedule says who should be where; the fence looks at who says it is there. It keeps the newest beacon of
+each robot by (trigger, time), whatever the term, so that repeats and reordering change nothing; OUT and GONE
+are final for all triggers up to theirs. Leadership is never trusted with physical safety, because the
+broadcast discovery has no quorum: two leaders can give overlapping slots, and it is here that one gives way.
+
+* A robot is inside when its last word is IN, or a CLAIM whose window has passed without YIELD (it may have
+  stalled just after entering). In the same way its headway must have passed; in the opposite way it must have
+  said OUT, or been silent for longer than any stall, and then one enters with caution.
+* Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until the
+  other has been silent for W.
+* A witness repeats the last beacon of a robot inside that a claimant may not have heard.
+"""
+
+from typing import NamedTuple
+
+from rmr.base.time import Duration, Instant
+from rmr.coord.messages import Beacon, Phase
+from rmr.coord.values import RECORDS_MAX, Values
+
+
+class Claim(NamedTuple):
+    """What a robot wants of the fence."""
+
+    robot: int
+    start: Instant
+    end: Instant
+    headway: Duration
+    way: int
+
+
+class Verdict(NamedTuple):
+    """Whether the fence is open."""
+
+    open: bool
+    lost: bool
+    """A rival's claim goes first."""
+    cautious: bool
+
+
+class Record:
+    """The newest beacon of one robot."""
+
+    __slots__ = ("assumed", "beacon", "heard")
+
+    def __init__(self, beacon: Beacon, heard: Instant, assumed: bool = False) -> None:
+        self.beacon = beacon
+        self.heard = heard
+        self.assumed = assumed
+        """Not a beacon but the list of a former leader says that the robot started."""
+
+
+class Fence:
+    """All records of one event."""
+
+    def __init__(self, robot: int, values: Values) -> None:
+        self._robot = robot
+        self._values = values
+        self.records: dict[int, Record] = {}
+        self.finished: dict[int, Instant] = {}
+        """Greatest finished trigger per robot."""
+
+    def note(self, now: Instant, beacon: Beacon) -> bool:
+        """Take in a beacon; return whether it was news."""
+        who = beacon.who
+        if beacon.trigger <= self.finished.get(who, -1):
+            return False
+        if beacon.phase in (Phase.OUT, Phase.GONE):
+            self.finish(who, beacon.trigger)
+            return True
+        record = self.records.get(who)
+        if record is not None and not record.assumed:
+            known = record.beacon
+            if (beacon.trigger, beacon.time) <= (known.trigger, known.time):
+                return False
+        self.records[who] = Record(beacon, now)
+        self._bound()
+        return True
+
+    def assume(self, now: Instant, beacon: Beacon) -> None:
+        """Take a robot for inside because it was to start and nothing else is known."""
+        known = self.records.get(beacon.who)
+        if beacon.trigger > self.finished.get(beacon.who, -1) and (
+            known is None or known.beacon.trigger < beacon.trigger
+        ):
+            self.records[beacon.who] = Record(beacon, now, assumed=True)
+            self._bound()
+
+    def refute(self, who: int, time: Instant) -> None:
+        """Forget the assumption that `who` is inside: it said at `time` that it waits."""
+        record = self.records.get(who)
+        if record is not None and record.assumed and time >= record.beacon.time:
+            del self.records[who]
+
+    def finish(self, who: int, trigger: Instant) -> None:
+        """Note that all jobs of `who` up to `trigger` are over."""
+        if trigger > self.finished.get(who, -1):
+            self.finished[who] = trigger
+        record = self.records.get(who)
+        if record is not None and record.beacon.trigger <= trigger:
+            del self.records[who]
+        self._bound()
+
+    def is_finished(self, who: int, trigger: Instant) -> bool:
+        """Return whether that job is known to be over."""
+        return trigger <= self.finished.get(who, -1)
+
+    def inside(self, now: Instant) -> list[Beacon]:
+        """Return the last beacons of all robots that are to be taken for inside, this one too."""
+        return [record.beacon for record in self.records.values() if self.is_inside(record.beacon, now)]
+
+    def is_inside(self, beacon: Beacon, now: Instant) -> bool:
+        """Return whether the sender of its last beacon `beacon` is to be taken for inside."""
+        if now >= beacon.time + self._values.gone:
+            return False
+        if beacon.phase is Phase.IN:
+            return True
+        return beacon.phase is Phase.CLAIM and now > beacon.start + self._values.window
+
+    def judge(self, now: Instant, claim: Claim) -> Verdict:
+        """Return whether `claim` may be entered upon now, as far as the records go."""
+        values = self._values
+        is_open, cautious = True, False
+        for who, record in self.records.items():
+            beacon = record.beacon
+            if who == claim.robot or beacon.phase is Phase.YIELD:
+                continue
+            if beacon.phase is Phase.IN or now > beacon.start + values.window:
+                if beacon.way == claim.way:
+                    is_open = is_open and now >= beacon.start + claim.headway
+                elif now < beacon.time + values.gone:
+                    is_open = False
+                else:
+                    cautious = cautious or now < beacon.time + 3 * values.gone
+            elif self._conflict(claim, beacon):
+                if (beacon.start, who) < (claim.start, claim.robot):
+                    return Verdict(False, True, False)
+                is_open = is_open and now >= record.heard + values.quiet
+        return Verdict(is_open, False, cautious)
+
+    def _conflict(self, claim: Claim, other: Beacon) -> bool:
+        if claim.way == other.way:
+            return abs(claim.start - other.start) < claim.headway
+        window = self._values.window
+        return claim.start <= other.end + window and other.start <= claim.end + window
+
+    def unheard(self, now: Instant, claim: Beacon) -> int | None:
+        """Return a robot inside, in the way of `claim`, that has been silent for a while; None when there is none."""
+        for beacon in self.inside(now):
+            silent = now - beacon.time > 2 * self._values.beacon
+            if beacon.who not in (claim.who, self._robot) and beacon.way != claim.way and silent:
+                return beacon.who
+        return None
+
+    def _bound(self) -> None:
+        if len(self.records) > RECORDS_MAX:
+            oldest = min(self.records, key=lambda who: (self.records[who].beacon.time, who))
+            del self.records[oldest]
+        if len(self.finished) > RECORDS_MAX:
+            oldest = min(self.finished, key=lambda who: (self.finished[who], who))
+            del self.finished[oldest]

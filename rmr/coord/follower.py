@@ -1,0 +1,191 @@
+"""Asking who leads, and following (paper IV.C: discover, then join).
+
+Who has a job and no fresh schedule asks three times by broadcast, then leads; an earlier asker goes first.
+Any member that holds a fresh schedule answers by relaying it unchanged, for a schedule means the same whoever
+sends it. A member makes sure that it is listed, reminds the leader of itself, and asks again when the leader
+is silent or does not acknowledge.
+"""
+
+from rmr.base.time import NEVER, Instant
+from rmr.coord import passage
+from rmr.coord.context import Context, Timer
+from rmr.coord.events import LeaderChanged
+from rmr.coord.messages import NO_TERM, NOBODY, Job, Phase, Sched, Term
+from rmr.coord.states import Passage, Role
+from rmr.coord.values import BANS_MAX, RECORDS_MAX
+
+
+def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None:
+    """Ask who leads, from `first` on (default: after a short random wait)."""
+    c.become(Role.ASKING)
+    c.asks = 0
+    c.asked = None
+    c.no_acks = 0
+    c.set(Timer.JOIN, NEVER)
+    c.set(Timer.SUSPECT, NEVER)
+    spread = max(c.values.ask_spread, c.values.reply_spread * (c.peers() + 1))
+    c.set(Timer.ASK, now + c.uniform(0, spread) if first is None else first)
+
+
+def on_ask_timer(c: Context, now: Instant) -> bool:
+    """Ask, or return True: nobody answered and this robot must lead."""
+    c.set(Timer.ASK, NEVER)
+    if c.role is not Role.ASKING or c.job is None:
+        return False
+    if c.asks >= c.values.asks:
+        return True
+    if c.asked is None:
+        c.asked = now
+    c.asks += 1
+    c.send(c.job_frame(now, Term(c.counter, NOBODY)), now)
+    c.set(Timer.ASK, now + c.values.ask_gap + c.uniform(0, c.values.ask_jitter))
+    return False
+
+
+def on_question(c: Context, now: Instant, source: int, job: Job) -> None:
+    """Another robot asks who leads: let an earlier asker go first, or answer with the schedule held."""
+    if c.role is Role.ASKING:
+        if len(c.asked_by) < RECORDS_MAX:
+            c.asked_by[source] = job
+        if c.asked is None or (job.asked, source) < (c.asked, c.robot):
+            c.asks = 0
+            c.set(Timer.ASK, now + c.values.yield_wait + c.uniform(0, c.values.yield_jitter))
+    elif c.role is Role.FOLLOWING and c.fresh(now):
+        c.sooner(Timer.RELAY, now + c.values.relay_wait + c.spread())
+
+
+def on_relay_timer(c: Context, now: Instant) -> None:
+    """Send the schedule held on, unless it has become old."""
+    c.set(Timer.RELAY, NEVER)
+    if c.fresh(now):
+        relay(c, now)
+
+
+def relay(c: Context, now: Instant) -> None:
+    """Send the schedule held unchanged."""
+    c.relayed = now
+    for payload in c.held.raw():
+        c.send_raw(payload, now)
+
+
+def accept(c: Context, now: Instant, sched: Sched) -> None:
+    """Hold `sched`, follow its leader if there is a job, and take the own slot from it."""
+    old = c.held.term
+    if c.held.issued <= sched.issued:
+        c.set(Timer.RELAY, NEVER)
+    c.held.take(sched)
+    for entry in sched.entries:
+        if entry.phase is Phase.OUT and entry.robot != NOBODY:
+            c.fence.finish(entry.robot, entry.trigger)
+    c.report_order()
+    if c.job is None:
+        _remind(c, now, sched)
+        return
+    if sched.term != old or c.role is not Role.FOLLOWING:
+        _follow(c, sched.term)
+    passage.on_schedule(c, now)
+    _see_to_listing(c, now)
+    _suspect_later(c)
+
+
+def _follow(c: Context, term: Term) -> None:
+    c.become(Role.FOLLOWING)
+    c.asked, c.asks = None, 0
+    c.asked_by.clear()
+    c.set(Timer.ASK, NEVER)
+    c.no_acks, c.joins = 0, 0
+    c.set(Timer.JOIN, NEVER)
+    c.emit(LeaderChanged(c.event, term.leader, term.counter))
+
+
+def _remind(c: Context, now: Instant, sched: Sched) -> None:
+    """A job that is over is still listed: say so again."""
+    for entry in sched.entries:
+        if entry.robot != c.robot or entry.phase is Phase.OUT:
+            continue
+        if c.fence.is_finished(c.robot, entry.trigger) and now - c.reminded >= c.values.reminder_gap:
+            c.reminded = now
+            passage.repeat_out(c, now, entry)
+
+
+def _see_to_listing(c: Context, now: Instant) -> None:
+    """Arrange for the next JOB: soon when the leader does not know the job as it is, else as a reminder."""
+    job = c.job
+    if job is None or c.passage is Passage.INSIDE:
+        c.set(Timer.JOIN, NEVER)
+        return
+    if listed(c):
+        c.joins = 0
+        c.sooner(Timer.JOIN, now + c.values.keep)
+    elif c.joins == 0 and (c.held.complete() or c.held.find(c.robot, job.trigger) is not None):
+        c.joins = 1
+        c.sooner(Timer.JOIN, now + c.spread())
+
+
+def listed(c: Context) -> bool:
+    """Return whether the schedule held shows that the leader knows the own job as it is."""
+    job = c.job
+    if job is None:
+        return True
+    found = c.held.find(c.robot, job.trigger)
+    if found is None or found[2].phase is Phase.PROVISIONAL:
+        return False
+    start = found[2].start
+    return job.missed is None or start is None or start > job.missed
+
+
+def on_join_timer(c: Context, now: Instant) -> None:
+    """Tell the leader the own job, again and again while it is not listed."""
+    c.set(Timer.JOIN, NEVER)
+    if c.role is not Role.FOLLOWING or c.job is None or c.passage is Passage.INSIDE:
+        return
+    c.send(c.job_frame(now, c.held.term), now, c.held.term.leader)
+    values = c.values
+    if listed(c):
+        c.set(Timer.JOIN, now + values.keep)
+        return
+    gap = min(values.rejoin_first << min(max(c.joins - 1, 0), 8), values.rejoin_max)
+    c.joins += 1
+    c.set(Timer.JOIN, now + c.uniform(gap, gap + gap // 2))
+
+
+def tell(c: Context, now: Instant) -> None:
+    """Tell the leader at once that the own job has changed."""
+    if c.role is Role.FOLLOWING:
+        c.joins = max(c.joins, 1)
+        c.set(Timer.JOIN, now + c.uniform(0, c.values.join_jitter))
+
+
+def _suspect_later(c: Context) -> None:
+    """The leader is suspected when it is silent for long; the next in the list moves first."""
+    values, held = c.values, c.held
+    listed_robots = [e.robot for e in held.entries() if e.phase is not Phase.OUT and e.robot != held.term.leader]
+    rank = listed_robots.index(c.robot) if c.robot in listed_robots else len(listed_robots)
+    wait = values.lease if held.resigned else values.suspicion
+    c.set(Timer.SUSPECT, held.issued + wait + rank * values.stagger)
+
+
+def on_suspect_timer(c: Context, now: Instant) -> None:
+    """The leader has been silent for too long."""
+    c.set(Timer.SUSPECT, NEVER)
+    if c.role is Role.FOLLOWING and c.job is not None:
+        if c.passage is Passage.INSIDE:
+            c.set(Timer.SUSPECT, now + c.values.suspicion)
+        else:
+            begin_asking(c, now, now)
+
+
+def on_confirmed(c: Context, now: Instant, status: str) -> None:
+    """The outcome of a JOB to the leader: after some without acknowledgement avoid that leader."""
+    if status == "ok":
+        c.no_acks = 0
+        return
+    if status != "no_ack" or c.role is not Role.FOLLOWING:
+        return
+    c.no_acks += 1
+    if c.no_acks >= c.values.no_acks and c.passage is Passage.WAITING:
+        while len(c.bans) >= BANS_MAX:
+            del c.bans[next(iter(c.bans))]
+        c.bans[c.held.term.leader] = now + c.values.ban
+        c.held.take(Sched(c.event, -NEVER, NO_TERM, False, NOBODY, 0, 0, 0, 1, ()))
+        begin_asking(c, now)

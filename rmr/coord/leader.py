@@ -1,0 +1,264 @@
+"""Leading: gather jobs for the waiting time n, give slots, repeat the schedule (paper IV.C).
+
+A leader issues its schedule every R, at once when it has changed, and in answer to questions; each frame is a
+lease. One that has issued nothing for a lease leads no more, for others may by then have replaced it. It
+stays while others wait, even when its own job is done.
+"""
+
+from rmr.base.time import NEVER, Instant
+from rmr.coord import passage
+from rmr.coord.context import Context, Held, Timer, stamp
+from rmr.coord.events import LeadershipBegan, LeadershipEnded
+from rmr.coord.ledger import Ledger
+from rmr.coord.messages import ENTRIES_MAX, NOBODY, PARTS_MAX, Beacon, Entry, Job, Phase, Sched, Term, split_path
+from rmr.coord.states import Role
+
+_ROTATE_PARTS = 2
+"""Schedules of more parts than this repeat the first each time and the others in turn."""
+
+
+def begin(c: Context, now: Instant, heir: bool = False) -> None:
+    """Lead: take over what is known of a predecessor, issue at once, give slots after the waiting time."""
+    held = c.held
+    passed = held.parts[0].passed if 0 in held.parts else 0
+    headway = c.job.request.headway if c.job is not None else 0
+    ledger = c.ledger = Ledger(c.robot, c.values, passed, headway)
+    predecessor = any(e.phase is not Phase.OUT for e in held.entries())
+    c.counter += 1
+    c.become(Role.LEADING)
+    for timer in (Timer.ASK, Timer.JOIN, Timer.SUSPECT, Timer.RELAY):
+        c.set(timer, NEVER)
+    own = Term(c.counter, c.robot)
+    c.led = own
+    _note_own(c, now)
+    for source, job in c.asked_by.items():
+        ledger.note(now, source, job, c.fence)
+    c.asked_by.clear()
+    if _contiguous(held):
+        for entry in ledger.inherit(now, held.entries(), heir, c.fence):
+            _assume_inside(c, now, entry)
+    c.held = Held()
+    c.held.term, c.held.order = own, held.order
+    c.idle_since = None
+    c.extras = 0
+    wait = 0 if heir else c.values.takeover_wait if predecessor else ledger.wait(now, c.peers())
+    ledger.opens = now + wait
+    c.emit(LeadershipBegan(c.event, c.counter))
+    if wait:
+        c.set(Timer.OPEN, ledger.opens)
+        replan(c, now, reorder=False)
+    else:
+        ledger.open = True
+        replan(c, now, reorder=True)
+
+
+def _contiguous(held: Held) -> bool:
+    return sorted(held.parts) == list(range(len(held.parts)))
+
+
+def _assume_inside(c: Context, now: Instant, entry: Entry) -> None:
+    assert entry.start is not None
+    c.fence.assume(
+        now,
+        Beacon(
+            c.event,
+            stamp(now),
+            c.held.term,
+            entry.robot,
+            entry.trigger,
+            Phase.IN,
+            entry.way,
+            entry.start,
+            entry.start + entry.duration,
+        ),
+    )
+
+
+def _note_own(c: Context, now: Instant) -> bool:
+    if c.job is None or c.ledger is None:
+        return False
+    return c.ledger.note(now, c.robot, c.job_frame(now, c.led), c.fence)
+
+
+def end(c: Context) -> None:
+    """Lead no more; the caller decides what comes instead."""
+    assert c.ledger is not None
+    c.ledger = None
+    for timer in (Timer.OPEN, Timer.PLAN, Timer.ISSUE):
+        c.set(timer, NEVER)
+    c.emit(LeadershipEnded(c.event))
+
+
+def on_job(c: Context, now: Instant, source: int, job: Job, question: bool) -> None:
+    """A robot asks or tells its job: note it, answer a question soon, plan again."""
+    ledger = c.ledger
+    assert ledger is not None
+    changed = ledger.note(now, source, job, c.fence)
+    if changed:
+        c.idle_since = None
+        if ledger.open:
+            c.sooner(Timer.PLAN, now + c.values.replan_wait)
+        else:
+            _shorten_wait(c, now)
+    if question:
+        c.sooner(Timer.ISSUE, now + c.uniform(0, c.values.answer_jitter))
+
+
+def _shorten_wait(c: Context, now: Instant) -> None:
+    """Recompute the waiting time at a join; it only shrinks."""
+    ledger = c.ledger
+    assert ledger is not None
+    opens = min(ledger.opens, now + ledger.wait(now, c.peers()))
+    if opens < ledger.opens:
+        ledger.opens = opens
+        c.set(Timer.OPEN, opens)
+
+
+def own_job_changed(c: Context, now: Instant) -> None:
+    """The leader's own job is new, revised or has missed its slot."""
+    if _note_own(c, now):
+        c.idle_since = None
+        c.sooner(Timer.PLAN, now)
+
+
+def on_open_timer(c: Context, now: Instant) -> None:
+    """The waiting time is over: give slots."""
+    c.set(Timer.OPEN, NEVER)
+    if c.ledger is not None:
+        c.ledger.open = True
+        replan(c, now, reorder=True)
+
+
+def on_plan_timer(c: Context, now: Instant) -> None:
+    """Plan again after news."""
+    c.set(Timer.PLAN, NEVER)
+    if c.ledger is not None:
+        replan(c, now, reorder=True)
+
+
+def replan(c: Context, now: Instant, reorder: bool) -> None:
+    """Plan and issue, with extra repeats, for something has changed."""
+    ledger = c.ledger
+    assert ledger is not None
+    c.set(Timer.PLAN, NEVER)
+    ledger.observe(now, c.fence)
+    ledger.plan(now, reorder)
+    c.extras = c.values.extra
+    issue(c, now, everything=True)
+
+
+def on_issue_timer(c: Context, now: Instant) -> None:
+    """Repeat the schedule, brought up to date; fall silent when nobody needs it any more."""
+    ledger = c.ledger
+    if ledger is None:
+        c.set(Timer.ISSUE, NEVER)
+        return
+    if not ledger.lines:
+        if c.idle_since is None:
+            c.idle_since = now
+        elif now >= c.idle_since + c.values.repetition:
+            c.set(Timer.ISSUE, NEVER)
+            return
+    changed = ledger.observe(now, c.fence)
+    if changed or ledger.open:
+        changed = ledger.plan(now, changed) or changed
+    if changed:
+        c.extras = c.values.extra
+    issue(c, now, everything=changed)
+
+
+def issue(c: Context, now: Instant, everything: bool) -> None:
+    """Send the schedule and hold it oneself."""
+    parts = schedule_frames(c, now, resign=False, heir=NOBODY)
+    chosen = parts
+    if not everything and len(parts) > _ROTATE_PARTS:
+        c.turn = c.turn % (len(parts) - 1) + 1
+        chosen = [parts[0], parts[c.turn]]
+    for part in chosen:
+        c.send(part, now)
+        c.held.take(part)
+    c.last_issued = now
+    gap = c.values.repetition
+    if c.extras > 0:
+        c.extras -= 1
+        gap = c.values.extra_gap
+    c.set(Timer.ISSUE, now + gap)
+    c.report_order()
+    passage.on_schedule(c, now)
+
+
+def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[Sched]:
+    """Return the schedule as it stands."""
+    ledger = c.ledger
+    assert ledger is not None
+    entries = ledger.entries()
+    opens = 0 if ledger.open else max(ledger.opens - now, 0)
+    parts = max(1, min(PARTS_MAX, -(-len(entries) // ENTRIES_MAX)))
+    return [
+        Sched(
+            c.event,
+            stamp(now),
+            c.led,
+            resign,
+            heir,
+            opens,
+            ledger.passed,
+            part,
+            parts,
+            tuple(entries[ENTRIES_MAX * part : ENTRIES_MAX * (part + 1)]),
+        )
+        for part in range(parts)
+    ]
+
+
+def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
+    """A beacon was news: mind it in the plan."""
+    ledger = c.ledger
+    assert ledger is not None
+    line = ledger.lines.get(beacon.who)
+    if beacon.phase in (Phase.OUT, Phase.GONE):
+        if ledger.finish(beacon.who, beacon.trigger, beacon.phase is Phase.OUT):
+            replan(c, now, reorder=beacon.phase is Phase.GONE)
+    elif beacon.phase is Phase.YIELD:
+        if ledger.missed(beacon.who, beacon.start):
+            c.sooner(Timer.PLAN, now + c.values.replan_wait)
+    elif line is None or line.trigger != beacon.trigger:
+        c.sooner(Timer.PLAN, now)
+    else:
+        line.heard = now
+        if beacon.phase is Phase.IN and not line.inside:
+            c.sooner(Timer.PLAN, now)
+
+
+def answer_worse(c: Context, now: Instant) -> None:
+    """A worse leader was heard: let it hear this one, not too often."""
+    if now - c.answered >= c.values.answer_gap:
+        c.answered = now
+        issue(c, now, everything=True)
+
+
+def resign(c: Context, now: Instant) -> None:
+    """Leave while others wait: name the heir in a last schedule, sent three times."""
+    ledger = c.ledger
+    assert ledger is not None
+    heir = ledger.heir()
+    for part in schedule_frames(c, now, resign=True, heir=heir):
+        c.held.take(part)
+        for i in range(1 + c.values.extra):
+            c.send(part, now + i * c.values.extra_gap)
+    end(c)
+
+
+def others_wait(c: Context) -> bool:
+    """Return whether the ledger has a waiting job of another robot."""
+    return c.ledger is not None and c.ledger.heir() != NOBODY
+
+
+def send_path(c: Context, now: Instant, way: int) -> None:
+    """Send the path offered for `way`, three times."""
+    offered = c.paths.get(way)
+    if offered is None or c.role is not Role.LEADING:
+        return
+    for part in split_path(c.event, offered[0], c.led, way, offered[1]):
+        for i in range(c.values.path_repeats):
+            c.send(part, now + i * c.values.path_gap)

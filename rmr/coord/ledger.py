@@ -1,0 +1,324 @@
+"""The leader's books: the jobs of its group, their slots and their ranks.
+
+Slots. A slot nearer than the frozen zone stands: it is neither moved nor its time used for another until its
+owner says OUT or GONE, or that it let this very slot pass. A robot inside, of whatever term, keeps its place
+until it says OUT or is silent for longer than any stall. All others are placed behind those that stand; the
+order of them is made anew only when jobs come, go or change, else they are only shifted.
+
+Ranks. The entries of a schedule stand in order of rank, and a rank is a robot's for good from the frozen zone
+on (exit and queue places go by it). Free ranks are dealt to the others in order of their slots. Jobs that are
+done keep their line until all before them are done too; then `passed` counts them instead.
+"""
+
+import math
+from collections.abc import Iterable
+
+from rmr.base.time import NEVER, Duration, Instant
+from rmr.coord.fence import Fence
+from rmr.coord.messages import ENTRIES_MAX, NOBODY, PARTS_MAX, Entry, Job, Phase, on_grid
+from rmr.coord.schedule import Placed, Rules, Task, order_jobs, place
+from rmr.coord.values import JOBS_MAX, Values
+
+_VOID = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
+
+
+class Line:
+    """One job in the books."""
+
+    __slots__ = (
+        "deadline",
+        "done",
+        "duration",
+        "headway",
+        "heard",
+        "inside",
+        "missed",
+        "provisional",
+        "rank",
+        "release",
+        "robot",
+        "said",
+        "start",
+        "trigger",
+        "until",
+        "way",
+    )
+
+    def __init__(self, robot: int, trigger: Instant, now: Instant) -> None:
+        self.robot = robot
+        self.trigger = trigger
+        self.release: Instant = 0
+        self.duration: Duration = 0
+        self.deadline: Instant = NEVER
+        self.headway: Duration = 0
+        self.way = 0
+        self.start: Instant | None = None
+        self.until: Instant = 0
+        """End of the reservation that the start begins."""
+        self.rank: int | None = None
+        self.inside = False
+        self.done = False
+        self.provisional = False
+        """Known from the predecessor's list only."""
+        self.missed: Instant | None = None
+        self.heard = now
+        self.said: Instant = -1
+        """Time of the newest JOB frame."""
+
+    def tell(self, job: Job) -> bool:
+        """Take over what the owner says; return whether it matters for the order."""
+        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way)
+        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way)
+        self.said = job.time
+        changed = self.provisional or new != old
+        self.provisional = False
+        _, self.duration, self.deadline, self.headway, self.way = new
+        self.release = job.release
+        return changed
+
+
+class Ledger:
+    """All jobs of one group, as its leader sees them."""
+
+    def __init__(self, robot: int, values: Values, passed: int, headway: Duration) -> None:
+        self._robot = robot
+        self._values = values
+        self._headway = headway
+        """For robots whose own headway is not known."""
+        self.passed = passed
+        self.lines: dict[int, Line] = {}
+        """Live jobs by robot."""
+        self.done: dict[int, Line] = {}
+        """By rank: jobs that are over, before some that are not."""
+        self.opens: Instant = NEVER
+        """When slots are given for the first time."""
+        self.open = False
+
+    # -- news ------------------------------------------------------------------------------------------
+
+    def note(self, now: Instant, robot: int, job: Job, fence: Fence) -> bool:
+        """Take in a JOB; return whether the plan must be made anew."""
+        if fence.is_finished(robot, job.trigger):
+            return False
+        line = self.lines.get(robot)
+        if line is not None and job.trigger < line.trigger:
+            return False
+        if line is None or job.trigger > line.trigger:
+            if line is None and len(self.lines) >= JOBS_MAX:
+                return False
+            self.lines[robot] = line = Line(robot, job.trigger, now)
+        elif job.time <= line.said:
+            return False
+        line.heard = now
+        changed = line.said < 0
+        fence.refute(robot, job.time)
+        if line.inside and robot not in fence.records:
+            line.inside, line.start, changed = False, None, True
+        if job.missed is not None and line.start == job.missed and not line.inside:
+            line.start, line.missed, changed = None, job.missed, True
+        return line.tell(job) or changed
+
+    def missed(self, robot: int, start: Instant) -> bool:
+        """The owner said YIELD: it will not enter in that slot."""
+        line = self.lines.get(robot)
+        if line is None or line.inside or line.start != start:
+            return False
+        line.start, line.missed = None, start
+        return True
+
+    def finish(self, robot: int, trigger: Instant, entered: bool) -> bool:
+        """A job is over; return whether it was in the books. Who never entered leaves its rank to others."""
+        line = self.lines.get(robot)
+        if line is None or line.trigger > trigger:
+            return False
+        del self.lines[robot]
+        line.done = True
+        if line.rank is not None and entered:
+            self.done[line.rank] = line
+        return True
+
+    def inherit(self, now: Instant, entries: Iterable[Entry], exact: bool, fence: Fence) -> list[Entry]:
+        """Take over a predecessor's list; return the entries that had started. `exact`: keep the slots."""
+        started = []
+        for rank, entry in enumerate(entries, self.passed + 1):
+            if entry.robot == NOBODY:
+                continue
+            line = Line(entry.robot, entry.trigger, now)
+            line.duration, line.way, line.headway, line.rank = entry.duration, entry.way, self._headway, rank
+            if entry.phase is Phase.OUT or fence.is_finished(entry.robot, entry.trigger):
+                line.done = True
+                self.done[rank] = line
+                continue
+            known = self.lines.get(entry.robot)
+            if known is not None and known.trigger >= entry.trigger:
+                if known.trigger == entry.trigger:
+                    known.rank = rank
+                continue
+            line.provisional = True
+            has_started = entry.start is not None and entry.start <= now
+            if entry.start is not None and (exact or has_started):
+                line.start, line.until = entry.start, entry.start + entry.duration
+                line.deadline = line.until
+            if entry.phase is Phase.IN or (has_started and not exact):
+                started.append(entry)
+            self.lines[entry.robot] = line
+        return started
+
+    # -- the plan --------------------------------------------------------------------------------------
+
+    def observe(self, now: Instant, fence: Fence) -> bool:
+        """Bring the reservations up to date with the beacons; return whether anything is free or taken anew."""
+        values = self._values
+        changed = False
+        for beacon in fence.inside(now):
+            line = self.lines.get(beacon.who)
+            if line is None or line.trigger < beacon.trigger:
+                self.lines[beacon.who] = line = Line(beacon.who, beacon.trigger, now)
+                line.way, line.headway, line.provisional = beacon.way, self._headway, False
+                line.duration = beacon.end - beacon.start
+            if line.trigger != beacon.trigger or line.missed == beacon.start:
+                continue
+            this_slot = line.start is not None and line.start <= beacon.start <= line.start + values.window
+            until = beacon.end if this_slot and beacon.phase is Phase.IN else max(beacon.end, line.until)
+            until = max(until, now)
+            changed = changed or not line.inside or until > line.until or beacon.start != line.start
+            line.inside, line.start, line.until = True, beacon.start, until
+            line.heard = max(line.heard, beacon.time)
+        for line in list(self.lines.values()):
+            changed = self._expire(now, line, fence) or changed
+        return changed
+
+    def _expire(self, now: Instant, line: Line, fence: Fence) -> bool:
+        values = self._values
+        if line.inside:
+            record = fence.records.get(line.robot)
+            if line.robot == self._robot or (record is not None and fence.is_inside(record.beacon, now)):
+                return False
+            return self.finish(line.robot, line.trigger, entered=True)
+        if line.start is not None and now > line.until + values.window:
+            line.start = None
+            return True
+        silent = now - line.heard
+        waiting = line.start is None or line.start > now + values.frozen
+        if waiting and silent > (values.drop_provisional if line.provisional else values.drop):
+            del self.lines[line.robot]
+            return True
+        return False
+
+    def stands(self, line: Line, now: Instant) -> bool:
+        """Return whether a line's slot is not to be moved."""
+        if line.inside:
+            return True
+        return line.start is not None and (line.start <= now + self._values.frozen or line.provisional)
+
+    def plan(self, now: Instant, reorder: bool) -> bool:
+        """Give slots and ranks; return whether any has changed."""
+        before = [(line.start, line.rank) for line in self.lines.values()]
+        standing = [line for line in self.lines.values() if self.stands(line, now)]
+        pinned = [line for line in standing if line.rank is not None]
+        if self.open:
+            self._place(now, standing, reorder)
+        self._deal(pinned)
+        self._trim()
+        return before != [(line.start, line.rank) for line in self.lines.values()]
+
+    def _place(self, now: Instant, standing: list[Line], reorder: bool) -> None:
+        values = self._values
+        known = {line.robot for line in standing}
+        movable = [line for line in self.lines.values() if line.robot not in known and not line.provisional]
+        if not movable:
+            return
+        fixed = [
+            Placed(line.start, max(line.until - line.start, 0), line.headway, line.way)
+            for line in standing
+            if line.start is not None
+        ]
+        rules = Rules(now + values.lead, values.window + 2 * values.clock_error + values.clear)
+        old = sorted(
+            (line for line in movable if line.start is not None), key=lambda line: (line.start or 0, line.robot)
+        )
+        order = [line.robot for line in old]
+        if reorder or len(old) < len(movable):
+            tasks = [_task(line) for line in movable]
+            order = [task.robot for task in order_jobs(tasks, fixed, rules, order)]
+        ordered = [_task(self.lines[robot]) for robot in order]
+        for robot, start in zip(order, place(ordered, fixed, rules), strict=True):
+            line = self.lines[robot]
+            line.start, line.until = start, start + line.duration
+
+    def _deal(self, pinned: list[Line]) -> None:
+        """Give the free ranks to all that have none for good, in order of their slots."""
+        taken = {line.rank for line in pinned if line.rank is not None} | set(self.done)
+        fixed = {line.robot for line in pinned}
+        rest = sorted(
+            (line for line in self.lines.values() if line.robot not in fixed),
+            key=lambda line: (
+                NEVER if line.start is None else line.start,
+                (line.rank or math.inf) if line.provisional else math.inf,
+                line.deadline,
+                line.robot,
+            ),
+        )
+        rank = self.passed
+        for line in rest:
+            rank += 1
+            while rank in taken:
+                rank += 1
+            line.rank = rank
+
+    def _trim(self) -> None:
+        """Count the jobs at the head of the list that are done."""
+        live = {line.rank for line in self.lines.values()}
+        top = max(self.done, default=self.passed)
+        while self.passed < top and self.passed + 1 not in live:
+            self.passed += 1
+            self.done.pop(self.passed, None)
+
+    # -- what is said ----------------------------------------------------------------------------------
+
+    def entries(self) -> list[Entry]:
+        """Return all lines by rank; ranks that nobody holds are void."""
+        by_rank = {line.rank: line for line in self.lines.values() if line.rank is not None} | self.done
+        top = min(max(by_rank, default=self.passed), self.passed + ENTRIES_MAX * PARTS_MAX)
+        return [_entry(by_rank[rank]) if rank in by_rank else _VOID for rank in range(self.passed + 1, top + 1)]
+
+    def waiting(self) -> list[Line]:
+        """Return the jobs that are not inside."""
+        return [line for line in self.lines.values() if not line.inside]
+
+    def heir(self) -> int:
+        """Return the waiting robot with the latest slot, NOBODY when nobody else waits."""
+        others = [line for line in self.waiting() if line.robot != self._robot]
+        if not others:
+            return NOBODY
+        return max(others, key=lambda line: (line.start or 0, -line.robot)).robot
+
+    def wait(self, now: Instant, peers: int) -> Duration:
+        """Return the paper's waiting time n: how much longer to wait for joins before giving slots.
+
+        Waiting x costs the k jobs noted k x of lateness and spares p peers not yet noted, of whom
+        exp(-x / tau) come later still, a delay c each; the sum is least at tau ln(p c / (k tau)). Lateness
+        turns into misses as 1 / slack, so the slack only bounds it.
+        """
+        values = self._values
+        count = len(self.lines)
+        missing = peers - (count - (self._robot in self.lines))
+        if missing <= 0 or not count:
+            return 0
+        delay = values.frozen / 2 + max(line.headway for line in self.lines.values())
+        best = values.spread * math.log(max(missing * delay / (count * values.spread), 1.0))
+        slack = min(line.deadline - line.duration - max(now, line.release) for line in self.lines.values())
+        return int(max(0.0, min(best, slack / 4, values.wait_max)))
+
+
+def _task(line: Line) -> Task:
+    return Task(line.robot, line.release, line.duration, line.deadline, line.headway, line.way)
+
+
+def _entry(line: Line) -> Entry:
+    phase = Phase.OUT if line.done else Phase.IN if line.inside else Phase.WAITING
+    if line.provisional and phase is Phase.WAITING:
+        phase = Phase.PROVISIONAL
+    start = None if line.start is None else on_grid(line.start)
+    duration = line.duration if line.start is None else max(line.until - line.start, 0)
+    return Entry(line.robot, line.trigger, start, duration, line.way, phase)

@@ -1,0 +1,401 @@
+"""The frames of coordination, each exactly as long as its table says and never longer than 116 octets.
+
+Every frame begins with 15 octets: kind, event (6, a hash of program, assertion and finish arguments), time
+(ms of lab time) and term (counter, leader). All times are absolute or counted from `time`, so that a late or
+relayed frame carries its own expiry. Numbers are big-endian.
+
+Inside the core instants are nanoseconds; encoding rounds down to the unit of the field and saturates at its
+ends, so that a far release or deadline stays far. Triggers and slots lie on the 10 ms grid.
+
+A decoder believes nothing: a wrong length, an unknown kind or phase, or a part that cannot be raises
+`MessageError`, which the receiver counts and drops.
+"""
+
+import struct
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from rmr.base.gridpath import GridPath
+from rmr.base.time import Duration, Instant
+from rmr.coord.values import GRID, HEADWAY_UNIT, MS, WAY_MAX
+
+PAYLOAD_MAX = 116
+"""Octets that an IEEE 802.15.4 data frame with short addresses leaves."""
+ENTRIES_MAX = 10
+"""Entries of one SCHED frame: 24 + 9 x 10 = 114 octets."""
+PARTS_MAX = 15
+"""Parts of one schedule: four bits."""
+STEPS_MAX = 242
+"""Steps of one PATH frame: three bits each in 91 octets."""
+EVENT_OCTETS = 6
+NOBODY = 0xFFFF
+"""No robot: the broadcast address is nobody's own."""
+
+_U16 = 0xFFFF
+_U32 = 0xFFFFFFFF
+_NO_START = 0x7FFF
+_START_MAX = 0x7FFE
+_TRIGGER_SLACK = 16
+"""Grid units by which a trigger may lie after the schedule that lists it (clock errors, consecutive triggers)."""
+
+
+class MessageError(ValueError):
+    """The octets are no frame of coordination."""
+
+
+class Kind(IntEnum):
+    """First octet of a coordination frame; 0x01..0x0F belong to coordination."""
+
+    JOB = 0x01
+    SCHED = 0x02
+    BEACON = 0x03
+    PATH = 0x04
+
+
+class Phase(IntEnum):
+    """How far a job is, in beacons and in the entries of a schedule."""
+
+    WAITING = 0
+    """Entries only: noted, or with a slot ahead."""
+    CLAIM = 1
+    """About to enter."""
+    IN = 2
+    YIELD = 3
+    """Will not enter in this slot after all."""
+    OUT = 4
+    GONE = 5
+    """Over without entering."""
+    PROVISIONAL = 6
+    """Entries only: taken over from the predecessor's list; its owner should tell its job again."""
+
+
+class Term(NamedTuple):
+    """Who leads, and the how-manieth leader it is."""
+
+    counter: int
+    leader: int
+
+    def better(self, other: "Term") -> bool:
+        """Return whether this term is preferred to `other`: higher counter, then lower leader."""
+        return (self.counter, -self.leader) > (other.counter, -other.leader)
+
+
+NO_TERM = Term(0, NOBODY)
+
+
+class Job(NamedTuple):
+    """JOB, 35 octets: "who leads this event?" (broadcast) or "list me" (unicast). The sender is its owner."""
+
+    event: bytes
+    time: Instant
+    term: Term
+    asked: Instant
+    """When the owner asked first: the earlier asker goes on, the later waits."""
+    trigger: Instant
+    release: Instant
+    duration: Duration
+    deadline: Instant
+    headway: Duration
+    way: int
+    missed: Instant | None
+    """Start of the slot that the owner let pass."""
+
+
+class Entry(NamedTuple):
+    """One line of a schedule, 9 octets. `robot` NOBODY keeps a rank that nobody holds."""
+
+    robot: int
+    trigger: Instant
+    start: Instant | None
+    duration: Duration
+    way: int
+    phase: Phase
+
+
+class Sched(NamedTuple):
+    """SCHED, 24 + 9k octets: entries in order of rank; rank = passed + 10 x part + position, from 1."""
+
+    event: bytes
+    issued: Instant
+    term: Term
+    resign: bool
+    """The sender leads no more; `heir` shall."""
+    heir: int
+    opens: Duration
+    """How long after `issued` slots are given (the paper's n); 0 when they are."""
+    passed: int
+    """Jobs of this event that were done before the first entry of part 0."""
+    part: int
+    parts: int
+    entries: tuple[Entry, ...]
+
+
+class Beacon(NamedTuple):
+    """BEACON, 28 octets: what `who` is about to do, does or has done; repeated unchanged by witnesses."""
+
+    event: bytes
+    time: Instant
+    term: Term
+    who: int
+    trigger: Instant
+    phase: Phase
+    way: int
+    start: Instant
+    """CLAIM and YIELD: of the slot; else the instant of entry."""
+    end: Instant
+
+
+class PathPart(NamedTuple):
+    """PATH, 25 octets and three bits a step: up to 242 steps of the leader's path. Parts of one path share `time`."""
+
+    event: bytes
+    time: Instant
+    term: Term
+    way: int
+    part: int
+    first: tuple[int, int]
+    total: int
+    """Steps of the whole path."""
+    offset: int
+    steps: tuple[int, ...]
+
+
+Message = Job | Sched | Beacon | PathPart
+
+_HEADER = struct.Struct(">B6sIHH")
+_JOB = struct.Struct(">IIHHIBBh")
+_SCHED = struct.Struct(">BHHHBB")
+_ENTRY = struct.Struct(">HHhHB")
+_BEACON = struct.Struct(">HIBIH")
+_PATH = struct.Struct(">BBHHHH")
+
+JOB_OCTETS = _HEADER.size + _JOB.size
+SCHED_OCTETS = _HEADER.size + _SCHED.size
+ENTRY_OCTETS = _ENTRY.size
+BEACON_OCTETS = _HEADER.size + _BEACON.size
+PATH_OCTETS = _HEADER.size + _PATH.size
+
+
+def on_grid(instant: Instant) -> Instant:
+    """Return `instant` rounded down to the grid of triggers and slots."""
+    return instant - instant % GRID
+
+
+def event_of(payload: bytes) -> bytes:
+    """Return the event that a frame speaks of. The frame must be long enough for a header."""
+    return payload[1 : 1 + EVENT_OCTETS]
+
+
+def encode(message: Message) -> bytes:
+    """Return the frame of `message`. Raises ValueError when it breaks a bound that no caller may break."""
+    return _ENCODERS[type(message)](message)
+
+
+def decode(payload: bytes) -> Message:
+    """Return the message in `payload`. Raises MessageError for anything malformed."""
+    if len(payload) < _HEADER.size or len(payload) > PAYLOAD_MAX:
+        raise MessageError(f"{len(payload)} octets are no frame")
+    decoder = _DECODERS.get(payload[0])
+    if decoder is None:
+        raise MessageError(f"kind {payload[0]} is unknown")
+    return decoder(payload)
+
+
+def _clamp(value: int, low: int, high: int) -> int:
+    return low if value < low else min(value, high)
+
+
+def _header(kind: Kind, event: bytes, time: Instant, term: Term) -> bytes:
+    return _HEADER.pack(kind, event, _ms(time), term.counter & _U16, term.leader)
+
+
+def _ms(instant: Instant) -> int:
+    return _clamp(instant // MS, 0, _U32)
+
+
+def _way_phase(way: int, phase: Phase) -> int:
+    if not 0 <= way <= WAY_MAX:
+        raise ValueError(f"way {way} does not fit four bits: use 0..{WAY_MAX}")
+    return way << 4 | phase
+
+
+def _split(octet: int, allowed: frozenset[int]) -> tuple[int, Phase]:
+    if octet & 15 not in allowed:
+        raise MessageError(f"phase {octet & 15} is unknown here")
+    return octet >> 4, Phase(octet & 15)
+
+
+_BEACON_PHASES = frozenset((Phase.CLAIM, Phase.IN, Phase.YIELD, Phase.OUT, Phase.GONE))
+_ENTRY_PHASES = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.PROVISIONAL))
+
+
+def _encode_job(job: Job) -> bytes:
+    base = job.time // GRID
+    missed = _NO_START if job.missed is None else _clamp(job.missed // GRID - base, -0x8000, _START_MAX)
+    return _header(Kind.JOB, job.event, job.time, job.term) + _JOB.pack(
+        _ms(job.asked),
+        _ms(job.trigger),
+        _clamp(-(-job.release // GRID) - base, 0, _U16),
+        _clamp(-(-job.duration // GRID), 0, _U16),
+        _ms(job.deadline),
+        _clamp(-(-job.headway // HEADWAY_UNIT), 0, 0xFF),
+        _way_phase(job.way, Phase.WAITING) >> 4,
+        missed,
+    )
+
+
+def _decode_job(payload: bytes) -> Job:
+    if len(payload) != JOB_OCTETS:
+        raise MessageError(f"a JOB has {JOB_OCTETS} octets, not {len(payload)}")
+    _, event, time, counter, leader = _HEADER.unpack_from(payload)
+    asked, trigger, release, duration, deadline, headway, way, missed = _JOB.unpack_from(payload, _HEADER.size)
+    if way > WAY_MAX:
+        raise MessageError(f"way {way} is too large")
+    base = time * MS // GRID
+    return Job(
+        event,
+        time * MS,
+        Term(counter, leader),
+        asked * MS,
+        trigger * MS,
+        (base + release) * GRID,
+        duration * GRID,
+        deadline * MS,
+        headway * HEADWAY_UNIT,
+        way,
+        None if missed == _NO_START else (base + missed) * GRID,
+    )
+
+
+def _encode_sched(sched: Sched) -> bytes:
+    if len(sched.entries) > ENTRIES_MAX or not 0 <= sched.part < sched.parts <= PARTS_MAX:
+        raise ValueError("a SCHED has at most 10 entries and 15 parts")
+    base = sched.issued // GRID
+    pieces = [
+        _header(Kind.SCHED, sched.event, sched.issued, sched.term),
+        _SCHED.pack(
+            sched.resign,
+            sched.heir,
+            _clamp(sched.opens // GRID, 0, _U16),
+            sched.passed & _U16,
+            sched.part << 4 | sched.parts,
+            len(sched.entries),
+        ),
+    ]
+    for robot, trigger, start, duration, way, phase in sched.entries:
+        offset = _NO_START if start is None else _clamp(start // GRID - base, -0x8000, _START_MAX)
+        duration_units = _clamp(-(-duration // GRID), 0, _U16)
+        pieces.append(_ENTRY.pack(robot, trigger // GRID & _U16, offset, duration_units, _way_phase(way, phase)))
+    return b"".join(pieces)
+
+
+def _decode_sched(payload: bytes) -> Sched:
+    if len(payload) < SCHED_OCTETS:
+        raise MessageError("a SCHED is cut short")
+    _, event, issued, counter, leader = _HEADER.unpack_from(payload)
+    flags, heir, opens, passed, part, count = _SCHED.unpack_from(payload, _HEADER.size)
+    if flags > 1 or not part >> 4 < (part & 15) or count > ENTRIES_MAX or leader == NOBODY:
+        raise MessageError("a SCHED with impossible fields")
+    if len(payload) != SCHED_OCTETS + count * ENTRY_OCTETS:
+        raise MessageError(f"a SCHED of {count} entries does not have {len(payload)} octets")
+    base = issued * MS // GRID
+    latest = base + _TRIGGER_SLACK
+    entries = []
+    for robot, trigger, offset, duration, octet in _ENTRY.iter_unpack(payload[SCHED_OCTETS:]):
+        way, phase = _split(octet, _ENTRY_PHASES)
+        start = None if offset == _NO_START else (base + offset) * GRID
+        trigger_at = (latest - ((latest - trigger) & _U16)) * GRID
+        entries.append(Entry(robot, trigger_at, start, duration * GRID, way, phase))
+    return Sched(
+        event,
+        issued * MS,
+        Term(counter, leader),
+        bool(flags),
+        heir,
+        opens * GRID,
+        passed,
+        part >> 4,
+        part & 15,
+        tuple(entries),
+    )
+
+
+def _encode_beacon(beacon: Beacon) -> bytes:
+    return _header(Kind.BEACON, beacon.event, beacon.time, beacon.term) + _BEACON.pack(
+        beacon.who,
+        _ms(beacon.trigger),
+        _way_phase(beacon.way, beacon.phase),
+        _ms(beacon.start),
+        _clamp(-(-(beacon.end - beacon.start) // GRID), 0, _U16),
+    )
+
+
+def _decode_beacon(payload: bytes) -> Beacon:
+    if len(payload) != BEACON_OCTETS:
+        raise MessageError(f"a BEACON has {BEACON_OCTETS} octets, not {len(payload)}")
+    _, event, time, counter, leader = _HEADER.unpack_from(payload)
+    who, trigger, octet, start, length = _BEACON.unpack_from(payload, _HEADER.size)
+    way, phase = _split(octet, _BEACON_PHASES)
+    if who == NOBODY:
+        raise MessageError("a BEACON of nobody")
+    start_at = start * MS
+    return Beacon(
+        event, time * MS, Term(counter, leader), who, trigger * MS, phase, way, start_at, start_at + length * GRID
+    )
+
+
+def _encode_path(path: PathPart) -> bytes:
+    if len(path.steps) > STEPS_MAX:
+        raise ValueError(f"a PATH frame has at most {STEPS_MAX} steps: split the path")
+    bits = 0
+    for step in path.steps:
+        bits = bits << 3 | step
+    octets = (3 * len(path.steps) + 7) // 8
+    bits <<= 8 * octets - 3 * len(path.steps)
+    return (
+        _header(Kind.PATH, path.event, path.time, path.term)
+        + _PATH.pack(path.way, path.part, *path.first, path.total, path.offset)
+        + bits.to_bytes(octets, "big")
+    )
+
+
+def _decode_path(payload: bytes) -> PathPart:
+    if len(payload) < PATH_OCTETS:
+        raise MessageError("a PATH is cut short")
+    _, event, time, counter, leader = _HEADER.unpack_from(payload)
+    way, part, column, row, total, offset = _PATH.unpack_from(payload, _HEADER.size)
+    count = min(STEPS_MAX, total - offset)
+    octets = (3 * max(count, 0) + 7) // 8
+    if way > WAY_MAX or offset != part * STEPS_MAX or count < 0 or len(payload) != PATH_OCTETS + octets:
+        raise MessageError("a PATH with impossible fields")
+    bits = int.from_bytes(payload[PATH_OCTETS:], "big") >> (8 * octets - 3 * count)
+    steps = tuple(bits >> 3 * (count - 1 - i) & 7 for i in range(count))
+    return PathPart(event, time * MS, Term(counter, leader), way, part, (column, row), total, offset, steps)
+
+
+def split_path(event: bytes, time: Instant, term: Term, way: int, path: GridPath) -> list[PathPart]:
+    """Return the frames of a whole path. Raises ValueError for a path of more than 65535 steps or cells beyond."""
+    total = len(path.steps)
+    if total > _U16 or not all(0 <= c <= _U16 for c in path.first):
+        raise ValueError("a path has at most 65535 steps and begins in a cell of the arena")
+    offsets = range(0, max(total, 1), STEPS_MAX)
+    return [
+        PathPart(event, time, term, way, i, path.first, total, at, path.steps[at : at + STEPS_MAX])
+        for i, at in enumerate(offsets)
+    ]
+
+
+_ENCODERS: dict[type, Callable[[Any], bytes]] = {
+    Job: _encode_job,
+    Sched: _encode_sched,
+    Beacon: _encode_beacon,
+    PathPart: _encode_path,
+}
+_DECODERS: dict[int, Callable[[bytes], Message]] = {
+    int(Kind.JOB): _decode_job,
+    int(Kind.SCHED): _decode_sched,
+    int(Kind.BEACON): _decode_beacon,
+    int(Kind.PATH): _decode_path,
+}
+"""The one table of kinds."""

@@ -1,0 +1,218 @@
+"""The passage of this robot's own job: claim, enter, say that one is inside, leave (phases).
+
+A slot alone lets nobody in. The robot claims for at least W before entering, awake all the time, under a
+schedule whose lease has not run out, and enters in the window after the slot's start when the fence is open
+and its motion is ready. Otherwise the window passes, and it asks for another slot.
+"""
+
+from rmr.base.time import NEVER, Instant
+from rmr.coord.context import Context, OwnJob, Timer, identity, stamp
+from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
+from rmr.coord.fence import Claim
+from rmr.coord.messages import Beacon, Entry, Phase, Sched
+from rmr.coord.states import Passage
+
+
+def begin(c: Context, request: JobRequest) -> None:
+    """Make `request` the own live job."""
+    previous = c.fence.finished.get(c.robot, -1)
+    if c.job is not None:
+        previous = max(previous, c.job.trigger)
+        abandon(c)
+    c.job = OwnJob(request, identity(request.trigger, previous))
+    c.proceed(Passage.WAITING)
+
+
+def abandon(c: Context) -> None:
+    """Forget the own job."""
+    c.job = None
+    c.proceed(Passage.OUT)
+    c.set(Timer.POLL, NEVER)
+    c.set(Timer.BEACON, NEVER)
+    c.set(Timer.JOIN, NEVER)
+
+
+def on_schedule(c: Context, now: Instant) -> None:
+    """Take the own slot from the schedule held."""
+    job = c.job
+    if job is None or c.passage is Passage.INSIDE:
+        return
+    found = c.held.find(c.robot, job.trigger)
+    if found is None:
+        if c.held.complete():
+            _lose(c, now)
+        return
+    part, rank, entry = found
+    if entry.start is None or entry.phase is Phase.OUT or (job.missed is not None and entry.start <= job.missed):
+        _lose(c, now)
+        return
+    _take(c, now, part, rank, entry)
+
+
+def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> None:
+    job = c.job
+    assert job is not None
+    assert entry.start is not None
+    slot = (entry.start, entry.start + entry.duration, rank)
+    if c.passage is Passage.CLAIMING and entry.start != job.claimed:
+        _withdraw_claim(c, now)
+    job.slot = slot
+    job.lease = part.issued + c.values.lease - c.values.clock_error
+    if (*slot, part.term) != job.announced:
+        job.announced = (*slot, part.term)
+        c.emit(SlotAssigned(c.event, job.request.trigger, rank, slot[0], slot[1], part.term.leader, part.term.counter))
+    if c.passage is Passage.WAITING:
+        c.set(Timer.POLL, max(now, entry.start - c.values.quiet - c.values.claim_ahead))
+
+
+def _lose(c: Context, now: Instant) -> None:
+    job = c.job
+    assert job is not None
+    if c.passage is Passage.CLAIMING:
+        _withdraw_claim(c, now)
+    if job.slot is not None:
+        job.slot = job.announced = None
+        c.emit(SlotLost(c.event))
+    c.set(Timer.POLL, NEVER)
+
+
+def _withdraw_claim(c: Context, now: Instant) -> None:
+    _say(c, now, Phase.YIELD, c.values.finals)
+    c.proceed(Passage.WAITING)
+    c.set(Timer.BEACON, NEVER)
+    assert c.job is not None
+    c.job.claimed = None
+
+
+def on_poll(c: Context, now: Instant) -> bool:
+    """Claim, enter or let the window pass; return whether the slot was missed."""
+    job = c.job
+    if job is None or job.slot is None or c.passage is Passage.INSIDE:
+        c.set(Timer.POLL, NEVER)
+        return False
+    if c.passage is Passage.WAITING:
+        return _consider_claim(c, now)
+    return _consider_entry(c, now)
+
+
+def _consider_claim(c: Context, now: Instant) -> bool:
+    job, values = c.job, c.values
+    assert job is not None
+    assert job.slot is not None
+    start, _, _ = job.slot
+    if now + values.quiet > start + values.window:
+        return miss(c, now)
+    if now >= job.lease:
+        c.set(Timer.POLL, now + values.poll)
+        return False
+    c.proceed(Passage.CLAIMING)
+    job.claimed, job.since = start, now
+    on_beacon(c, now)
+    c.set(Timer.POLL, now + values.poll)
+    return False
+
+
+def _consider_entry(c: Context, now: Instant) -> bool:
+    job, values = c.job, c.values
+    assert job is not None
+    assert job.slot is not None
+    start, end, _ = job.slot
+    if now > start + values.window or max(now, job.since + values.quiet) > start + values.window:
+        return miss(c, now)
+    verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.way))
+    if verdict.lost:
+        return miss(c, now)
+    may_enter = start <= now < job.lease and job.ready and now >= job.since + values.quiet and verdict.open
+    if may_enter and not _opposed_first(c, start):
+        _enter(c, now, verdict.cautious)
+        return False
+    c.set(Timer.POLL, min(now + values.poll, start) if now < start else now + values.entry_poll)
+    return False
+
+
+def _opposed_first(c: Context, start: Instant) -> bool:
+    """Return whether the schedule has an opposed job of earlier start that has not said OUT."""
+    job = c.job
+    assert job is not None
+    way = job.request.way
+    for part in c.held.parts.values():
+        for entry in part.entries:
+            if entry.way == way or entry.phase is Phase.OUT or entry.start is None or entry.start >= start:
+                continue
+            if entry.robot != c.robot and not c.fence.is_finished(entry.robot, entry.trigger):
+                return True
+    return False
+
+
+def _enter(c: Context, now: Instant, cautious: bool) -> None:
+    job = c.job
+    assert job is not None
+    assert job.slot is not None
+    c.proceed(Passage.INSIDE)
+    job.entered, job.until = stamp(now), now + job.request.duration
+    c.set(Timer.POLL, NEVER)
+    c.set(Timer.JOIN, NEVER)
+    on_beacon(c, now)
+    c.emit(Entered(c.event, now, job.until, cautious))
+
+
+def miss(c: Context, now: Instant) -> bool:
+    """Give up the slot; the caller asks the leader for another. Return True."""
+    job = c.job
+    assert job is not None
+    assert job.slot is not None
+    job.missed = job.slot[0]
+    if c.passage is Passage.CLAIMING:
+        _withdraw_claim(c, now)
+    job.slot = job.announced = None
+    c.set(Timer.POLL, NEVER)
+    c.emit(EntryMissed(c.event))
+    return True
+
+
+def on_beacon(c: Context, now: Instant) -> None:
+    """Say CLAIM or IN, and again after H."""
+    if c.passage is Passage.CLAIMING:
+        _say(c, now, Phase.CLAIM)
+    elif c.passage is Passage.INSIDE:
+        assert c.job is not None
+        c.job.until = max(c.job.until, now)
+        _say(c, now, Phase.IN)
+    else:
+        c.set(Timer.BEACON, NEVER)
+        return
+    c.set(Timer.BEACON, now + c.values.beacon)
+
+
+def end(c: Context, now: Instant, phase: Phase) -> None:
+    """The own job is over: say OUT (was inside) or GONE."""
+    job = c.job
+    assert job is not None
+    _say(c, now, phase, c.values.finals)
+    abandon(c)
+
+
+def _say(c: Context, now: Instant, phase: Phase, times: int = 1) -> None:
+    job = c.job
+    assert job is not None
+    if c.passage is Passage.INSIDE:
+        start, until = job.entered, job.until
+    elif job.claimed is not None:
+        start, until = job.claimed, job.claimed + job.request.duration
+    else:
+        start = until = stamp(now)
+    beacon = Beacon(
+        c.event, stamp(now), c.held.term, c.robot, job.trigger, phase, job.request.way, start, max(until, start)
+    )
+    c.fence.note(now, beacon)
+    for i in range(times):
+        c.send(beacon, now + i * c.values.final_gap)
+
+
+def repeat_out(c: Context, now: Instant, entry: Entry) -> None:
+    """Say once more that a finished job, still listed as `entry`, is over."""
+    start = stamp(now) if entry.start is None else entry.start
+    c.send(
+        Beacon(c.event, stamp(now), c.held.term, c.robot, entry.trigger, Phase.OUT, entry.way, start, start),
+        now,
+    )

@@ -1,0 +1,378 @@
+"""A discrete-event model of robots that coordinate over a faulty radio, with checkers.
+
+Each robot is the real core; its motion is ideal (ready at its release, clear after its passage), its host
+wakes it up to a tick late. Frames are lost, doubled, delayed and reordered by a seeded stream; robots crash,
+restart, stall and are parted. Every entry is checked against the protocol's guarantees.
+"""
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any
+
+from rmr.base.time import NEVER, NS_PER_MS, Instant
+from rmr.coord import events
+from rmr.coord.coordination import Coordination
+from rmr.coord.events import JobRequest, Send
+from rmr.coord.messages import PAYLOAD_MAX, Beacon, Phase, Sched, decode
+from rmr.coord.states import Passage, Role
+from rmr.coord.values import Values
+
+MS = NS_PER_MS
+EVENT = b"corrid"
+TICK = 16 * MS
+
+
+def ms(value: float) -> int:
+    """Return milliseconds as nanoseconds."""
+    return int(value * MS)
+
+
+@dataclass
+class Entry:
+    """One passage, as it truly was."""
+
+    robot: int
+    trigger: Instant
+    way: int
+    start: Instant
+    end: Instant
+    slot: Instant
+    rank: int
+    term: tuple[int, int]
+    cautious: bool
+    heard: dict[int, Instant] = field(default_factory=dict)
+
+
+@dataclass
+class Air:
+    """What the radio does to a frame."""
+
+    loss: float = 0.0
+    duplicate: float = 0.0
+    late: float = 0.0
+    late_max: int = ms(600)
+    delay_min: int = ms(2)
+    delay_max: int = ms(6)
+    filter: Callable[[int, int, bytes, Instant], bool] = lambda source, target, payload, now: True
+
+
+class Mind:
+    """One robot: the core and its ideal motion."""
+
+    def __init__(self, model: "Model", robot: int) -> None:
+        self.model = model
+        self.robot = robot
+        self.boot()
+        self.alive = True
+        self.stalled_until: Instant = 0
+        self.job: JobRequest | None = None
+        self.slot: events.SlotAssigned | None = None
+        self.inside: Entry | None = None
+        self.leaves: Instant = NEVER
+        self.done: list[Instant] = []
+        self.log: list[tuple[Instant, Any]] = []
+        self.overrun = 0
+        self.inbox: list[tuple[bytes, int]] = []
+        self.outcomes: list[tuple[int, str]] = []
+        self.woken: Instant = NEVER
+
+    def boot(self) -> None:
+        model = self.model
+        self.core = Coordination(
+            self.robot, Random(f"{model.seed}/{self.robot}/{model.boots}"), len(model.ids) - 1, model.values
+        )
+        model.boots += 1
+
+
+class Model:
+    """All robots, the air and the checkers."""
+
+    def __init__(self, seed: int, count: int, air: Air | None = None, values: Values | None = None) -> None:
+        self.seed = seed
+        self.rng = Random(f"harness/{seed}")
+        self.values = values or Values()
+        self.air = air or Air()
+        self.ids = list(range(1, count + 1))
+        self.boots = 0
+        self.now: Instant = 0
+        self.heap: list[tuple[Instant, int, Callable[[], None]]] = []
+        self.sequence = 0
+        self.parted: dict[int, int] = {}
+        self.entries: list[Entry] = []
+        self.violations: list[str] = []
+        self.frames = 0
+        self.by_kind: dict[int, int] = {}
+        self.senders: dict[tuple[int, int], int] = {}
+        self.promised: dict[tuple[tuple[int, int], int, int], Instant] = {}
+        self.minds = {robot: Mind(self, robot) for robot in self.ids}
+
+    # -- driving ---------------------------------------------------------------------------------------
+
+    def at(self, when: Instant, action: Callable[[], None]) -> None:
+        self.sequence += 1
+        heapq.heappush(self.heap, (when, self.sequence, action))
+
+    def run(self, until: Instant) -> None:
+        while self.heap and self.heap[0][0] <= until:
+            self.now, _, action = heapq.heappop(self.heap)
+            action()
+        self.now = until
+
+    def run_until(self, done: Callable[[], bool], limit: Instant) -> bool:
+        while not done():
+            if not self.heap or self.heap[0][0] > limit:
+                return False
+            self.now, _, action = heapq.heappop(self.heap)
+            action()
+        return True
+
+    def trigger(
+        self,
+        when: Instant,
+        robot: int,
+        *,
+        deadline: Instant,
+        release: Instant = 0,
+        duration: int = ms(3000),
+        headway: int = ms(950),
+        way: int = 0,
+    ) -> None:
+        def start() -> None:
+            mind = self.minds[robot]
+            if not mind.alive:
+                return
+            request = JobRequest(EVENT, self.now, max(release, self.now), duration, deadline, headway, way)
+            mind.job = request
+            mind.core.trigger(self.now, request)
+            self.at(request.release, lambda: self._set_ready(mind, request))
+            self.settle(mind)
+
+        self.at(when, start)
+
+    def _set_ready(self, mind: Mind, request: JobRequest) -> None:
+        if mind.alive and mind.job is request:
+            mind.core.ready(self.now, EVENT, True)
+            self.settle(mind)
+
+    def withdraw(self, when: Instant, robot: int) -> None:
+        def stop() -> None:
+            mind = self.minds[robot]
+            if mind.alive and mind.job is not None and mind.inside is None:
+                mind.job = None
+                mind.core.withdraw(self.now, EVENT)
+                self.settle(mind)
+
+        self.at(when, stop)
+
+    def crash(self, when: Instant, robot: int) -> None:
+        def die() -> None:
+            mind = self.minds[robot]
+            mind.alive = False
+            mind.job = None
+            if mind.inside is not None:
+                mind.inside.end = min(mind.inside.end, self.now)
+                mind.inside = None
+
+        self.at(when, die)
+
+    def restart(self, when: Instant, robot: int) -> None:
+        def rise() -> None:
+            mind = self.minds[robot]
+            mind.alive = True
+            mind.boot()
+
+        self.at(when, rise)
+
+    def stall(self, when: Instant, robot: int, duration: int) -> None:
+        def freeze() -> None:
+            mind = self.minds[robot]
+            mind.stalled_until = self.now + duration
+            mind.woken = NEVER
+            self.at(mind.stalled_until, lambda: self.tick(mind))
+
+        self.at(when, freeze)
+
+    def partition(self, when: Instant, groups: dict[int, int]) -> None:
+        self.at(when, lambda: setattr(self, "parted", groups))
+
+    # -- hosts and air ---------------------------------------------------------------------------------
+
+    def settle(self, mind: Mind) -> None:
+        """Take what the core has to say and arrange for its next wake."""
+        for item in mind.core.drain():
+            if isinstance(item, Send):
+                self._sent(mind, item)
+            else:
+                self._happened(mind, item)
+        wake = mind.core.next_wake
+        if wake < NEVER:
+            self.wake_at(mind, max(wake, self.now))
+
+    def wake_at(self, mind: Mind, when: Instant) -> None:
+        """Hosts wake on a grid of ticks."""
+        when = max(-(-when // TICK) * TICK, mind.stalled_until)
+        if when < mind.woken or mind.woken <= self.now:
+            mind.woken = when
+            self.at(when, lambda: self.tick(mind) if mind.woken == when else None)
+
+    def tick(self, mind: Mind) -> None:
+        if not mind.alive or self.now < mind.stalled_until:
+            return
+        mind.woken = NEVER
+        inbox, mind.inbox = mind.inbox, []
+        for payload, source in inbox:
+            mind.core.receive(self.now, payload, source)
+            self.drain_now(mind)
+        outcomes, mind.outcomes = mind.outcomes, []
+        for handle, status in outcomes:
+            mind.core.confirmed(self.now, handle, status)
+        mind.core.wake(self.now)
+        if self.now >= mind.leaves:
+            self._leave(mind)
+        self.settle(mind)
+
+    def drain_now(self, mind: Mind) -> None:
+        for item in mind.core.drain():
+            if isinstance(item, Send):
+                self._sent(mind, item)
+            else:
+                self._happened(mind, item)
+
+    def _sent(self, mind: Mind, item: Send) -> None:
+        assert item.at >= self.now
+        if len(item.payload) > PAYLOAD_MAX:
+            self.violations.append(f"a frame of {len(item.payload)} octets")
+        self.at(item.at, lambda: self._transmit(mind, item))
+
+    def _transmit(self, mind: Mind, item: Send) -> None:
+        if not mind.alive:
+            return
+        self.frames += 1
+        self.by_kind[item.payload[0]] = self.by_kind.get(item.payload[0], 0) + 1
+        self._check_frame(mind, item.payload)
+        targets = self.ids if item.destination is None else [item.destination]
+        delivered = False
+        for target in targets:
+            if target != mind.robot and target in self.minds:
+                delivered = self._carry(mind.robot, target, item.payload, item.destination is not None) or delivered
+        if item.destination is not None:
+            status = "ok" if delivered else "no_ack"
+            self.at(self.now + ms(8), lambda: self._outcome(mind, item.handle, status))
+
+    def _outcome(self, mind: Mind, handle: int, status: str) -> None:
+        if mind.alive:
+            mind.outcomes.append((handle, status))
+            self.wake_at(mind, self.now)
+
+    def linked(self, a: int, b: int) -> bool:
+        return self.parted.get(a, 0) == self.parted.get(b, 0)
+
+    def _carry(self, source: int, target: int, payload: bytes, unicast: bool) -> bool:
+        air, rng = self.air, self.rng
+        if not self.linked(source, target) or not self.minds[target].alive:
+            return False
+        tries = 4 if unicast else 1
+        if not air.filter(source, target, payload, self.now):
+            return False
+        got = any(rng.random() >= air.loss for _ in range(tries))
+        if not got:
+            return False
+        copies = 2 if rng.random() < air.duplicate else 1
+        for _ in range(copies):
+            delay = rng.randint(air.delay_min, air.delay_max)
+            if rng.random() < air.late:
+                delay += rng.randint(0, air.late_max)
+            self.at(self.now + delay, lambda: self._arrive(target, payload, source))
+        return not (unicast and rng.random() < air.loss**4)
+
+    def _arrive(self, target: int, payload: bytes, source: int) -> None:
+        mind = self.minds[target]
+        if mind.alive:
+            if len(mind.inbox) < 200:
+                mind.inbox.append((payload, source))
+            self.wake_at(mind, self.now)
+
+    # -- what happened, and whether it was right ---------------------------------------------------------
+
+    def _happened(self, mind: Mind, event: Any) -> None:
+        mind.log.append((self.now, event))
+        if isinstance(event, events.SlotAssigned):
+            mind.slot = event
+        elif isinstance(event, events.SlotLost | events.EntryMissed):
+            mind.slot = None
+        elif isinstance(event, events.Entered):
+            self._entered(mind, event)
+
+    def _entered(self, mind: Mind, event: events.Entered) -> None:
+        job, slot = mind.job, mind.slot
+        assert job is not None
+        if slot is None or not slot.start <= self.now <= slot.start + self.values.window:
+            self.violations.append(f"{mind.robot} entered outside its slot at {self.now / MS}")
+            return
+        entry = Entry(
+            mind.robot, job.trigger, job.way, self.now, self.now + job.duration + mind.overrun,
+            slot.start, slot.rank, (slot.term, slot.leader), event.cautious,
+        )  # fmt: skip
+        if any(e.robot == mind.robot and e.trigger == job.trigger for e in self.entries):
+            self.violations.append(f"{mind.robot} entered twice for one job")
+        for other in self.entries:
+            if other.way != entry.way and other.start <= self.now < other.end and other.robot != mind.robot:
+                self._overlap(entry, other)
+        self.entries.append(entry)
+        mind.inside = entry
+        mind.leaves = entry.end
+        if mind.overrun:
+            mind.core.inside_until(self.now, EVENT, entry.end)
+        self.at(entry.end, lambda: self.wake_at(mind, self.now))
+
+    def _overlap(self, entry: Entry, other: Entry) -> None:
+        if entry.term == other.term:
+            self.violations.append(f"{entry.robot} and {other.robot} overlap under one term at {self.now / MS}")
+        else:
+            self.violations.append(f"{entry.robot} and {other.robot} overlap at {self.now / MS}")
+
+    def _leave(self, mind: Mind) -> None:
+        mind.leaves = NEVER
+        if mind.inside is None:
+            return
+        mind.done.append(self.now)
+        mind.inside.end = self.now
+        mind.inside, mind.job, mind.slot = None, None, None
+        mind.core.leave(self.now, EVENT)
+
+    def _check_frame(self, mind: Mind, payload: bytes) -> None:
+        message = decode(payload)
+        if isinstance(message, Sched) and message.term.leader == mind.robot:
+            known = self.senders.setdefault(message.term, mind.core_id if hasattr(mind, "core_id") else id(mind.core))
+            if known != id(mind.core):
+                self.violations.append(f"term {message.term} has two senders")
+        if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.IN and not mind.inside:
+            if message.time > self.now - ms(1):
+                self.violations.append(f"{mind.robot} says IN but is not")
+
+    # -- questions ---------------------------------------------------------------------------------------
+
+    def role(self, robot: int) -> Role:
+        group = self.minds[robot].core._groups.get(EVENT)
+        return Role.NONE if group is None else group.context.role
+
+    def leaders(self) -> list[int]:
+        return [r for r in self.ids if self.minds[r].alive and self.role(r) is Role.LEADING]
+
+    def all_slotted(self) -> bool:
+        """Whether every robot with a job holds a slot of one leader."""
+        slots = [m.slot for m in self.minds.values() if m.job is not None and m.alive]
+        return all(slots) and len({(s.leader, s.term) for s in slots if s}) == 1
+
+    def all_served(self) -> bool:
+        """Whether no living robot has a job left."""
+        return all(m.job is None for m in self.minds.values() if m.alive)
+
+    def order(self) -> list[int]:
+        """Robots in the order of their entries."""
+        return [entry.robot for entry in self.entries]
+
+    def passage(self, robot: int) -> Passage:
+        return self.minds[robot].core._groups[EVENT].context.passage
