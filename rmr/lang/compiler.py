@@ -1,0 +1,85 @@
+"""The compiler as a whole: a file in, one robot's program or diagnostics out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rmr.bytecode.program import Debug, Place, Program, Strategy
+from rmr.lang.check import Checked, check
+from rmr.lang.diagnostic import Diagnostic, Diagnostics, Severity
+from rmr.lang.emit import Emitter
+from rmr.lang.parser import parse
+from rmr.lang.serve import with_serving
+from rmr.lang.source import Source, SourceError, Span, read_source
+from rmr.lang.syntax import FactItem, GoalItem
+
+
+@dataclass(frozen=True, slots=True)
+class Compilation:
+    """What became of a source text."""
+
+    source: Source
+    program: Program | None
+    """None if there are errors."""
+    diagnostics: list[Diagnostic]
+    """Errors and warnings in source order."""
+    unreadable: bool = False
+    """The file is missing or is no file: the command line is wrong, not the program."""
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        """The errors alone."""
+        return [each for each in self.diagnostics if each.severity is Severity.ERROR]
+
+
+def compile_file(path: Path) -> Compilation:
+    """Compile the program in `path`; a file that cannot be read is a diagnostic as well."""
+    try:
+        source = read_source(path)
+    except SourceError as error:
+        span = Span(str(path), 0, 0)
+        diagnostic = Diagnostic("E003", str(error), span, error.hint)
+        return Compilation(Source(str(path), ""), None, [diagnostic], error.usage)
+    return compile_text(source)
+
+
+def compile_source(text: str, file: str = "<string>") -> Compilation:
+    """Compile a program that is at hand as text; `file` is what diagnostics call it."""
+    return compile_text(Source(file, text))
+
+
+def compile_text(source: Source) -> Compilation:
+    """Compile a source."""
+    found = Diagnostics()
+    module = parse(source, found)
+    if not module.items and not found.failed:
+        found.report("W107", "the program is empty: robots will do nothing", Span(source.file, 0, 0))
+    checked = check(module, found)
+    program = None if found.failed else emit(checked, source)
+    return Compilation(source, program, found.in_order())
+
+
+def emit(checked: Checked, source: Source) -> Program:
+    """Return the program of a module without errors."""
+    emitter = Emitter(checked.names, checked.types)
+    items = checked.module.items
+    program = Program(
+        predicates=emitter.predicates(),
+        facts=tuple(emitter.fact(item) for item in items if isinstance(item, FactItem)),
+        goals=tuple(emitter.goal(item) for item in items if isinstance(item, GoalItem)),
+        rules=tuple(emitter.rule(projected) for projected in checked.rules),
+        assertions=tuple(emitter.assertion(each.item, each.environment, each.finish) for each in checked.assertions),
+        strategy=Strategy.TEXTUAL if checked.textual else Strategy.RANDOM,
+        debug=_debug(checked, source),
+    )
+    return with_serving(program)
+
+
+def _debug(checked: Checked, source: Source) -> Debug:
+    def place(span: Span) -> Place:
+        return Place(span.file, *source.position(span.start))
+
+    return Debug(
+        rules=tuple(place(projected.rule.span) for projected in checked.rules),
+        assertions=tuple(place(each.item.span) for each in checked.assertions),
+        predicates=tuple(place(signature.place) for signature in checked.names.signatures.values()),
+    )

@@ -1,0 +1,116 @@
+"""What is wrong with a program, as data.
+
+A diagnostic answers three questions: what is wrong, where, and what to do. It is collected, never raised, and
+rendered elsewhere (render.py). Codes are stable: one that is no longer used is not given out again.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rmr.lang.source import Span
+
+DIAGNOSTICS_MAX = 1000
+"""Nobody reads more, and a file of garbage must not cost memory without bound."""
+
+
+class Severity(Enum):
+    """Errors stop compilation, warnings do not."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+CODES: dict[str, str] = {
+    "E001": "syntax error",
+    "E002": "not supported yet",
+    "E003": "unreadable source",
+    "E004": "nested too deeply",
+    "E005": "value out of range",
+    "E006": "reserved word",
+    "E007": "too many errors",
+    "E008": "too large",
+    "E010": "declared twice",
+    "E011": "wrong number of arguments",
+    "E012": "wrong kind",
+    "E013": "undeclared action",
+    "E014": "wrong signature of a provided action",
+    "E015": "unknown name",
+    "E020": "types contradict each other",
+    "E021": "not a robot",
+    "E022": "not a Boolean",
+    "E023": "a constant is needed",
+    "E030": "unbound variable",
+    "E031": "bound twice",
+    "E032": "a body without facts",
+    "E033": "facts of another robot",
+    "E034": "now() outside a head",
+    "W101": "a variable that may be meant as a constant",
+    "W102": "a rule that can never fire",
+    "W103": "a goal that no rule can reach",
+    "W104": "a finish fact that nothing derives",
+    "W105": "a fact larger than a radio frame",
+    "W106": "a deadline shorter than a tick",
+    "W107": "an empty program",
+    "W108": "a fact that nothing reads",
+}
+"""Every code with its title. E: an error; W: a warning."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A secondary place and what it has to do with the matter."""
+
+    span: Span
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One mistake of the program's author."""
+
+    code: str
+    message: str
+    span: Span
+    hint: str | None = None
+    notes: tuple[Note, ...] = ()
+
+    def __post_init__(self) -> None:
+        assert self.code in CODES, self.code
+
+    @property
+    def severity(self) -> Severity:
+        """Error or warning, by the code's first letter."""
+        return Severity.ERROR if self.code.startswith("E") else Severity.WARNING
+
+
+class Diagnostics:
+    """A bounded collection of diagnostics."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, str, Span], Diagnostic] = {}
+        self._dropped = 0
+
+    def report(
+        self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[Note, ...] = ()
+    ) -> None:
+        """Add one; the same mistake at the same place counts once."""
+        key = (code, message, span)
+        if key in self._found:
+            return
+        if len(self._found) >= DIAGNOSTICS_MAX:
+            self._dropped += 1
+            return
+        self._found[key] = Diagnostic(code, message, span, hint, notes)
+
+    @property
+    def failed(self) -> bool:
+        """Whether there is an error among them."""
+        return any(found.severity is Severity.ERROR for found in self._found.values())
+
+    def in_order(self) -> list[Diagnostic]:
+        """Return them in source order."""
+        ordered = sorted(self._found.values(), key=lambda found: (found.span.file, found.span.start, found.code))
+        if self._dropped and ordered:
+            message = f"{self._dropped} more diagnostics are not shown"
+            ordered.append(Diagnostic("E007", message, ordered[-1].span))
+        return ordered

@@ -1,0 +1,512 @@
+"""Types: what declarations fix, what uses fix, and where the two contradict each other.
+
+Every argument of a predicate and every variable of a rule is a cell. Types flow forward along the program (a
+constant into an argument, an argument into a variable, an expression into a head) and only ever widen: open,
+then int, then float; a symbol of no particular set, then of a set. What is open after that takes its type
+from where its value goes. Declared cells never change. Contradictions are looked for at the end, against the
+final types, so that each is reported once and with both places.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from rmr.base.values import Robot, Symbol
+from rmr.bytecode.program import Base, Type
+from rmr.lang.diagnostic import Diagnostics, Note
+from rmr.lang.names import Names, Signature, meant
+from rmr.lang.provided import type_text
+from rmr.lang.source import Span
+from rmr.lang.syntax import (
+    Aggregate,
+    Assertion,
+    Binary,
+    Call,
+    Comprehension,
+    Condition,
+    Conjunct,
+    Expression,
+    Fact,
+    FactItem,
+    GoalItem,
+    HeadItem,
+    ListTerm,
+    Literal,
+    Module,
+    Rule,
+    Steps,
+    TypeDeclaration,
+    Unary,
+    Variable,
+)
+
+OPEN = Type(Base.OPEN)
+ROBOT = Type(Base.ROBOT)
+BOOL = Type(Base.BOOL)
+INT = Type(Base.INT)
+FLOAT = Type(Base.FLOAT)
+
+NUMBERS = {Base.INT, Base.FLOAT}
+
+
+@dataclass(slots=True, eq=False)
+class Cell:
+    """The type of one argument, variable or expression."""
+
+    type: Type
+    origin: Span | None
+    """Where it got its type."""
+    fixed: bool = False
+    mixed: bool = False
+    """A float that may be an int when the program runs."""
+    targets: "list[Cell]" = field(default_factory=list)
+    """Its type flows there."""
+    fallbacks: "list[Cell]" = field(default_factory=list)
+    """These take its type if nothing else gives them one."""
+
+
+Scope = dict[str, Cell]
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionType:
+    """A function's arguments and result; OPEN arguments are numbers whose joint type is an OPEN result."""
+
+    arguments: tuple[Type, ...]
+    result: Type
+
+
+FUNCTIONS: dict[str, FunctionType] = {
+    "abs": FunctionType((OPEN,), OPEN),
+    "min": FunctionType((OPEN, OPEN), OPEN),
+    "max": FunctionType((OPEN, OPEN), OPEN),
+    "floor": FunctionType((FLOAT,), INT),
+    "sqrt": FunctionType((FLOAT,), FLOAT),
+    "sin": FunctionType((FLOAT,), FLOAT),
+    "cos": FunctionType((FLOAT,), FLOAT),
+    "atan2": FunctionType((FLOAT, FLOAT), FLOAT),
+    "dist": FunctionType((FLOAT,) * 4, FLOAT),
+    "id": FunctionType((ROBOT,), INT),
+    "now": FunctionType((), FLOAT),
+}
+LATER = ("len", "nth", "member", "sort")
+"""Functions of lists."""
+
+
+def join(one: Type, other: Type) -> Type:
+    """Return the narrowest type that holds both; of a contradiction, the first."""
+    if one.base is Base.OPEN:
+        return other
+    if one.base in NUMBERS and other.base in NUMBERS:
+        return FLOAT if Base.FLOAT in {one.base, other.base} else INT
+    if one.base is Base.SYMBOL and other.base is Base.SYMBOL and not one.name:
+        return other
+    return one
+
+
+def compatible(one: Type, other: Type) -> bool:
+    """Whether a value may be of both types, ints counting as floats."""
+    if Base.OPEN in {one.base, other.base} or (one.base in NUMBERS and other.base in NUMBERS):
+        return True
+    if one.base is Base.SYMBOL and other.base is Base.SYMBOL:
+        return not one.name or not other.name or one.name == other.name
+    return one.base is other.base
+
+
+def fits(value: Type, target: Type) -> bool:
+    """Whether a value of the one type can be given to the other; a float is no int."""
+    return compatible(value, target) and not (value.base is Base.FLOAT and target.base is Base.INT)
+
+
+def literal_type(literal: Literal) -> Type:
+    """Return the type of a constant."""
+    match literal.value:
+        case bool():
+            return BOOL
+        case Robot():
+            return ROBOT
+        case int():
+            return INT
+        case float():
+            return FLOAT
+        case Symbol():
+            return Type(Base.SYMBOL)
+        case _:
+            return Type(Base.STRING)
+
+
+def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
+    """Return the variables that facts of `body` bind."""
+    return frozenset(
+        argument.name
+        for conjunct in body
+        if not isinstance(conjunct, Condition) and not conjunct.absent
+        for argument in conjunct.arguments
+        if isinstance(argument, Variable) and not argument.anonymous
+    )
+
+
+@dataclass(slots=True)
+class Types:
+    """What inference found out."""
+
+    positions: dict[str, list[Cell]] = field(default_factory=dict)
+    """By predicate: its arguments' cells, the owner's first."""
+    scopes: dict[Span, Scope] = field(default_factory=dict)
+    """By rule, comprehension and assertion: its variables' cells."""
+    expressions: dict[Span, Cell] = field(default_factory=dict)
+
+    def arguments(self, name: str) -> tuple[Type, ...]:
+        """Return the types of a predicate's arguments after the owner."""
+        return tuple(cell.type for cell in self.positions[name][1:])
+
+    def certainly_float(self, expression: Expression) -> bool:
+        """Whether the expression's value needs no conversion to float."""
+        cell = self.expressions.get(expression.span)
+        return cell is not None and cell.type.base is Base.FLOAT and not cell.mixed
+
+
+class Inference:
+    """One program's constraints, their solution and what contradicts it."""
+
+    def __init__(self, names: Names, broken: frozenset[str], found: Diagnostics) -> None:
+        self._names = names
+        self._broken = broken
+        self._found = found
+        self._sources: list[Cell] = []
+        self._falling_back = False
+        self._matching: frozenset[str] = frozenset()
+        self._checks: list[Callable[[], None]] = []
+        self._queue: deque[Cell] = deque()
+        self.types = Types()
+        for signature in names.signatures.values():
+            self.types.positions[signature.name] = self._positions(signature)
+
+    def run(self, module: Module) -> Types:
+        """Infer, check, report; return the types."""
+        for item in module.items:
+            self._item(item)
+        self._settle()
+        self._falling_back = True
+        self._queue.extend(cell for cell in self._sources if cell.type.base is not Base.OPEN)
+        self._settle()
+        for check in self._checks:
+            check()
+        return self.types
+
+    # ---- cells
+
+    @staticmethod
+    def _positions(signature: Signature) -> list[Cell]:
+        owner = Cell(ROBOT, signature.place, fixed=True)
+        declared = signature.declaration
+        cells = [owner]
+        for index, kind in enumerate(signature.types, start=1):
+            place = declared.parameters[index].span if declared is not None else signature.place
+            cells.append(Cell(kind, place, fixed=kind.base is not Base.OPEN))
+        return cells
+
+    def _widen(self, cell: Cell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
+        if cell.fixed:
+            return
+        wider = join(cell.type, kind)
+        mixes = wider.base is Base.FLOAT and (mixed or cell.mixed or Base.INT in {cell.type.base, kind.base})
+        if wider != cell.type:
+            cell.origin = origin
+        elif mixes == cell.mixed:
+            return
+        cell.type, cell.mixed = wider, mixes
+        self._queue.append(cell)
+
+    def _settle(self) -> None:
+        while self._queue:
+            cell = self._queue.popleft()
+            for target in cell.targets:
+                self._widen(target, cell.type, cell.origin, mixed=cell.mixed)
+            for target in cell.fallbacks if self._falling_back else ():
+                if target.type.base is Base.OPEN:
+                    self._widen(target, cell.type, cell.origin)
+
+    def _flow(self, source: Cell, target: Cell) -> None:
+        source.targets.append(target)
+        self._widen(target, source.type, source.origin, mixed=source.mixed)
+
+    def _fall_back(self, source: Cell, target: Cell) -> None:
+        source.fallbacks.append(target)
+        self._sources.append(source)
+
+    # ---- items
+
+    def _item(self, item: object) -> None:
+        match item:
+            case FactItem(fact=fact) | GoalItem(fact=fact):
+                self._derived(fact, {})
+            case TypeDeclaration():
+                self._effects(item)
+            case Rule():
+                scope: Scope = {}
+                self.types.scopes[item.span] = scope
+                self._matching = frozenset()
+                self._body(item.body, scope)
+                for part in item.head:
+                    self._head(part, scope)
+            case Assertion():
+                self._assertion(item)
+            case _:
+                pass
+
+    def _effects(self, item: TypeDeclaration) -> None:
+        scope: Scope = {}
+        self.types.scopes[item.span] = scope
+        cells = self.types.positions[item.name.text]
+        for parameter, cell in zip(item.parameters, cells, strict=False):
+            if parameter.variable is not None and not parameter.variable.anonymous:
+                self._flow(cell, self._variable(parameter.variable, scope))
+        for effect in (*item.effects, *item.else_effects):
+            self._derived(effect, scope)
+
+    def _assertion(self, item: Assertion) -> None:
+        scope: Scope = {}
+        self.types.scopes[item.span] = scope
+        self._matched(item.start, scope)
+        self._matched(item.finish, scope)
+        deadline = self._expression(item.deadline, scope)
+        self._needs_number(item.deadline, deadline, "a deadline is a number of seconds")
+        self._derived(item.violation, scope)
+
+    def _head(self, part: HeadItem, scope: Scope) -> None:
+        match part:
+            case Fact():
+                self._derived(part, scope)
+            case Steps(derived=derived):
+                for fact in derived:
+                    self._derived(fact, scope)
+            case Comprehension():
+                inner = dict(scope)
+                self.types.scopes[part.span] = inner
+                for variable in part.variables:
+                    inner[variable.name] = Cell(OPEN, None)
+                self._body(part.body, inner)
+                for fact in part.head:
+                    self._derived(fact, inner)
+            case Aggregate():
+                pass
+
+    def _body(self, body: tuple[Conjunct, ...], scope: Scope) -> None:
+        self._matching = matched_variables(body) | self._matching
+        for conjunct in body:
+            if isinstance(conjunct, Condition):
+                cell = self._expression(conjunct.expression, scope)
+                self._needs(conjunct.expression, cell, BOOL, "E022", "a condition is a Boolean")
+            else:
+                self._matched(conjunct, scope)
+
+    # ---- facts
+
+    def _matched(self, fact: Fact, scope: Scope) -> None:
+        for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
+            cell = self._expression(argument, scope)
+            if isinstance(argument, Variable):
+                self._flow(position, cell)
+                self._fall_back(cell, position)
+            elif not isinstance(argument, Call):
+                self._flow(cell, position)
+            self._compare(fact, argument, cell, position, compatible)
+
+    def _derived(self, fact: Fact, scope: Scope) -> None:
+        for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
+            cell = self._expression(argument, scope)
+            self._flow(cell, position)
+            if isinstance(argument, Variable):
+                self._fall_back(position, cell)
+            self._compare(fact, argument, cell, position, fits)
+
+    def _compare(
+        self, fact: Fact, argument: Expression, cell: Cell, position: Cell, good: Callable[[Type, Type], bool]
+    ) -> None:
+        name = fact.name.text
+        owner = position is self.types.positions[name][0]
+
+        def check() -> None:
+            if good(cell.type, position.type):
+                return
+            if name in self._broken and not position.fixed:
+                return
+            code = "E021" if owner else "E020"
+            what = f"the first argument of `{name}`" if owner else f"this argument of `{name}`"
+            message = f"{what} is {_a(position.type)}, here it is {_a(cell.type)}"
+            self._found.report(code, message, argument.span, notes=self._notes(argument.span, position, cell))
+
+        self._checks.append(check)
+
+    @staticmethod
+    def _notes(span: Span, *cells: Cell) -> tuple[Note, ...]:
+        notes: list[Note] = []
+        for cell in cells:
+            if cell.origin is not None and cell.origin != span and all(note.span != cell.origin for note in notes):
+                notes.append(Note(cell.origin, f"{type_text(cell.type)} because of this"))
+        return tuple(notes)
+
+    # ---- expressions
+
+    def _variable(self, variable: Variable, scope: Scope) -> Cell:
+        if variable.anonymous:
+            return Cell(OPEN, None)
+        return scope.setdefault(variable.name, Cell(OPEN, None))
+
+    def _expression(self, expression: Expression, scope: Scope) -> Cell:
+        match expression:
+            case Literal():
+                cell = Cell(literal_type(expression), expression.span)
+            case Variable():
+                cell = self._variable(expression, scope)
+            case Unary():
+                cell = self._unary(expression, scope)
+            case Binary():
+                cell = self._binary(expression, scope)
+            case Call():
+                cell = self._call(expression, scope)
+            case ListTerm():
+                cell = Cell(OPEN, None)
+                self._found.report("E002", "lists are not supported yet", expression.span)
+        self.types.expressions[expression.span] = cell
+        return cell
+
+    def _unary(self, expression: Unary, scope: Scope) -> Cell:
+        operand = self._expression(expression.operand, scope)
+        if expression.operator == "not":
+            self._needs(expression.operand, operand, BOOL, "E022", "`not` needs a Boolean")
+            return Cell(BOOL, expression.span)
+        self._needs_number(expression.operand, operand, "`-` needs a number")
+        cell = Cell(OPEN, None)
+        self._flow(operand, cell)
+        return cell
+
+    def _binary(self, expression: Binary, scope: Scope) -> Cell:
+        left = self._expression(expression.left, scope)
+        right = self._expression(expression.right, scope)
+        operator = expression.operator
+        if operator in {"&&", "||"}:
+            for side, cell in ((expression.left, left), (expression.right, right)):
+                self._needs(side, cell, BOOL, "E022", f"`{operator}` needs Booleans")
+            return Cell(BOOL, expression.span)
+        if operator in {"=", "!=", "<", "<=", ">", ">="}:
+            return self._comparison(expression, left, right)
+        return self._arithmetic(expression, left, right)
+
+    def _comparison(self, expression: Binary, left: Cell, right: Cell) -> Cell:
+        if expression.operator == "=":
+            for side, cell, other in ((expression.left, left, right), (expression.right, right, left)):
+                if isinstance(side, Variable):
+                    (self._fall_back if side.name in self._matching else self._flow)(other, cell)
+
+        def check() -> None:
+            span, operator = expression.span, expression.operator
+            if not compatible(left.type, right.type):
+                message = f"`{operator}` compares {_a(left.type)} with {_a(right.type)}"
+                self._found.report("E020", message, span, notes=self._notes(span, left, right))
+            elif operator not in {"=", "!="} and BOOL in {left.type, right.type}:
+                self._found.report("E020", f"`{operator}` has no meaning for Booleans", span)
+
+        self._checks.append(check)
+        return Cell(BOOL, expression.span)
+
+    def _arithmetic(self, expression: Binary, left: Cell, right: Cell) -> Cell:
+        operator = expression.operator
+        cell = Cell(FLOAT if operator == "/" else OPEN, expression.span, fixed=operator == "/")
+        self._flow(left, cell)
+        self._flow(right, cell)
+
+        def check() -> None:
+            kinds = [left.type.base, right.type.base]
+            if operator == "+" and set(kinds) <= {Base.STRING, Base.OPEN}:
+                return
+            for side, operand in ((expression.left, left), (expression.right, right)):
+                if operand.type.base not in NUMBERS | {Base.OPEN}:
+                    message = f"`{operator}` needs numbers, this is {_a(operand.type)}"
+                    self._found.report("E020", message, side.span, notes=self._notes(side.span, operand))
+
+        self._checks.append(check)
+        return cell
+
+    def _call(self, call: Call, scope: Scope) -> Cell:
+        name = call.name.text
+        cells = [self._expression(argument, scope) for argument in call.arguments]
+        if name == "if":
+            return self._conditional(call, cells)
+        if name in LATER:
+            self._found.report("E002", f"the function `{name}` is not supported yet", call.span)
+            return Cell(OPEN, None)
+        known = FUNCTIONS.get(name)
+        if known is None:
+            self._unknown_function(call)
+            return Cell(OPEN, None)
+        if len(cells) != len(known.arguments):
+            self._wrong_count(call, len(known.arguments))
+            return Cell(known.result, call.span)
+        result = Cell(known.result, call.span, fixed=known.result.base is not Base.OPEN)
+        for argument, cell, wanted in zip(call.arguments, cells, known.arguments, strict=True):
+            self._flow(cell, result)
+            if wanted is ROBOT:
+                self._needs(argument, cell, ROBOT, "E021", f"`{name}` needs a robot")
+            else:
+                self._needs_number(argument, cell, f"`{name}` needs numbers")
+        return result
+
+    def _conditional(self, call: Call, cells: list[Cell]) -> Cell:
+        result = Cell(OPEN, None)
+        if len(cells) != 3:
+            self._wrong_count(call, 3)
+            return result
+        self._needs(call.arguments[0], cells[0], BOOL, "E022", "the condition of `if` is a Boolean")
+        self._flow(cells[1], result)
+        self._flow(cells[2], result)
+
+        def check() -> None:
+            if not compatible(cells[1].type, cells[2].type):
+                message = f"`if` gives {_a(cells[1].type)} or {_a(cells[2].type)}"
+                self._found.report("E020", message, call.span, notes=self._notes(call.span, cells[1], cells[2]))
+
+        self._checks.append(check)
+        return result
+
+    def _wrong_count(self, call: Call, wanted: int) -> None:
+        message = f"the function `{call.name.text}` has {wanted} arguments, here it is given {len(call.arguments)}"
+        self._found.report("E011", message, call.span)
+
+    def _unknown_function(self, call: Call) -> None:
+        name = call.name.text
+        hint = meant(name, [*FUNCTIONS, *LATER, "if"])
+        if name in self._names.signatures:
+            hint = f"`{name}(...)` is a fact where it stands alone, between commas and without parentheses"
+        self._found.report("E015", f"there is no function `{name}`", call.name.span, hint=hint)
+
+    # ---- what an expression must be
+
+    def _needs(self, expression: Expression, cell: Cell, wanted: Type, code: str, message: str) -> None:
+        def check() -> None:
+            if compatible(cell.type, wanted):
+                return
+            hint = None
+            if isinstance(expression, Literal) and isinstance(expression.value, Symbol) and wanted is BOOL:
+                hint = f"a fact names its owner: `{expression.value}(R)`"
+            text = f"{message}, this is {_a(cell.type)}"
+            notes = self._notes(expression.span, cell)
+            self._found.report(code, text, expression.span, hint=hint, notes=notes)
+
+        self._checks.append(check)
+
+    def _needs_number(self, expression: Expression, cell: Cell, message: str) -> None:
+        def check() -> None:
+            if cell.type.base not in NUMBERS | {Base.OPEN}:
+                notes = self._notes(expression.span, cell)
+                self._found.report("E020", f"{message}, this is {_a(cell.type)}", expression.span, notes=notes)
+
+        self._checks.append(check)
+
+
+def _a(kind: Type) -> str:
+    text = type_text(kind)
+    if kind.base is Base.SYMBOL:
+        return f"a symbol of `{text}`" if kind.name else "a symbol"
+    return ("an " if text[0] in "aeiou" else "a ") + text

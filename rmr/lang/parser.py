@@ -1,0 +1,176 @@
+"""From source text to the syntax tree, one item at a time.
+
+The text is first cut into items at every `.` that stands outside of comments, strings and numbers. Each item
+is parsed on its own, so that a syntax error costs that item and no other, and so that the place after the
+last mistake is never in doubt. Nesting is bounded before anything walks a tree.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from lark import Lark, Token, Tree
+from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
+
+from rmr.lang.build import RESERVED, Builder, in_range
+from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.source import Source, Span
+from rmr.lang.syntax import Item, Literal, Module, walk
+
+NESTING_MAX = 100
+"""Brackets within brackets and operators within operators: more is a mistake or an attack on the stack."""
+
+_PIECE = re.compile(
+    r"""(?P<skip> //[^\n]* | /\*.*?\*/ | "(?:[^"\\\n]|\\[^\n])*" | [0-9]+\.[0-9]+ )
+      | (?P<comment> /\* ) | (?P<string> " ) | (?P<dot> \. ) | (?P<open> [(\[{] ) | (?P<close> [)\]}] )""",
+    re.VERBOSE | re.DOTALL,
+)
+_BLANK = re.compile(r"(?:[ \t\r\n\f\uFEFF]+|//[^\n]*|/\*.*?\*/)*", re.DOTALL)
+
+_WORDS = {
+    "ARROW": "`-o`",
+    "VARIABLE": "a variable",
+    "NAME": "a name",
+    "INT": "a number",
+    "STRING": "a string",
+    "$END": "the end",
+}
+_HIDDEN = {"FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"}
+"""Left out where a number or a name is expected anyway."""
+
+EXPECTED_SHOWN_MAX = 6
+
+
+@dataclass(frozen=True, slots=True)
+class _Chunk:
+    """One item's text: its first character's offset and the offset after its `.` (or the end of the text)."""
+
+    start: int
+    end: int
+    depth: int
+    closed: bool
+
+
+@cache
+def grammar() -> Lark:
+    """Return the parser, made once per process."""
+    text = files("rmr.lang").joinpath("rmr.lark").read_text(encoding="utf-8")
+    return Lark(text, parser="lalr", lexer="contextual", start="item", propagate_positions=True)
+
+
+def parse(source: Source, found: Diagnostics) -> Module:
+    """Return what `source` holds, and report every syntax error to `found`."""
+    items: list[Item] = []
+    broken: set[str] = set()
+    for chunk in _chunks(source, found):
+        item = _parse_chunk(source, chunk, found)
+        if item is not None:
+            items.append(item)
+        else:
+            broken.update(re.findall(r"[a-z][A-Za-z0-9_]*", source.text[chunk.start : chunk.end]))
+    return Module(tuple(items), frozenset(broken))
+
+
+def _chunks(source: Source, found: Diagnostics) -> Iterator[_Chunk]:
+    text = source.text
+    start = position = depth = deepest = 0
+    while (matched := _PIECE.search(text, position)) is not None:
+        position = matched.end()
+        kind = matched.lastgroup
+        if kind == "open":
+            depth += 1
+            deepest = max(deepest, depth)
+        elif kind == "close":
+            depth -= 1
+        elif kind == "dot":
+            yield _Chunk(start, position, deepest, closed=True)
+            start, depth, deepest = position, 0, 0
+        elif kind == "comment":
+            found.report("E001", "this comment has no end", _span(source, matched.start(), position), hint="`*/`")
+            text, position = text[: matched.start()], len(text)
+        elif kind == "string":
+            position = _line_end(text, position)
+            found.report("E001", "this string has no end", _span(source, matched.start(), position), hint='`"`')
+    blank = _BLANK.match(text, start)
+    if blank is not None and blank.end() < len(text):
+        yield _Chunk(start, len(text), deepest, closed=False)
+
+
+def _line_end(text: str, position: int) -> int:
+    end = text.find("\n", position)
+    return len(text) if end < 0 else end
+
+
+def _span(source: Source, start: int, end: int) -> Span:
+    return Span(source.file, start, end)
+
+
+def _parse_chunk(source: Source, chunk: _Chunk, found: Diagnostics) -> Item | None:
+    text = source.text[chunk.start : chunk.end]
+    blank = _BLANK.match(text)
+    skipped = blank.end() if blank is not None else 0
+    whole = _span(source, chunk.start + skipped, chunk.end)
+    if chunk.depth > NESTING_MAX:
+        found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", whole)
+        return None
+    try:
+        tree = grammar().parse(text)
+    except UnexpectedInput as error:
+        _report_syntax(source, chunk, error, found)
+        return None
+    if _too_deep(tree):
+        found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", whole)
+        return None
+    item: Item = Builder(source.file, chunk.start, found).transform(tree)
+    for node in walk(item):
+        if isinstance(node, Literal) and not in_range(node.value):
+            what = "a 64-bit float" if isinstance(node.value, float) else "64 bits"
+            found.report("E005", f"this number does not fit into {what}", node.span)
+    return item
+
+
+def _too_deep(tree: Tree[Token]) -> bool:
+    level: list[Tree[Token]] = [tree]
+    for _ in range(NESTING_MAX + 10):
+        level = [child for node in level for child in node.children if isinstance(child, Tree)]
+        if not level:
+            return False
+    return True
+
+
+def _report_syntax(source: Source, chunk: _Chunk, error: UnexpectedInput, found: Diagnostics) -> None:
+    expected: set[str] = set()
+    if isinstance(error, UnexpectedCharacters):
+        start = chunk.start + error.pos_in_stream
+        span = _span(source, start, start + 1)
+        what = f"`{source.text[start]}`" if source.text[start].isprintable() else f"character {ord(error.char)}"
+        message, expected = f"unexpected {what}", set(error.allowed or ())
+    elif isinstance(error, UnexpectedToken) and error.token.type != "$END":
+        token = error.token
+        assert token.start_pos is not None and token.end_pos is not None
+        span = _span(source, chunk.start + token.start_pos, chunk.start + token.end_pos)
+        word = "reserved word " if token in RESERVED else ""
+        message, expected = f"unexpected {word}`{token}`", set(error.accepts)
+    else:
+        end = len(source.text[: chunk.end].rstrip())
+        span = _span(source, max(chunk.start, end - 1), end)
+        message = "the file ends inside this item" if not chunk.closed else "the item ends too early"
+        expected = set(error.accepts) if isinstance(error, UnexpectedToken) else set()
+    found.report("E001", message, span, hint=_hint(source, span, expected))
+
+
+def _hint(source: Source, span: Span, expected: set[str]) -> str | None:
+    first_of_line = not source.text[: span.start].rpartition("\n")[2].strip()
+    if "DOT" in expected and (first_of_line or source.text[span.end :].strip() == ""):
+        return "every item ends with `.`"
+    words = sorted({_word(name) for name in expected if name not in _HIDDEN})
+    return "expected " + " or ".join(words) if 0 < len(words) <= EXPECTED_SHOWN_MAX else None
+
+
+def _word(terminal: str) -> str:
+    if terminal in _WORDS:
+        return _WORDS[terminal]
+    definition = next((each for each in grammar().terminals if each.name == terminal), None)
+    return f"`{definition.pattern.value}`" if definition is not None else terminal

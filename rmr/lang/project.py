@@ -1,0 +1,406 @@
+"""From a rule about the ensemble to a rule of one robot.
+
+The facts of a body must belong to one robot, the rule's home. Its owner disappears: on the home robot it is
+slot 0. What is left is put into an order in which every variable is bound before it is used: facts in the
+order of the text, each condition as soon as it can be decided, `not` once everything that it shares with the
+rest is bound. `X = constant` is not computed, it replaces X.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from rmr.bytecode.program import SELF_SLOT, Kind, Mode
+from rmr.lang.diagnostic import Diagnostics, Note
+from rmr.lang.infer import matched_variables
+from rmr.lang.names import Names
+from rmr.lang.source import Span
+from rmr.lang.syntax import (
+    Aggregate,
+    Binary,
+    Comprehension,
+    Condition,
+    Conjunct,
+    Expression,
+    Fact,
+    HeadItem,
+    Literal,
+    Rule,
+    Steps,
+    Variable,
+    walk,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A fact of the home robot; expressions among its arguments have become slots with an equation behind."""
+
+    fact: Fact
+    arguments: tuple[Variable | Literal, ...]
+    """Without the owner."""
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Test:
+    """A condition that is decided here."""
+
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Let:
+    """A variable that gets its value here."""
+
+    name: str
+    expression: Expression
+
+
+Step = Match | Test | Let
+
+
+@dataclass(slots=True)
+class Environment:
+    """What stands for each variable of a rule."""
+
+    slots: dict[str, int] = field(default_factory=dict)
+    constants: dict[str, Literal] = field(default_factory=dict)
+    count: int = SELF_SLOT + 1
+
+    def slot(self, name: str) -> int:
+        """Return the slot of `name`, a new one at its first mention."""
+        if name not in self.slots:
+            self.slots[name] = self.count
+            self.count += 1
+        return self.slots[name]
+
+    def knows(self, name: str) -> bool:
+        """Whether `name` has a value already."""
+        return name in self.slots or name in self.constants
+
+
+@dataclass(frozen=True, slots=True)
+class Derivation:
+    """A comprehension of one robot."""
+
+    slots: tuple[int, ...]
+    body: tuple[Step, ...]
+    head: tuple[Fact, ...]
+    environment: Environment
+
+
+@dataclass(frozen=True, slots=True)
+class Projected:
+    """A rule of one robot."""
+
+    rule: Rule
+    environment: Environment
+    body: tuple[Step, ...]
+    head: tuple[Fact | Derivation, ...]
+
+
+def variables(node: object) -> Iterable[Variable]:
+    """Return the named variables that stand in `node`."""
+    return (each for each in walk(node) if isinstance(each, Variable) and not each.anonymous)
+
+
+class Projector:
+    """Projects the rules of one program."""
+
+    def __init__(self, names: Names, found: Diagnostics) -> None:
+        self._names = names
+        self._found = found
+        self._fresh = 0
+        self._home_term: Expression | None = None
+
+    def rule(self, rule: Rule) -> Projected | None:
+        """Return `rule` as the home robot runs it, or None after reporting why it cannot."""
+        facts = [each for each in rule.body if isinstance(each, Fact)]
+        if not any(not fact.absent for fact in facts):
+            self._no_facts(rule)
+            return None
+        environment = Environment()
+        if not self._home(rule, facts, environment):
+            return None
+        environment.constants.update(_constants(rule.body, environment))
+        body = self._order(rule.body, environment)
+        head = [self._head(part, environment) for part in rule.head]
+        if body is None or None in head:
+            return None
+        home = next(fact for fact in facts if not fact.absent).owner
+        if isinstance(home, Literal):
+            here = Test(Binary("=", Variable(SELF, home.span), home, home.span))
+            body = (here, *body)
+        return Projected(rule, environment, body, tuple(part for part in head if part is not None))
+
+    def _no_facts(self, rule: Rule) -> None:
+        span = rule.body[0].span.to(rule.body[-1].span)
+        hint = "it would fire at all times; name a fact that must be there"
+        self._found.report("E032", "a rule's body needs at least one fact that holds", span, hint=hint)
+
+    # ---- the home robot
+
+    def _home(self, rule: Rule, facts: list[Fact], environment: Environment) -> bool:
+        positive = [fact for fact in facts if not fact.absent]
+        owners: list[Expression] = []
+        for fact in positive:
+            owner = fact.owner
+            if owner is None:
+                return False
+            if not isinstance(owner, Variable | Literal):
+                self._found.report("E021", "the owner of a fact in a body is a variable or a robot", owner.span)
+                return False
+            if not any(_same_owner(owner, other) for other in owners):
+                owners.append(owner)
+        if len(owners) > 1:
+            notes = (Note(owners[0].span, "one robot's fact"),)
+            message = "a rule that joins facts of several robots is not supported yet"
+            self._found.report("E002", message, _span_of(positive, owners[1]), notes=notes)
+            return False
+        if isinstance(owners[0], Variable):
+            environment.slots[SELF if owners[0].anonymous else owners[0].name] = SELF_SLOT
+        environment.slots[SELF] = SELF_SLOT
+        self._home_term = owners[0]
+        return all([self._at_home(fact, owners[0], "`not`") for fact in facts if fact.absent])
+
+    def _at_home(self, fact: Fact, home: Expression | None, what: str) -> bool:
+        if fact.owner is None or home is None:
+            return False
+        if _same_owner(fact.owner, home) and not (isinstance(home, Variable) and home.anonymous):
+            return True
+        name = home.name if isinstance(home, Variable) else "the home robot"
+        hint = f"the rule's home robot is `{name}`; another robot's facts are not at hand here"
+        message = f"{what} may name the facts of the rule's home robot only"
+        self._found.report("E033", message, fact.span, hint=hint)
+        return False
+
+    # ---- order
+
+    def _order(self, body: tuple[Conjunct, ...], environment: Environment) -> tuple[Step, ...] | None:
+        steps: list[Step] = []
+        matched = matched_variables(body)
+        waiting: list[Conjunct] = [each for each in body if isinstance(each, Condition) or each.absent]
+        waiting = [each for each in waiting if not _is_replaced(each, environment)]
+        self._ready(waiting, matched, environment, steps)
+        for fact in body:
+            if isinstance(fact, Fact) and not fact.absent:
+                waiting[:0] = self._match(fact, environment, steps)
+                self._ready(waiting, matched, environment, steps)
+        for conjunct in [each for each in waiting if isinstance(each, Fact)]:
+            waiting.remove(conjunct)
+            self._absent(conjunct, environment, steps)
+            self._ready(waiting, matched, environment, steps)
+        for conjunct in waiting:
+            self._unbound(conjunct, environment)
+        return None if waiting else tuple(steps)
+
+    def _ready(
+        self, waiting: list[Conjunct], matched: frozenset[str], environment: Environment, steps: list[Step]
+    ) -> None:
+        """Move what can be decided from `waiting` to `steps`, in the order of the text."""
+        index = 0
+        while index < len(waiting):
+            step = self._decided(waiting[index], waiting, matched, environment)
+            if step is None:
+                index += 1
+                continue
+            conjunct = waiting.pop(index)
+            if isinstance(step, Let):
+                environment.slot(step.name)
+                index = 0
+            if isinstance(conjunct, Fact):
+                self._absent(conjunct, environment, steps)
+            else:
+                steps.append(step)
+
+    def _decided(
+        self, conjunct: Conjunct, waiting: list[Conjunct], matched: frozenset[str], environment: Environment
+    ) -> Step | None:
+        if isinstance(conjunct, Fact):
+            later = matched | {each.name for other in waiting if other is not conjunct for each in _lets(other)}
+            free = {each.name for each in variables(conjunct.arguments) if not environment.knows(each.name)}
+            return Test(conjunct.arguments[0]) if not free & later else None
+        expression = conjunct.expression
+        if all(environment.knows(each.name) for each in variables(expression)):
+            return Test(expression)
+        if isinstance(expression, Binary) and expression.operator == "=":
+            for side, other in ((expression.left, expression.right), (expression.right, expression.left)):
+                if not isinstance(side, Variable) or side.anonymous or side.name in matched:
+                    continue
+                if not environment.knows(side.name) and self._all_known(other, environment):
+                    return Let(side.name, other)
+        return None
+
+    @staticmethod
+    def _all_known(expression: Expression, environment: Environment) -> bool:
+        return all(environment.knows(each.name) for each in variables(expression))
+
+    def _match(self, fact: Fact, environment: Environment, steps: list[Step]) -> list[Conjunct]:
+        """Add the match of `fact`; return the equations for the expressions among its arguments."""
+        arguments: list[Variable | Literal] = []
+        equations: list[Conjunct] = []
+        for argument in fact.arguments[1:]:
+            if isinstance(argument, Literal):
+                arguments.append(argument)
+                continue
+            variable = argument if isinstance(argument, Variable) else self._fresh_variable(argument.span)
+            if not variable.anonymous and variable.name not in environment.constants:
+                environment.slot(variable.name)
+            if variable is not argument:
+                equations.append(Condition(Binary("=", variable, argument, argument.span), argument.span))
+            arguments.append(variable)
+        steps.append(Match(fact, tuple(arguments), self._mode(fact)))
+        return equations
+
+    def _absent(self, fact: Fact, environment: Environment, steps: list[Step]) -> None:
+        arguments: list[Variable | Literal] = []
+        free = [each.name for each in variables(fact.arguments[1:]) if not environment.knows(each.name)]
+        own: dict[str, Variable] = {}
+        for argument in fact.arguments[1:]:
+            if isinstance(argument, Literal):
+                arguments.append(argument)
+            elif isinstance(argument, Variable):
+                if argument.name in free:
+                    arguments.append(self._free(argument, free, own, environment))
+                else:
+                    arguments.append(argument)
+            else:
+                variable = self._fresh_variable(argument.span)
+                if not self._all_known(argument, environment):
+                    self._unbound(Condition(argument, argument.span), environment)
+                environment.slot(variable.name)
+                steps.append(Let(variable.name, argument))
+                arguments.append(variable)
+        steps.append(Match(fact, tuple(arguments), Mode.ABSENT))
+
+    def _free(
+        self, variable: Variable, free: list[str], own: dict[str, Variable], environment: Environment
+    ) -> Variable:
+        """Return what stands for a variable that only this `not` knows."""
+        if free.count(variable.name) == 1:
+            return Variable("_", variable.span)
+        if variable.name not in own:
+            own[variable.name] = self._fresh_variable(variable.span)
+            environment.slot(own[variable.name].name)
+        return own[variable.name]
+
+    def _fresh_variable(self, span: Span) -> Variable:
+        self._fresh += 1
+        return Variable(f"_{self._fresh}'", span)
+
+    def _mode(self, fact: Fact) -> Mode:
+        if self._names.of(fact).kind is not Kind.TEMPORARY:
+            return Mode.READ
+        return Mode.KEEP if fact.mark.value == "$" else Mode.CONSUME
+
+    def _unbound(self, node: object, environment: Environment) -> None:
+        for variable in variables(node):
+            if not environment.knows(variable.name):
+                message = f"nothing in the body binds `{variable.name}`"
+                constant = variable.name[0].lower() + variable.name[1:]
+                hint = f"a constant would be `{constant}`" if constant != variable.name else None
+                self._found.report("E030", message, variable.span, hint=hint)
+
+    # ---- heads
+
+    def _head(self, part: HeadItem, environment: Environment) -> Fact | Derivation | None:
+        match part:
+            case Fact():
+                return part if self._bound(part, environment) else None
+            case Comprehension():
+                return self._comprehension(part, environment)
+            case Steps():
+                self._found.report("E002", "`then` is not supported yet", part.span)
+            case Aggregate():
+                self._found.report("E002", "aggregates are not supported yet", part.span)
+        return None
+
+    def _bound(self, fact: Fact, environment: Environment) -> bool:
+        for each in walk(fact):
+            if isinstance(each, Variable) and each.anonymous:
+                self._found.report("E030", "`_` has no value", each.span, hint="name what is derived")
+                return False
+        self._unbound(fact.arguments, environment)
+        return self._all_known_in(fact, environment)
+
+    @staticmethod
+    def _all_known_in(fact: Fact, environment: Environment) -> bool:
+        return all(environment.knows(each.name) for each in variables(fact.arguments))
+
+    def _comprehension(self, part: Comprehension, environment: Environment) -> Derivation | None:
+        inner = Environment(dict(environment.slots), dict(environment.constants), environment.count)
+        for variable in part.variables:
+            if environment.knows(variable.name):
+                message = f"`{variable.name}` is bound by the rule already"
+                hint = "the variables before the `|` are new; choose another name"
+                self._found.report("E031", message, variable.span, hint=hint)
+                return None
+        facts = [each for each in part.body if isinstance(each, Fact)]
+        if not all([self._at_home(fact, self._home_term, "a comprehension") for fact in facts]):
+            return None
+        return self._derivation(part, environment, inner)
+
+    def _derivation(self, part: Comprehension, environment: Environment, inner: Environment) -> Derivation | None:
+        listed = {variable.name for variable in part.variables}
+        for each in variables(part.body):
+            if each.name not in listed and not environment.knows(each.name):
+                message = f"`{each.name}` is neither bound by the rule nor listed"
+                hint = f"list it: `{{{part.variables[0].name}, {each.name} | ...`"
+                self._found.report("E030", message, each.span, hint=hint)
+                return None
+        body = self._order(part.body, inner)
+        if body is None or not all([self._bound(fact, inner) for fact in part.head]):
+            return None
+        slots = tuple(range(environment.count, inner.count))
+        environment.count = inner.count
+        return Derivation(slots, body, part.head, inner)
+
+
+SELF = "@"
+"""The home robot's name where the rule gives it none."""
+
+
+def _same_owner(one: Expression, other: Expression) -> bool:
+    if isinstance(one, Variable) and isinstance(other, Variable):
+        return one.name == other.name and not one.anonymous
+    return isinstance(one, Literal) and isinstance(other, Literal) and one.value == other.value
+
+
+def _span_of(facts: list[Fact], owner: Expression) -> Span:
+    return next(fact.span for fact in facts if fact.owner is owner)
+
+
+def _constants(body: tuple[Conjunct, ...], environment: Environment) -> dict[str, Literal]:
+    """Return the variables that the body equates with a constant."""
+    constants: dict[str, Literal] = {}
+    for conjunct in body:
+        equation = _equation(conjunct)
+        if equation is not None and not environment.knows(equation[0]):
+            constants.setdefault(*equation)
+    return constants
+
+
+def _equation(conjunct: Conjunct) -> tuple[str, Literal] | None:
+    if not isinstance(conjunct, Condition):
+        return None
+    match conjunct.expression:
+        case Binary("=", Variable(name=name), Literal() as value) if name != "_":
+            return name, value
+        case Binary("=", Literal() as value, Variable(name=name)) if name != "_":
+            return name, value
+    return None
+
+
+def _is_replaced(conjunct: Conjunct, environment: Environment) -> bool:
+    equation = _equation(conjunct)
+    return equation is not None and environment.constants.get(equation[0]) is equation[1]
+
+
+def _lets(conjunct: Conjunct) -> Iterable[Variable]:
+    """Return the variables that `conjunct` might bind."""
+    if isinstance(conjunct, Condition) and isinstance(conjunct.expression, Binary):
+        if conjunct.expression.operator == "=":
+            return [
+                each for each in (conjunct.expression.left, conjunct.expression.right) if isinstance(each, Variable)
+            ]
+    return []

@@ -1,0 +1,80 @@
+"""Source texts and places in them.
+
+A place is a span of character offsets; lines and columns are worked out only when somebody looks. Reading a
+file never raises: what is wrong with it is a diagnostic like any other.
+"""
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from pathlib import Path
+
+SOURCE_OCTETS_MAX = 1 << 20
+"""Programs are written by hand; a larger file is taken for a mistake before it costs time and memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """The characters ``start`` (included) to ``end`` (excluded) of a file."""
+
+    file: str
+    start: int
+    end: int
+
+    def to(self, other: "Span") -> "Span":
+        """Return the span from the start of this one to the end of `other`, in the same file."""
+        return Span(self.file, self.start, other.end)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file's text and where its lines begin."""
+
+    file: str
+    text: str
+    starts: tuple[int, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        starts = [0]
+        starts.extend(i + 1 for i, character in enumerate(self.text) if character == "\n")
+        object.__setattr__(self, "starts", tuple(starts))
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """Return line and column of `offset`, both from 1, in characters."""
+        line = bisect_right(self.starts, offset)
+        return line, offset - self.starts[line - 1] + 1
+
+    def line(self, number: int) -> str:
+        """Return line `number` (from 1) without its end."""
+        start = self.starts[number - 1]
+        end = self.starts[number] - 1 if number < len(self.starts) else len(self.text)
+        return self.text[start:end].rstrip("\r")
+
+
+class SourceError(Exception):
+    """The file cannot be taken as a source text; `usage` when it is the command line that is wrong."""
+
+    def __init__(self, message: str, *, hint: str | None = None, usage: bool = False) -> None:
+        super().__init__(message)
+        self.hint = hint
+        self.usage = usage
+
+
+def read_source(path: Path) -> Source:
+    """Read `path`; raise SourceError when it is missing, no file, too large or not UTF-8."""
+    try:
+        with path.open("rb") as stream:
+            octets = stream.read(SOURCE_OCTETS_MAX + 1)
+    except FileNotFoundError:
+        raise SourceError("no such file", usage=True) from None
+    except IsADirectoryError:
+        raise SourceError("this is a directory, not a program", usage=True) from None
+    except (OSError, ValueError) as error:
+        raise SourceError(f"cannot read it: {getattr(error, 'strerror', None) or error}", usage=True) from None
+    if len(octets) > SOURCE_OCTETS_MAX:
+        raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB")
+    if octets.startswith(b"RMR"):
+        raise SourceError("this is byte-code, not source", hint="`rmr dis` shows byte-code as text")
+    try:
+        return Source(str(path), octets.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise SourceError(f"not UTF-8 at octet {error.start}", hint="save it as UTF-8") from None
