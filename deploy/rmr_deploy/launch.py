@@ -115,18 +115,16 @@ class Run:
 
     def _start(self) -> None:
         plan, endpoint = self.plan, f"tcp/127.0.0.1:{free_port()}"
-        self._world = self._child("world", "rmr_world.main", world_arguments(plan, endpoint))
+        self._endpoint = endpoint
+        self._world = self._child("world", world_command(plan, endpoint))
         for robot in plan.lab.roster:
-            self._robots[robot] = self._child(
-                f"robot-{robot}", "rmr_agent.main", agent_arguments(plan, robot, endpoint)
-            )
+            self._robots[robot] = self._child(f"robot-{robot}", agent_command(plan, robot, endpoint))
         pids = {child.name: child.pid for child in self._family.children}
         write_processes(plan.folder / "processes.json", endpoint, pids)
-        self._endpoint = endpoint
 
-    def _child(self, name: str, module: str, arguments: Sequence[str]) -> Child:
-        command = [sys.executable, "-P", "-m", module, *arguments, "--log", str(self.plan.logs / f"{name}.jsonl")]
-        return self._family.start(name, command, self.plan.logs / f"{name}.out")
+    def _child(self, name: str, command: Sequence[str]) -> Child:
+        log = self.plan.logs / f"{name}.jsonl"
+        return self._family.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
 
     # --- watch ---------------------------------------------------------------------------------------------
 
@@ -168,7 +166,7 @@ class Run:
         while not claim():
             self._look_after()
             if self.outcome.reason:
-                return
+                break
             self._draw()
             await asyncio.sleep(POLL_S)
         self._draw(now=True)
@@ -268,17 +266,23 @@ class Run:
                 child.output.unlink(missing_ok=True)
 
 
-def world_arguments(plan: Plan, endpoint: str) -> list[str]:
-    """Return the arguments of ``rmr-world``."""
+def world_command(plan: Plan, endpoint: str) -> list[str]:
+    """Return the command that starts the world."""
     lab = plan.lab
-    config = ["--config", str(lab.path), "--listen", endpoint, "--seed", str(lab.seed), "--when-ready"]
-    return [*config, "--robots", str(len(lab.robots))]
+    options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
+    return [*python("rmr_world.main"), "--config", str(lab.path), *options]
 
 
-def agent_arguments(plan: Plan, robot: int, endpoint: str) -> list[str]:
-    """Return the arguments of ``rmr-agent`` for one robot."""
+def agent_command(plan: Plan, robot: int, endpoint: str) -> list[str]:
+    """Return the command that starts one robot."""
     actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
-    return ["--id", str(robot), str(plan.byte_code), "--connect", endpoint, "--lab", plan.lab.name, *actions]
+    options = ["--id", str(robot), "--connect", endpoint, "--lab", plan.lab.name, *actions]
+    return [*python("rmr_agent.main"), *options, str(plan.byte_code)]
+
+
+def python(module: str) -> list[str]:
+    """Return the command that runs `module` with this very interpreter, whatever lies in the current folder (-P)."""
+    return [sys.executable, "-P", "-m", module]
 
 
 def write_processes(path: Path, endpoint: str, pids: dict[str, int]) -> None:
