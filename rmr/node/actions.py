@@ -174,7 +174,7 @@ class Dispatcher:
     def _start(self, now: Instant, running: Running) -> None:
         running.started = now
         handle = self._host.handle(running)
-        running.coroutine = running.handler.run(handle, *running.args).__await__()  # type: ignore[assignment]
+        running.coroutine = running.handler.run(handle, *running.args).__await__()
         self.running.append(running)
         self._resume(now, running)
 

@@ -6,6 +6,7 @@ radio, localisation, runtime system, telemetry. It reads no clock, opens nothing
 the source language. The host calls `tick` at `next_wake` and whenever the link or the body has something new.
 """
 
+import heapq
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,7 +16,8 @@ from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant, in_seconds, milliseconds
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Kind, Program
-from rmr.coord.coordination import Coordination, Send
+from rmr.coord.coordination import Coordination
+from rmr.coord.events import Send
 from rmr.node import wire
 from rmr.node.actions import Dispatcher, Handler, RobotHandle, Running
 from rmr.node.config import NodeConfig
@@ -104,6 +106,8 @@ class Node:
         self._started = False
         self._coord_handles: dict[int, int] = {}
         self._next_handle = 0
+        self._later: list[tuple[Instant, int, Send]] = []
+        self._later_sequence = 0
         self.action_log: list[tuple[float, str]] = []
         self.trace_log: list[dict[str, Any]] = []
         self.finish_at: Instant | None = None
@@ -118,8 +122,6 @@ class Node:
         self._started = True
         self.machine.start(now)
         robot = self.robot
-        if self.senses.used("id"):
-            self.senses.add(now, "id", (robot,))
         for other in self.config.roster:
             if other != robot:
                 self.senses.add(now, "peer", (Robot(other),))
@@ -149,6 +151,7 @@ class Node:
             self.machine.next_wake,
             self.actions.next_wake,
             self.talk.next_wake,
+            self._later[0][0] if self._later else NEVER,
         )
 
     def _moving(self) -> bool:
@@ -256,10 +259,18 @@ class Node:
         if coordination.next_wake <= now:
             coordination.wake(now)
         for out in coordination.drain():
-            if isinstance(out, Send):
-                self.transmit(out.payload, out.destination, out.handle)
-            else:
+            if not isinstance(out, Send):
                 self.turns.handle(now, out)
+            elif out.at > now:
+                self._later_sequence += 1
+                heapq.heappush(self._later, (out.at, self._later_sequence, out))
+            else:
+                self._send(out)
+        while self._later and self._later[0][0] <= now:
+            self._send(heapq.heappop(self._later)[2])
+
+    def _send(self, out: Send) -> None:
+        self.transmit(out.payload, out.destination, out.handle or None)
 
     def _vm_event(self, now: Instant, event: VmEvent) -> None:
         match event:

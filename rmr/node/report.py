@@ -5,7 +5,7 @@ from typing import Any
 from rmr.base.time import Instant, in_seconds
 from rmr.node.node import Node
 from rmr.node.turns import Phase
-from rmr.vm.assertions import Job
+from rmr.vm.job import Job
 
 
 def job_entry(job: Job) -> dict[str, Any]:

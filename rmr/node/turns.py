@@ -17,14 +17,15 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
-from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
-from rmr.coord.coordination import Coordination, JobRequest
+from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
     Entered,
     EntryMissed,
+    JobRequest,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
@@ -33,12 +34,13 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
-from rmr.vm.assertions import Job
+from rmr.node.motion.route import leader_route, shared_part
+from rmr.vm.job import Job
 
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-HEADWAY_MARGIN_M = 0.05
+HEADWAY_MARGIN_M = 0.07
 """Two hulls in a row keep this gap when both drive at full speed."""
 READY: Duration = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
@@ -171,6 +173,9 @@ class Turns:
         if not self._estimate(turn):
             return
         turn.requested = True
+        self._node.trace(
+            now, "asks", approach_s=in_seconds(turn.approach), inside_s=in_seconds(turn.inside), way=turn.way
+        )
         turn.release = now + turn.approach
         turn.revised_at = now
         self._coordination.trigger(
@@ -310,6 +315,7 @@ class Turns:
         if turn.phase is Phase.INSIDE:
             return
         turn.phase, turn.start, turn.end = Phase.SLOTTED, event.start, event.end
+        self._node.trace(now, "slotted", rank=event.rank, start_s=in_seconds(event.start), end_s=in_seconds(event.end))
         if event.rank != turn.rank:
             turn.rank = event.rank
             self._node.rank_changed(now, turn)
@@ -334,7 +340,9 @@ class Turns:
         pose = node.localiser.pose
         if turn is None or turn.goal is None or node.navigator is None or pose is None:
             return
-        path = node.navigator.plan_shared(pose, node.place_of(turn.goal, turn.rank))
+        start = Point(pose.x, pose.y)
+        route = leader_route(node.arena, start, node.place_of(turn.goal, turn.rank), (), through_gate=True)
+        path = None if route is None else shared_part(node.arena, route)
         if path is not None:
             self.shared[turn.way] = path
             self._coordination.offer_path(now, event.event, turn.way, path)

@@ -251,7 +251,7 @@ class _Reader:
         return value
 
     def value(self, depth: int) -> Value:
-        tag = _Tag(self._take(">B"))
+        tag = _Tag(int(self._take(">B")))
         match tag:
             case _Tag.FALSE | _Tag.TRUE:
                 return tag is _Tag.TRUE

@@ -48,6 +48,7 @@ class SimulatedRobot:
         self._confirmed: list[Confirmed] = []
         self._samples: list[Sensed] = []
         self.x, self.y, _ = simulation.world.pose(robot)
+        self.station.move(self.x, self.y)
         self.still = True
         self.node: Node = node_of(Ports(self, self))
         self.radio_alarm = Alarm(simulation.kernel, RADIO, self._advance)
@@ -85,6 +86,7 @@ class SimulatedRobot:
         """Take a sample of the world."""
         sample = self._simulation.world.sense(self.robot, now)
         self.x, self.y, _ = sample.truth
+        self.station.move(self.x, self.y)
         self._samples.append(sample)
 
     def tick(self, now: Instant) -> None:
@@ -131,7 +133,9 @@ class Simulation:
         roster = tuple(start.id for start in lab.robots)
 
         def node_of(robot: int) -> Any:
-            config = NodeConfig(robot, roster, lab.arena, seed, facts, finish and (finish.name, finish.patterns))
+            config = NodeConfig(
+                robot, roster, lab.arena, seed, facts, None if finish is None else (finish.name, finish.patterns)
+            )
             return lambda ports: Node(config, program, ports, handlers or {}, digest)
 
         self.robots = [SimulatedRobot(self, robot, node_of(robot)) for robot in roster]
