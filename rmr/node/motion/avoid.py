@@ -27,12 +27,16 @@ MISS_MARGIN_M = 0.025
 """Closest approach nearer than two radii and this is dangerous."""
 STOP_GAP_M = 0.015
 """Gap between hulls at which the robot stands."""
+FOLLOW_GAP_M = 0.03
+"""A robot that follows another keeps at least this gap."""
+TOUCHING_M = 0.005
+"""Gap at which nothing but standing still is safe."""
 SLOPE_PER_S = 2.5
 """Speed allowed per metre of gap, 1/s."""
 LATE_SLOPE_PER_S = 6.0
 """Likewise towards a body that crosses from the left: it gives way."""
 HORIZON_S = 3.0
-"""Approaches later than this are no danger yet."""
+"""A gap that closes later than this is no danger yet."""
 STILL_MPS = 0.03
 """A body slower than this stands."""
 MEMORY_S = 0.8
@@ -68,22 +72,31 @@ def _limit(v: float, body: SeenBody, radius: float) -> float:
         return v
     rvx = bvx - v
     closing = -(x * rvx + y * bvy)
-    if closing <= 0.0:
+    gap = away - 2.0 * radius
+    if closing <= 0.0 and (gap > FOLLOW_GAP_M or x < 0.5 * away):
         return v
-    t = closing / (rvx * rvx + bvy * bvy)
-    miss = math.hypot(x + rvx * t, y + bvy * t)
-    if t > HORIZON_S or miss >= 2.0 * radius + MISS_MARGIN_M:
-        return v
-    speed = math.hypot(bvx, bvy)
-    moving = speed > STILL_MPS
-    if moving and miss >= 2.0 * radius + 0.005 and abs(x * bvy - y * bvx) / speed < miss:
-        return v  # standing still would bring the two nearer than going on
-    gap = away - 2.0 * radius - STOP_GAP_M
-    if gap <= 0.0:
+    if closing > 0.0:
+        if gap * away > HORIZON_S * closing:
+            return v
+        t = closing / (rvx * rvx + bvy * bvy)
+        miss = math.hypot(x + rvx * t, y + bvy * t)
+        if miss >= 2.0 * radius + MISS_MARGIN_M:
+            return v
+        if _better_gone(body, miss, radius):
+            return v
+    if gap <= TOUCHING_M:
         return 0.0
     recede = max(0.0, (x * bvx + y * bvy) / away)
-    slope = LATE_SLOPE_PER_S if moving and y > 0.0 and bvy < -STILL_MPS else SLOPE_PER_S
-    return min(v, slope * gap + recede)
+    late = y > 0.0 and bvy < -STILL_MPS
+    return min(v, max(0.0, (LATE_SLOPE_PER_S if late else SLOPE_PER_S) * (gap - STOP_GAP_M) + recede))
+
+
+def _better_gone(body: SeenBody, miss: float, radius: float) -> bool:
+    """Return whether going on clears a moving body, and by more than standing still would."""
+    speed = math.hypot(body.vx, body.vy)
+    if speed < STILL_MPS or miss < 2.0 * radius + TOUCHING_M:
+        return False
+    return abs(body.x * body.vy - body.y * body.vx) / speed < miss
 
 
 def limit_twist(twist: Twist, bodies: Sequence[SeenBody], radius: float) -> Twist:

@@ -5,8 +5,8 @@ closed), cut by stop-if-dangerous, which has the last word. A robot that stands 
 its patience gets a detour.
 
 A route around parked robots is made anew when they change: at once while the robot still stands, on the way
-only when one of them is now in the way. A robot that is parked on the gate's own point will leave before this
-one may pass; it does not hide the gate.
+only when one of them is now in the way. Robots parked at the gate or before this one in the gate's queue go
+first: the route leads over their places, and the robot waits until they have left.
 """
 
 import math
@@ -21,7 +21,8 @@ from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import START_S, Gate
 from rmr.node.motion.grid import MARGIN_M, discs_around
-from rmr.node.motion.route import Route, follower_route, gate_point, gated_again, leader_route, shared_part
+from rmr.node.motion.priority import Heard, order_key, share_of_speed
+from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, queue_before, shared_part
 from rmr.node.ports import SeenBody
 
 RETRY_S = 0.5
@@ -30,6 +31,10 @@ SAME_PLACE_M = 0.03
 """A parked robot that is reported this near to where it was has not moved."""
 FACED = 0.03
 """Heading error that counts as facing, radians."""
+QUEUE_REACH_M = 0.3
+"""A robot that waits before this one keeps it waiting when it is this near."""
+OVERTAKE_S = 4.0
+"""A robot that still waits so long after this one's slot began has failed: drive around it."""
 LOST_SIGMA_M = 0.1
 """A robot less sure of its place than this drives at half speed."""
 
@@ -62,11 +67,14 @@ class Navigator:
         "_face",
         "_follower",
         "_gate",
+        "_late_since",
         "_next_try",
         "_order",
+        "_overtake",
         "_parked",
         "_pose",
         "_replan_due",
+        "_share",
         "_stand_off",
         "_watch",
         "arena",
@@ -89,7 +97,10 @@ class Navigator:
         self._parked: tuple[Point, ...] = ()
         self._next_try: Instant = 0
         self._replan_due = False
+        self._late_since: Instant | None = None
+        self._overtake = False
         self._back_until: Instant = 0
+        self._share = 1.0
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
         self._pose = Pose(0.0, 0.0, 0.0)
@@ -128,6 +139,20 @@ class Navigator:
         if self._follower is not None and not self._follower.arrived and (self.parked or self._obstructed()):
             self._replan_due = True
 
+    def update_moving(self, now: Instant, rank: int, others: Sequence[Heard]) -> None:
+        """Tell what robots that drive said about themselves, and this robot's own rank (0: none).
+
+        Optional, a few times a second: on a drive without a gate the robot keeps clear of those before it in
+        the order even where it cannot see them.
+        """
+        mine = order_key(rank, self.robot)
+        first = [other for other in others if order_key(other.rank, other.robot) < mine]
+        follower = self._follower
+        if follower is None or not first or (follower.route.gate_m is not None and not self._gate.cleared):
+            self._share = 1.0
+        else:
+            self._share = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
+
     def face(self, now: Instant, theta: float) -> None:  # noqa: ARG002
         """Turn in place to the heading `theta`, radians."""
         self._clear()
@@ -147,7 +172,10 @@ class Navigator:
         self._order = self._follower = self._face = self._driven = None
         self._gate = Gate(self.arena.shape, holding=False)
         self._replan_due = False
+        self._late_since = None
+        self._overtake = False
         self._back_until = 0
+        self._share = 1.0
         self._stand_off.reset()
 
     # -- each tick ------------------------------------------------------------------------------------------
@@ -169,7 +197,9 @@ class Navigator:
             return self._turn(pose)
         if now < self._back_until:
             return self._back(pose)
-        limit = self._gate.limit(now, follower.route, follower.s)
+        limit = min(self._gate.limit(now, follower.route, follower.s), self._share * self.arena.shape.speed)
+        if self._parked and self._queued(now):
+            limit = 0.0
         if sigma > LOST_SIGMA_M:
             limit = min(limit, 0.5 * self.arena.shape.speed)
         wish = follower.steer(pose, limit)
@@ -249,18 +279,38 @@ class Navigator:
     ) -> Route | None:
         if not through:
             return leader_route(self.arena, start, goal, parked, through_gate=False)
-        parked = self._without_gate_keeper(parked)
+        parked = self._not_queued(start, parked)
         if shared is not None:
             return follower_route(self.arena, start, goal, parked, shared)
         return leader_route(self.arena, start, goal, parked, through_gate=True)
 
-    def _without_gate_keeper(self, parked: Sequence[Point]) -> Sequence[Point]:
-        """Return `parked` without a robot that stands on the gate's point: it goes first."""
-        gate = gate_point(self.arena)
-        if gate is None:
-            return parked
+    def _not_queued(self, start: Point, parked: Sequence[Point]) -> list[Point]:
+        """Return `parked` without the robots that stand before this one at the gate or in its queue.
+
+        They go first; this one waits for them to leave and does not drive around them.
+        """
+        if self._overtake:
+            return list(parked)
+        spots = queue_before(self.arena, start)
         keep = 2.0 * self.arena.shape.radius + MARGIN_M
-        return [p for p in parked if distance(*p, *gate) >= keep]
+        return [p for p in parked if all(distance(*p, *spot) >= 0.5 * keep for spot in spots)]
+
+    def _queued(self, now: Instant) -> bool:
+        """Return whether a robot that goes first still stands on the route before the gate."""
+        follower = self._follower
+        if follower is None or follower.route.gate_m is None or self._gate.passed or self._overtake:
+            return False
+        start = Point(self._pose.x, self._pose.y)
+        others = self._not_queued(start, self._parked)
+        ahead = [p for p in self._parked if p not in others and distance(*p, *start) < QUEUE_REACH_M]
+        if not ahead:
+            self._late_since = None
+            return False
+        if self._gate.opens_at is not None and now > self._gate.opens_at and self._late_since is None:
+            self._late_since = now
+        if self._late_since is not None and now - self._late_since > seconds(OVERTAKE_S):
+            self._overtake = self._replan_due = True
+        return True
 
     # -- what others ask ------------------------------------------------------------------------------------
 

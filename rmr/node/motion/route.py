@@ -172,6 +172,17 @@ def gate_point(arena: Arena) -> Point | None:
     return None if area is None else area.places[0]
 
 
+def queue_before(arena: Arena, start: Point) -> list[Point]:
+    """Return the gate's point and those places of its queue that are nearer to it than `start`."""
+    gate = gate_point(arena)
+    if gate is None or arena.bottleneck is None:
+        return []
+    area = arena.area(arena.bottleneck)
+    places = () if area is None else area.queue
+    own = distance(*start, *gate) - 0.5 * arena.shape.radius
+    return [gate, *(place for place in places if distance(*place, *gate) < own)]
+
+
 def shared_part(arena: Arena, route: Route) -> GridPath | None:
     """Return the cells of `route` from its gate to the end of the narrow section (P1' of the paper)."""
     if route.gate_m is None:

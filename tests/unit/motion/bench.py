@@ -13,6 +13,7 @@ from rmr.base.arena import Area, Arena, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
 
 ACCEL = 0.8
@@ -21,6 +22,8 @@ TICK = 1.0 / 60.0
 POSITION_SIGMA = 0.004
 HEADING_SIGMA = 0.012
 DRIFT_S = 1.0
+HELLO_TICKS = 30
+HELLO_GOALS = True
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
@@ -287,6 +290,8 @@ class QueueStream(Stream):
     def begin(self, places: Sequence[Point], queue: Sequence[Point]) -> None:
         """Send every robot to its place in the queue."""
         self.places = places
+        self.queue = queue
+        self.heard: dict[int, Heard | None] = {}
         self.lined: dict[int, float] = {}
         bench = self.bench
         for rank, body in enumerate(self.order):
@@ -295,6 +300,8 @@ class QueueStream(Stream):
 
     def step(self) -> None:
         bench = self.bench
+        if HELLO_TICKS:
+            self._hellos()
         for rank, body in enumerate(self.order):
             if body.robot not in self.lined and body.nav.status == "arrived":
                 self.lined[body.robot] = bench.time
@@ -316,6 +323,19 @@ class QueueStream(Stream):
                 release = bench.time + max(self.LEAD_S, in_seconds(body.nav.eta_gate(bench.now)))
                 self.slots[body.robot] = max(release, last + self.headway_s)
         super().step()
+
+    def _hellos(self) -> None:
+        """Let every robot hear, twice a second, where the driving ones are and where they drive."""
+        bench = self.bench
+        for rank, body in enumerate(self.order):
+            if (bench.tick + 5 * rank) % HELLO_TICKS == 0:
+                moving = not body.nav.parked
+                goal = self.queue[rank] if HELLO_GOALS and body.robot not in self.lined else None
+                self.heard[body.robot] = Heard(body.robot, body.estimate, goal, rank + 1, bench.now) if moving else None
+        if bench.tick % 10 == 0:
+            for rank, body in enumerate(self.order):
+                heard = [self.heard[o.robot] for o in self.order if o is not body and self.heard.get(o.robot)]
+                body.nav.update_moving(bench.now, rank + 1, heard)
 
     def _parked_ahead(self, body: Body) -> list[Point]:
         rank = self.order.index(body)

@@ -1,0 +1,86 @@
+"""Right of way between robots that hear but do not see each other.
+
+A field of view of 60 degrees is blind to a robot that comes from the side at the same speed. What robots say
+about themselves (where, which way, where to) fills the gap: of two whose ways cross, the one later in the
+order keeps clear. It predicts the other as going straight to its goal at full speed, itself along its route, and takes
+the greatest share of its speed that keeps the two apart. This only spaces robots out; what is seen comes after
+it and has the last word.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rmr.base.arena import RobotShape
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import Instant, in_seconds
+from rmr.node.motion.route import Route
+
+KEEP_M = 0.04
+"""Predicted distance of hulls that is wide enough."""
+HORIZON_S = 4.0
+STEP_S = 0.25
+SHARES = (1.0, 0.6, 0.3, 0.0)
+"""Speeds that are tried, as shares of the greatest."""
+AGE_MAX_S = 2.0
+"""What was heard longer ago says nothing."""
+
+
+class Heard(NamedTuple):
+    """What another robot that drives said about itself."""
+
+    robot: int
+    pose: Pose
+    goal: Point | None
+    """Where it drives; None: straight on."""
+    rank: int
+    """Its place in the order, from 1; 0: none, after all ranks."""
+    at: Instant
+
+
+def order_key(rank: int, robot: int) -> tuple[int, int]:
+    """Return what the right of way goes by: smaller goes first."""
+    return (rank or 1 << 16, robot)
+
+
+def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, others: Sequence[Heard]) -> float:
+    """Return the share of the greatest speed that keeps clear of `others`, all of whom go first.
+
+    When none does, the one that keeps the greatest distance.
+    """
+    tracks = [_track(now, other, shape.speed) for other in others if in_seconds(now - other.at) <= AGE_MAX_S]
+    if not tracks:
+        return 1.0
+    here = route.point(s)
+    keep = 2.0 * shape.radius + KEEP_M
+    tracks = [
+        track
+        for track in tracks
+        if math.hypot(track[0].x - here.x, track[0].y - here.y) < 2.5 * HORIZON_S * shape.speed
+    ]
+    best, best_share = -math.inf, 1.0
+    for share in SHARES:
+        least = math.inf
+        for i in range(len(tracks[0]) if tracks else 0):
+            me = route.point(s + share * shape.speed * STEP_S * i)
+            for track in tracks:
+                least = min(least, math.hypot(track[i].x - me.x, track[i].y - me.y))
+        if least >= keep:
+            return share
+        if least > best + 0.005:
+            best, best_share = least, share
+    return best_share
+
+
+def _track(now: Instant, other: Heard, speed: float) -> list[Point]:
+    """Return where `other` will be, step by step."""
+    x, y, theta = other.pose
+    cos, sin, way = math.cos(theta), math.sin(theta), math.inf
+    if other.goal is not None:
+        way = math.hypot(other.goal.x - x, other.goal.y - y)
+        if way > 1e-6:
+            cos, sin = (other.goal.x - x) / way, (other.goal.y - y) / way
+    age = in_seconds(now - other.at)
+    steps = round(HORIZON_S / STEP_S) + 1
+    gone = (min(way, speed * (age + STEP_S * i)) for i in range(steps))
+    return [Point(x + g * cos, y + g * sin) for g in gone]
