@@ -1,0 +1,233 @@
+"""`rmr up` with real processes: how a run ends, what it leaves behind, and that it leaves no process behind."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+
+import pytest
+from launched import CORRIDOR, LABS, UP, Launched, eventually
+
+DASH = LABS / "dash"
+
+
+@pytest.fixture
+def up(tmp_path):
+    """Return a function that starts `rmr up`."""
+    started = []
+
+    def start(lab, *options):
+        launched = Launched(lab, tmp_path, *options)
+        started.append(launched)
+        return launched
+
+    yield start
+    for launched in started:
+        launched.clean_up()
+
+
+@pytest.fixture
+def refused(tmp_path):
+    """Return a function that runs `rmr up` to its refusal and returns exit code and message."""
+
+    def run(*arguments):
+        answer = subprocess.run([*UP, *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert answer.stdout == ""
+        assert "Traceback" not in answer.stderr
+        assert not (tmp_path / "runs").exists(), "nothing was to run"
+        return answer.returncode, answer.stderr
+
+    return run
+
+
+@pytest.fixture
+def lab(tmp_path):
+    """Return a function that makes a copy of the small lab with a text exchanged in one of its files."""
+
+    def make(file, old, new):
+        folder = tmp_path / "lab"
+        shutil.copytree(DASH, folder)
+        path = folder / file
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+        return folder
+
+    return make
+
+
+# --- success ------------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_finishes_leaves_a_report_logs_byte_code_and_no_process(up):
+    run = up(DASH)
+    assert run.wait() == 0, run.out + run.err
+    assert run.left() == []
+    report = run.report()
+    assert report["finished"]
+    assert report["mode"] == "processes"
+    assert set(report["robots"]) == {"1", "2", "3"}
+    assert all(0 < part["finish_s"] <= report["time_s"] for part in report["robots"].values())
+    assert all(part["distance_m"] > 0.4 for part in report["robots"].values())
+    assert report["collisions"] == 0
+    assert (run.folder / "dash.rbc").read_bytes()
+    logs = sorted(path.name for path in (run.folder / "logs").iterdir())
+    assert logs == ["robot-1.jsonl", "robot-2.jsonl", "robot-3.jsonl", "world.jsonl"]
+    for log in (run.folder / "logs").iterdir():
+        assert [json.loads(line) for line in log.read_text().splitlines()]
+
+
+def test_with_json_standard_output_is_the_report_and_nothing_else(up):
+    run = up(DASH, "--json", "--robots", "1", "--seed", "11")
+    assert run.wait() == 0, run.err
+    report = json.loads(run.out)
+    assert report == run.report()
+    assert report["seed"] == 11
+    assert set(report["robots"]) == {"1"}
+    assert "robot 1  finished" in run.err
+
+
+def test_three_robots_pass_the_corridor_in_the_order_of_their_deadlines(up):
+    run = up(CORRIDOR, "--robots", "3", "--strict")
+    assert run.wait(100) == 0, run.out + run.err
+    report = run.report()
+    by_finish = sorted(report["robots"], key=lambda robot: report["robots"][robot]["finish_s"])
+    by_deadline = sorted(report["robots"], key=lambda robot: report["robots"][robot]["assertions"][0]["deadline_s"])
+    assert by_finish == by_deadline
+    assert report["deadlines"] == {"met": 3, "missed": 0, "best_possible": 3}
+    assert report["schedule"][0]["order"] == [int(robot) for robot in by_deadline]
+    assert run.left() == []
+
+
+# --- death --------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_that_is_killed_is_told_of_and_reported_with_its_last_known_part(up):
+    run = up(DASH).running()
+    os.kill(run.pids["robot-2"], signal.SIGKILL)
+    assert run.wait() == 1
+    assert "robot-2 (pid " in run.out
+    assert "was killed by SIGKILL" in run.out
+    assert run.report()["died"] == {"robot-2": -9}
+    assert set(run.report()["robots"]) == {"1", "2", "3"}
+    assert run.left() == []
+
+
+def test_a_world_that_is_killed_ends_the_run_with_a_report(up):
+    run = up(DASH).running()
+    os.kill(run.pids["world"], signal.SIGKILL)
+    assert run.wait() == 1
+    assert run.report()["reason"] == "world died"
+    assert run.left() == []
+
+
+@pytest.mark.parametrize("victim", ["leader", "follower"])
+def test_the_others_pass_the_corridor_without_a_leader_or_a_follower_that_died(up, victim):
+    run = up(CORRIDOR, "--robots", "3", "--keep-going").running()
+    leader = run.leader()
+    dead = leader if victim == "leader" else next(robot for robot in (1, 2, 3) if robot != leader)
+    os.kill(run.pids[f"robot-{dead}"], signal.SIGKILL)
+    assert run.wait(110) == 1
+    report = run.report()
+    finished = [robot for robot, part in report["robots"].items() if part["finish_s"] is not None]
+    assert finished == [str(robot) for robot in (1, 2, 3) if robot != dead], run.out
+    assert report["collisions"] == 0
+    assert report["died"] == {f"robot-{dead}": -9}
+    assert run.left() == []
+
+
+def test_a_launcher_that_is_killed_takes_every_process_with_it(up):
+    run = up(DASH).running()
+    assert len(run.left()) == 4
+    run.process.kill()
+    eventually(lambda: run.left() == [], 5)
+
+
+def test_a_stopped_robot_does_not_outlive_a_killed_launcher(up):
+    run = up(DASH).running()
+    os.kill(run.pids["robot-1"], signal.SIGSTOP)
+    run.process.kill()
+    eventually(lambda: run.left() == [], 5)
+
+
+# --- Ctrl-C -------------------------------------------------------------------------------------------------
+
+
+def test_ctrl_c_stops_in_order_and_the_report_is_written(up):
+    run = up(DASH).running()
+    run.interrupt()
+    assert run.wait(15) == 1
+    report = run.report()
+    assert report["reason"] == "interrupted"
+    assert not report["finished"]
+    assert report["died"] == {}
+    assert "Traceback" not in run.out + run.err
+    assert run.left() == []
+
+
+def test_ctrl_c_twice_stops_at_once(up):
+    run = up(DASH).running()
+    run.interrupt()
+    run.interrupt()
+    assert run.wait(5) == 1
+    assert run.left() == []
+
+
+# --- bad input ----------------------------------------------------------------------------------------------
+
+
+def test_a_lab_that_is_not_there_is_wrong_usage(refused):
+    code, message = refused("nowhere")
+    assert code == 2
+    assert "nowhere" in message
+
+
+def test_every_mistake_of_a_lab_file_is_shown_at_once_with_its_place(refused, lab):
+    code, message = refused(lab("lab.yaml", "robots:\n", "colour: red\nrobots:\n  - {id: 9, pose: [99, 0, 0deg]}\n"))
+    assert code == 3
+    assert "colour" in message
+    assert "robots.0" in message
+    assert "lab.yaml:" in message
+
+
+def test_a_program_with_a_mistake_is_shown_with_its_place(refused, lab):
+    code, message = refused(lab("dash.rmr", "start(R) -o moveto(R, goal).", "start(R) -o moveto(R, G)."))
+    assert code == 3
+    assert "dash.rmr:8:" in message
+    assert "error[E" in message
+
+
+def test_an_area_that_the_lab_does_not_define_is_an_error(refused, lab):
+    code, message = refused(lab("dash.rmr", "moveto(R, goal)", "moveto(R, gaol)"))
+    assert code == 3
+    assert "'gaol'" in message
+    assert "'goal'" in message
+
+
+def test_a_program_whose_action_has_no_handler_does_not_start(up, lab):
+    changed = lab("dash.rmr", "start(R).\n", "type action blink(robot).\nstart(R).\nstart(R) -o blink(R).\n")
+    run = up(changed)
+    assert run.wait() == 3
+    assert "blink" in run.out + run.err
+    assert run.left() == []
+
+
+def test_more_robots_than_the_lab_has_are_an_error(refused):
+    code, message = refused(DASH, "--robots", "4")
+    assert code == 3
+    assert "3 robots" in message
+
+
+def test_byte_code_that_is_damaged_does_not_run(refused, lab, tmp_path):
+    (tmp_path / "broken.rbc").write_bytes(b"RMR\x00garbage")
+    code, message = refused(lab("lab.yaml", "program: dash.rmr", "program: ../broken.rbc"))
+    assert code == 3
+    assert "broken.rbc" in message
+
+
+def test_a_run_folder_in_use_is_wrong_usage(refused, tmp_path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "report.json").write_text("{}")
+    code, message = refused(DASH, "--run", tmp_path / "full")
+    assert code == 2
+    assert "not empty" in message
