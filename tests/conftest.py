@@ -1,0 +1,1 @@
+"""Makes the helpers that stand in this folder (`vm_hand`) importable from every test."""
