@@ -72,6 +72,12 @@ class Gate:
             return min(speed, stop)
         return min(speed, stop, max(SLOWEST_MPS, to_line / left))
 
+    def waiting(self, now: Instant, route: Route) -> bool:
+        """Return whether standing is in order, because the robot's turn at the gate is still to come."""
+        if route.gate_m is None or self.opened or self.passed:
+            return False
+        return self.opens_at is None or now < self.opens_at
+
     def _too_early(self, to_line: float, left: float) -> bool:
         """Return whether leaving now would mean creeping."""
         return left * (1.0 - EARLY_SHARE) > max(0.0, to_line) / self.shape.speed + START_S + EARLY_S

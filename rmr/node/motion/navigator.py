@@ -33,6 +33,8 @@ FACED = 0.03
 """Heading error that counts as facing, radians."""
 QUEUE_REACH_M = 0.3
 """A robot that waits before this one keeps it waiting when it is this near."""
+BACK_MARGIN_M = 0.03
+"""Gap to other robots that driving back keeps: it is done blind."""
 OVERTAKE_S = 4.0
 """A robot that still waits so long after this one's slot began has failed: drive around it."""
 LOST_SIGMA_M = 0.1
@@ -67,6 +69,7 @@ class Navigator:
         "_face",
         "_follower",
         "_gate",
+        "_heard",
         "_late_since",
         "_next_try",
         "_order",
@@ -101,6 +104,7 @@ class Navigator:
         self._overtake = False
         self._back_until: Instant = 0
         self._share = 1.0
+        self._heard: tuple[Heard, ...] = ()
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
         self._pose = Pose(0.0, 0.0, 0.0)
@@ -145,6 +149,7 @@ class Navigator:
         Optional, a few times a second: on a drive without a gate the robot keeps clear of those before it in
         the order even where it cannot see them.
         """
+        self._heard = tuple(others)
         mine = order_key(rank, self.robot)
         first = [other for other in others if order_key(other.rank, other.robot) < mine]
         follower = self._follower
@@ -204,7 +209,7 @@ class Navigator:
             limit = min(limit, 0.5 * self.arena.shape.speed)
         wish = follower.steer(pose, limit)
         allowed = limit_twist(wish, around, self.arena.shape.radius)
-        if self._stand_off.blocked(now, wish, allowed):
+        if not self._gate.waiting(now, follower.route) and self._stand_off.blocked(now, wish, allowed):
             self._detour(now, pose)
         return allowed
 
@@ -238,8 +243,9 @@ class Navigator:
         """Drive straight back unless something is known to be there."""
         shape = self.arena.shape
         x, y = pose.x - math.cos(pose.theta) * 0.03, pose.y - math.sin(pose.theta) * 0.03
+        known = (*self._parked, *(Point(other.pose.x, other.pose.y) for other in self._heard))
         free = self.arena.clearance(x, y) > shape.radius and all(
-            distance(x, y, *p) > 2.0 * shape.radius + 0.01 for p in self._parked
+            distance(x, y, *p) > 2.0 * shape.radius + BACK_MARGIN_M for p in known
         )
         return Twist(-BACK_MPS, 0.0) if free else STILL
 

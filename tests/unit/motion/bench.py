@@ -287,12 +287,16 @@ def stream_testbed(seed: int, headway_s: float = 0.95, robots: int = 6, noise: f
 class QueueStream(Stream):
     """Robots line up behind the gate in order, then pass; a slot is given when a robot stands in its place."""
 
+    RELEASE_S = 0.6
+
     def begin(self, places: Sequence[Point], queue: Sequence[Point]) -> None:
         """Send every robot to its place in the queue."""
         self.places = places
         self.queue = queue
         self.heard: dict[int, Heard | None] = {}
         self.lined: dict[int, float] = {}
+        self.approach: dict[int, float] = {}
+        self.gone: list[int] = []
         bench = self.bench
         for rank, body in enumerate(self.order):
             self.goals[body.robot] = places[rank]
@@ -305,24 +309,33 @@ class QueueStream(Stream):
         for rank, body in enumerate(self.order):
             if body.robot not in self.lined and body.nav.status == "arrived":
                 self.lined[body.robot] = bench.time
-                parked = self.parked_for(body) + [self.goals[o.robot] for o in self.order[:rank]]
-                ok = body.nav.go(
-                    bench.now,
-                    body.estimate,
-                    self.places[rank],
-                    parked=parked,
-                    shared=self.shared,
-                    through_gate=True,
-                )
-                assert ok, "no way from the queue"
-                if self.shared is None:
-                    self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
-        for rank, body in enumerate(self.order):
             if body.robot in self.lined and body.robot not in self.slots and len(self.slots) == rank:
-                last = max(self.slots.values(), default=-math.inf)
-                release = bench.time + max(self.LEAD_S, in_seconds(body.nav.eta_gate(bench.now)))
-                self.slots[body.robot] = max(release, last + self.headway_s)
+                self._slot(rank, body)
+            if body.robot in self.slots and body.robot not in self.gone:
+                self._leave(rank, body)
         super().step()
+
+    def _slot(self, rank: int, body: Body) -> None:
+        """Give the slot, from the time that the way to the gate takes."""
+        estimate = body.nav.estimate(body.estimate, self.places[rank])
+        assert estimate is not None
+        self.approach[body.robot] = in_seconds(estimate.approach)
+        release = self.bench.time + max(self.LEAD_S, self.approach[body.robot])
+        self.slots[body.robot] = max(release, max(self.slots.values(), default=-math.inf) + self.headway_s)
+
+    def _leave(self, rank: int, body: Body) -> None:
+        """Let the robot set out for its exit place just in time, as a node does."""
+        bench = self.bench
+        if bench.time < self.slots[body.robot] - self.approach[body.robot] - self.RELEASE_S:
+            return
+        self.gone.append(body.robot)
+        parked = self.parked_for(body) + [self.goals[o.robot] for o in self.order[:rank]]
+        ok = body.nav.go(
+            bench.now, body.estimate, self.places[rank], parked=parked, shared=self.shared, through_gate=True
+        )
+        assert ok, "no way from the queue"
+        if self.shared is None:
+            self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
 
     def _hellos(self) -> None:
         """Let every robot hear, twice a second, where the driving ones are and where they drive."""
@@ -343,7 +356,7 @@ class QueueStream(Stream):
         return self.parked_for(body) + (through if body.robot in self.lined else [])
 
     def _gate(self, body: Body) -> None:
-        if body.robot in self.slots:
+        if body.robot in self.gone:
             super()._gate(body)
 
     def run(self, until_s: float) -> bool:
