@@ -1,14 +1,14 @@
 """The robot's byte-code: read, verified, and complete in its actions, before anything of it runs."""
 
-import importlib.util
 from pathlib import Path
 from typing import NamedTuple
 
 from rmr.bytecode import codec
 from rmr.bytecode.program import Kind, Program
-from rmr.node.actions import Handler, registered
+from rmr.node.actions import Handler
 from rmr.node.node import missing_handlers
 from rmr.node.provided import PROVIDED
+from rmr.node.userfile import ActionsError, load_actions
 
 PROGRAM_OCTETS_MAX = 1 << 20
 """No program is that large; a file that is was never byte-code."""
@@ -41,32 +41,12 @@ def load_program(path: Path) -> Loaded:
         raise RefusedError(f"{path}: {error}{hint}") from None
 
 
-def load_actions(path: Path | None) -> dict[str, Handler]:
-    """Run the user's file of actions, if any, and return all handlers registered by it. Raises RefusedError."""
-    if path is None:
-        return registered()
-    spec = importlib.util.spec_from_file_location("rmr_user_actions", path)
-    if spec is None or spec.loader is None:
-        raise RefusedError(f"{path}: not a Python file")
+def load_handlers(path: Path | None) -> dict[str, Handler]:
+    """Return the handlers that the user's file registers, if there is one. Raises RefusedError."""
     try:
-        spec.loader.exec_module(importlib.util.module_from_spec(spec))
-    except OSError as error:
-        raise RefusedError(f"{path}: {error.strerror or error}") from None
-    except Exception as error:
-        line = _line_in(error, path)
-        raise RefusedError(f"{path}{line}: {type(error).__name__}: {error}") from None
-    return registered()
-
-
-def _line_in(error: BaseException, path: Path) -> str:
-    """Return ``:line`` of the innermost frame that lies in `path`."""
-    line = getattr(error, "lineno", None)
-    trace = error.__traceback__
-    while trace is not None:
-        if Path(trace.tb_frame.f_code.co_filename) == path:
-            line = trace.tb_lineno
-        trace = trace.tb_next
-    return "" if line is None else f":{line}"
+        return load_actions(path)
+    except ActionsError as error:
+        raise RefusedError(str(error)) from None
 
 
 def check_actions(program: Program, handlers: dict[str, Handler]) -> None:

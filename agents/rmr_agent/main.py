@@ -26,7 +26,7 @@ from rmr.bus.process import (
 )
 from rmr.bus.session import DEFAULT_ENDPOINT, BusError, check_endpoint
 from rmr.node.actions import Handler
-from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_actions, load_program
+from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program
 from rmr_agent.robot import RobotProcess
 
 
@@ -75,7 +75,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _load(options: argparse.Namespace) -> tuple[Loaded, dict[str, Handler]]:
     loaded = load_program(options.program)
-    handlers = load_actions(options.actions)
+    handlers = load_handlers(options.actions)
     check_actions(loaded.program, handlers)
     return loaded, handlers
 

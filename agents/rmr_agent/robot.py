@@ -75,6 +75,7 @@ class RobotProcess:
         self._clock_news = asyncio.Event()
         self._rejoin = asyncio.Event()
         self._waiting = Seldom(self._say_waiting, SAY_AGAIN_S)
+        self._lost = False
         self._lives = 0
         self._life: Life | None = None
         self._told: tuple[Any, ...] = ()
@@ -124,6 +125,9 @@ class RobotProcess:
             if known.run != world:
                 world = known.run
                 self._begin(known)
+            elif self._lost:
+                log.info("the world is back; robot %d goes on", self._robot)
+            self._lost = False
             if not await self._unless_ended(asyncio.ensure_future(self._rejoin.wait())):
                 break
         for task in tasks:
@@ -218,7 +222,8 @@ class RobotProcess:
     def _on_world(self, _key: str, alive: bool) -> None:
         if alive:
             self._rejoin.set()
-        else:
+        elif not self._ending.asked:
+            self._lost = True
             what = f"lab {self._keys.lab}'s world" if self._bus.connected else "the connection"
             log.info("lost %s at %s; waiting for it to return", what, self._connect)
 

@@ -14,10 +14,12 @@ was declared; before the first connection `open_when_there` tries again and agai
 """
 
 import asyncio
+import contextlib
 import json
 import os
 import random
 import re
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -43,6 +45,15 @@ LEASE_MS = 3000
 RETRY_FIRST_MS = 100
 RETRY_MAX_MS = 1000
 """Between attempts to connect: doubled from the first to the last of these."""
+
+HANDSHAKE_MS = 1500
+"""How long a router that accepts the connection may take to answer; a stopped process never does."""
+
+CLOSE_PATIENCE_S = 1.0
+"""How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""
+
+EAGER_TRIES = 50
+"""Attempts at the first pace before the first connection: a lab that starts as a whole is not kept waiting."""
 
 ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
 
@@ -85,6 +96,8 @@ def _config(listen: str | None, connect: str | None) -> Any:
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/unicast/open_timeout": HANDSHAKE_MS,
+        "transport/unicast/accept_timeout": HANDSHAKE_MS,
     }
     config = zenoh.Config()
     for key, value in settings.items():
@@ -121,14 +134,16 @@ def open_bus(sender: int, *, listen: str | None = None, connect: str | None = No
 
 async def open_when_there(sender: int, connect: str, waiting: Callable[[], None]) -> "Bus":
     """Open a client's session as soon as a router answers; `waiting` is called after each attempt in vain."""
-    pause_ms = RETRY_FIRST_MS
+    tries, pause_ms = 0, RETRY_FIRST_MS
     while True:
         try:
             return open_bus(sender, connect=connect)
         except NobodyThereError:
             waiting()
         await asyncio.sleep(pause_ms / 1000)
-        pause_ms = min(2 * pause_ms, RETRY_MAX_MS)
+        tries += 1
+        if tries > EAGER_TRIES:
+            pause_ms = min(2 * pause_ms, RETRY_MAX_MS)
 
 
 class Bus:
@@ -276,10 +291,16 @@ class Bus:
         self._declared.append(self._session.liveliness().declare_subscriber(key, self._callback(take), history=True))
 
     def close(self) -> None:
-        """Undeclare everything, then close. May be called again."""
+        """Undeclare everything, then close, within `CLOSE_PATIENCE_S`. May be called again."""
         if self._closed:
             return
         self._closed = True
-        for declared in [*self._publishers.values(), *reversed(self._declared)]:
-            declared.undeclare()
-        self._session.close()
+        leaving = threading.Thread(target=self._leave, name="bus-close", daemon=True)
+        leaving.start()
+        leaving.join(CLOSE_PATIENCE_S)
+
+    def _leave(self) -> None:
+        with contextlib.suppress(zenoh.ZError):
+            for declared in [*self._publishers.values(), *reversed(self._declared)]:
+                declared.undeclare()
+            self._session.close()

@@ -74,6 +74,7 @@ class WorldServer:
         self._late = 0
         self._set_back = 0
         self._alive: set[int] = set()
+        self._doubted: set[int] = set()
         self._claims: dict[int, tuple[int, float]] = {}
         self._ready: set[int] = set()
         self._commanded: dict[int, Twist] = {}
@@ -158,7 +159,8 @@ class WorldServer:
         claim = self._claims.get(robot)
         if claim is None or claim[0] == token:
             return False
-        return robot in self._alive or time.monotonic() - claim[1] < CLAIM_S
+        alive = robot in self._alive and robot not in self._doubted
+        return alive or time.monotonic() - claim[1] < CLAIM_S
 
     def _answer_clock(self, message: wire.Envelope, arrived: int) -> wire.Message | None:
         if not isinstance(message.body, wire.AskClock):
@@ -187,25 +189,27 @@ class WorldServer:
         robot = last_id(key)
         if robot is None or robot not in self._lab.roster:
             return
-        if alive:
-            if robot not in self._alive:
-                log.info("robot %d is here", robot)
+        if not alive:
+            self._doubted.add(robot)
+            asyncio.get_running_loop().call_later(JUDGE_S, self._judge, robot)
+            return
+        self._doubted.discard(robot)
+        if robot not in self._alive:
             self._alive.add(robot)
-            self._publish_sense(robot)
-        else:
-            self._claims[robot] = self._claims.get(robot, (0, 0.0))[0], 0.0
-            asyncio.get_running_loop().call_later(JUDGE_S, self._judge, robot, self._claims[robot])
+            log.info("robot %d is here", robot)
+        self._publish_sense(robot)
 
-    def _judge(self, robot: int, claim: tuple[int, float]) -> None:
+    def _judge(self, robot: int) -> None:
         """Decide whether a robot whose token has vanished is gone."""
-        if self._ending.asked or robot not in self._alive or self._claims.get(robot) != claim:
+        if self._ending.asked or robot not in self._doubted:
             return
-        if not self._bus.connected and self._bus.is_client:
-            loop = asyncio.get_running_loop()
-            loop.call_later(LEASE_MS / 1000, self._judge, robot, claim)
+        if self._bus.is_client and not self._bus.connected:
+            asyncio.get_running_loop().call_later(LEASE_MS / 1000, self._judge, robot)
             return
+        self._doubted.discard(robot)
         self._alive.discard(robot)
         self._ready.discard(robot)
+        self._claims.pop(robot, None)
         log.info("robot %d has left", robot)
 
     # -- physics ------------------------------------------------------------------------------------------------

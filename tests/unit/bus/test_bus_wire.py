@@ -1,0 +1,240 @@
+"""Messages: what is sent arrives as it was; anything else is dropped, whatever the octets."""
+
+import math
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
+from rmr.bus import wire
+from rmr.bus.wire import Envelope, Losses, MalformedError, decode, encode
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+instants = st.integers(-(1 << 62), 1 << 62)
+counts = st.integers(0, 1 << 40)
+robots = st.integers(0, ROBOT_ID_MAX)
+texts = st.text(max_size=20)
+poses = st.tuples(numbers, numbers, numbers)
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers(-(1 << 63), (1 << 63) - 1) | numbers | texts | st.binary(max_size=20),
+    lambda inner: st.lists(inner, max_size=3).map(tuple) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=10,
+)
+records = st.dictionaries(texts, plain, max_size=4)
+values = st.recursive(
+    st.booleans()
+    | st.integers(-(1 << 63), (1 << 63) - 1)
+    | numbers
+    | texts
+    | st.from_regex(r"[a-z][a-z0-9_]{0,5}", fullmatch=True).map(Symbol)
+    | robots.map(Robot),
+    lambda inner: st.lists(inner, max_size=3).map(tuple),
+    max_leaves=6,
+)
+lists = {"max_size": 3}
+
+MESSAGES = {
+    wire.Air: st.builds(wire.Air, st.lists(plain, **lists).map(tuple)),
+    wire.Sense: st.builds(
+        wire.Sense,
+        instants,
+        numbers,
+        numbers,
+        numbers,
+        numbers,
+        st.lists(st.tuples(counts, numbers), **lists).map(tuple),
+        st.lists(st.tuples(numbers, numbers, numbers, numbers), **lists).map(tuple),
+        st.booleans(),
+        poses,
+    ),
+    wire.Act: st.builds(wire.Act, numbers, numbers, instants),
+    wire.AskClock: st.just(wire.AskClock()),
+    wire.Clock: st.builds(wire.Clock, st.sampled_from(wire.CLOCK_STATES), instants, instants),
+    wire.AskMap: st.builds(wire.AskMap, robots, counts),
+    wire.Map: st.builds(
+        wire.Map,
+        texts,
+        st.booleans(),
+        st.booleans(),
+        instants,
+        st.lists(robots, **lists).map(tuple),
+        records,
+        records,
+        st.lists(st.tuples(texts, st.none() | robots, st.lists(values, **lists).map(tuple)), **lists).map(tuple),
+        st.none() | st.tuples(texts, st.lists(st.none() | values, **lists).map(tuple)),
+        st.sampled_from(wire.CLOCK_STATES),
+    ),
+    wire.Truth: st.builds(
+        wire.Truth,
+        instants,
+        st.lists(st.tuples(robots, numbers, numbers, numbers, numbers), **lists).map(tuple),
+        counts,
+        st.none() | numbers,
+        counts,
+        st.booleans(),
+    ),
+    wire.Status: st.builds(
+        wire.Status, st.sampled_from(wire.STATES), texts, st.booleans(), st.booleans(), instants, records
+    ),
+    wire.Stop: st.builds(wire.Stop, texts),
+}
+
+
+def typed(value):
+    """Return `value` with its types spelled out: 1, 1.0, true, @1 and a symbol are different things."""
+    if isinstance(value, tuple):
+        return (type(value), [typed(item) for item in value])
+    if isinstance(value, dict):
+        return {key: typed(item) for key, item in value.items()}
+    return type(value), value
+
+
+@pytest.mark.parametrize("row", wire.TABLE, ids=lambda row: row.kind.__name__)
+def test_every_message_arrives_as_it_was_sent(row):
+    @settings(max_examples=60)
+    @given(MESSAGES[row.kind], st.integers(-2, ROBOT_ID_MAX), counts, counts)
+    def holds(body, sender, run, number):
+        arrived = decode(encode(sender, run, number, body))
+        assert arrived == Envelope(sender, run, number, body)
+        assert typed(arrived.body) == typed(body)
+
+    holds()
+
+
+def test_the_table_lists_every_message_once_with_a_check_for_each_field():
+    assert set(MESSAGES) == {row.kind for row in wire.TABLE}
+    assert len({row.code for row in wire.TABLE}) == len(wire.TABLE)
+    assert all(len(row.checks) == len(row.kind._fields) for row in wire.TABLE)
+
+
+def decodes_or_is_malformed(data):
+    try:
+        message = decode(data)
+    except MalformedError:
+        return
+    assert decode(encode(*message[:3], message.body)) == message
+
+
+@settings(max_examples=300)
+@given(st.binary(max_size=80))
+def test_no_octets_make_decoding_fail_in_any_other_way(data):
+    decodes_or_is_malformed(data)
+
+
+@settings(max_examples=300)
+@given(st.sampled_from(list(MESSAGES)).flatmap(MESSAGES.get), st.data())
+def test_a_damaged_message_is_malformed_or_another_valid_one(body, data):
+    octets = bytearray(encode(4, 1, 1, body))
+    at = data.draw(st.integers(0, len(octets) - 1))
+    octets[at] ^= data.draw(st.integers(1, 255))
+    decodes_or_is_malformed(bytes(octets))
+
+
+@settings(max_examples=100)
+@given(st.sampled_from(list(MESSAGES)).flatmap(MESSAGES.get), st.data())
+def test_a_truncated_message_is_malformed(body, data):
+    octets = encode(4, 1, 1, body)
+    with pytest.raises(MalformedError):
+        decode(octets[: data.draw(st.integers(0, len(octets) - 1))])
+
+
+@settings(max_examples=200)
+@given(st.sampled_from([row.code for row in wire.TABLE]), st.lists(plain, max_size=9))
+def test_fields_of_wrong_types_are_malformed_or_fit(code, fields):
+    decodes_or_is_malformed(msgpack.packb([code, 4, 1, 1, *fields]))
+
+
+@pytest.mark.parametrize(
+    ("items", "reason"),
+    [
+        ([99, 4, 1, 1], "unknown type"),
+        ([True, 4, 1, 1, ""], "unknown type"),
+        ([10, 4, 1, 1], "1 fields"),
+        ([10, 4, 1, 1, "", ""], "1 fields"),
+        ([10, "4", 1, 1, ""], "an integer"),
+        ([10, 4, 1, -1, ""], "a count"),
+        ([10, 4, 1, 1, b"x"], "text"),
+        ([3, 4, 1, 1, math.nan, 0.0, 0], "finite"),
+        ([3, 4, 1, 1, math.inf, 0.0, 0], "finite"),
+        ([3, 4, 1, 1, True, 0.0, 0], "finite"),
+        ([3, 4, 1, 1, 0.0, 0.0, 1.0], "an integer"),
+        ([6, 4, 1, 1, ROBOT_ID_MAX + 1, 0], "robot's id"),
+        ([5, 4, 1, 1, "later", 0, 0], "one of waiting, running, stopped"),
+        ([9, 4, 1, 1, "ready", "", False, False, 0, {1: 2}], "not msgpack"),
+        ({}, "an array"),
+        ([10, 4], "an array"),
+    ],
+)
+def test_a_malformed_message_says_what_is_wrong(items, reason):
+    with pytest.raises(MalformedError, match=reason):
+        decode(msgpack.packb(items))
+
+
+def test_a_message_beyond_the_bound_is_not_even_read():
+    with pytest.raises(MalformedError, match="too long"):
+        decode(bytes(wire.MESSAGE_OCTETS_MAX + 1))
+
+
+def test_whole_numbers_are_accepted_where_fractions_may_stand():
+    body = decode(msgpack.packb([3, 4, 1, 1, 0, -1, 5])).body
+    assert body == wire.Act(0.0, -1.0, 5)
+    assert isinstance(body.v, float)
+
+
+def test_values_nested_without_end_are_malformed():
+    value = "x"
+    for _ in range(100):
+        value = ["l", value]
+    fields = ["lab", True, False, 0, [], {}, {}, [["p", None, [value]]], None, "waiting"]
+    with pytest.raises(MalformedError):
+        decode(msgpack.packb([7, -1, 1, 1, *fields]))
+
+
+# --- what the middleware lost -------------------------------------------------------------------------------
+
+
+def after(*numbers_of_one_sender, run=1):
+    losses = Losses()
+    for number in numbers_of_one_sender:
+        losses.note("k", Envelope(4, run, number, wire.AskClock()))
+    return losses
+
+
+def test_a_gap_in_the_numbers_is_counted_as_lost():
+    assert after(1, 2, 3).lost == 0
+    assert after(1, 2, 5, 6, 9).lost == 4
+
+
+def test_what_was_sent_before_the_first_message_heard_is_not_lost():
+    assert after(17, 18).lost == 0
+
+
+def test_repeated_and_overtaken_messages_are_counted_apart():
+    losses = after(1, 2, 2, 1, 3)
+    assert (losses.lost, losses.repeated) == (0, 2)
+
+
+def test_a_sender_that_restarts_begins_a_new_count():
+    losses = after(1, 2, 3)
+    losses.note("k", Envelope(4, 2, 1, wire.AskClock()))
+    losses.note("k", Envelope(4, 2, 3, wire.AskClock()))
+    assert (losses.lost, losses.repeated) == (1, 0)
+
+
+def test_senders_and_keys_are_counted_apart():
+    losses = Losses()
+    for key, sender in (("a", 1), ("a", 2), ("b", 1)):
+        for number in (5, 7):
+            losses.note(key, Envelope(sender, 1, number, wire.AskClock()))
+    assert losses.lost == 3
+
+
+def test_the_streams_that_are_kept_apart_are_bounded():
+    losses = Losses()
+    for sender in range(wire.STREAMS_MAX + 10):
+        losses.note("k", Envelope(sender, 1, 1, wire.AskClock()))
+    losses.note("k", Envelope(wire.STREAMS_MAX + 5, 1, 9, wire.AskClock()))
+    losses.note("k", Envelope(0, 1, 3, wire.AskClock()))
+    assert losses.lost == 1
