@@ -32,10 +32,18 @@ from rmr_world.lab import (
 )
 from rmr_world.schema import ROBOTS_MAX, AreaSpec, FaultSpec, LabFile, RobotSpec, json_schema, near_miss, schema_keys
 from rmr_world.terms import TermError, parse_fact, parse_finish
+from rmr_world.usage import check_program, given_facts
+
+__all__ = ["build", "check_program", "given_facts"]
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
 """Sections of which a bad item is cut out alone."""
-_STAND_INS: Mapping[str, Any] = {"lab": "x", "program": "x.rmr", "arena": {"size": [1000.0, 1000.0]}}
+_STAND_INS: Mapping[str, Any] = {
+    "lab": "x",
+    "program": "x.rmr",
+    "arena": {"size": [1000.0, 1000.0], "cell": 10.0},
+    "robots": [{"id": 0, "pose": [500.0, 500.0, 0.0]}],
+}
 """For required sections that are wrong or missing, so that the rest can be judged."""
 _TOUCH_M = 1e-9
 """Bodies that stand side by side do not overlap."""
@@ -80,7 +88,9 @@ def _accepted(document: Document) -> _Accepted:
     except ValidationError as error:
         errors = error.errors(include_url=False)
     schema = json_schema()
-    problems += [_problem(document, schema, item) for item in errors]
+    unread = {problem.path for problem in problems}
+    found = [_problem(document, schema, item) for item in errors]
+    problems += [problem for problem in found if problem.path not in unread]
     kept = _prune(data, [item["loc"] for item in errors])
     cut = {str(item["loc"][0]) for item in errors}
     return _Accepted(LabFile.model_validate(data), problems, cut, kept)
@@ -122,6 +132,7 @@ def _prune(data: dict[str, Any], locations: list[tuple[int | str, ...]]) -> dict
             data[name] = {key: item for key, item in section.items() if key not in bad}
         if name in _STAND_INS and not data.get(name):
             data[name] = _STAND_INS[name]
+            kept[name] = []  # nobody judges a stand-in
     return kept
 
 
@@ -213,18 +224,20 @@ class _Judge:
     def _inside(
         self, path: Path_, places: Sequence[Point], arena: Arena, *, fit: bool = True, indexed: bool = False
     ) -> None:
-        """Complain about places out of the arena or, with `fit`, where a robot cannot stand."""
+        """Complain about places out of the arena or, with `fit`, where a robot cannot stand.
+
+        With `indexed` every such place is named, else the first of the worse kind.
+        """
+        width, height, radius = arena.width, arena.height, arena.shape.radius
+        out, tight = [], []
         for k, (x, y) in enumerate(places):
-            where = f"({x:g}, {y:g})" if fit and not indexed else "it"
-            at = (*path, k) if indexed else path
-            if not (0.0 <= x <= arena.width and 0.0 <= y <= arena.height):
-                self._complain(at, f"{where} is out of the arena, {arena.width:g} m x {arena.height:g} m")
-            elif fit and arena.clearance(x, y) < arena.shape.radius - _TOUCH_M:
-                self._complain(at, f"a robot of radius {arena.shape.radius:g} m does not fit at ({x:g}, {y:g})")
-            else:
-                continue
-            if not indexed:
-                return
+            at, where = ((*path, k), "it") if indexed or not fit else (path, f"({x:g}, {y:g})")
+            if not (0.0 <= x <= width and 0.0 <= y <= height):
+                out.append((at, f"{where} is out of the arena, {width:g} m x {height:g} m"))
+            elif fit and arena.clearance(x, y) < radius - _TOUCH_M:
+                tight.append((at, f"a robot of radius {radius:g} m does not fit at ({x:g}, {y:g})"))
+        for at, message in [*out, *tight][: None if indexed else 1]:
+            self._complain(at if indexed else path, message)
 
     def _apart(self, path: Path_, places: Sequence[Point], radius: float) -> None:
         for k, a in enumerate(places):

@@ -118,6 +118,8 @@ class Lab:
     localisation: Localisation = Localisation()
     faults: tuple[Fault, ...] = ()
     path: Path = Path(LAB_FILE)
+    fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)
+    """For each of `facts` its index in the file's list; empty: they are all of them."""
     places: Mapping[Path_, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
     """Line and column of the file's parts, for complaints that need the program."""
 
@@ -146,9 +148,11 @@ class Lab:
             raise LabError([Problem(str(self.path), *self.places.get(("robots",), (1, 1)), "robots", message)])
         robots = self.robots[:count]
         ids = {robot.id for robot in robots}
-        facts = tuple(text for text in self.facts if (owner := parse_fact(text).owner) is None or owner in ids)
+        kept = [i for i, fact in enumerate(self.initial_facts) if fact.owner is None or fact.owner in ids]
+        facts, items = tuple(self.facts[i] for i in kept), self.fact_items or range(len(self.facts))
         faults = tuple(left for fault in self.faults if (left := _among(fault, ids)) is not None)
-        return replace(self, robots=robots, facts=facts, faults=faults)
+        fact_items = tuple(items[i] for i in kept)
+        return replace(self, robots=robots, facts=facts, fact_items=fact_items, faults=faults)
 
 
 def _among(fault: Fault, ids: set[int]) -> Fault | None:

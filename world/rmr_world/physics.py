@@ -48,6 +48,9 @@ _WALL_M = 0.1
 _SLOP_M = 0.0002
 """How far bodies may overlap in contact (pymunk's own default is 0.1 units)."""
 _ROBOT, _FIXED = 1, 2
+"""Collision types, and categories of shapes (a bit each)."""
+_OPAQUE = pymunk.ShapeFilter(mask=_FIXED)
+"""What hides a robot from another one."""
 
 
 class Contact(NamedTuple):
@@ -68,18 +71,18 @@ class _Robot:
 
     __slots__ = (
         "body", "contacts", "cos", "distance_m", "gauss", "heard", "id", "near", "sensors", "sin", "stamp", "target",
-        "theta", "turned", "v", "vx", "vy", "w", "x", "y",
+        "theta", "v", "view", "vx", "vy", "w", "x", "y",
     )  # fmt: skip
 
-    def __init__(self, robot: int, pose: Pose, body: pymunk.Body, gauss: Any, sensors: Sensors) -> None:
+    def __init__(self, robot: int, pose: Pose, body: pymunk.Body, seed: int, sensors: Sensors) -> None:
         self.id = robot
         self.body = body
-        self.gauss = gauss
+        self.gauss = stream(f"{seed}/robot{robot}/wheels").gauss
+        self.view = stream(f"{seed}/robot{robot}/view").gauss
         self.sensors = sensors
         self.x, self.y, self.theta = pose
         self.cos, self.sin = math.cos(pose.theta), math.sin(pose.theta)
         self.vx = self.vy = self.v = self.w = 0.0
-        self.turned = 0.0
         self.target: Twist = STILL
         self.stamp: Instant = -COMMAND_AGE_MAX
         self.heard: Instant = -WATCHDOG
@@ -131,6 +134,7 @@ class World:
         for shape in shapes:
             shape.collision_type = _FIXED
             shape.friction = 0.3
+            shape.filter = pymunk.ShapeFilter(categories=_FIXED)
         space.add(*shapes)
 
     def _robot(self, lab: Lab, seed: int, robot: int, pose: Pose) -> _Robot:
@@ -141,6 +145,7 @@ class World:
         hull = pymunk.Circle(body, radius)
         hull.collision_type = _ROBOT
         hull.friction = 0.3
+        hull.filter = pymunk.ShapeFilter(categories=_ROBOT)
         self._space.add(body, hull)
         localisation = lab.localisation
         sensors = Sensors(
@@ -150,7 +155,7 @@ class World:
             localisation.sigma,
             localisation.dropout,
         )
-        state = _Robot(robot, pose, body, stream(f"{seed}/robot{robot}/wheels").gauss, sensors)
+        state = _Robot(robot, pose, body, seed, sensors)
         self._hulls[hull] = state
         return state
 
@@ -294,13 +299,15 @@ class World:
         """Return the robots whose hull reaches into the field of view, nearest first (paper IV.E)."""
         seen = []
         cos, sin, radius = robot.cos, robot.sin, self._shape.radius
-        half, gauss = 0.5 * self._shape.view_angle, robot.sensors.gauss
+        half, gauss = 0.5 * self._shape.view_angle, robot.view
         for other in robot.near:
             dx, dy = other.x - robot.x, other.y - robot.y
             ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
             centres = math.hypot(dx, dy)
             half_width = math.asin(min(1.0, radius / centres)) if centres > 0.0 else math.pi
             if abs(math.atan2(left, ahead)) - half_width > half:
+                continue
+            if self._space.segment_query_first((robot.x, robot.y), (other.x, other.y), 0.0, _OPAQUE) is not None:
                 continue
             body = SeenBody(
                 ahead + gauss(0.0, BODY_POSITION_SIGMA),

@@ -50,14 +50,15 @@ def assemble(
     wall_s: float | None,
     robots: Mapping[int, Mapping[str, Any]],
     truth: Mapping[str, Any],
-    schedule: Iterable[Mapping[str, Any]],
-    bus_lost: int,
+    schedule: Iterable[Mapping[str, Any]] | None = None,
+    bus_lost: int = 0,
 ) -> dict[str, Any]:
     """Return the report of a run of `lab`.
 
-    `mode` is ``processes`` or ``simulation``; `time_s` is lab time up to the last robot's finish. `wall_s` is None
+    `mode` is ``processes`` or ``simulated``; `time_s` is lab time up to the last robot's finish. `wall_s` is None
     where wall time would make equal runs differ. `robots` holds what each robot said last; robots of the lab that
-    said nothing are added. `truth` is the world's: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id.
+    said nothing are added. `schedule` is by default the newest one that robots tell of, event by event. `truth` is
+    the world's: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id.
     """
     parts = {robot: _robot_part(robot, robots.get(robot, {}), truth) for robot in sorted({*lab.roster, *robots})}
     jobs = [job for part in parts.values() for job in part["assertions"]]
@@ -78,7 +79,7 @@ def assemble(
         },
         "collisions": truth.get("collisions", 0),
         "min_gap_m": truth.get("min_gap_m"),
-        "schedule": [dict(item) for item in schedule],
+        "schedule": newest_schedules(robots) if schedule is None else [dict(item) for item in schedule],
         "bus": {"lost": bus_lost},
     }
     rounded: dict[str, Any] = _rounded(report)
@@ -88,11 +89,26 @@ def assemble(
 def _robot_part(robot: int, said: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
     """Return one robot's part; the way that it went is what the world saw, if it saw any."""
     part = {**_ROBOT_DEFAULTS, **said}
+    part.pop("schedules", None)
     ways: Mapping[Any, float] = truth.get("distance_m", {})
     way = ways.get(robot, ways.get(str(robot)))
     if way is not None:
         part["distance_m"] = way
     return part
+
+
+def newest_schedules(robots: Mapping[int, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the newest schedule of each event that any robot tells of (its ``schedules``), by event.
+
+    Of one term the one formed last is the newest; terms grow with every change of leader.
+    """
+    newest: dict[str, dict[str, Any]] = {}
+    for robot in sorted(robots):
+        for item in robots[robot].get("schedules", ()):
+            known = newest.get(item["event"])
+            if known is None or (item["term"], item["formed_s"]) > (known["term"], known["formed_s"]):
+                newest[item["event"]] = dict(item)
+    return [newest[event] for event in sorted(newest)]
 
 
 def _rounded(value: Any, key: str = "") -> Any:

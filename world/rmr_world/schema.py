@@ -328,6 +328,6 @@ def _inner(schema: dict[str, Any], node: dict[str, Any], part: str | int) -> dic
             return dict(option["items"])
         if part in option.get("properties", {}):
             return dict(option["properties"][part])
-        if isinstance(part, str) and isinstance(option.get("additionalProperties"), dict):
-            return dict(option["additionalProperties"])
+        if isinstance(part, str) and option.get("patternProperties"):
+            return dict(next(iter(option["patternProperties"].values())))
     return {}

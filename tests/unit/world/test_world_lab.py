@@ -1,0 +1,369 @@
+"""The lab file: what a good one means, and every mistake with its line and column, all at once."""
+
+import math
+import time
+
+import pytest
+from world_labs import LABS, ROOM, complaints, lab_of, problems_of
+
+from rmr.base.arena import Disc, Polygon
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import NS_PER_S
+from rmr_world.document import LabError
+from rmr_world.lab import Kill, Loss, Partition, Restart, RobotStart, Stall, load_lab
+from rmr_world.schema import json_schema
+
+# What a good file means
+
+
+def test_the_corridor_lab_is_that_of_the_paper_s_figure_1():
+    lab = load_lab(LABS / "corridor")
+    assert (lab.name, lab.seed, lab.duration, lab.finish) == ("corridor", 7, 120 * NS_PER_S, "at(R, exit)")
+    assert lab.program == LABS / "corridor" / "corridor.rmr"
+    assert lab.roster == (1, 2, 3, 4, 5, 6)
+    assert [place.x for place in lab.arena.area("entry").queue] == [1.1, 0.9, 0.7, 0.5, 0.3, 0.1]
+    assert len(lab.arena.area("exit").places) == 6
+    assert lab.arena.bottleneck == "entry"
+
+
+def test_the_testbed_lab_has_thirty_by_thirty_cells():
+    lab = load_lab(LABS / "testbed" / "lab.yaml")
+    assert lab.arena.width / lab.arena.cell == pytest.approx(30)
+    assert lab.arena.height / lab.arena.cell == pytest.approx(30)
+    assert [robot.pose.y for robot in lab.robots] == [0.15, 0.37, 0.59, 0.91, 1.13, 1.35]
+
+
+def test_the_deadlines_of_both_labs_differ_and_do_not_follow_the_ids():
+    for name in ("corridor", "testbed"):
+        deadlines = [fact.args[0] for fact in load_lab(LABS / name).initial_facts]
+        assert len(dict.fromkeys(deadlines)) == 6
+        assert deadlines != sorted(deadlines)
+
+
+def test_everything_but_lab_program_robots_and_arena_has_a_default(tmp_path):
+    lab = lab_of(tmp_path, ROOM)
+    assert (lab.seed, lab.finish, lab.facts, lab.faults) == (0, "", (), ())
+    assert lab.arena.cell == 0.05
+    assert lab.arena.shape.radius == 0.07
+    assert lab.arena.shape.view_angle == pytest.approx(math.radians(60))
+    assert lab.arena.beacons == (Point(0, 0), Point(3.0, 0))
+    assert lab.radio.interference == "capture_3db"
+    assert lab.localisation.rate == 10
+
+
+def test_a_grid_places_robots_row_by_row(tmp_path):
+    text = ROOM + "  - {ids: '2-4,9', grid: {from: [0.2, 0.2], step: [0.3, 1.0], columns: 3, facing: 90deg}}\n"
+    assert lab_of(tmp_path, text).robots[1:] == (
+        RobotStart(2, Pose(0.2, 0.2, math.pi / 2)),
+        RobotStart(3, Pose(0.5, 0.2, math.pi / 2)),
+        RobotStart(4, Pose(0.8, 0.2, math.pi / 2)),
+        RobotStart(9, Pose(0.2, 1.2, math.pi / 2)),
+    )
+
+
+def test_ids_may_be_written_without_quotes(tmp_path):
+    text = ROOM + "  - {ids: 2-3, grid: {from: [0.2, 0.2], step: [0.3, 0], columns: 2}}\n"
+    assert lab_of(tmp_path, text).roster == (1, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("written", "seconds"), [("120s", 120), ("500ms", 0.5), ("1.5min", 90), ("20", 20), ("0.25", 0.25)]
+)
+def test_durations_are_seconds_or_bear_a_unit(tmp_path, written, seconds):
+    assert lab_of(tmp_path, ROOM + f"duration: {written}\n").duration == seconds * NS_PER_S
+
+
+@pytest.mark.parametrize(("written", "radians"), [("180deg", math.pi), ("1.57", 1.57), ("-90deg", -math.pi / 2)])
+def test_angles_are_radians_or_bear_a_unit(tmp_path, written, radians):
+    text = ROOM.replace("0deg", written)
+    assert lab_of(tmp_path, text).robots[0].pose.theta == pytest.approx(radians)
+
+
+def test_a_line_spaces_its_places_evenly_ends_included(tmp_path):
+    lab = lab_of(tmp_path, ROOM + "areas: {row: {line: {from: [0.2, 0.2], to: [0.8, 0.2], count: 4}}}\n")
+    area = lab.arena.area("row")
+    assert area.places == (Point(0.2, 0.2), Point(0.4, 0.2), Point(0.6, 0.2), Point(0.8, 0.2))
+    assert area.slotted
+
+
+def test_a_box_area_is_its_box_around_its_centre(tmp_path):
+    area = lab_of(tmp_path, ROOM + "areas: {pen: {box: [1.0, 0.2, 2.0, 0.6]}}\n").arena.area("pen")
+    assert area.box == (1.0, 0.2, 2.0, 0.6)
+    assert area.places == (Point(1.5, 0.4),)
+
+
+def test_a_queue_goes_round_corners(tmp_path):
+    text = ROOM + "areas: {gate: {at: [2, 0.7], queue: {path: [[2, 0.7], [1.6, 0.7], [1.6, 1.3]], spacing: 0.25}}}\n"
+    queue = lab_of(tmp_path, text).arena.area("gate").queue
+    assert queue == (Point(2, 0.7), Point(1.75, 0.7), Point(1.6, 0.8), Point(1.6, 1.05), Point(1.6, 1.3))
+
+
+def test_obstacles_are_boxes_circles_and_polygons_either_way_round(tmp_path):
+    text = ROOM + (
+        "obstacles: [{box: [1, 0, 2, 0.5]}, {circle: [2.5, 1.0, 0.1]}, {polygon: [[0, 0], [0, 0.1], [0.1, 0]]}]\n"
+    )
+    box, disc, triangle = lab_of(tmp_path, text).arena.obstacles
+    assert isinstance(box, Polygon)
+    assert box.contains(1.5, 0.25)
+    assert disc == Disc(Point(2.5, 1.0), 0.1)
+    assert isinstance(triangle, Polygon)
+    assert triangle.contains(0.02, 0.02)
+
+
+def test_faults_are_kept_as_values(tmp_path):
+    text = ROOM.replace("  - {id: 1", "  - {id: 2, pose: [1, 1, 0]}\n  - {id: 1") + (
+        "faults:\n"
+        "  - {at: 5s, kill: 1}\n  - {at: 8s, restart: 1}\n  - {from: 3s, to: 6s, loss: 0.5}\n"
+        "  - {from: 4s, to: 9s, partition: [[1], [2]]}\n  - {from: 2s, to: 3s, stall: 2}\n"
+    )
+    s = NS_PER_S
+    lab = lab_of(tmp_path, text)
+    assert lab.faults == (
+        Kill(5 * s, 1),
+        Restart(8 * s, 1),
+        Loss(3 * s, 6 * s, 0.5),
+        Partition(4 * s, 9 * s, ((1,), (2,))),
+        Stall(2 * s, 3 * s, 2),
+    )
+    assert lab.with_robots(1).faults == (Loss(3 * s, 6 * s, 0.5), Stall(2 * s, 3 * s, 2))
+
+
+def test_with_robots_keeps_the_first_ones_and_their_facts():
+    lab = load_lab(LABS / "corridor").with_robots(3)
+    assert lab.roster == (1, 2, 3)
+    assert lab.facts == ("due(@1, 32)", "due(@2, 26)", "due(@3, 30)")
+
+
+@pytest.mark.parametrize("count", [0, -1, 7])
+def test_with_robots_refuses_more_than_there_are(count):
+    with pytest.raises(LabError, match="there are 6 robots"):
+        load_lab(LABS / "corridor").with_robots(count)
+
+
+def test_the_json_schema_describes_every_key():
+    schema = json_schema()
+    assert {"lab", "program", "arena", "robots"} == set(schema["required"])
+    assert schema["additionalProperties"] is False
+    assert "from" in schema["$defs"]["FaultSpec"]["properties"]
+
+
+# Mistakes
+
+MISTAKES = [
+    ("colour: red", "6:1: colour: unknown key; known are "),
+    ("robt: {radius: 0.07}", "6:1: robt: unknown key; did you mean 'robot'?"),
+    ("robot: {radios: 0.07}", "6:9: robot.radios: unknown key; did you mean 'radius'?"),
+    ("robot: {view: {depht: 1}}", "6:16: robot.view.depht: unknown key; did you mean 'depth'?"),
+    ("seed: 7\nseed: 8", "7:1: seed: repeated key; it stands in line 6 already"),
+    ("lab: twice", "6:1: lab: repeated key; it stands in line 1 already"),
+    ("seed: seven", "6:7: seed: should be a valid integer, not 'seven'"),
+    ("seed: 1.5", "6:7: seed: should be a valid integer, not 1.5"),
+    ("seed: true", "6:7: seed: should be a valid integer, not True"),
+    ("duration: 120 m", "6:11: duration: should be a duration such as 120s, 500ms or 1.5min, not '120 m'"),
+    ("duration: -3", "6:11: duration: should be a duration"),
+    ("duration: 0s", "6:11: duration: should be greater than 0"),
+    ("duration: 1e99", "6:11: duration: should be at most 1000000 s"),
+    ("robot: {turn: 180 degrees}", "6:15: robot.turn: should be an angle such as 90deg, or a number of radians"),
+    ("robot: {turn: 0}", "6:8: robot: turn should be above 0"),
+    ("robot: {radius: '0.07'}", "6:17: robot.radius: should be a valid number, not '0.07'"),
+    ("robot: {radius: .inf}", "6:17: robot.radius: should be a valid number, not '.inf'"),
+    ("robot: {speed: 0}", "6:16: robot.speed: should be greater than 0"),
+    ("robot: {view: {angle: 400deg}}", "6:15: robot.view: angle should be above 0 and at most 360deg"),
+    ("robot: 3", "6:8: robot: "),
+    ("radio: {loss: 1.5}", "6:15: radio.loss: should be less than or equal to 1"),
+    ("radio: {interference: capture}", "6:23: radio.interference: should be 'capture_3db' or 'awgn', not 'capture'"),
+    ("radio: {seed: x}", "6:15: radio.seed: should be a valid integer"),
+    ("localisation: {beacons: [[0, 0], [9, 0]]}", "6:34: localisation.beacons.1: is out of the arena, 3 m x 1.5 m"),
+    ("localisation: {rate: 0}", "6:22: localisation.rate: should be greater than 0"),
+    ("obstacles: [{box: [1, 1, 0, 2]}]", "6:13: obstacles.0: box should be [x0, y0, x1, y1] with x0 < x1"),
+    ("obstacles: [{box: [0, 0, 1]}]", "6:19: obstacles.0.box.3: is missing"),
+    ("obstacles: [{}]", "6:13: obstacles.0: should have exactly one of box, circle, polygon"),
+    ("obstacles: [{circle: [1, 1, 0]}]", "6:29: obstacles.0.circle.2: should be greater than 0"),
+    ("obstacles: [{circle: [9, 9, 0.1]}]", "6:13: obstacles.0: lies outside the arena"),
+    ("obstacles: [{polygon: [[0,0],[1,1],[1,0],[0,1]]}]", "6:13: obstacles.0: polygon should be convex"),
+    ("obstacles: [{polygon: [[0,0],[1,0]]}]", "6:23: obstacles.0.polygon: should have at least 3 items"),
+    ("obstacles: [{box: [0.4, 0.5, 0.6, 1]}]", "5:5: robots.0: robot 1 starts inside an obstacle"),
+    ("areas: {a: {at: [4, 1]}}", "6:17: areas.a.at: (4, 1) is out of the arena, 3 m x 1.5 m"),
+    ("areas: {a: {at: [0.01, 1]}}", "6:17: areas.a.at: a robot of radius 0.07 m does not fit at (0.01, 1)"),
+    ("areas: {A: {at: [1, 1]}}", "6:9: areas.A: "),
+    ("areas: {a: {}}", "6:12: areas.a: should have exactly one of at, slots, line, box"),
+    (
+        "areas: {a: {at: [1, 1], box: [0, 0, 1, 1]}}",
+        "6:12: areas.a: should have exactly one of at, slots",
+    ),
+    ("areas: {a: {slots: [[1, 1], [1, 9]]}}", "6:29: areas.a.slots.1: it is out of the arena"),
+    ("areas: {a: {slots: [[1, 1], [1, 1.1]]}}", "6:20: areas.a.slots: places 0 and 1 are closer than two robots"),
+    ("areas: {a: {slots: []}}", "6:20: areas.a.slots: should have at least 1 item"),
+    ("areas: {a: {box: [0, 0, 9, 1]}}", "6:18: areas.a.box: it is out of the arena"),
+    ("areas: {a: {line: {from: [1, 1], to: [2, 1], count: 1}}}", "6:53: areas.a.line.count: should be greater than"),
+    ("areas: {a: {line: {from: [1, 1], to: [1.5, 1], count: 9}}}", "6:19: areas.a.line: places 0 and 1 are closer"),
+    (
+        "areas: {a: {at: [1, 1], queue: {path: [[1, 1], [9, 1]], spacing: 0.2}}}",
+        "6:32: areas.a.queue: (3.2, 1) is out of the arena",
+    ),
+    (
+        "areas: {a: {at: [1, 1], queue: {path: [[1, 1], [2, 1]], spacing: 0.1}}}",
+        "6:66: areas.a.queue.spacing: places 0 and 1 are closer than two robots",
+    ),
+    ("areas: {a: {at: [1, 1], queue: {path: [[1, 1], [2, 1]], spacing: 0}}}", "6:66: areas.a.queue.spacing: should be"),
+    ("areas: {a: {at: [1, 1], queue: {path: [[1, 1], [2, 1]], spacing: 1e-9}}}", "6:12: areas.a: queue has more than"),
+    ("bottleneck: entri\nareas: {entry: {at: [1, 1]}}", "6:13: bottleneck: area 'entri' is not defined; did you mean"),
+    ("facts: ['due(@1, 5)', 'due(@2, 5)']", "6:23: facts.1: robot 2 is not in this lab"),
+    ("facts: ['due(@1, 5']", "6:9: facts.0: expected ',' or ')', found the end"),
+    ("facts: [3]", "6:9: facts.0: should be a valid string, not 3"),
+    ("finish: at(@1, exit)", "6:9: finish: every robot must hold it, so its owner is a variable: at(R, ...)"),
+    ("finish: at(R, exit)", "6:9: finish: area 'exit' is not defined"),
+    ("finish: at(R)", "6:9: finish: at has two arguments"),
+    ("faults: [{at: 5s, kill: 4}]", "6:10: faults.0: robot 4 is not in this lab"),
+    ("faults: [{kill: 1}]", "6:10: faults.0: kill and restart need at; loss, partition and stall need from and to"),
+    ("faults: [{from: 5s, to: 4s, loss: 0.5}]", "6:10: faults.0: should begin before it ends"),
+    ("faults: [{at: 5s, from: 1s, kill: 1}]", "6:10: faults.0: kill and restart need at"),
+    ("faults: [{at: 5s, explode: 1}]", "6:19: faults.0.explode: unknown key"),
+    ("faults: [{from: 1s, to: 2s, partition: [[1], [1]]}]", "6:40: faults.0.partition: a robot stands in two groups"),
+]
+
+
+@pytest.mark.parametrize(("line", "complaint"), MISTAKES, ids=[line[:40] for line, _ in MISTAKES])
+def test_a_mistake_is_named_with_its_line_column_and_path(tmp_path, line, complaint):
+    found = complaints(tmp_path, ROOM + line + "\n")
+    assert [text[: len(complaint)] for text in found] == [complaint]
+
+
+ROBOT_MISTAKES = [
+    ("{id: 1, pose: [1, 1, 0]}", "robots.1: robot 1 is there already"),
+    ("{id: 2, pose: [0.6, 0.75, 0]}", "robots.1: robot 2 starts inside robot 1"),
+    ("{id: 2, pose: [0.05, 0.75, 0]}", "robots.1: robot 2 starts inside a wall"),
+    ("{id: 2, pose: [5, 0.75, 0]}", "robots.1: robot 2 starts out of the arena, 3 m x 1.5 m"),
+    ("{id: 65534, pose: [1, 1, 0]}", "robots.1.id: should be less than or equal to 65533"),
+    ("{id: -1, pose: [1, 1, 0]}", "robots.1.id: should be greater than or equal to 0"),
+    ("{id: '2', pose: [1, 1, 0]}", "robots.1.id: should be a valid integer"),
+    ("{id: 2}", "robots.1: should have id and pose, or ids and grid"),
+    ("{id: 2, pose: [1, 1]}", "robots.1.pose.2: is missing"),
+    ("{id: 2, pose: [1, 1, 0], colour: red}", "robots.1.colour: unknown key; known are id, pose, ids, grid"),
+    ("{ids: 3-2, grid: {from: [1, 1], step: [1, 0], columns: 2}}", "robots.1.ids: 3-2 should name 1 to 1000 robots"),
+    ("{ids: 2-99999, grid: {from: [1, 1], step: [1, 0], columns: 2}}", "robots.1.ids: 2-99999 should name 1 to 1000"),
+    ("{ids: two, grid: {from: [1, 1], step: [1, 0], columns: 2}}", "robots.1.ids: should be ids such as 2-3"),
+    ("{ids: 2-3, grid: {from: [1, 1], step: [0.01, 0], columns: 2}}", "robots.1: robot 3 starts inside robot 2"),
+]
+
+
+@pytest.mark.parametrize(("item", "complaint"), ROBOT_MISTAKES, ids=[item[:40] for item, _ in ROBOT_MISTAKES])
+def test_a_robot_that_cannot_be_there_is_named(tmp_path, item, complaint):
+    found = complaints(tmp_path, ROOM + f"  - {item}\n")
+    assert len(found) == 1
+    assert found[0].startswith("6:")
+    assert found[0].split(": ", 1)[1].startswith(complaint)
+
+
+def test_all_mistakes_are_reported_at_once_in_the_order_of_the_file(tmp_path):
+    text = """\
+lab: room
+program: room.rmr
+arena: {size: [3.0, 1.5]}
+finish: at(R, exti)
+areas:
+  exit: {at: [9, 9]}
+  gate: {at: [1, 1], colour: red}
+robots:
+  - {id: 1, pose: [0.5, 0.75, north]}
+  - {id: 2, pose: [0.01, 0.75, 0]}
+  - {id: 2, pose: [1.5, 0.75, 0]}
+facts: ["due(@1 25)"]
+radio: {loss: half}
+"""
+    assert complaints(tmp_path, text) == [
+        "4:9: finish: area 'exti' is not defined; did you mean 'exit'?",
+        "6:14: areas.exit.at: (9, 9) is out of the arena, 3 m x 1.5 m",
+        "7:22: areas.gate.colour: unknown key; known are at, slots, line, box, queue",
+        "9:31: robots.0.pose.2: should be an angle such as 90deg, or a number of radians, not 'north'",
+        "10:5: robots.1: robot 2 starts inside a wall",
+        "11:5: robots.2: robot 2 is there already",
+        "12:9: facts.0: expected ',' or ')', found '25)'",
+        "13:15: radio.loss: should be a valid number, not 'half'",
+    ]
+
+
+def test_a_wrong_arena_hides_no_other_mistake_and_causes_none(tmp_path):
+    text = ROOM.replace("[3.0, 1.5]", "[3.0]") + "  - {id: 1, pose: [9, 9, 0]}\n"
+    assert complaints(tmp_path, text) == ["3:15: arena.size.1: is missing", "6:5: robots.1: robot 1 is there already"]
+
+
+def test_missing_sections_are_named_each(tmp_path):
+    found = complaints(tmp_path, "seed: 1\n")
+    assert [text.split(": ", 1)[1] for text in found] == [
+        "arena: is missing",
+        "lab: is missing",
+        "program: is missing",
+        "robots: is missing",
+    ]
+
+
+def test_more_robots_than_exit_slots_can_never_finish(tmp_path):
+    text = ROOM + "  - {id: 2, pose: [1, 1, 0]}\nfinish: at(R, out)\nareas: {out: {slots: [[2, 1]]}}\n"
+    assert complaints(tmp_path, text) == ["7:9: finish: area 'out' has 1 slots for 2 robots"]
+
+
+# What is no lab file at all
+
+
+@pytest.mark.parametrize(
+    ("data", "complaint"),
+    [
+        (b"", "1:1: is empty"),
+        (b"# only a comment\n", "1:1: is empty"),
+        (b"- 1\n- 2\n", "1:1: should be a mapping with the keys lab, program, arena and robots"),
+        (b"lab: x\nname: \xff\xfe\n", "2:7: is not UTF-8"),
+        (b"lab: [1, 2\nprogram: x\n", "2:8: not YAML: while parsing a flow sequence expected ',' or ']', but got ':'"),
+        (b"lab: x\n\tprogram: y\n", "2:1: not YAML: while scanning for the next token found character '\\t'"),
+        (b"lab: 'x\n", "2:1: not YAML: while scanning a quoted scalar found unexpected end of stream"),
+        (b"lab: \x00\n", "1:6: character U+0000 is not allowed in YAML"),
+        (b"[" * 500, "1:18: is nested too deeply"),
+        (b"{a: " * 500, "1:69: is nested too deeply"),
+    ],
+)
+def test_what_is_no_yaml_mapping_is_refused_with_its_position(tmp_path, data, complaint):
+    found = complaints(tmp_path, data)
+    assert len(found) == 1
+    assert found[0].startswith(complaint)
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    assert lab_of(tmp_path, "\ufeff" + ROOM).name == "room"
+
+
+def test_a_missing_file_is_a_problem_without_a_position(tmp_path):
+    with pytest.raises(LabError) as caught:
+        load_lab(tmp_path / "nowhere.yaml")
+    assert caught.value.render() == f"{tmp_path}/nowhere.yaml: cannot be read: No such file or directory"
+
+
+def test_a_folder_without_a_lab_file_says_which_file_it_looked_for(tmp_path):
+    with pytest.raises(LabError, match=r"lab\.yaml: cannot be read"):
+        load_lab(tmp_path)
+
+
+def test_a_huge_file_is_refused_before_it_is_parsed(tmp_path):
+    began = time.process_time()
+    found = problems_of(tmp_path, ROOM + "# " + "x" * 5_000_000)
+    assert [problem.message for problem in found] == ["is larger than 256 KiB"]
+    assert time.process_time() - began < 1.0
+
+
+def test_aliases_are_refused_so_that_a_small_file_cannot_become_a_huge_one(tmp_path):
+    bomb = "x0: &x0 [lol, lol]\n" + "".join(f"x{k + 1}: &x{k + 1} [*x{k}, *x{k}]\n" for k in range(9))
+    found = complaints(tmp_path, ROOM + bomb)
+    assert any("aliases (*x0) are not allowed here" in text for text in found)
+
+
+def test_tags_are_refused(tmp_path):
+    found = complaints(tmp_path, ROOM + "seed: !!python/object/apply:os.system ['true']\n")
+    assert found[0] == "6:7: seed: tags (tag:yaml.org,2002:python/object/apply:os.system) are not allowed here"
+
+
+def test_a_second_document_is_refused(tmp_path):
+    assert complaints(tmp_path, ROOM + "---\n" + ROOM) == ["6:1: holds a second document"]
+
+
+def test_words_that_older_yaml_takes_for_other_types_stay_words(tmp_path):
+    found = complaints(tmp_path, ROOM.replace("lab: room", "lab: no") + "seed: 1:30\n")
+    assert found == ["6:7: seed: should be a valid integer, not '1:30'"]

@@ -1,0 +1,121 @@
+"""The report: complete, rounded, equal bytes for equal runs."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import pytest
+from world_labs import LABS
+
+from rmr_world.lab import load_lab
+from rmr_world.report import COLUMNS, assemble, rows, summary, table_rows, table_text, to_json, write
+
+
+def part(robot, finish, deadline):
+    met = finish is not None and finish <= deadline
+    job = {
+        "name": "crossing", "job": f"at(@{robot}, exit)", "start_s": 0.0, "finish_s": finish, "deadline_s": deadline,
+        "met": met, "cause": None if met else "local",
+    }  # fmt: skip
+    return {"finish_s": finish, "assertions": [job], "facts": ["at(@1, exit)"], "frames": {"sent": 3}}
+
+
+def report_of(**changes):
+    lab = load_lab(LABS / "corridor").with_robots(2)
+    arguments = {
+        "mode": "simulated", "seed": 7, "finished": True, "time_s": 18.123456, "wall_s": None,
+        "robots": {2: part(2, 14.21666, 26.0), 1: part(1, None, 32.0)},
+        "truth": {"collisions": 0, "min_gap_m": 0.0212345678, "distance_m": {1: 1.61234567, 2: 0.5}},
+        "bus_lost": 0,
+    }  # fmt: skip
+    return assemble(lab, **{**arguments, **changes})
+
+
+def test_the_report_has_the_keys_of_the_contract():
+    report = report_of()
+    assert sorted(report) == [
+        "bound_s", "bus", "collisions", "deadlines", "finish", "finished", "lab", "min_gap_m", "mode", "robots",
+        "schedule", "seed", "time_s", "wall_s",
+    ]  # fmt: skip
+    assert report["deadlines"] == {"met": 1, "missed": 1, "best_possible": 2}
+    assert sorted(report["robots"]["1"]) == [
+        "assertions", "distance_m", "facts", "finish_s", "frames", "goals", "restarts", "tasks_skipped",
+        "ticks_late", "undelivered",
+    ]  # fmt: skip
+
+
+def test_floats_are_rounded_and_what_json_lacks_is_null():
+    report = report_of(truth={"collisions": 0, "min_gap_m": math.inf, "distance_m": {1: 1.61234567}})
+    assert report["time_s"] == 18.123
+    assert report["robots"]["1"]["distance_m"] == 1.6123
+    assert report["min_gap_m"] is None
+    json.dumps(report, allow_nan=False)
+
+
+def test_a_robot_that_said_nothing_stands_in_the_report():
+    report = report_of(robots={})
+    assert report["robots"]["2"]["assertions"] == []
+    assert report["robots"]["2"]["finish_s"] is None
+
+
+def test_the_world_s_distance_counts_not_the_robot_s_own():
+    report = report_of(robots={1: {"distance_m": 99.0}})
+    assert report["robots"]["1"]["distance_m"] == 1.6123
+
+
+def test_the_schedule_is_the_newest_that_any_robot_tells_of():
+    def schedule(leader, term, order):
+        return {"event": "crossing(exit)", "leader": leader, "term": term, "order": order, "formed_s": 1.0}
+
+    robots = {1: {"schedules": [schedule(1, 1, [1])]}, 2: {"schedules": [schedule(2, 3, [2, 1])]}}
+    report = report_of(robots=robots)
+    assert report["schedule"] == [schedule(2, 3, [2, 1])]
+    assert "schedules" not in report["robots"]["1"]
+
+
+def test_the_file_is_sorted_complete_and_replaces_an_older_one(tmp_path):
+    folder = tmp_path / "runs" / "one"
+    write(report_of(seed=1), folder)
+    path = write(report_of(), folder)
+    assert [item.name for item in folder.iterdir()] == ["report.json"]
+    assert path.read_text() == to_json(report_of())
+    assert json.loads(path.read_text()) == report_of()
+
+
+def test_the_bytes_do_not_depend_on_hash_randomisation():
+    code = "from test_world_report import *; print(to_json(report_of()))"
+    texts = []
+    for hash_seed in ("0", "1"):
+        environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        ran = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        texts.append(ran.stdout)
+    assert texts[0] == texts[1]
+
+
+def test_the_table_is_in_order_of_deadline():
+    assert COLUMNS == ("robot", "deadline", "finish", "lateness", "met")
+    assert table_rows(report_of()) == [
+        ("@2", "26.00 s", "14.22 s", "-11.78 s", "yes"),
+        ("@1", "32.00 s", "-", "-", "no"),
+    ]
+
+
+def test_a_robot_without_a_deadline_has_a_line_too():
+    line = rows(report_of(robots={1: {"finish_s": 3.0}}))[0]
+    assert line.cells() == ("@1", "-", "3.00 s", "-", "-")
+
+
+def test_the_summary_says_how_near_the_bound_the_run_was():
+    text = summary(report_of())
+    assert (
+        text == "corridor: finished after 18.12 s (1.44 x bound), deadlines met 1 of 2, contacts 0, smallest gap 21 mm"
+    )
+    assert table_text(report_of()).splitlines()[-1] == text
+
+
+def test_a_folder_that_cannot_be_written_is_the_caller_s_to_report(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        write(report_of(), tmp_path / "file")
