@@ -183,6 +183,8 @@ class Context:
 
         self.last_issued: Instant = -NEVER
         self.extras = 0
+        self.whole = False
+        """The next issue sends all parts."""
         self.idle_since: Instant | None = None
         self.turn = 0
         """Which further part of a long schedule is repeated next."""

@@ -1,7 +1,7 @@
 """The fence: what is known of robots that claim or are inside, and whether one may enter.
 
 A schedule says who should be where; the fence looks at who says it is there. It keeps the newest beacon of
-each robot by (trigger, time), whatever the term, so that repeats and reordering change nothing; OUT and GONE
+each robot by (trigger, time, phase), whatever the term, so that repeats and reordering change nothing; OUT and GONE
 are final for all triggers up to theirs. Leadership is never trusted with physical safety, because the
 broadcast discovery has no quorum: two leaders can give overlapping slots, and it is here that one gives way.
 
@@ -72,7 +72,7 @@ class Fence:
         record = self.records.get(who)
         if record is not None and not record.assumed:
             known = record.beacon
-            if (beacon.trigger, beacon.time) <= (known.trigger, known.time):
+            if (beacon.trigger, beacon.time, beacon.phase) <= (known.trigger, known.time, known.phase):
                 return False
         self.records[who] = Record(beacon, now)
         self._bound()

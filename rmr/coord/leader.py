@@ -12,6 +12,7 @@ from rmr.coord.events import LeadershipBegan, LeadershipEnded
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import ENTRIES_MAX, NOBODY, PARTS_MAX, Beacon, Entry, Job, Phase, Sched, Term, split_path
 from rmr.coord.states import Role
+from rmr.coord.values import MS
 
 _ROTATE_PARTS = 2
 """Schedules of more parts than this repeat the first each time and the others in turn."""
@@ -168,7 +169,15 @@ def on_issue_timer(c: Context, now: Instant) -> None:
 
 
 def issue(c: Context, now: Instant, everything: bool) -> None:
-    """Send the schedule and hold it oneself."""
+    """Send the schedule and hold it oneself.
+
+    No two versions may bear one instant of issue, or members would take either for the newest.
+    """
+    if stamp(now) == stamp(c.last_issued) or now < c.last_issued:
+        c.whole = c.whole or everything
+        c.set(Timer.ISSUE, c.last_issued + MS)
+        return
+    everything, c.whole = everything or c.whole, False
     parts = schedule_frames(c, now, resign=False, heir=NOBODY)
     chosen = parts
     if not everything and len(parts) > _ROTATE_PARTS:
@@ -241,6 +250,7 @@ def resign(c: Context, now: Instant) -> None:
     """Leave while others wait: name the heir in a last schedule, sent three times."""
     ledger = c.ledger
     assert ledger is not None
+    now = max(now, c.last_issued + MS)
     heir = ledger.heir()
     for part in schedule_frames(c, now, resign=True, heir=heir):
         c.held.take(part)

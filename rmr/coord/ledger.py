@@ -114,16 +114,16 @@ class Ledger:
         fence.refute(robot, job.time)
         if line.inside and robot not in fence.records:
             line.inside, line.start, changed = False, None, True
-        if job.missed is not None and line.start == job.missed and not line.inside:
-            line.start, line.missed, changed = None, job.missed, True
+        if job.missed is not None:
+            changed = self.missed(robot, job.missed) or changed
         return line.tell(job) or changed
 
     def missed(self, robot: int, start: Instant) -> bool:
-        """The owner said YIELD: it will not enter in that slot."""
+        """The owner said that it let that slot pass, though a claim may have made it count as inside."""
         line = self.lines.get(robot)
-        if line is None or line.inside or line.start != start:
+        if line is None or line.start != start:
             return False
-        line.start, line.missed = None, start
+        line.start, line.missed, line.inside = None, start, False
         return True
 
     def finish(self, robot: int, trigger: Instant, entered: bool) -> bool:
@@ -181,7 +181,7 @@ class Ledger:
             this_slot = line.start is not None and line.start <= beacon.start <= line.start + values.window
             until = beacon.end if this_slot and beacon.phase is Phase.IN else max(beacon.end, line.until)
             until = max(until, now)
-            changed = changed or not line.inside or until > line.until or beacon.start != line.start
+            changed = changed or not line.inside or beacon.start != line.start
             line.inside, line.start, line.until = True, beacon.start, until
             line.heard = max(line.heard, beacon.time)
         for line in list(self.lines.values()):
@@ -192,12 +192,17 @@ class Ledger:
         values = self._values
         if line.inside:
             record = fence.records.get(line.robot)
+            if record is not None and record.beacon.phase is Phase.YIELD:
+                line.inside, line.start = False, None
+                return True
             if line.robot == self._robot or (record is not None and fence.is_inside(record.beacon, now)):
                 return False
             return self.finish(line.robot, line.trigger, entered=True)
         if line.start is not None and now > line.until + values.window:
             line.start = None
             return True
+        if line.robot == self._robot:
+            return False
         silent = now - line.heard
         waiting = line.start is None or line.start > now + values.frozen
         if waiting and silent > (values.drop_provisional if line.provisional else values.drop):

@@ -102,10 +102,15 @@ class Model:
         self.parted: dict[int, int] = {}
         self.entries: list[Entry] = []
         self.violations: list[str] = []
+        self.excused: list[str] = []
+        """Overlaps that no protocol without a quorum can prevent."""
+        self.stalls: list[tuple[int, Instant]] = []
+        self.restarts: list[tuple[int, Instant]] = []
+        self.partitions: list[tuple[Instant, dict[int, int]]] = []
         self.frames = 0
         self.by_kind: dict[int, int] = {}
         self.senders: dict[tuple[int, int], int] = {}
-        self.promised: dict[tuple[tuple[int, int], int, int], Instant] = {}
+        self.promised: dict[tuple[tuple[int, int], int, Instant], Instant] = {}
         self.minds = {robot: Mind(self, robot) for robot in self.ids}
 
     # -- driving ---------------------------------------------------------------------------------------
@@ -182,6 +187,7 @@ class Model:
             mind = self.minds[robot]
             mind.alive = True
             mind.boot()
+            self.restarts.append((robot, self.now))
 
         self.at(when, rise)
 
@@ -190,12 +196,17 @@ class Model:
             mind = self.minds[robot]
             mind.stalled_until = self.now + duration
             mind.woken = NEVER
+            self.stalls.append((robot, mind.stalled_until))
             self.at(mind.stalled_until, lambda: self.tick(mind))
 
         self.at(when, freeze)
 
     def partition(self, when: Instant, groups: dict[int, int]) -> None:
-        self.at(when, lambda: setattr(self, "parted", groups))
+        def part() -> None:
+            self.parted = groups
+            self.partitions.append((self.now, groups))
+
+        self.at(when, part)
 
     # -- hosts and air ---------------------------------------------------------------------------------
 
@@ -328,10 +339,33 @@ class Model:
         self.at(entry.end, lambda: self.wake_at(mind, self.now))
 
     def _overlap(self, entry: Entry, other: Entry) -> None:
-        if entry.term == other.term:
-            self.violations.append(f"{entry.robot} and {other.robot} overlap under one term at {self.now / MS}")
+        """Two opposed robots are inside: wrong under one term, or when they could hear each other."""
+        text = f"{entry.robot} and {other.robot} overlap at {self.now / MS}"
+        if entry.cautious:
+            return
+        since = self.now - self.values.quiet - self.values.beacon
+        if entry.term == other.term and not self.forgot(entry.term[1], other.start - self.values.lease):
+            self.violations.append(text + " under one term")
+        elif self.linked_since(entry.robot, other.robot, since) and not any(
+            self.stalled_after(robot, since) for robot in (entry.robot, other.robot)
+        ):
+            self.violations.append(text)
         else:
-            self.violations.append(f"{entry.robot} and {other.robot} overlap at {self.now / MS}")
+            self.excused.append(text)
+
+    def forgot(self, robot: int, since: Instant) -> bool:
+        """Whether `robot` lost its memory after `since`."""
+        return any(when >= since for who, when in self.restarts if who == robot)
+
+    def stalled_after(self, robot: int, since: Instant) -> bool:
+        """Whether `robot` stood still at some time after `since`."""
+        return any(who == robot and end > since for who, end in self.stalls)
+
+    def linked_since(self, a: int, b: int, since: Instant) -> bool:
+        """Whether the two have been in one part of the network since `since`."""
+        before = [groups for when, groups in self.partitions if when <= since][-1:]
+        all_since = before + [groups for when, groups in self.partitions if when > since]
+        return all(groups.get(a, 0) == groups.get(b, 0) for groups in all_since)
 
     def _leave(self, mind: Mind) -> None:
         mind.leaves = NEVER
@@ -345,12 +379,29 @@ class Model:
     def _check_frame(self, mind: Mind, payload: bytes) -> None:
         message = decode(payload)
         if isinstance(message, Sched) and message.term.leader == mind.robot:
-            known = self.senders.setdefault(message.term, mind.core_id if hasattr(mind, "core_id") else id(mind.core))
-            if known != id(mind.core):
+            known = self.senders.setdefault(message.term, id(mind.core))
+            if known != id(mind.core) and not self.forgot(mind.robot, 0):
                 self.violations.append(f"term {message.term} has two senders")
-        if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.IN and not mind.inside:
-            if message.time > self.now - ms(1):
-                self.violations.append(f"{mind.robot} says IN but is not")
+            self._check_frozen(message)
+        if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.IN:
+            inside = mind.inside is not None or (mind.done and message.time <= mind.done[-1])
+            if not inside and not self.forgot(mind.robot, message.time):
+                self.violations.append(f"{mind.robot} says IN but is not at {self.now / MS}")
+
+    def _check_frozen(self, sched: Sched) -> None:
+        """A frozen slot must not move unless its owner let it pass or it is long over."""
+        for entry in sched.entries:
+            key = (sched.term, entry.robot, entry.trigger)
+            promised = self.promised.get(key)
+            if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
+                log = self.minds[entry.robot].log if entry.robot in self.minds else []
+                let_pass = any(isinstance(e, events.EntryMissed) and t >= promised - ms(1200) for t, e in log)
+                over = sched.issued > promised + entry.duration + self.values.window
+                if not let_pass and not over and not self.stalled_after(entry.robot, 0):
+                    self.violations.append(f"frozen slot of {entry.robot} moved at {self.now / MS}")
+                del self.promised[key]
+            if entry.start is not None and entry.start <= sched.issued + self.values.frozen:
+                self.promised[key] = entry.start
 
     # -- questions ---------------------------------------------------------------------------------------
 
