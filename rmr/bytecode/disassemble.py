@@ -135,7 +135,7 @@ def type_text(kind: Type) -> str:
         return "_"
     if kind.base is Base.LIST:
         return "list " + (type_text(kind.element) if kind.element is not None else "_")
-    return kind.name if kind.base is Base.SYMBOL else kind.base.name.lower()
+    return (kind.name if kind.base is Base.SYMBOL else "") or kind.base.name.lower()
 
 
 class _Text:

@@ -7,8 +7,8 @@ predicate declares. What only values decide (division by zero, a type that nothi
 evaluation.
 """
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from math import isfinite
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
@@ -52,7 +52,6 @@ JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
 _CLASSES: dict[Base, type] = {
     Base.ROBOT: Robot,
     Base.INT: int,
-    Base.FLOAT: float,
     Base.BOOL: bool,
     Base.STRING: str,
     Base.SYMBOL: Symbol,
@@ -66,19 +65,29 @@ def verify(program: Program) -> list[str]:
 
 def conforms(value: Value, kind: Type) -> bool:
     """Tell whether `value` may stand where `kind` is declared (an int is no float)."""
+    return checker(kind)(value)
+
+
+def checker(kind: Type) -> Callable[[Value], bool]:
+    """Return the function that tells whether a value conforms to `kind`."""
     if kind.base is Base.OPEN:
-        return sound(value)
+        return sound
     if kind.base is Base.LIST:
-        element = kind.element or Type(Base.OPEN)
-        return type(value) is tuple and sound(value) and all(conforms(item, element) for item in value)
-    return type(value) is _CLASSES[kind.base] and sound(value)
+        element = checker(kind.element or Type(Base.OPEN))
+        return lambda value: type(value) is tuple and sound(value) and all(map(element, value))
+    if kind.base is Base.FLOAT:
+        return lambda value: type(value) is float and isfinite(value)
+    wanted = _CLASSES[kind.base]
+    if wanted in (int, Robot):
+        return lambda value: type(value) is wanted and sound(value)
+    return lambda value: type(value) is wanted
 
 
 def sound(value: Value, nesting: int = 0) -> bool:
     """Tell whether `value` is one that facts may carry: 64-bit, finite, lists not nested without bound."""
     kind = type(value)
     if kind is float:
-        return math.isfinite(value)  # type: ignore[arg-type]
+        return isfinite(value)  # type: ignore[arg-type]
     if kind is int:
         return INT_MIN <= value <= INT_MAX  # type: ignore[operator]
     if kind is Robot:

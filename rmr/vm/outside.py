@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from rmr.base.values import Value
 from rmr.bytecode.program import ANY, Anything, Base, Constant, Kind, Pattern, Predicate, Slot, Type
-from rmr.bytecode.verify import conforms
+from rmr.bytecode.verify import checker, conforms
 from rmr.vm.store import Args
 
 
@@ -18,27 +18,28 @@ class Gate:
 
     def __init__(self, predicates: Sequence[Predicate]) -> None:
         self._predicates = predicates
+        self._fits = [tuple([checker(kind) for kind in predicate.types]) for predicate in predicates]
 
     def fact(self, predicate: int, args: Args) -> Args:
         """Return the arguments of a fact. Raises ValueError."""
         declared = self._predicate(predicate)
         if declared.kind is Kind.ACTION:
             raise ValueError(f"{declared.name} is an action, not a fact")
-        return self._convert(declared, args)
+        return self._convert(predicate, declared, args)
 
     def sensed(self, predicate: int, args: Args) -> Args:
         """Return the arguments of a sensed fact. Raises ValueError."""
         declared = self._predicate(predicate)
         if declared.kind is not Kind.SENSED:
             raise ValueError(f"{declared.name} is not sensed: its facts cannot be withdrawn")
-        return self._convert(declared, args)
+        return self._convert(predicate, declared, args)
 
     def action(self, predicate: int, args: Args) -> Args:
         """Return the arguments of an action. Raises ValueError."""
         declared = self._predicate(predicate)
         if declared.kind is not Kind.ACTION:
             raise ValueError(f"{declared.name} is no action")
-        return self._convert(declared, args)
+        return self._convert(predicate, declared, args)
 
     def goal(self, predicate: int, args: Sequence[Value | Pattern]) -> tuple[Anything | Constant, ...]:
         """Return the patterns of a goal. Raises ValueError."""
@@ -61,10 +62,14 @@ class Gate:
             raise ValueError(f"there is no predicate {index}")
         return self._predicates[index]
 
-    def _convert(self, declared: Predicate, args: Args) -> Args:
-        if len(args) != len(declared.types):
+    def _convert(self, predicate: int, declared: Predicate, args: Args) -> Args:
+        fits = self._fits[predicate]
+        if len(args) != len(fits):
             raise _arity(declared, len(args))
-        return tuple([_value(declared, i, kind, args[i]) for i, kind in enumerate(declared.types)])
+        for position, value in enumerate(args):
+            if not fits[position](value):
+                return tuple([_value(declared, i, kind, args[i]) for i, kind in enumerate(declared.types)])
+        return args
 
 
 def _arity(declared: Predicate, count: int) -> ValueError:
