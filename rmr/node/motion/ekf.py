@@ -34,23 +34,26 @@ RANGE_SIGMA = 0.007
 """Noise of an ultrasonic range, metres."""
 GATE = 4.0
 """A reading farther off than this many sigmas is an outlier."""
-REJECTED_MAX = 5
-"""So many outliers in a row mean that the state is wrong."""
+REJECTED_MAX = 4
+"""So many outliers of one sensor in a row mean that the state is wrong."""
+WIDEN_M = 0.03
+"""By how much the position is doubted then: a robot that was pushed."""
 
 
 class Ekf:
     """The estimate of one robot's pose."""
 
     __slots__ = (
+        "_compass_bad",
         "_ptt",
         "_pxt",
         "_pxx",
         "_pxy",
         "_pyt",
         "_pyy",
+        "_range_bad",
         "range_sigma",
         "rejected",
-        "rejected_in_row",
         "theta",
         "x",
         "y",
@@ -62,7 +65,7 @@ class Ekf:
         self.x, self.y, self.theta = x, y, theta
         self.range_sigma = range_sigma
         self.rejected = 0
-        self.rejected_in_row = 0
+        self._compass_bad = self._range_bad = 0
         self._pxx = self._pyy = sigma * sigma
         self._ptt = COMPASS_SIGMA * COMPASS_SIGMA
         self._pxy = self._pxt = self._pyt = 0.0
@@ -105,7 +108,12 @@ class Ekf:
 
     def compass(self, theta: float) -> bool:
         """Correct by a compass reading in radians. Returns False when it was an outlier."""
-        return self._correct(0.0, 0.0, 1.0, wrap(theta - self.theta), COMPASS_SIGMA)
+        good = self._correct(0.0, 0.0, 1.0, wrap(theta - self.theta), COMPASS_SIGMA)
+        self._compass_bad = 0 if good else self._compass_bad + 1
+        if self._compass_bad >= REJECTED_MAX:
+            self._compass_bad = 0
+            self._ptt = 4.0 * self._ptt + COMPASS_SIGMA * COMPASS_SIGMA
+        return good
 
     def range(self, beacon: Point, metres: float) -> bool:
         """Correct by the distance to `beacon`. Returns False when it was an outlier."""
@@ -113,7 +121,13 @@ class Ekf:
         away = math.hypot(dx, dy)
         if away < 1e-6:
             return False
-        return self._correct(dx / away, dy / away, 0.0, metres - away, self.range_sigma)
+        good = self._correct(dx / away, dy / away, 0.0, metres - away, self.range_sigma)
+        self._range_bad = 0 if good else self._range_bad + 1
+        if self._range_bad >= REJECTED_MAX:
+            self._range_bad = 0
+            self._pxx = 4.0 * self._pxx + WIDEN_M * WIDEN_M
+            self._pyy = 4.0 * self._pyy + WIDEN_M * WIDEN_M
+        return good
 
     def _correct(self, hx: float, hy: float, ht: float, residual: float, sigma: float) -> bool:
         """Apply one scalar measurement with the Jacobian (hx, hy, ht)."""
@@ -122,9 +136,8 @@ class Ekf:
         kt = self._pxt * hx + self._pyt * hy + self._ptt * ht
         variance = hx * kx + hy * ky + ht * kt + sigma * sigma
         if residual * residual > GATE * GATE * variance:
-            self._reject()
+            self.rejected += 1
             return False
-        self.rejected_in_row = 0
         gain = residual / variance
         self.x += kx * gain
         self.y += ky * gain
@@ -136,13 +149,6 @@ class Ekf:
         self._pyt -= ky * kt / variance
         self._ptt -= kt * kt / variance
         return True
-
-    def _reject(self) -> None:
-        self.rejected += 1
-        self.rejected_in_row += 1
-        if self.rejected_in_row >= REJECTED_MAX:
-            self.rejected_in_row = 0
-            self._pxx, self._pyy, self._ptt = self._pxx * 4.0 + 1e-4, self._pyy * 4.0 + 1e-4, self._ptt * 4.0 + 1e-4
 
 
 def initial_pose(ranges: Mapping[int, float], beacons: Sequence[Point], compass: float, arena: Arena) -> Pose | None:
