@@ -190,6 +190,8 @@ class Context:
         """Which further part of a long schedule is repeated next."""
         self.paths: dict[int, tuple[Instant, GridPath]] = {}
         """As leader: the path offered for each way and when."""
+        self.paths_due = False
+        """Somebody has joined and may lack them."""
         self.path_parts: dict[int, tuple[Instant, dict[int, tuple[int, ...]]]] = {}
         self.paths_known: dict[int, Instant] = {}
 

@@ -85,6 +85,7 @@ def end(c: Context) -> None:
     """Lead no more; the caller decides what comes instead."""
     assert c.ledger is not None
     c.ledger = None
+    c.paths.clear()
     for timer in (Timer.OPEN, Timer.PLAN, Timer.ISSUE):
         c.set(timer, NEVER)
     c.emit(LeadershipEnded(c.event))
@@ -94,8 +95,10 @@ def on_job(c: Context, now: Instant, source: int, job: Job, question: bool) -> N
     """A robot asks or tells its job: note it, answer a question soon, plan again."""
     ledger = c.ledger
     assert ledger is not None
+    known = source in ledger.lines
     changed = ledger.note(now, source, job, c.fence)
     if changed:
+        c.paths_due = c.paths_due or not known
         c.idle_since = None
         if ledger.open:
             c.sooner(Timer.PLAN, now + c.values.replan_wait)
@@ -146,6 +149,10 @@ def replan(c: Context, now: Instant, reorder: bool) -> None:
     ledger.plan(now, reorder)
     c.extras = c.values.extra
     issue(c, now, everything=True)
+    if c.paths_due and ledger.open:
+        c.paths_due = False
+        for way in c.paths:
+            send_path(c, now, way)
 
 
 def on_issue_timer(c: Context, now: Instant) -> None:

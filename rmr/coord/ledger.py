@@ -107,7 +107,7 @@ class Ledger:
             if line is None and len(self.lines) >= JOBS_MAX:
                 return False
             self.lines[robot] = line = Line(robot, job.trigger, now)
-        elif job.time <= line.said:
+        elif job.time < line.said:
             return False
         line.heard = now
         changed = line.said < 0

@@ -395,7 +395,9 @@ class Model:
             promised = self.promised.get(key)
             if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
                 log = self.minds[entry.robot].log if entry.robot in self.minds else []
-                let_pass = any(isinstance(e, events.EntryMissed) and t >= promised - ms(1200) for t, e in log)
+                let_pass = any(
+                    isinstance(e, events.EntryMissed | events.SlotLost) and t >= promised - ms(1200) for t, e in log
+                )
                 over = sched.issued > promised + entry.duration + self.values.window
                 if not let_pass and not over and not self.stalled_after(entry.robot, 0):
                     self.violations.append(f"frozen slot of {entry.robot} moved at {self.now / MS}")
