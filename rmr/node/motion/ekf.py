@@ -6,8 +6,8 @@ out, because a 3x3 product in numpy costs ten times more than all of this.
 * Prediction: the mean of both wheels gives the way, gyro and wheels together the turn (the gyro slips not, the
   wheels drift not). Slip makes the variance grow with the way and the turn.
 * Correction: a compass reading, or the distance to one beacon. A reading that lies more than GATE sigmas off is
-  an outlier and dropped, unless REJECTED_MAX follow on each other: then it is the state that is wrong, and the
-  covariance is widened so that readings count again.
+  an outlier and dropped, unless there are many of them: then it is the state that is wrong (the robot was pushed),
+  and the covariance is widened so that readings count again.
 
 Two beacons on one line leave two mirrored solutions; `initial_pose` takes the one inside the arena.
 """
@@ -24,6 +24,8 @@ SLIP = 0.03
 """Sigma of the way, as a share of its square root in metres: 3 % after 1 m."""
 TURN_SLIP = 0.03
 """Likewise of the turn in radians."""
+WANDER = 0.002
+"""What the position is doubted for each second, whatever the wheels say, metres per square root of a second."""
 GYRO_SIGMA = 0.02
 """Noise of the gyro, rad/s."""
 GYRO_SHARE = 0.8
@@ -35,7 +37,7 @@ RANGE_SIGMA = 0.007
 GATE = 4.0
 """A reading farther off than this many sigmas is an outlier."""
 REJECTED_MAX = 4
-"""So many outliers of one sensor in a row mean that the state is wrong."""
+"""So many outliers of one sensor, less half the good readings between them, mean that the state is wrong."""
 WIDEN_M = 0.03
 """By how much the position is doubted then: a robot that was pushed."""
 
@@ -60,7 +62,7 @@ class Ekf:
     )
 
     def __init__(
-        self, x: float, y: float, theta: float, *, sigma: float = 0.02, range_sigma: float = RANGE_SIGMA
+        self, x: float, y: float, theta: float, *, sigma: float = 0.05, range_sigma: float = RANGE_SIGMA
     ) -> None:
         self.x, self.y, self.theta = x, y, theta
         self.range_sigma = range_sigma
@@ -98,10 +100,10 @@ class Ekf:
         self.theta += turn
         a, b = -way * sin, way * cos
         ptt, pxt, pyt = self._ptt, self._pxt, self._pyt
-        slip = SLIP * SLIP * abs(way)
-        self._pxx += a * (2.0 * pxt + a * ptt) + slip * cos * cos
-        self._pxy += a * pyt + b * pxt + a * b * ptt + slip * cos * sin
-        self._pyy += b * (2.0 * pyt + b * ptt) + slip * sin * sin
+        slip = SLIP * SLIP * abs(way) + WANDER * WANDER * dt
+        self._pxx += a * (2.0 * pxt + a * ptt) + slip
+        self._pxy += a * pyt + b * pxt + a * b * ptt
+        self._pyy += b * (2.0 * pyt + b * ptt) + slip
         self._pxt = pxt + a * ptt
         self._pyt = pyt + b * ptt
         self._ptt = ptt + TURN_SLIP * TURN_SLIP * abs(turn) + GYRO_SIGMA * GYRO_SIGMA * dt * dt
@@ -122,8 +124,8 @@ class Ekf:
         if away < 1e-6:
             return False
         good = self._correct(dx / away, dy / away, 0.0, metres - away, self.range_sigma)
-        self._range_bad = 0 if good else self._range_bad + 1
-        if self._range_bad >= REJECTED_MAX:
+        self._range_bad = max(0, self._range_bad - 1) if good else self._range_bad + 2
+        if self._range_bad >= 2 * REJECTED_MAX:
             self._range_bad = 0
             self._pxx = 4.0 * self._pxx + WIDEN_M * WIDEN_M
             self._pyy = 4.0 * self._pyy + WIDEN_M * WIDEN_M
