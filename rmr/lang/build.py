@@ -4,6 +4,7 @@ One method for each rule or alias of the grammar, and nothing else: what a progr
 Only what the syntax tree could not hold is reported here: numbers out of range and reserved words as names.
 """
 
+# ruff: noqa: D102 - each public method builds the grammar rule or alias of its name; rmr.lark documents them
 import math
 import re
 from collections.abc import Callable
@@ -20,7 +21,24 @@ from rmr.lang import syntax
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.source import Span
 
-RESERVED = frozenset("type action sensor list const include order assert watch not then else true false".split())
+RESERVED = frozenset(
+    [
+        "type",
+        "action",
+        "sensor",
+        "list",
+        "const",
+        "include",
+        "order",
+        "assert",
+        "watch",
+        "not",
+        "then",
+        "else",
+        "true",
+        "false",
+    ]
+)
 """Words that name nothing (see the language reference)."""
 
 SECONDS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60)}
@@ -54,7 +72,8 @@ class Builder(Transformer_NonRecursive[Token, Any]):
         return Span(self._file, self._offset + meta.start_pos, self._offset + meta.end_pos)
 
     def _token_span(self, token: Token) -> Span:
-        assert token.start_pos is not None and token.end_pos is not None
+        assert token.start_pos is not None
+        assert token.end_pos is not None
         return Span(self._file, self._offset + token.start_pos, self._offset + token.end_pos)
 
     def _name(self, token: Token) -> syntax.Name:

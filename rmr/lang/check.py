@@ -7,14 +7,17 @@ the program states: facts, goals, effects, time assertions, the strategy.
 
 from dataclasses import dataclass, replace
 
+from rmr.base.values import Symbol
 from rmr.bytecode.program import SELF_SLOT
 from rmr.lang.constants import resolve
 from rmr.lang.diagnostic import Diagnostics, Note
-from rmr.lang.infer import Inference, Types
+from rmr.lang.infer import Inference
 from rmr.lang.names import Names, collect, meant
-from rmr.lang.project import SELF, Environment, Projected, Projector, variables
+from rmr.lang.project import Projector, variables
 from rmr.lang.source import Span
+from rmr.lang.steps import SELF, Environment, Projected
 from rmr.lang.syntax import (
+    Aggregate,
     Assertion,
     Call,
     Comprehension,
@@ -24,15 +27,19 @@ from rmr.lang.syntax import (
     FactItem,
     GoalItem,
     Include,
+    ListTerm,
     Literal,
     Module,
     Name,
     Rule,
+    Steps,
     Strategy,
     TypeDeclaration,
+    TypeName,
     Variable,
     walk,
 )
+from rmr.lang.types import LATER, Types
 from rmr.lang.warn import warn
 
 PARTS_MAX = 250
@@ -66,9 +73,13 @@ def check(module: Module, found: Diagnostics) -> Checked:
     """Check `module` as a whole and report to `found`."""
     module = resolve(module, found)
     module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
+    later = {id(item) for item in module.items if _not_yet(item, found)}
     names = collect(module, found)
     types = Inference(names, module.broken, found).run(module)
-    projector = Projector(names, found)
+    symbols = {
+        node.value for node in walk(module.items) if isinstance(node, Literal) and isinstance(node.value, Symbol)
+    }
+    projector = Projector(names, frozenset(symbols), found)
     rules: list[Projected] = []
     assertions: list[Watched] = []
     for item in module.items:
@@ -79,11 +90,9 @@ def check(module: Module, found: Diagnostics) -> Checked:
                 _goal(fact, found)
             case TypeDeclaration():
                 _effects(item, found)
-            case Include():
-                found.report("E002", "`include` is not supported yet", item.span)
             case Rule():
                 _untimed(item, found)
-                projected = projector.rule(item)
+                projected = None if id(item) in later else projector.rule(item)
                 if projected is not None:
                     rules.append(projected)
             case Assertion():
@@ -96,6 +105,26 @@ def check(module: Module, found: Diagnostics) -> Checked:
     checked = Checked(module, names, types, tuple(rules), tuple(assertions), _textual(module, found))
     warn(module, names, found)
     return checked
+
+
+def _not_yet(item: object, found: Diagnostics) -> bool:
+    """Report what the language has and the compiler does not, and say whether `item` holds any of it."""
+    before = found.count
+    for node in walk(item):
+        match node:
+            case Include():
+                found.report("E002", "`include` is not supported yet", node.span)
+            case Steps():
+                found.report("E002", "`then` is not supported yet", node.span)
+            case Aggregate():
+                found.report("E002", "aggregates are not supported yet", node.span)
+            case ListTerm() | TypeName(element=TypeName()):
+                found.report("E002", "lists are not supported yet", node.span)
+            case Call(name=name) if name.text in LATER:
+                found.report("E002", f"the function `{name.text}` is not supported yet", node.span)
+            case _:
+                pass
+    return found.count > before
 
 
 def _too_large(item: object, found: Diagnostics) -> bool:
@@ -225,7 +254,8 @@ def _assertion(item: Assertion, found: Diagnostics) -> Watched | None:
             found.report("E002", "a time assertion across robots is not supported yet", fact.span, notes=notes)
             return None
     environment = Environment({SELF: SELF_SLOT, home.name: SELF_SLOT})
-    if not all([_plain(argument, found) for fact in (item.start, item.finish) for argument in fact.arguments[1:]]):
+    plain = [_plain(argument, found) for fact in (item.start, item.finish) for argument in fact.arguments[1:]]
+    if not all(plain):
         return None
     for each in variables(item.start.arguments[1:]):
         environment.slot(each.name)

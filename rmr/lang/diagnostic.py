@@ -103,6 +103,16 @@ class Diagnostics:
         self._found[key] = Diagnostic(code, message, span, hint, notes)
 
     @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._found) + self._dropped
+
+    @property
+    def full(self) -> bool:
+        """Whether no more are kept, so that nothing need be spent on them."""
+        return len(self._found) >= DIAGNOSTICS_MAX
+
+    @property
     def failed(self) -> bool:
         """Whether there is an error among them."""
         return any(found.severity is Severity.ERROR for found in self._found.values())

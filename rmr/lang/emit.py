@@ -9,11 +9,9 @@ from rmr.bytecode import program as form
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Type
 from rmr.lang import provided
-from rmr.lang.infer import Types
 from rmr.lang.names import Names, Signature
-from rmr.lang.project import SELF, Derivation, Environment, Let, Match, Projected, Step
-from rmr.lang.project import Test as Decided
 from rmr.lang.source import Span
+from rmr.lang.steps import SELF, Decide, Derivation, Environment, Let, Match, Projected, Step
 from rmr.lang.syntax import (
     Assertion,
     Binary,
@@ -28,6 +26,7 @@ from rmr.lang.syntax import (
     Unary,
     Variable,
 )
+from rmr.lang.types import Types
 
 _BINARY = {
     "+": Op.ADD,
@@ -129,7 +128,7 @@ class Emitter:
                 return self.atom(fact, arguments, mode, environment)
             case Let(name=name, expression=expression):
                 return form.Bind(environment.slots[name], self._code(expression, environment))
-            case Decided(expression=expression):
+            case Decide(expression=expression):
                 return form.Guard(self._code(expression, environment))
 
     def _head(self, part: Fact | Derivation, environment: Environment) -> form.Head:

@@ -9,9 +9,8 @@ final types, so that each is reported once and with both places.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
-from rmr.base.values import Robot, Symbol
+from rmr.base.values import Symbol
 from rmr.bytecode.program import Base, Type
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.names import Names, Signature, meant
@@ -39,131 +38,24 @@ from rmr.lang.syntax import (
     Unary,
     Variable,
 )
-
-OPEN = Type(Base.OPEN)
-ROBOT = Type(Base.ROBOT)
-BOOL = Type(Base.BOOL)
-INT = Type(Base.INT)
-FLOAT = Type(Base.FLOAT)
-
-NUMBERS = {Base.INT, Base.FLOAT}
-
-
-@dataclass(slots=True, eq=False)
-class Cell:
-    """The type of one argument, variable or expression."""
-
-    type: Type
-    origin: Span | None
-    """Where it got its type."""
-    fixed: bool = False
-    mixed: bool = False
-    """A float that may be an int when the program runs."""
-    targets: "list[Cell]" = field(default_factory=list)
-    """Its type flows there."""
-    fallbacks: "list[Cell]" = field(default_factory=list)
-    """These take its type if nothing else gives them one."""
-
-
-Scope = dict[str, Cell]
-
-
-@dataclass(frozen=True, slots=True)
-class FunctionType:
-    """A function's arguments and result; OPEN arguments are numbers whose joint type is an OPEN result."""
-
-    arguments: tuple[Type, ...]
-    result: Type
-
-
-FUNCTIONS: dict[str, FunctionType] = {
-    "abs": FunctionType((OPEN,), OPEN),
-    "min": FunctionType((OPEN, OPEN), OPEN),
-    "max": FunctionType((OPEN, OPEN), OPEN),
-    "floor": FunctionType((FLOAT,), INT),
-    "sqrt": FunctionType((FLOAT,), FLOAT),
-    "sin": FunctionType((FLOAT,), FLOAT),
-    "cos": FunctionType((FLOAT,), FLOAT),
-    "atan2": FunctionType((FLOAT, FLOAT), FLOAT),
-    "dist": FunctionType((FLOAT,) * 4, FLOAT),
-    "id": FunctionType((ROBOT,), INT),
-    "now": FunctionType((), FLOAT),
-}
-LATER = ("len", "nth", "member", "sort")
-"""Functions of lists."""
-
-
-def join(one: Type, other: Type) -> Type:
-    """Return the narrowest type that holds both; of a contradiction, the first."""
-    if one.base is Base.OPEN:
-        return other
-    if one.base in NUMBERS and other.base in NUMBERS:
-        return FLOAT if Base.FLOAT in {one.base, other.base} else INT
-    if one.base is Base.SYMBOL and other.base is Base.SYMBOL and not one.name:
-        return other
-    return one
-
-
-def compatible(one: Type, other: Type) -> bool:
-    """Whether a value may be of both types, ints counting as floats."""
-    if Base.OPEN in {one.base, other.base} or (one.base in NUMBERS and other.base in NUMBERS):
-        return True
-    if one.base is Base.SYMBOL and other.base is Base.SYMBOL:
-        return not one.name or not other.name or one.name == other.name
-    return one.base is other.base
-
-
-def fits(value: Type, target: Type) -> bool:
-    """Whether a value of the one type can be given to the other; a float is no int."""
-    return compatible(value, target) and not (value.base is Base.FLOAT and target.base is Base.INT)
-
-
-def literal_type(literal: Literal) -> Type:
-    """Return the type of a constant."""
-    match literal.value:
-        case bool():
-            return BOOL
-        case Robot():
-            return ROBOT
-        case int():
-            return INT
-        case float():
-            return FLOAT
-        case Symbol():
-            return Type(Base.SYMBOL)
-        case _:
-            return Type(Base.STRING)
-
-
-def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
-    """Return the variables that facts of `body` bind."""
-    return frozenset(
-        argument.name
-        for conjunct in body
-        if not isinstance(conjunct, Condition) and not conjunct.absent
-        for argument in conjunct.arguments
-        if isinstance(argument, Variable) and not argument.anonymous
-    )
-
-
-@dataclass(slots=True)
-class Types:
-    """What inference found out."""
-
-    positions: dict[str, list[Cell]] = field(default_factory=dict)
-    """By predicate: its arguments' cells, the owner's first."""
-    scopes: dict[Span, Scope] = field(default_factory=dict)
-    """By rule, comprehension and assertion: its variables' cells."""
-    expressions: dict[Span, Cell] = field(default_factory=dict)
-
-    def arguments(self, name: str) -> tuple[Type, ...]:
-        """Return the types of a predicate's arguments after the owner."""
-        return tuple(cell.type for cell in self.positions[name][1:])
-
-    def certainly_float(self, expression: Expression) -> bool:
-        """Whether the expression's value needs no conversion to float."""
-        cell = self.expressions.get(expression.span)
-        return cell is not None and cell.type.base is Base.FLOAT and not cell.mixed
+from rmr.lang.types import (
+    BOOL,
+    FLOAT,
+    FUNCTIONS,
+    LATER,
+    NUMBERS,
+    OPEN,
+    ROBOT,
+    Cell,
+    Scope,
+    Types,
+    compatible,
+    described,
+    fits,
+    join,
+    literal_type,
+    matched_variables,
+)
 
 
 class Inference:
@@ -334,8 +226,9 @@ class Inference:
                 return
             code = "E021" if owner else "E020"
             what = f"the first argument of `{name}`" if owner else f"this argument of `{name}`"
-            message = f"{what} is {_a(position.type)}, here it is {_a(cell.type)}"
-            self._found.report(code, message, argument.span, notes=self._notes(argument.span, position, cell))
+            message = f"{what} is {described(position.type)}, here it is {described(cell.type)}"
+            cells = (cell,) if owner else (position, cell)
+            self._found.report(code, message, argument.span, notes=self._notes(argument.span, *cells))
 
         self._checks.append(check)
 
@@ -368,7 +261,6 @@ class Inference:
                 cell = self._call(expression, scope)
             case ListTerm():
                 cell = Cell(OPEN, None)
-                self._found.report("E002", "lists are not supported yet", expression.span)
         self.types.expressions[expression.span] = cell
         return cell
 
@@ -403,7 +295,7 @@ class Inference:
         def check() -> None:
             span, operator = expression.span, expression.operator
             if not compatible(left.type, right.type):
-                message = f"`{operator}` compares {_a(left.type)} with {_a(right.type)}"
+                message = f"`{operator}` compares {described(left.type)} with {described(right.type)}"
                 self._found.report("E020", message, span, notes=self._notes(span, left, right))
             elif operator not in {"=", "!="} and BOOL in {left.type, right.type}:
                 self._found.report("E020", f"`{operator}` has no meaning for Booleans", span)
@@ -423,7 +315,7 @@ class Inference:
                 return
             for side, operand in ((expression.left, left), (expression.right, right)):
                 if operand.type.base not in NUMBERS | {Base.OPEN}:
-                    message = f"`{operator}` needs numbers, this is {_a(operand.type)}"
+                    message = f"`{operator}` needs numbers, this is {described(operand.type)}"
                     self._found.report("E020", message, side.span, notes=self._notes(side.span, operand))
 
         self._checks.append(check)
@@ -435,7 +327,6 @@ class Inference:
         if name == "if":
             return self._conditional(call, cells)
         if name in LATER:
-            self._found.report("E002", f"the function `{name}` is not supported yet", call.span)
             return Cell(OPEN, None)
         known = FUNCTIONS.get(name)
         if known is None:
@@ -464,7 +355,7 @@ class Inference:
 
         def check() -> None:
             if not compatible(cells[1].type, cells[2].type):
-                message = f"`if` gives {_a(cells[1].type)} or {_a(cells[2].type)}"
+                message = f"`if` gives {described(cells[1].type)} or {described(cells[2].type)}"
                 self._found.report("E020", message, call.span, notes=self._notes(call.span, cells[1], cells[2]))
 
         self._checks.append(check)
@@ -490,7 +381,7 @@ class Inference:
             hint = None
             if isinstance(expression, Literal) and isinstance(expression.value, Symbol) and wanted is BOOL:
                 hint = f"a fact names its owner: `{expression.value}(R)`"
-            text = f"{message}, this is {_a(cell.type)}"
+            text = f"{message}, this is {described(cell.type)}"
             notes = self._notes(expression.span, cell)
             self._found.report(code, text, expression.span, hint=hint, notes=notes)
 
@@ -500,13 +391,6 @@ class Inference:
         def check() -> None:
             if cell.type.base not in NUMBERS | {Base.OPEN}:
                 notes = self._notes(expression.span, cell)
-                self._found.report("E020", f"{message}, this is {_a(cell.type)}", expression.span, notes=notes)
+                self._found.report("E020", f"{message}, this is {described(cell.type)}", expression.span, notes=notes)
 
         self._checks.append(check)
-
-
-def _a(kind: Type) -> str:
-    text = type_text(kind)
-    if kind.base is Base.SYMBOL:
-        return f"a symbol of `{text}`" if kind.name else "a symbol"
-    return ("an " if text[0] in "aeiou" else "a ") + text

@@ -34,8 +34,12 @@ from rmr.lang.syntax import (
     TypeName,
 )
 
-CANDIDATES_MAX = 2000
+CANDIDATES_MAX = 500
 """Names that are looked through for a near miss."""
+
+
+LETTERS_OFF = 2
+"""How much longer or shorter a misspelt name may be."""
 
 
 class Role(Enum):
@@ -94,7 +98,8 @@ class Names:
 
 def near(name: str, candidates: list[str]) -> str | None:
     """Return the candidate that `name` may be a misspelling of."""
-    matches = get_close_matches(name, [each for each in candidates[:CANDIDATES_MAX] if each != name], n=1, cutoff=0.75)
+    alike = [each for each in candidates[:CANDIDATES_MAX] if each != name and abs(len(each) - len(name)) <= LETTERS_OFF]
+    matches = get_close_matches(name, alike, n=1, cutoff=0.75)
     return matches[0] if matches else None
 
 
@@ -199,9 +204,6 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
     signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
     signature.provided = _is_provided(signature)
     names.signatures[name] = signature
-    for parameter in item.parameters:
-        if parameter.type.element is not None:
-            found.report("E002", "lists are not supported yet", parameter.type.span)
     if item.kind is Declared.ACTION and name in provided.ACTIONS and not _same_shape(types, provided.ACTIONS[name]):
         message = f"the action `{name}` is provided with other arguments"
         hint = provided.declaration_text(name, provided.ACTIONS[name], "action ")

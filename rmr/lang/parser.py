@@ -51,6 +51,8 @@ class _Chunk:
     end: int
     depth: int
     closed: bool
+    spoiled: bool
+    """What is wrong with it has been reported already."""
 
 
 @cache
@@ -76,6 +78,7 @@ def parse(source: Source, found: Diagnostics) -> Module:
 def _chunks(source: Source, found: Diagnostics) -> Iterator[_Chunk]:
     text = source.text
     start = position = depth = deepest = 0
+    spoiled = False
     while (matched := _PIECE.search(text, position)) is not None:
         position = matched.end()
         kind = matched.lastgroup
@@ -85,17 +88,19 @@ def _chunks(source: Source, found: Diagnostics) -> Iterator[_Chunk]:
         elif kind == "close":
             depth -= 1
         elif kind == "dot":
-            yield _Chunk(start, position, deepest, closed=True)
-            start, depth, deepest = position, 0, 0
+            yield _Chunk(start, position, deepest, closed=True, spoiled=spoiled)
+            start, depth, deepest, spoiled = position, 0, 0, False
         elif kind == "comment":
             found.report("E001", "this comment has no end", _span(source, matched.start(), position), hint="`*/`")
+            spoiled = True
             text, position = text[: matched.start()], len(text)
         elif kind == "string":
-            position = _line_end(text, position)
-            found.report("E001", "this string has no end", _span(source, matched.start(), position), hint='`"`')
+            end = _line_end(text, position)
+            found.report("E001", "this string has no end", _span(source, matched.start(), end), hint='`"`')
+            spoiled = True
     blank = _BLANK.match(text, start)
     if blank is not None and blank.end() < len(text):
-        yield _Chunk(start, len(text), deepest, closed=False)
+        yield _Chunk(start, len(text), deepest, closed=False, spoiled=spoiled)
 
 
 def _line_end(text: str, position: int) -> int:
@@ -112,6 +117,8 @@ def _parse_chunk(source: Source, chunk: _Chunk, found: Diagnostics) -> Item | No
     blank = _BLANK.match(text)
     skipped = blank.end() if blank is not None else 0
     whole = _span(source, chunk.start + skipped, chunk.end)
+    if chunk.spoiled:
+        return None
     if chunk.depth > NESTING_MAX:
         found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", whole)
         return None
@@ -143,13 +150,14 @@ def _too_deep(tree: Tree[Token]) -> bool:
 def _report_syntax(source: Source, chunk: _Chunk, error: UnexpectedInput, found: Diagnostics) -> None:
     expected: set[str] = set()
     if isinstance(error, UnexpectedCharacters):
-        start = chunk.start + error.pos_in_stream
+        start = chunk.start + (error.pos_in_stream or 0)
         span = _span(source, start, start + 1)
         what = f"`{source.text[start]}`" if source.text[start].isprintable() else f"character {ord(error.char)}"
         message, expected = f"unexpected {what}", set(error.allowed or ())
     elif isinstance(error, UnexpectedToken) and error.token.type != "$END":
         token = error.token
-        assert token.start_pos is not None and token.end_pos is not None
+        assert token.start_pos is not None
+        assert token.end_pos is not None
         span = _span(source, chunk.start + token.start_pos, chunk.start + token.end_pos)
         word = "reserved word " if token in RESERVED else ""
         message, expected = f"unexpected {word}`{token}`", set(error.accepts)

@@ -7,13 +7,12 @@ rest is bound. `X = constant` is not computed, it replaces X.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 
 from rmr.bytecode.program import SELF_SLOT, Kind, Mode
 from rmr.lang.diagnostic import Diagnostics, Note
-from rmr.lang.infer import matched_variables
 from rmr.lang.names import Names
 from rmr.lang.source import Span
+from rmr.lang.steps import SELF, Decide, Derivation, Environment, Let, Match, Projected, Step
 from rmr.lang.syntax import (
     Aggregate,
     Binary,
@@ -29,74 +28,7 @@ from rmr.lang.syntax import (
     Variable,
     walk,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Match:
-    """A fact of the home robot; expressions among its arguments have become slots with an equation behind."""
-
-    fact: Fact
-    arguments: tuple[Variable | Literal, ...]
-    """Without the owner."""
-    mode: Mode
-
-
-@dataclass(frozen=True, slots=True)
-class Test:
-    """A condition that is decided here."""
-
-    expression: Expression
-
-
-@dataclass(frozen=True, slots=True)
-class Let:
-    """A variable that gets its value here."""
-
-    name: str
-    expression: Expression
-
-
-Step = Match | Test | Let
-
-
-@dataclass(slots=True)
-class Environment:
-    """What stands for each variable of a rule."""
-
-    slots: dict[str, int] = field(default_factory=dict)
-    constants: dict[str, Literal] = field(default_factory=dict)
-    count: int = SELF_SLOT + 1
-
-    def slot(self, name: str) -> int:
-        """Return the slot of `name`, a new one at its first mention."""
-        if name not in self.slots:
-            self.slots[name] = self.count
-            self.count += 1
-        return self.slots[name]
-
-    def knows(self, name: str) -> bool:
-        """Whether `name` has a value already."""
-        return name in self.slots or name in self.constants
-
-
-@dataclass(frozen=True, slots=True)
-class Derivation:
-    """A comprehension of one robot."""
-
-    slots: tuple[int, ...]
-    body: tuple[Step, ...]
-    head: tuple[Fact, ...]
-    environment: Environment
-
-
-@dataclass(frozen=True, slots=True)
-class Projected:
-    """A rule of one robot."""
-
-    rule: Rule
-    environment: Environment
-    body: tuple[Step, ...]
-    head: tuple[Fact | Derivation, ...]
+from rmr.lang.types import matched_variables
 
 
 def variables(node: object) -> Iterable[Variable]:
@@ -107,8 +39,9 @@ def variables(node: object) -> Iterable[Variable]:
 class Projector:
     """Projects the rules of one program."""
 
-    def __init__(self, names: Names, found: Diagnostics) -> None:
+    def __init__(self, names: Names, symbols: frozenset[str], found: Diagnostics) -> None:
         self._names = names
+        self._symbols = symbols
         self._found = found
         self._fresh = 0
         self._home_term: Expression | None = None
@@ -120,16 +53,15 @@ class Projector:
             self._no_facts(rule)
             return None
         environment = Environment()
-        if not self._home(rule, facts, environment):
-            return None
+        at_home = self._home(facts, environment)
         environment.constants.update(_constants(rule.body, environment))
         body = self._order(rule.body, environment)
         head = [self._head(part, environment) for part in rule.head]
-        if body is None or None in head:
+        if not at_home or body is None or None in head:
             return None
-        home = next(fact for fact in facts if not fact.absent).owner
+        home = self._home_term
         if isinstance(home, Literal):
-            here = Test(Binary("=", Variable(SELF, home.span), home, home.span))
+            here = Decide(Binary("=", Variable(SELF, home.span), home, home.span))
             body = (here, *body)
         return Projected(rule, environment, body, tuple(part for part in head if part is not None))
 
@@ -140,7 +72,7 @@ class Projector:
 
     # ---- the home robot
 
-    def _home(self, rule: Rule, facts: list[Fact], environment: Environment) -> bool:
+    def _home(self, facts: list[Fact], environment: Environment) -> bool:
         positive = [fact for fact in facts if not fact.absent]
         owners: list[Expression] = []
         for fact in positive:
@@ -156,12 +88,17 @@ class Projector:
             notes = (Note(owners[0].span, "one robot's fact"),)
             message = "a rule that joins facts of several robots is not supported yet"
             self._found.report("E002", message, _span_of(positive, owners[1]), notes=notes)
-            return False
         if isinstance(owners[0], Variable):
             environment.slots[SELF if owners[0].anonymous else owners[0].name] = SELF_SLOT
         environment.slots[SELF] = SELF_SLOT
         self._home_term = owners[0]
-        return all([self._at_home(fact, owners[0], "`not`") for fact in facts if fact.absent])
+        for other in owners[1:]:
+            if isinstance(other, Variable) and not other.anonymous:
+                environment.slot(other.name)
+        if len(owners) > 1:
+            return False
+        absent = [self._at_home(fact, owners[0], "`not`") for fact in facts if fact.absent]
+        return all(absent)
 
     def _at_home(self, fact: Fact, home: Expression | None, what: str) -> bool:
         if fact.owner is None or home is None:
@@ -186,9 +123,9 @@ class Projector:
             if isinstance(fact, Fact) and not fact.absent:
                 waiting[:0] = self._match(fact, environment, steps)
                 self._ready(waiting, matched, environment, steps)
-        for conjunct in [each for each in waiting if isinstance(each, Fact)]:
-            waiting.remove(conjunct)
-            self._absent(conjunct, environment, steps)
+        for absent in [each for each in waiting if isinstance(each, Fact)]:
+            waiting.remove(absent)
+            self._absent(absent, environment, steps)
             self._ready(waiting, matched, environment, steps)
         for conjunct in waiting:
             self._unbound(conjunct, environment)
@@ -219,10 +156,10 @@ class Projector:
         if isinstance(conjunct, Fact):
             later = matched | {each.name for other in waiting if other is not conjunct for each in _lets(other)}
             free = {each.name for each in variables(conjunct.arguments) if not environment.knows(each.name)}
-            return Test(conjunct.arguments[0]) if not free & later else None
+            return Decide(conjunct.arguments[0]) if not free & later else None
         expression = conjunct.expression
         if all(environment.knows(each.name) for each in variables(expression)):
-            return Test(expression)
+            return Decide(expression)
         if isinstance(expression, Binary) and expression.operator == "=":
             for side, other in ((expression.left, expression.right), (expression.right, expression.left)):
                 if not isinstance(side, Variable) or side.anonymous or side.name in matched:
@@ -298,7 +235,7 @@ class Projector:
             if not environment.knows(variable.name):
                 message = f"nothing in the body binds `{variable.name}`"
                 constant = variable.name[0].lower() + variable.name[1:]
-                hint = f"a constant would be `{constant}`" if constant != variable.name else None
+                hint = f"did you mean the constant `{constant}`?" if constant in self._symbols else None
                 self._found.report("E030", message, variable.span, hint=hint)
 
     # ---- heads
@@ -309,11 +246,8 @@ class Projector:
                 return part if self._bound(part, environment) else None
             case Comprehension():
                 return self._comprehension(part, environment)
-            case Steps():
-                self._found.report("E002", "`then` is not supported yet", part.span)
-            case Aggregate():
-                self._found.report("E002", "aggregates are not supported yet", part.span)
-        return None
+            case Steps() | Aggregate():
+                return None
 
     def _bound(self, fact: Fact, environment: Environment) -> bool:
         for each in walk(fact):
@@ -336,7 +270,8 @@ class Projector:
                 self._found.report("E031", message, variable.span, hint=hint)
                 return None
         facts = [each for each in part.body if isinstance(each, Fact)]
-        if not all([self._at_home(fact, self._home_term, "a comprehension") for fact in facts]):
+        at_home = [self._at_home(fact, self._home_term, "a comprehension") for fact in facts]
+        if not all(at_home):
             return None
         return self._derivation(part, environment, inner)
 
@@ -349,15 +284,12 @@ class Projector:
                 self._found.report("E030", message, each.span, hint=hint)
                 return None
         body = self._order(part.body, inner)
-        if body is None or not all([self._bound(fact, inner) for fact in part.head]):
+        bound = [self._bound(fact, inner) for fact in part.head]
+        if body is None or not all(bound):
             return None
         slots = tuple(range(environment.count, inner.count))
         environment.count = inner.count
         return Derivation(slots, body, part.head, inner)
-
-
-SELF = "@"
-"""The home robot's name where the rule gives it none."""
 
 
 def _same_owner(one: Expression, other: Expression) -> bool:
@@ -398,9 +330,8 @@ def _is_replaced(conjunct: Conjunct, environment: Environment) -> bool:
 
 def _lets(conjunct: Conjunct) -> Iterable[Variable]:
     """Return the variables that `conjunct` might bind."""
-    if isinstance(conjunct, Condition) and isinstance(conjunct.expression, Binary):
-        if conjunct.expression.operator == "=":
-            return [
-                each for each in (conjunct.expression.left, conjunct.expression.right) if isinstance(each, Variable)
-            ]
-    return []
+    match conjunct:
+        case Condition(expression=Binary("=", left, right)):
+            return [each for each in (left, right) if isinstance(each, Variable)]
+        case _:
+            return []

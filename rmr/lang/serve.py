@@ -24,7 +24,6 @@ from rmr.bytecode.program import (
     Constant,
     DeriveFact,
     Head,
-    Kind,
     Mode,
     Pattern,
     Program,
@@ -40,56 +39,62 @@ Wanted = tuple[int, tuple[Pattern, ...]]
 
 def with_serving(program: Program) -> Program:
     """Return `program` with the actions that serve each scheduled assertion."""
+    backwards = _Backwards(program)
     assertions = tuple(
-        replace(each, serving=serving(program, each)) if each.scheduled else each for each in program.assertions
+        replace(each, serving=backwards.serving(each)) if each.scheduled else each for each in program.assertions
     )
     return replace(program, assertions=assertions)
 
 
-def serving(program: Program, assertion: Assertion) -> tuple[Serving, ...]:
-    """Return the actions that serve `assertion`, in the order in which they are found."""
-    start: Wanted = (assertion.finish.predicate, _known(assertion))
-    seen: dict[Wanted, None] = {start: None}
-    queue = deque([start])
-    found: dict[Serving, None] = {}
-    while queue and len(seen) < STEPS_MAX:
-        wanted = queue.popleft()
-        for serves in _actions(program, wanted):
-            found[serves] = None
-        for earlier in _premises(program, wanted):
-            if earlier not in seen:
-                seen[earlier] = None
-                queue.append(earlier)
-    return tuple(found)
+class _Backwards:
+    """The program read backwards: for each predicate, the effects and the rules that bring it about."""
+
+    def __init__(self, program: Program) -> None:
+        self._effects: dict[int, list[tuple[int, int, tuple[Code, ...]]]] = {}
+        self._rules: dict[int, list[tuple[DeriveFact, list[Atom]]]] = {}
+        for index, action in enumerate(program.predicates):
+            for effect in action.effects:
+                self._effects.setdefault(effect.predicate, []).append((index, len(action.types), effect.args))
+        for rule in program.rules:
+            for derived, atoms in _derivations(rule.head, rule.body):
+                if _is_home(derived.owner):
+                    self._rules.setdefault(derived.predicate, []).append((derived, atoms))
+
+    def serving(self, assertion: Assertion) -> tuple[Serving, ...]:
+        """Return the actions that serve `assertion`, in the order in which they are found."""
+        start: Wanted = (assertion.finish.predicate, _known(assertion))
+        seen: dict[Wanted, None] = {start: None}
+        queue = deque([start])
+        found: dict[Serving, None] = {}
+        while queue and len(seen) < STEPS_MAX:
+            wanted = queue.popleft()
+            found.update(dict.fromkeys(self._actions(wanted)))
+            for earlier in self._premises(wanted):
+                if earlier not in seen:
+                    seen[earlier] = None
+                    queue.append(earlier)
+        return tuple(found)
+
+    def _actions(self, wanted: Wanted) -> Iterator[Serving]:
+        """Yield the actions with an effect that is `wanted`."""
+        predicate, args = wanted
+        for index, arity, effect in self._effects.get(predicate, ()):
+            bound = _unify(args, effect)
+            if bound is not None:
+                yield Serving(index, tuple(bound.get(slot, ANY) for slot in range(1, arity + 1)))
+
+    def _premises(self, wanted: Wanted) -> Iterator[Wanted]:
+        """Yield the facts that the rules need in order to derive what is `wanted`."""
+        predicate, args = wanted
+        for derived, atoms in self._rules.get(predicate, ()):
+            bound = _unify(args, derived.args)
+            if bound is not None:
+                yield from (_wanted(atom, bound) for atom in atoms)
 
 
 def _known(assertion: Assertion) -> tuple[Pattern, ...]:
     bound = {SELF_SLOT, *(each.index for each in assertion.start.args if isinstance(each, Slot))}
     return tuple(each if not isinstance(each, Slot) or each.index in bound else ANY for each in assertion.finish.args)
-
-
-def _actions(program: Program, wanted: Wanted) -> Iterator[Serving]:
-    """Yield the actions with an effect that is `wanted`."""
-    predicate, args = wanted
-    for index, action in enumerate(program.predicates):
-        if action.kind is not Kind.ACTION:
-            continue
-        for effect in action.effects:
-            bound = _unify(args, effect.args) if effect.predicate == predicate else None
-            if bound is not None:
-                yield Serving(index, tuple(bound.get(slot, ANY) for slot in range(1, len(action.types) + 1)))
-
-
-def _premises(program: Program, wanted: Wanted) -> Iterator[Wanted]:
-    """Yield the facts that the rules need in order to derive what is `wanted`."""
-    predicate, args = wanted
-    for rule in program.rules:
-        for derived, body in _derivations(rule.head, rule.body):
-            if derived.predicate != predicate or not _is_home(derived.owner):
-                continue
-            bound = _unify(args, derived.args)
-            if bound is not None:
-                yield from (_wanted(atom, bound) for atom in body)
 
 
 def _derivations(head: tuple[Head, ...], body: tuple[Conjunct, ...]) -> Iterator[tuple[DeriveFact, list[Atom]]]:

@@ -72,7 +72,7 @@ def read_source(path: Path) -> Source:
         raise SourceError(f"cannot read it: {getattr(error, 'strerror', None) or error}", usage=True) from None
     if len(octets) > SOURCE_OCTETS_MAX:
         raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB")
-    if octets.startswith(b"RMR"):
+    if octets.startswith(b"RMR\x1a"):
         raise SourceError("this is byte-code, not source", hint="`rmr dis` shows byte-code as text")
     try:
         return Source(str(path), octets.decode("utf-8"))

@@ -1,0 +1,77 @@
+"""Rules of one robot, on the way to code: steps in the order in which they are taken, variables as slots."""
+
+from dataclasses import dataclass, field
+
+from rmr.bytecode.program import SELF_SLOT, Mode
+from rmr.lang.syntax import Expression, Fact, Literal, Rule, Variable
+
+SELF = "@"
+"""The home robot's name where the rule gives it none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A fact of the home robot; expressions among its arguments have become slots with an equation behind."""
+
+    fact: Fact
+    arguments: tuple[Variable | Literal, ...]
+    """Without the owner."""
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Decide:
+    """A condition that is decided here."""
+
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Let:
+    """A variable that gets its value here."""
+
+    name: str
+    expression: Expression
+
+
+Step = Match | Decide | Let
+
+
+@dataclass(slots=True)
+class Environment:
+    """What stands for each variable of a rule."""
+
+    slots: dict[str, int] = field(default_factory=dict)
+    constants: dict[str, Literal] = field(default_factory=dict)
+    count: int = SELF_SLOT + 1
+
+    def slot(self, name: str) -> int:
+        """Return the slot of `name`, a new one at its first mention."""
+        if name not in self.slots:
+            self.slots[name] = self.count
+            self.count += 1
+        return self.slots[name]
+
+    def knows(self, name: str) -> bool:
+        """Whether `name` has a value already."""
+        return name in self.slots or name in self.constants
+
+
+@dataclass(frozen=True, slots=True)
+class Derivation:
+    """A comprehension of one robot."""
+
+    slots: tuple[int, ...]
+    body: tuple[Step, ...]
+    head: tuple[Fact, ...]
+    environment: Environment
+
+
+@dataclass(frozen=True, slots=True)
+class Projected:
+    """A rule of one robot."""
+
+    rule: Rule
+    environment: Environment
+    body: tuple[Step, ...]
+    head: tuple[Fact | Derivation, ...]
