@@ -30,6 +30,10 @@ SAY_AGAIN_S = 5.0
 log = logging.getLogger("rmr")
 
 
+class InvalidError(Exception):
+    """The program does not go with the lab; the message is what a person is shown."""
+
+
 def _endpoint(text: str) -> str:
     try:
         return check_endpoint(text)
@@ -56,7 +60,9 @@ def parser() -> argparse.ArgumentParser:
         "--listen", type=_endpoint, metavar="ENDPOINT", help=f"where robots connect (default: {DEFAULT_ENDPOINT})"
     )
     place.add_argument("--connect", type=_endpoint, metavar="ENDPOINT", help="be a client of the router there")
-    it.add_argument("--program", type=Path, metavar="PROG", help="another program than the lab file names")
+    it.add_argument(
+        "--program", type=Path, metavar="PROG", help="check the lab's facts against this program (.rmr or .rbc)"
+    )
     it.add_argument("--robots", type=_count, metavar="N", help="only the first N robots of the lab")
     it.add_argument("--seed", type=int, metavar="S", help="another seed than the lab file's")
     it.add_argument("--when-ready", action="store_true", help="lab time starts when all robots are ready")
@@ -68,7 +74,30 @@ def parser() -> argparse.ArgumentParser:
 def _load(options: argparse.Namespace) -> Lab:
     path = options.config / "lab.yaml" if options.config.is_dir() else options.config
     lab = load_lab(path)
+    if options.program is not None:
+        _check_facts(lab, options.program)
     return lab if options.robots is None else lab.with_robots(options.robots)
+
+
+def _check_facts(lab: Lab, path: Path) -> None:
+    """Raise InvalidError unless the program in `path` knows what the lab file states and wants to see finished."""
+    # The front end is heavy, and a world that is given no program starts without it.
+    from rmr.lang.facts import FactError, parse_fact, parse_pattern  # noqa: PLC0415
+    from rmr_world.program import ProgramError, load_program  # noqa: PLC0415
+
+    try:
+        program = load_program(path).program
+    except ProgramError as error:
+        raise InvalidError(str(error)) from None
+    wrong: list[str] = []
+    checks = [*((text, parse_fact) for text in lab.facts), *((text, parse_pattern) for text in [lab.finish] if text)]
+    for text, check in checks:
+        try:
+            check(text, program)
+        except FactError as error:
+            wrong.append(f"{lab.path}: {text}: {error}")
+    if wrong:
+        raise InvalidError("\n".join(wrong))
 
 
 async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
@@ -112,7 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(EXIT_USAGE)
     try:
         lab = _load(options)
-    except LabError as error:
+    except (LabError, InvalidError) as error:
         print(error, file=sys.stderr)
         sys.exit(EXIT_INVALID)
     except OSError as error:
