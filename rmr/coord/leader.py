@@ -165,7 +165,7 @@ def on_issue_timer(c: Context, now: Instant) -> None:
         if c.idle_since is None:
             c.idle_since = now
         elif now >= c.idle_since + c.values.repetition:
-            c.set(Timer.ISSUE, NEVER)
+            c.set(Timer.ISSUE, c.last_issued + c.values.lease + MS)
             return
     changed = ledger.observe(now, c.fence)
     if changed or ledger.open:
