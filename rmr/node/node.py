@@ -20,6 +20,7 @@ from rmr.coord.coordination import Coordination
 from rmr.coord.events import Send
 from rmr.node import wire
 from rmr.node.actions import Dispatcher, Handler, RobotHandle, Running
+from rmr.node.approach import Approach
 from rmr.node.config import NodeConfig
 from rmr.node.exchange import Exchange
 from rmr.node.executive import Executive, Task
@@ -83,6 +84,7 @@ class Node:
         self.localiser = Localiser(config.arena)
         self.peers = Peers()
         self.navigator = Navigator(config.arena, config.robot) if ports.body is not None else None
+        self.approach = Approach(self.navigator) if self.navigator is not None else None
         self._coordination = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1))
         self.turns = Turns(self, self._coordination, digest)
         self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange")), digest)

@@ -17,7 +17,7 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
-from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.coordination import Coordination
@@ -34,14 +34,11 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
-from rmr.node.motion.route import leader_route, shared_part
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-HEADWAY_MARGIN_M = 0.07
-"""Two hulls in a row keep this gap when both drive at full speed."""
 READY: Duration = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
 LEAVE_EARLY: Duration = milliseconds(300)
@@ -79,6 +76,7 @@ class Turn:
     """Direction through the bottleneck."""
     approach: Duration = 0
     inside: Duration = LOGIC_DURATION
+    headway: Duration = LOGIC_DURATION
     release: Instant = 0
     rank: int = 0
     start: Instant = 0
@@ -170,7 +168,7 @@ class Turns:
     # -- asking ---------------------------------------------------------------------------------------------
 
     def _request(self, now: Instant, turn: Turn) -> None:
-        if not self._estimate(turn):
+        if not self._estimate(now, turn):
             return
         turn.requested = True
         self._node.trace(
@@ -186,38 +184,29 @@ class Turns:
                 release=turn.release,
                 duration=turn.inside,
                 deadline=turn.job.deadline,
-                headway=self._headway(turn),
+                headway=turn.headway,
                 way=turn.way,
             ),
         )
 
-    def _headway(self, turn: Turn) -> Duration:
-        if not turn.gated:
-            return turn.inside
-        shape = self._node.arena.shape
-        return seconds((2 * shape.radius + HEADWAY_MARGIN_M) / shape.speed)
-
-    def _estimate(self, turn: Turn) -> bool:
+    def _estimate(self, now: Instant, turn: Turn) -> bool:
         """Work out approach, inside and way; False while the robot does not know where it is."""
         node = self._node
-        if turn.goal is None or node.navigator is None:
+        if turn.goal is None or node.approach is None:
+            turn.headway = turn.inside
             return True
         pose = node.localiser.pose
         if pose is None:
             return False
-        if node.navigator.route is not None and node.navigator.route.gate_m is not None:
-            turn.approach = node.navigator.eta_gate(node.now)
-            return True
-        goal = node.place_of(turn.goal, turn.rank)
-        estimate = node.navigator.estimate(pose, goal, ())
+        estimate = node.approach.estimate(now, pose, node.place_of(turn.goal, turn.rank))
         if estimate is None:
+            turn.headway = turn.inside
             return True
         turn.gated = estimate.inside > 0
         turn.approach = estimate.approach if turn.gated else 0
         turn.inside = estimate.inside if turn.gated else estimate.approach
+        turn.headway = node.approach.headway(turn.goal) if turn.gated else turn.inside
         turn.way = estimate.way
-        if turn.gated and node.navigator.status == "moving":
-            turn.approach += seconds(node.navigator.remaining_m / node.arena.shape.speed) // 2
         return True
 
     def _revise(self, now: Instant, turn: Turn) -> None:
@@ -225,7 +214,7 @@ class Turns:
         if now - turn.revised_at < REVISE_EVERY or not turn.gated:
             return
         turn.revised_at = now
-        self._estimate(turn)
+        self._estimate(now, turn)
         release = now + turn.approach
         if turn.phase is Phase.SLOTTED and release <= turn.start + READY:
             return
@@ -340,9 +329,7 @@ class Turns:
         pose = node.localiser.pose
         if turn is None or turn.goal is None or node.navigator is None or pose is None:
             return
-        start = Point(pose.x, pose.y)
-        route = leader_route(node.arena, start, node.place_of(turn.goal, turn.rank), (), through_gate=True)
-        path = None if route is None else shared_part(node.arena, route)
+        path = node.navigator.plan_shared(pose, node.place_of(turn.goal, turn.rank))
         if path is not None:
             self.shared[turn.way] = path
             self._coordination.offer_path(now, event.event, turn.way, path)

@@ -236,8 +236,8 @@ class Navigator:
         """Leave a stand-off: around the others, or a little way back."""
         stand_off = self._stand_off
         stand_off.mark(now, pose, self._watch.places(now), self.arena.shape.radius)
-        if not self._replan(now, pose, keep=True) or stand_off.tries % 3 == 0:
-            self._back_until = now + seconds(BACK_S)
+        found = self._replan(now, pose, keep=True)
+        self._back_until = now + seconds(BACK_S if found and stand_off.tries % 3 else 2.0 * BACK_S)
 
     def _back(self, pose: Pose) -> Twist:
         """Drive straight back unless something is known to be there."""

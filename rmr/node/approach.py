@@ -1,0 +1,80 @@
+"""How long a robot's way to its gate is, asked again and again while the robot does something else.
+
+A plan costs milliseconds, so it is made from the place where the present drive ends (or from where the robot
+stands) and kept until that place changes; the rest of the drive is added as time.
+"""
+
+from functools import lru_cache
+from itertools import pairwise
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, Pose, distance
+from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.node.motion.navigator import Estimate, Navigator
+from rmr.node.motion.route import leader_route
+
+MOVED_M = 0.05
+"""A cell: a robot that has moved less has the same way."""
+SETTLE: Duration = milliseconds(600)
+"""What turning to the queue's heading and setting out again costs."""
+HEADWAY_MARGIN_M = 0.07
+"""Two hulls in a row keep this gap when both drive at full speed."""
+ORDER_MARGIN: Duration = milliseconds(250)
+"""By how much a robot shall be at its place before the next one is at a nearer place."""
+
+
+class Approach:
+    """Estimates of one robot."""
+
+    def __init__(self, navigator: Navigator) -> None:
+        self._navigator = navigator
+        self._made: tuple[Point, Point, Estimate] | None = None
+
+    def estimate(self, now: Instant, pose: Pose, goal: Point) -> Estimate | None:
+        """Return what the way to `goal` will take from now on; None when there is no way."""
+        navigator = self._navigator
+        route = navigator.route
+        origin, rest = pose, 0
+        if navigator.status == "moving" and route is not None and route.gate_m is None:
+            end = route.points[-1]
+            origin = Pose(end.x, end.y, pose.theta)
+            rest = seconds(navigator.remaining_m / navigator.arena.shape.speed) + SETTLE
+        made = self._plan(origin, goal)
+        if made is None:
+            return None
+        if route is not None and route.gate_m is not None:
+            return made._replace(approach=navigator.eta_gate(now))
+        return made._replace(approach=made.approach + rest)
+
+    def _plan(self, origin: Pose, goal: Point) -> Estimate | None:
+        start = Point(origin.x, origin.y)
+        if self._made is not None:
+            was, to, estimate = self._made
+            if to == goal and distance(*was, *start) <= MOVED_M:
+                return estimate
+        made = self._navigator.estimate(origin, goal, ())
+        if made is not None:
+            self._made = (start, goal, made)
+        return made
+
+    def headway(self, area: Area) -> Duration:
+        """Return the time between two entries into the bottleneck on the way to `area`.
+
+        Hulls keep clear of each other, and where the K-th robot's place is farther than the next one's, the next
+        one waits so much longer that robots finish in the order in which they enter.
+        """
+        arena = self._navigator.arena
+        apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
+        ways = departures(arena, area.name) if area.slotted else ()
+        spread = max((a - b for a, b in pairwise(ways)), default=0.0) / arena.shape.speed
+        return max(seconds(apart), seconds(spread) + ORDER_MARGIN)
+
+
+@lru_cache(maxsize=16)
+def departures(arena: Arena, area_name: str) -> tuple[float, ...]:
+    """Return the ways from the bottleneck to each place of an area, metres; none where there is no way."""
+    gate, area = arena.area(arena.bottleneck or ""), arena.area(area_name)
+    if gate is None or area is None:
+        return ()
+    routes = [leader_route(arena, gate.places[0], place, (), through_gate=False) for place in area.places]
+    return tuple(route.length_m for route in routes if route is not None)
