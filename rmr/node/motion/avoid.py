@@ -25,7 +25,7 @@ from rmr.node.ports import SeenBody
 
 MISS_MARGIN_M = 0.025
 """Closest approach nearer than two radii and this is dangerous."""
-STOP_GAP_M = 0.015
+STOP_GAP_M = 0.02
 """Gap between hulls at which the robot stands."""
 FOLLOW_GAP_M = 0.03
 """A robot that follows another keeps at least this gap."""
@@ -51,8 +51,8 @@ BIAS_M = 0.05
 """How far the detour takes the other to be to the left of where it is."""
 GHOST_S = 2.5
 """How long a detour keeps off the place where the other was."""
-BACK_S = 0.8
-"""Length of a way back."""
+BACK_S = 0.4
+"""Length of the way back that makes room for a detour; twice as long where there is none."""
 BACK_MPS = 0.08
 """Speed of a way back."""
 
@@ -201,12 +201,12 @@ class StandOff:
         return True
 
     def mark(self, now: Instant, pose: Pose, places: Sequence[Point], radius: float) -> None:
-        """Remember `places` of others as obstacles of the detour, shifted to the left of the way to each."""
+        """Remember `places` of others as obstacles of the detour, made wider on the left of the way to each."""
         ghosts = []
         for x, y in places:
             away = math.hypot(x - pose.x, y - pose.y)
             if away > 8.0 * radius or away < 1e-6:
                 continue
             shift = BIAS_M / away
-            ghosts.append(Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift))
+            ghosts += [Point(x, y), Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift)]
         self.ghosts, self.ghosts_until = tuple(ghosts), now + seconds(GHOST_S)

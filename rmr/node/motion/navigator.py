@@ -209,8 +209,10 @@ class Navigator:
             limit = min(limit, 0.5 * self.arena.shape.speed)
         wish = follower.steer(pose, limit)
         allowed = limit_twist(wish, around, self.arena.shape.radius)
-        if not self._gate.waiting(now, follower.route) and self._stand_off.blocked(now, wish, allowed):
-            self._detour(now, pose)
+        if not self._gate.waiting(now, follower.route) or bumped:
+            stuck = STILL if bumped else allowed  # wheels that turn against a hull get nowhere
+            if self._stand_off.blocked(now, wish, stuck):
+                self._detour(now, pose)
         return allowed
 
     def _ready(self, now: Instant, pose: Pose) -> bool:

@@ -1,0 +1,125 @@
+"""The limiter by closing speed, the memory of bodies, and stand-offs."""
+
+import math
+
+from rmr.base.arena import RobotShape
+from rmr.base.geometry import Pose, Twist
+from rmr.base.time import seconds
+from rmr.node.motion.avoid import MEMORY_S, StandOff, Watch, limit_twist, safe_speed
+from rmr.node.ports import SeenBody
+
+RADIUS = 0.07
+FULL = 0.2
+
+
+def body(x: float, y: float = 0.0, vx: float = 0.0, vy: float = 0.0) -> SeenBody:
+    return SeenBody(x, y, vx, vy)
+
+
+def test_an_empty_view_leaves_the_command_alone():
+    assert limit_twist(Twist(FULL, 0.3), (), RADIUS) == Twist(FULL, 0.3)
+
+
+def test_speed_falls_with_the_gap_to_a_standing_body_and_is_zero_at_the_end():
+    speeds = [safe_speed(FULL, [body(0.14 + gap)], RADIUS) for gap in (0.12, 0.06, 0.04, 0.02, 0.01)]
+    assert speeds[0] == FULL
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] == 0.0
+
+
+def test_a_body_that_goes_ahead_at_the_same_speed_does_not_stop_the_robot():
+    assert safe_speed(FULL, [body(0.19, vx=FULL)], RADIUS) == FULL
+
+
+def test_a_body_that_comes_from_behind_never_stops_the_robot():
+    assert safe_speed(FULL, [body(-0.16, vx=0.4)], RADIUS) == FULL
+
+
+def test_a_body_that_is_passed_with_room_does_not_stop_the_robot():
+    assert safe_speed(FULL, [body(0.15, 0.17)], RADIUS) == FULL
+
+
+def test_a_body_that_is_passed_too_close_slows_the_robot():
+    assert safe_speed(FULL, [body(0.12, 0.12)], RADIUS) < FULL
+
+
+def test_touching_bodies_stop_the_robot_whatever_else_it_sees():
+    assert safe_speed(FULL, [body(0.4), body(0.142)], RADIUS) == 0.0
+
+
+def test_an_arc_keeps_its_curvature_when_it_is_slowed():
+    slowed = limit_twist(Twist(FULL, 0.8), [body(0.18)], RADIUS)
+    assert 0.0 < slowed.v < FULL
+    assert math.isclose(slowed.w / slowed.v, 4.0)
+
+
+def test_turning_in_place_and_driving_back_are_not_limited():
+    near = [body(0.145)]
+    assert limit_twist(Twist(0.0, 2.0), near, RADIUS) == Twist(0.0, 2.0)
+    assert limit_twist(Twist(-0.1, 0.0), near, RADIUS) == Twist(-0.1, 0.0)
+
+
+def test_of_two_that_cross_the_one_with_the_other_on_its_right_slows_more():
+    from_right = safe_speed(FULL, [body(0.15, -0.12, 0.0, 0.2)], RADIUS)
+    from_left = safe_speed(FULL, [body(0.15, 0.12, 0.0, -0.2)], RADIUS)
+    assert from_right < from_left
+
+
+def test_a_slow_approach_stops_as_well_as_a_fast_one():
+    assert safe_speed(0.03, [body(0.142)], RADIUS) == 0.0
+
+
+def test_a_body_that_the_robot_turned_away_from_is_remembered_for_a_moment():
+    watch = Watch(RobotShape())
+    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
+    (seen,) = watch.update(seconds(0.2), Pose(0.0, 0.0, math.radians(80)), ())
+    assert math.isclose(math.hypot(seen.x, seen.y), 0.2)
+    assert seen.y < -0.15
+    assert not watch.update(seconds(0.1 + MEMORY_S), Pose(0.0, 0.0, math.radians(80)), ())
+
+
+def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
+    watch = Watch(RobotShape())
+    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
+    assert not watch.update(seconds(0.1), Pose(0.0, 0.0, 0.0), ())
+
+
+def test_a_moving_body_is_remembered_where_it_would_be_now():
+    watch = Watch(RobotShape())
+    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.4)])
+    (seen,) = watch.update(seconds(0.5), Pose(0.0, 0.0, 0.0), ())
+    assert math.isclose(seen.y, 0.2)
+
+
+def test_a_stand_off_begins_when_patience_is_over_and_not_while_the_robot_moves():
+    stand_off = StandOff(robot=0)
+    wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
+    assert not stand_off.blocked(0, wish, stopped)
+    assert not stand_off.blocked(seconds(0.5), wish, wish)
+    assert not stand_off.blocked(seconds(0.6), wish, stopped)
+    assert not stand_off.blocked(seconds(1.2), wish, stopped)
+    assert stand_off.blocked(seconds(1.4), wish, stopped)
+
+
+def test_robots_differ_in_patience():
+    times = []
+    for robot in range(4):
+        stand_off = StandOff(robot)
+        now = 0
+        while not stand_off.blocked(now, Twist(FULL, 0.0), Twist(0.0, 0.0)):
+            now += seconds(0.01)
+        times.append(now)
+    assert len({*times}) == 4
+
+
+def test_a_detour_takes_the_other_to_be_further_left_so_that_both_pass_on_the_right():
+    for theta in (0.0, math.pi / 2, math.pi):
+        stand_off = StandOff(1)
+        ahead = (0.2 * math.cos(theta), 0.2 * math.sin(theta))
+        watch = Watch(RobotShape())
+        watch.update(0, Pose(0.0, 0.0, theta), [body(0.2)])
+        stand_off.mark(0, Pose(0.0, 0.0, theta), watch.places(0), RADIUS)
+        body_itself, ghost = stand_off.ghosts
+        assert math.dist(body_itself, ahead) < 1e-9
+        left = -math.sin(theta) * (ghost.x - ahead[0]) + math.cos(theta) * (ghost.y - ahead[1])
+        assert left > 0.02

@@ -1,0 +1,227 @@
+"""The navigator: one robot's drives, its gate, parked robots, stand-offs, and what others ask of it."""
+
+import math
+
+import bench
+import pytest
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import STILL, Point, Pose, Twist
+from rmr.base.time import in_seconds, seconds
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.priority import Heard
+from rmr.node.ports import SeenBody
+
+ROOM = Arena(1.5, 1.5, 0.05)
+EXIT = Point(1.38, 1.14)
+
+
+def alone(start: Pose = bench.TESTBED_STARTS[0], arena: Arena | None = None, noise: float = 0.0):
+    world = bench.Bench(arena or bench.testbed(), [start], 1, noise)
+    return world, world.bodies[0], world.bodies[0].nav
+
+
+def test_a_new_navigator_is_idle_and_stands():
+    nav = Navigator(ROOM, 1)
+    assert nav.status == "idle"
+    assert nav.step(0, Pose(0.5, 0.5, 0.0), 0.01, (), False) == STILL
+    assert nav.remaining_m == 0.0
+
+
+def test_a_drive_arrives_within_a_centimetre_and_faces_as_ordered():
+    world, body, nav = alone(Pose(0.3, 0.3, 2.0), ROOM)
+    assert nav.go(0, body.estimate, Point(1.2, 0.9), final_heading=-1.0)
+    assert world.run(lambda: nav.status == "arrived", 20)
+    assert math.dist((body.x, body.y), (1.2, 0.9)) < 0.01
+    assert abs(body.theta + 1.0) < 0.05
+    assert not world.contacts
+
+
+def test_a_drive_to_where_the_robot_stands_arrives_at_once():
+    world, body, nav = alone(Pose(0.3, 0.3, 2.0), ROOM)
+    assert nav.go(0, body.estimate, Point(0.3, 0.3))
+    assert world.run(lambda: nav.status == "arrived", 2)
+
+
+def test_noisy_poses_still_arrive():
+    for seed in range(5):
+        world = bench.Bench(bench.testbed(), [bench.TESTBED_STARTS[seed]], seed)
+        body = world.bodies[0]
+        body.nav.go(0, body.estimate, EXIT, through_gate=True)
+        body.nav.gate(None, True)
+        assert world.run(lambda nav=body.nav: nav.status == "arrived", 15)
+        assert math.dist((body.x, body.y), EXIT) < 0.03
+        assert not world.contacts
+
+
+def test_a_closed_gate_stops_the_hull_before_the_entry():
+    world, body, nav = alone()
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    nav.gate(None, False)
+    world.run(lambda: False, 8)
+    assert nav.status == "moving"
+    assert not nav.passed_gate
+    front = nav.route.gate_m - nav.route.project(body.x, body.y, 0.0, 3.0) - 0.07
+    assert 0.0 <= front < 0.03
+    assert body.v == 0.0
+
+
+def test_an_opened_gate_lets_the_robot_pass_and_tells_when_it_is_clear():
+    world, body, nav = alone()
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    nav.gate(None, True)
+    assert world.run(lambda: nav.passed_gate, 10)
+    assert not nav.cleared
+    assert in_seconds(nav.eta_clear(world.now)) == pytest.approx(3.1, abs=0.5)
+    assert world.run(lambda: nav.cleared, 10)
+    assert body.x > 0.9 + 0.04
+    assert nav.eta_clear(world.now) == 0
+
+
+@pytest.mark.parametrize("wait_s", [4.0, 6.0, 12.0])
+def test_a_robot_crosses_the_gates_line_as_its_slot_opens_and_leaves_just_in_time(wait_s):
+    world, body, nav = alone()
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    opens = seconds(wait_s)
+    nav.gate(opens, False)
+    assert in_seconds(nav.eta_gate(0)) < wait_s
+    assert world.run(lambda: nav.eta_gate(world.now) == 0, 20)
+    assert world.time == pytest.approx(wait_s, abs=0.12)
+    nav.gate(opens, True)
+    before = body.distance
+    world.run(lambda: False, world.time + 1.0)
+    assert body.distance - before > 0.17  # it went on without stopping
+
+
+def test_a_robot_that_waits_for_its_time_is_parked_and_one_that_has_left_is_not():
+    world, body, nav = alone()
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    nav.gate(seconds(10), False)
+    world.run(lambda: False, 3)
+    assert nav.parked
+    assert body.distance < 0.001
+    world.run(lambda: False, 8)
+    assert not nav.parked
+
+
+def test_the_estimate_is_what_the_drive_then_takes():
+    for start in bench.TESTBED_STARTS:
+        world, body, nav = alone(start)
+        estimate = nav.estimate(body.estimate, EXIT)
+        assert estimate is not None
+        nav.go(0, body.estimate, EXIT, through_gate=True)
+        nav.gate(None, True)
+        world.run(lambda nav=nav, world=world: nav.eta_gate(world.now) == 0, 10)
+        assert world.time == pytest.approx(in_seconds(estimate.approach), abs=0.45)
+        crossed = world.time
+        world.run(lambda nav=nav: nav.cleared, 10)
+        assert world.time - crossed == pytest.approx(in_seconds(estimate.inside), abs=0.45)
+        assert estimate.way == 0
+
+
+def test_the_estimate_of_a_drive_without_gate_is_its_length():
+    nav = Navigator(ROOM, 1)
+    estimate = nav.estimate(Pose(0.3, 0.3, 0.0), Point(1.3, 0.3))
+    assert estimate is not None
+    assert in_seconds(estimate.approach) == pytest.approx(5.15, abs=0.1)
+    assert estimate.inside == 0
+
+
+def test_without_a_way_the_robot_is_blocked_and_goes_when_the_others_have_left():
+    world, body, nav = alone(Pose(0.2, 0.7, 0.0), ROOM)
+    wall = [Point(0.75, 0.05 + 0.2 * i) for i in range(8)]
+    assert not nav.go(0, body.estimate, Point(1.3, 0.7), parked=wall)
+    assert nav.status == "blocked"
+    world.run(lambda: False, 1)
+    assert nav.status == "blocked"
+    assert body.distance == 0.0
+    nav.update_parked(wall[:2])
+    assert world.run(lambda: nav.status == "arrived", 12)
+
+
+def test_a_robot_that_parks_in_the_way_is_driven_around():
+    world, body, nav = alone(Pose(0.2, 0.7, 0.0), ROOM)
+    nav.go(0, body.estimate, Point(1.3, 0.7))
+    world.run(lambda: False, 1)
+    nav.update_parked([Point(0.8, 0.7)])
+    least = math.inf
+    while world.time < 12 and nav.status != "arrived":
+        world.step()
+        least = min(least, math.dist((body.x, body.y), (0.8, 0.7)))
+    assert nav.status == "arrived"
+    assert least > 0.15
+
+
+def test_noise_of_parked_robots_is_no_reason_to_plan_again():
+    world, body, nav = alone(Pose(0.2, 0.7, 0.0), ROOM)
+    nav.go(0, body.estimate, Point(1.3, 0.7), parked=[Point(0.8, 0.3)])
+    for i in range(10):
+        nav.update_parked([Point(0.8 + 0.001 * i, 0.3)])
+        world.step()
+    assert nav.replans == 1
+
+
+def test_stop_forgets_everything():
+    world, body, nav = alone(Pose(0.2, 0.7, 0.0), ROOM)
+    nav.go(0, body.estimate, Point(1.3, 0.7))
+    world.run(lambda: False, 1)
+    nav.stop()
+    assert nav.status == "idle"
+    assert nav.route is None
+    assert nav.step(world.now, body.estimate, 0.01, (), False) == STILL
+
+
+def test_face_turns_in_place():
+    world, body, nav = alone(Pose(0.5, 0.7, 0.0), ROOM)
+    nav.face(0, 2.5)
+    assert world.run(lambda: nav.status == "arrived", 3)
+    assert abs(body.theta - 2.5) < 0.05
+    assert body.distance == 0.0
+
+
+def test_driving_by_hand_still_stops_if_dangerous():
+    nav = Navigator(ROOM, 1)
+    nav.drive(0.15, 0.0)
+    assert nav.step(0, Pose(0.5, 0.5, 0.0), 0.01, (), False) == Twist(0.15, 0.0)
+    assert nav.step(0, Pose(0.5, 0.5, 0.0), 0.01, (SeenBody(0.142, 0.0, 0.0, 0.0),), False).v == 0.0
+
+
+def test_a_robot_that_does_not_know_where_it_is_drives_slowly():
+    nav = Navigator(ROOM, 1)
+    nav.go(0, Pose(0.3, 0.3, 0.0), Point(1.3, 0.3))
+    assert nav.step(0, Pose(0.3, 0.3, 0.0), 0.5, (), False).v <= 0.1
+
+
+def test_a_robot_late_in_the_order_gives_way_to_one_it_cannot_see():
+    pose = Pose(0.75, 0.3, math.pi / 2)
+    other = Heard(7, Pose(0.4, 0.65, 0.0), Point(1.3, 0.65), 1, 0)
+    yielding, first = Navigator(ROOM, 3), Navigator(ROOM, 3)
+    for nav, rank in ((yielding, 2), (first, 0)):
+        nav.go(0, pose, Point(0.75, 1.3))
+        nav.update_moving(0, rank, [other] if nav is yielding else [other._replace(rank=0)])
+    assert yielding.step(0, pose, 0.01, (), False).v < 0.15
+    assert first.step(0, pose, 0.01, (), False).v == pytest.approx(0.2)
+
+
+def test_two_robots_face_to_face_pass_each_other():
+    starts = [Pose(0.3, 0.75, 0.0), Pose(1.2, 0.75, math.pi)]
+    for seed in range(5):
+        world = bench.Bench(ROOM, starts, seed)
+        a, b = world.bodies
+        a.nav.go(0, a.estimate, Point(1.2, 0.75))
+        b.nav.go(0, b.estimate, Point(0.3, 0.75))
+        assert world.run(lambda a=a, b=b: a.nav.status == b.nav.status == "arrived", 30), seed
+        assert not world.contacts, seed
+
+
+def test_a_step_costs_microseconds():
+    import timeit
+
+    world, body, nav = alone()
+    nav.go(0, body.estimate, EXIT, through_gate=True)
+    nav.gate(None, True)
+    world.run(lambda: False, 3)
+    view = (SeenBody(0.3, 0.05, 0.1, 0.0),)
+    pose = body.estimate
+    best = min(timeit.repeat(lambda: nav.step(world.now, pose, 0.01, view, False), number=500, repeat=5)) / 500
+    assert best < 100e-6  # 20 us measured; the bound leaves room for a busy machine
