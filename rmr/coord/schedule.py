@@ -220,16 +220,16 @@ def _insert(order: list[Task], task: Task, firsts: dict[int, Instant], rules: Ru
 
 def _exchange(order: list[Task], task: Task, firsts: dict[int, Instant], rules: Rules) -> tuple[list[Task], Task]:
     """Put `task` in for the job whose removal brings the end forward most (Moore-Hodgson), if that helps."""
+    ends = [(_end(order[:at] + order[at + 1 :], firsts, rules) or 0, at) for at in range(len(order))]
     end = _end(order, firsts, rules)
-    best, best_end, out = order, end, task
-    for at, other in enumerate(order):
-        trial = _insert(order[:at] + order[at + 1 :], task, firsts, rules)
-        if trial is None:
-            continue
-        trial_end = _end(trial, firsts, rules)
-        if trial_end is not None and best_end is not None and trial_end < best_end:
-            best, best_end, out = trial, trial_end, other
-    return best, out
+    if not ends or end is None:
+        return order, task
+    at = min(ends)[1]
+    trial = _insert(order[:at] + order[at + 1 :], task, firsts, rules)
+    trial_end = None if trial is None else _end(trial, firsts, rules)
+    if trial is None or trial_end is None or trial_end >= end:
+        return order, task
+    return trial, order[at]
 
 
 def _end(order: Sequence[Task], firsts: dict[int, Instant], rules: Rules) -> Instant | None:
