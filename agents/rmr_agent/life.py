@@ -76,6 +76,17 @@ def _as(kind: Type, value: Value) -> Value:
     return value
 
 
+def make_station(config: NodeConfig, radio: dict[str, Any]) -> Station:
+    """Return the robot's radio from the settings that the world tells. Raises RefusedError."""
+    settings = dict(radio)
+    rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
+    try:
+        pan, seed = settings.pop("pan"), settings.pop("seed")
+        return Station(config.robot, pan, seed, rng, RadioConfig(**settings), RADIO_GRACE)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
+
+
 class Life:
     """A node with its ports and its timer."""
 
@@ -96,11 +107,7 @@ class Life:
         self._soon = False
         self._over = False
         self._begun_cpu = 0
-        settings = dict(radio)
-        pan, seed = settings.pop("pan"), settings.pop("seed")
-        rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
-        station = Station(config.robot, pan, seed, rng, RadioConfig(**settings), RADIO_GRACE)
-        self.link = RadioLink(station, self.now, send.air)
+        self.link = RadioLink(make_station(config, radio), self.now, send.air)
         self.body = BusBody(send.act)
         self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
         self.started = False

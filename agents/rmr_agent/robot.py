@@ -80,7 +80,6 @@ class RobotProcess:
         self._life: Life | None = None
         self._told: tuple[Any, ...] = ()
         self._told_s = 0.0
-        self._traced = 0
         self._bus: Bus
 
     def _say_waiting(self) -> None:
@@ -187,12 +186,11 @@ class RobotProcess:
         )
         try:
             config = node_config(self._robot, known, self._loaded.program, self._lives)
+            self._life = Life(config, self._loaded, self._handlers, known.radio, self._clock, send, self._broken)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
-        self._life = Life(config, self._loaded, self._handlers, known.radio, self._clock, send, self._broken)
         self._lives += 1
-        self._traced = 0
         self._clock.forget()
         self._clock_news.set()
         log.info("robot %d is in lab %s", self._robot, known.lab)

@@ -10,14 +10,31 @@ nothing else, whatever the octets, and a message that it returns has the declare
 Each type is one named tuple and one row of `TABLE`; nothing else lists them.
 """
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import msgpack  # type: ignore[import-untyped]
 
 from rmr.base.time import Instant
-from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
+from rmr.base.values import Value
+from rmr.bus.checks import (
+    Check,
+    MalformedError,
+    count,
+    each,
+    flag,
+    group,
+    integer,
+    number,
+    one_of,
+    optional,
+    pack_value,
+    plain,
+    record,
+    robot,
+    text,
+    value,
+)
 
 WORLD_ID = -1
 """The world as a sender."""
@@ -28,19 +45,12 @@ OPERATOR_ID = -2
 MESSAGE_OCTETS_MAX = 1 << 20
 """The largest message that is read; a map with thousands of obstacles stays well below."""
 
-VALUE_DEPTH_MAX = 16
-"""Lists within lists in a fact's arguments."""
-
 STATES = ("waiting", "ready", "running", "finished", "stopped", "failed")
 """What a `Status` says: waiting for the world; ready to start; the lab clock runs; every wanted fact is held;
 ended in order; ended by an error."""
 
 CLOCK_STATES = ("waiting", "running", "stopped")
 """Lab time stands at 0 before the start; runs; stands at the end."""
-
-
-class MalformedError(ValueError):
-    """Octets that are no message of ours; the message says what is wrong with them."""
 
 
 # --- the messages -----------------------------------------------------------------------------------------
@@ -155,125 +165,7 @@ class Stop(NamedTuple):
     reason: str
 
 
-# --- checks: each returns the value in its declared type or raises MalformedError ------------------------------
-
-Check = Callable[[Any], Any]
-
-
-def _number(value: Any) -> float:
-    if type(value) is float and math.isfinite(value):
-        return value
-    if type(value) is int and -(1 << 53) <= value <= 1 << 53:
-        return float(value)
-    raise MalformedError("expected a finite number")
-
-
-def _integer(value: Any) -> int:
-    if type(value) is not int:
-        raise MalformedError("expected an integer")
-    return value
-
-
-def _count(value: Any) -> int:
-    if type(value) is not int or value < 0:
-        raise MalformedError("expected a count")
-    return value
-
-
-def _robot(value: Any) -> int:
-    if type(value) is not int or not 0 <= value <= ROBOT_ID_MAX:
-        raise MalformedError("expected a robot's id")
-    return value
-
-
-def _flag(value: Any) -> bool:
-    if type(value) is not bool:
-        raise MalformedError("expected a flag")
-    return value
-
-
-def _text(value: Any) -> str:
-    if type(value) is not str:
-        raise MalformedError("expected text")
-    return value
-
-
-def _plain(value: Any) -> Any:
-    """Accept what JSON and msgpack share, and octets; lists become tuples."""
-    kind = type(value)
-    if value is None or kind in {bool, int, float, str, bytes}:
-        return value
-    if kind is list:
-        return tuple(_plain(item) for item in value)
-    if kind is dict:
-        return {_text(key): _plain(item) for key, item in value.items()}
-    raise MalformedError("expected plain data")
-
-
-def _record(value: Any) -> dict[str, Any]:
-    if type(value) is not dict:
-        raise MalformedError("expected a record")
-    return {_text(key): _plain(item) for key, item in value.items()}
-
-
-def _one_of(words: tuple[str, ...]) -> Check:
-    def check(value: Any) -> str:
-        if type(value) is not str or value not in words:
-            raise MalformedError(f"expected one of {', '.join(words)}")
-        return value
-
-    return check
-
-
-def _optional(inner: Check) -> Check:
-    return lambda value: None if value is None else inner(value)
-
-
-def _each(inner: Check) -> Check:
-    def check(value: Any) -> tuple[Any, ...]:
-        if type(value) is not list:
-            raise MalformedError("expected a list")
-        return tuple([inner(item) for item in value])
-
-    return check
-
-
-def _group(*inner: Check) -> Check:
-    def check(value: Any) -> tuple[Any, ...]:
-        if type(value) is not list or len(value) != len(inner):
-            raise MalformedError(f"expected {len(inner)} values")
-        return tuple([test(item) for test, item in zip(inner, value, strict=True)])
-
-    return check
-
-
-# --- values of facts: symbols and robots keep their type ---------------------------------------------------
-
-
-def pack_value(value: Value) -> Any:
-    """Return `value` as plain data in which symbols, robots and lists are marked."""
-    if isinstance(value, Symbol):
-        return ["s", str(value)]
-    if isinstance(value, Robot):
-        return ["r", int(value)]
-    if isinstance(value, tuple):
-        return ["l", *map(pack_value, value)]
-    return value
-
-
-def _value(packed: Any, depth: int = 0) -> Value:
-    if type(packed) in {bool, int, float, str}:
-        return packed  # type: ignore[no-any-return]
-    if type(packed) is not list or not packed or depth > VALUE_DEPTH_MAX:
-        raise MalformedError("expected a value")
-    mark, *rest = packed
-    if mark == "l":
-        return tuple([_value(item, depth + 1) for item in rest])
-    if mark == "s" and len(rest) == 1:
-        return Symbol(_text(rest[0]))
-    if mark == "r" and len(rest) == 1:
-        return Robot(_robot(rest[0]))
-    raise MalformedError("expected a value")
+# --- the table ------------------------------------------------------------------------------------------
 
 
 def _pack_map(message: tuple[Any, ...]) -> list[Any]:
@@ -285,8 +177,6 @@ def _pack_map(message: tuple[Any, ...]) -> list[Any]:
         finish = [name, [None if pattern is None else pack_value(pattern) for pattern in patterns]]
     return list(fields._replace(facts=facts, finish=finish))  # type: ignore[arg-type]
 
-
-# --- the table ----------------------------------------------------------------------------------------------
 
 Message = Air | Sense | Act | AskClock | Clock | AskMap | Map | Truth | Status | Stop
 
@@ -301,46 +191,25 @@ class Row(NamedTuple):
     pack: Callable[[tuple[Any, ...]], Any] = list
 
 
-_POSE = _group(_number, _number, _number)
+_XYZ = group(number, number, number)
+_FOUR = group(number, number, number, number)
+_SAMPLE = (integer, number, number, number, number, each(group(count, number)), each(_FOUR), flag, _XYZ)
+_FACT = group(text, optional(robot), each(value))
+_PATTERN = group(text, each(optional(value)))
+_LAB = (text, flag, flag, integer, each(robot), record, record, each(_FACT), optional(_PATTERN), one_of(CLOCK_STATES))
+_BODY = group(robot, number, number, number, number)
 
 TABLE = (
-    Row(1, Air, (_each(_plain),)),
-    Row(
-        2,
-        Sense,
-        (
-            *(_integer, _number, _number, _number, _number),
-            _each(_group(_count, _number)),
-            _each(_group(_number, _number, _number, _number)),
-            _flag,
-            _POSE,
-        ),
-    ),
-    Row(3, Act, (_number, _number, _integer)),
+    Row(1, Air, (each(plain),)),
+    Row(2, Sense, _SAMPLE),
+    Row(3, Act, (number, number, integer)),
     Row(4, AskClock, ()),
-    Row(5, Clock, (_one_of(CLOCK_STATES), _integer, _integer)),
-    Row(6, AskMap, (_robot, _count)),
-    Row(
-        7,
-        Map,
-        (
-            *(_text, _flag, _flag, _integer, _each(_robot), _record, _record),
-            _each(_group(_text, _optional(_robot), _each(_value))),
-            _optional(_group(_text, _each(_optional(_value)))),
-            _one_of(CLOCK_STATES),
-        ),
-        _pack_map,
-    ),
-    Row(
-        8,
-        Truth,
-        (
-            *(_integer, _each(_group(_robot, _number, _number, _number, _number))),
-            *(_count, _optional(_number), _count, _flag),
-        ),
-    ),
-    Row(9, Status, (_one_of(STATES), _text, _flag, _flag, _integer, _record)),
-    Row(10, Stop, (_text,)),
+    Row(5, Clock, (one_of(CLOCK_STATES), integer, integer)),
+    Row(6, AskMap, (robot, count)),
+    Row(7, Map, _LAB, _pack_map),
+    Row(8, Truth, (integer, each(_BODY), count, optional(number), count, flag)),
+    Row(9, Status, (one_of(STATES), text, flag, flag, integer, record)),
+    Row(10, Stop, (text,)),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 
@@ -380,7 +249,7 @@ def decode(data: bytes) -> Envelope:
     if len(fields) != len(row.checks):
         raise MalformedError(f"{row.kind.__name__} has {len(row.checks)} fields")
     values = [check(field) for check, field in zip(row.checks, fields, strict=True)]
-    return Envelope(_integer(sender), _count(run), _count(number), row.kind(*values))
+    return Envelope(integer(sender), count(run), count(number), row.kind(*values))
 
 
 STREAMS_MAX = 4096

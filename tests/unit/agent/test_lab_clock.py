@@ -1,6 +1,6 @@
 """Lab time in a robot process: estimated from round trips, monotone while one clock runs."""
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmr.base.time import NS_PER_MS, NS_PER_S
@@ -22,6 +22,7 @@ def test_equal_ways_give_the_exact_offset_however_long_the_world_took():
     assert clock.delay == 2 * MS
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 20 * MS), st.integers(0, 20 * MS)), min_size=1, max_size=SAMPLES_MAX),
     st.integers(-(10**15), 10**15),
@@ -35,6 +36,7 @@ def test_the_error_is_at_most_half_of_the_shortest_round_trip(ways, offset):
     assert abs(clock.at(now) - (now + offset)) <= shortest // 2 + 1
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 20 * MS), st.integers(0, 20 * MS)), min_size=2, max_size=20))
 def test_lab_time_never_goes_back_while_the_same_clock_runs(ways):
     clock, seen = LabClock(), []

@@ -93,7 +93,7 @@ def typed(value):
 
 @pytest.mark.parametrize("row", wire.TABLE, ids=lambda row: row.kind.__name__)
 def test_every_message_arrives_as_it_was_sent(row):
-    @settings(max_examples=60)
+    @settings(max_examples=60, deadline=None)
     @given(MESSAGES[row.kind], st.integers(-2, ROBOT_ID_MAX), counts, counts)
     def holds(body, sender, run, number):
         arrived = decode(encode(sender, run, number, body))
@@ -117,13 +117,13 @@ def decodes_or_is_malformed(data):
     assert decode(encode(*message[:3], message.body)) == message
 
 
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=80))
 def test_no_octets_make_decoding_fail_in_any_other_way(data):
     decodes_or_is_malformed(data)
 
 
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 @given(st.sampled_from(list(MESSAGES)).flatmap(MESSAGES.get), st.data())
 def test_a_damaged_message_is_malformed_or_another_valid_one(body, data):
     octets = bytearray(encode(4, 1, 1, body))
@@ -132,7 +132,7 @@ def test_a_damaged_message_is_malformed_or_another_valid_one(body, data):
     decodes_or_is_malformed(bytes(octets))
 
 
-@settings(max_examples=100)
+@settings(max_examples=100, deadline=None)
 @given(st.sampled_from(list(MESSAGES)).flatmap(MESSAGES.get), st.data())
 def test_a_truncated_message_is_malformed(body, data):
     octets = encode(4, 1, 1, body)
@@ -140,7 +140,7 @@ def test_a_truncated_message_is_malformed(body, data):
         decode(octets[: data.draw(st.integers(0, len(octets) - 1))])
 
 
-@settings(max_examples=200)
+@settings(max_examples=200, deadline=None)
 @given(st.sampled_from([row.code for row in wire.TABLE]), st.lists(plain, max_size=9))
 def test_fields_of_wrong_types_are_malformed_or_fit(code, fields):
     decodes_or_is_malformed(msgpack.packb([code, 4, 1, 1, *fields]))

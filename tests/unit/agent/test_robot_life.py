@@ -1,0 +1,228 @@
+"""One life of a robot: when its node is called, driven by a clock and a node that the test plays."""
+
+import asyncio
+import time
+from dataclasses import asdict
+
+import pytest
+
+from rmr.base import arena
+from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
+from rmr.base.values import Symbol
+from rmr.bus import wire
+from rmr.bytecode.program import ANY, Base, Constant, Kind, Predicate, Program, Type
+from rmr.radio.station import RadioConfig
+from rmr_agent import life as lives
+from rmr_agent.bytecode import Loaded, RefusedError
+from rmr_agent.clock import LabClock
+from rmr_agent.life import Life, Sender, node_config
+
+MS = NS_PER_MS
+FLOAT, INT, LIST = Type(Base.FLOAT), Type(Base.INT), Type(Base.LIST, element=Type(Base.FLOAT))
+PROGRAM = Program(
+    (
+        Predicate("due", Kind.PERSISTENT, (FLOAT,)),
+        Predicate("count", Kind.TEMPORARY, (INT,)),
+        Predicate("row", Kind.TEMPORARY, (LIST,)),
+    )
+)
+RADIO = {"pan": 7, "seed": 1} | asdict(RadioConfig())
+
+
+def known(facts=(), finish=None, floor=None):
+    floor = arena.to_data(arena.Arena(1.0, 1.0, 0.05)) if floor is None else floor
+    message = wire.Map("x", True, False, 3, (1, 2), floor, RADIO, tuple(facts), finish, "waiting")
+    return wire.decode(wire.encode(-1, 1, 1, message)).body
+
+
+# --- what the world tells becomes the node's configuration ---------------------------------------------------
+
+
+def test_the_labs_facts_take_the_types_of_the_program():
+    facts = [("due", 1, (25,)), ("count", None, (25,)), ("row", 1, ((1, 2.5),)), ("due", 2, (9,))]
+    config = node_config(1, known(facts), PROGRAM, 4)
+    assert [repr(fact) for fact in config.facts] == [
+        "('due', 1, (25.0,))",
+        "('count', None, (25,))",
+        "('row', 1, ((1.0, 2.5),))",
+    ]
+    assert (config.robot, config.roster, config.seed, config.epoch) == (1, (1, 2), 3, 4)
+
+
+def test_the_finish_pattern_arrives_with_its_anonymous_parts():
+    config = node_config(1, known(finish=("at", (Symbol("exit"), None))), PROGRAM, 0)
+    assert config.finish == ("at", (Constant(Symbol("exit")), ANY))
+    assert node_config(1, known(), PROGRAM, 0).finish is None
+
+
+@pytest.mark.parametrize("fact", [("late", 1, (3,)), ("due", None, (1, 2))])
+def test_a_fact_that_does_not_fit_the_program_is_refused(fact):
+    with pytest.raises(RefusedError, match=fact[0]):
+        node_config(1, known([fact]), PROGRAM, 0)
+
+
+def test_an_arena_that_is_none_is_refused():
+    with pytest.raises(RefusedError, match="arena"):
+        node_config(1, known(floor={"width": 3}), PROGRAM, 0)
+
+
+def test_a_radio_of_settings_that_the_robot_does_not_know_is_refused(monkeypatch):
+    with pytest.raises(RefusedError, match="radio"):
+        lives.make_station(node_config(1, known(), PROGRAM, 0), RADIO | {"colour": 3})
+
+
+# --- when the node is called -------------------------------------------------------------------------------------
+
+
+class StubNode:
+    """Notes when it is called, and wants to be called when it is told."""
+
+    def __init__(self, config, program, ports, handlers, digest):
+        self.ports, self.next_wake = ports, 0
+        self.calls, self.started = [], None
+        self.wakes = []
+
+    def start(self, now):
+        self.started = now
+
+    def tick(self, now):
+        self.calls.append(now)
+        self.ports.body.sense()
+        self.ports.link.receive()
+        assert self.ports.spent() >= 0
+        self.next_wake = self.wakes.pop(0) if self.wakes else NEVER
+
+
+def live(monkeypatch, scene):
+    """Run `scene(life, clock, node, failures)` with a stub for the node."""
+    monkeypatch.setattr(lives, "Node", StubNode)
+
+    async def play():
+        clock, failures = LabClock(), []
+        silent = Sender(lambda body: None, lambda body: None)
+        life = Life(node_config(1, known(), PROGRAM, 0), Loaded(PROGRAM, 1), {}, RADIO, clock, silent, failures.append)
+        try:
+            await scene(life, clock, life.node, failures)
+        finally:
+            life.end()
+
+    asyncio.run(play())
+
+
+def start(clock, ahead=0):
+    now = time.monotonic_ns()
+    clock.sample("running", now, -ahead, -ahead, now)
+
+
+def sample(stamp=0):
+    return wire.Sense(stamp, 0.0, 0.0, 0.0, 0.0, (), (), False, (0.5, 0.5, 0.0))
+
+
+async def until(claim):
+    async with asyncio.timeout(5):
+        while not claim():
+            await asyncio.sleep(0.001)
+
+
+def test_a_robot_is_ready_when_its_body_answers_and_it_knows_lab_time(monkeypatch):
+    async def scene(life, clock, node, failures):
+        assert not life.ready
+        life.sense(sample())
+        assert not life.ready
+        clock.sample("waiting", 0, 0, 0, 0)
+        assert life.ready
+        await asyncio.sleep(0.01)
+        assert (life.started, node.calls) == (False, [])
+
+    live(monkeypatch, scene)
+
+
+def test_a_robot_does_not_start_before_lab_time_0(monkeypatch):
+    async def scene(life, clock, node, failures):
+        life.sense(sample())
+        start(clock, ahead=30 * MS)
+        life.wake()
+        await until(lambda: life.started)
+        assert 0 <= node.started < 100 * MS
+
+    live(monkeypatch, scene)
+
+
+def test_the_node_is_called_when_it_wants_to_be_and_not_before(monkeypatch):
+    async def scene(life, clock, node, failures):
+        node.wakes = [40 * MS, 80 * MS]
+        life.sense(sample())
+        start(clock)
+        life.wake()
+        await until(lambda: len(node.calls) == 3)
+        await asyncio.sleep(0.02)
+        assert len(node.calls) == 3
+        assert node.calls[1] >= 40 * MS
+        assert node.calls[2] >= 80 * MS
+
+    live(monkeypatch, scene)
+
+
+def test_a_sample_wakes_an_idle_node_but_not_one_that_will_look_within_a_frame(monkeypatch):
+    async def scene(life, clock, node, failures):
+        life.sense(sample())
+        start(clock)
+        life.wake()
+        await until(lambda: node.calls)
+        life.sense(sample(1))
+        await until(lambda: len(node.calls) == 2)
+        node.next_wake = life.now() + 10 * MS
+        life.sense(sample(2))
+        await asyncio.sleep(0.003)
+        assert len(node.calls) == 2
+
+    live(monkeypatch, scene)
+
+
+def test_a_node_that_always_wants_more_leaves_the_event_loop_its_turns(monkeypatch):
+    async def scene(life, clock, node, failures):
+        node.wakes = [0] * 40
+        life.sense(sample())
+        start(clock)
+        life.wake()
+        rounds = 0
+        while len(node.calls) < 41:
+            await asyncio.sleep(0)
+            rounds += 1
+        assert rounds >= 41 // lives.TURNS_MAX
+
+    live(monkeypatch, scene)
+
+
+def test_an_error_of_the_node_is_handed_to_the_host_once(monkeypatch):
+    async def scene(life, clock, node, failures):
+        node.start = lambda now: 1 // 0
+        life.sense(sample())
+        start(clock)
+        life.wake()
+        await until(lambda: failures)
+        await asyncio.sleep(0.01)
+        assert [type(error) for error in failures] == [ZeroDivisionError]
+
+    live(monkeypatch, scene)
+
+
+def test_after_its_end_a_life_is_never_called_again(monkeypatch):
+    async def scene(life, clock, node, failures):
+        life.sense(sample())
+        start(clock)
+        life.end()
+        life.wake()
+        life.sense(sample(1))
+        await asyncio.sleep(0.01)
+        assert (node.calls, life.started) == ([], False)
+
+    live(monkeypatch, scene)
+
+
+def test_a_clock_that_is_a_second_ahead_of_the_robots_is_followed(monkeypatch):
+    async def scene(life, clock, node, failures):
+        start(clock, ahead=-NS_PER_S)
+        assert NS_PER_S <= life.now() < 2 * NS_PER_S
+
+    live(monkeypatch, scene)

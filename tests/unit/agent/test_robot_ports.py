@@ -1,0 +1,94 @@
+"""The radio and the body of a robot process, over a bus that the test plays."""
+
+from random import Random
+
+from rmr.base.geometry import STILL, Twist
+from rmr.base.time import NS_PER_MS
+from rmr.bus import wire
+from rmr.node.ports import SeenBody
+from rmr.radio.station import Station
+from rmr_agent.ports import FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink
+
+MS = NS_PER_MS
+
+
+class Ether:
+    """Two robots' links whose announcements reach the other `late` ns after they were made."""
+
+    def __init__(self, late):
+        self.now, self.late, self.under_way = 0, late, []
+        self.links = {}
+        for address in (1, 2):
+            station = Station(address, 7, 1, Random(address), grace=RADIO_GRACE)
+            self.links[address] = RadioLink(
+                station, lambda: self.now, lambda body, who=address: self.under_way.append((self.now + late, who, body))
+            )
+
+    def run(self, duration):
+        end = self.now + duration
+        while self.now < end:
+            self.now += MS // 4
+            for at, who, body in [item for item in self.under_way if item[0] <= self.now]:
+                self.under_way.remove((at, who, body))
+                self.links[3 - who].hear(wire.decode(wire.encode(who, 1, 1, body)).body.announcement)
+            for address, link in self.links.items():
+                link.advance(self.now, float(address), 0.0)
+
+
+def test_a_unicast_whose_announcement_is_2_ms_late_arrives_and_is_confirmed():
+    ether = Ether(late=2 * MS)
+    ether.links[1].transmit(b"\x20hello", 2, 17)
+    ether.run(60 * MS)
+    received = ether.links[2].receive()
+    assert [(frame.payload, frame.source, frame.unicast) for frame in received] == [(b"\x20hello", 1, True)]
+    assert [tuple(done) for done in ether.links[1].confirmations()] == [(17, "ok")]
+    assert not ether.links[1].waiting
+    assert not ether.links[2].waiting
+
+
+def test_an_announcement_that_is_none_is_counted_and_dropped():
+    ether = Ether(late=0)
+    ether.links[1].hear((1, 2, 3))
+    ether.links[1].hear(("a",) * 9)
+    assert ether.links[1].malformed == 2
+
+
+def test_frames_that_nobody_fetches_are_bounded():
+    ether = Ether(late=0)
+    ether.links[1]._received.extend([None] * (FRAMES_MAX + 5))
+    assert len(ether.links[1].receive()) == FRAMES_MAX
+
+
+def sample(stamp, bodies=()):
+    return wire.Sense(stamp, 0.1, 0.2, 0.0, 1.0, ((0, 1.5),), bodies, False, (0.4, 0.6, 1.0))
+
+
+def test_a_sample_reaches_the_node_as_it_was_sensed():
+    body = BusBody(lambda message: None)
+    assert body.place is None
+    body.feed(sample(5, ((0.1, 0.2, 0.3, 0.4),)))
+    (sensed,) = body.sense()
+    assert (sensed.stamp, sensed.left_m, sensed.right_m, sensed.ranges) == (5, 0.1, 0.2, ((0, 1.5),))
+    assert sensed.bodies == (SeenBody(0.1, 0.2, 0.3, 0.4),)
+    assert sensed.bodies[0].vy == 0.4
+    assert (body.place, body.waiting, body.sense()) == ((0.4, 0.6), False, [])
+
+
+def test_before_the_start_only_the_newest_sample_is_kept_and_later_ones_are_bounded():
+    body = BusBody(lambda message: None)
+    for stamp in range(3):
+        body.feed(sample(stamp))
+        body.keep_newest()
+    assert [sensed.stamp for sensed in body.sense()] == [2]
+    for stamp in range(SAMPLES_MAX + 9):
+        body.feed(sample(stamp))
+    assert len(body.sense()) == SAMPLES_MAX
+
+
+def test_a_wheel_command_leaves_with_its_instant():
+    sent = []
+    body = BusBody(sent.append)
+    assert body.twist == STILL
+    body.act(Twist(0.2, -1.0), 99)
+    assert sent == [wire.Act(0.2, -1.0, 99)]
+    assert body.twist == Twist(0.2, -1.0)

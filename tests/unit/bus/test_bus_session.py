@@ -1,0 +1,246 @@
+"""Sessions on loopback: a router and its clients in one process, each behind `Bus`."""
+
+import asyncio
+import json
+import socket
+import time
+
+import pytest
+
+from rmr.bus import session, wire
+from rmr.bus.session import BusError, NobodyThereError, check_endpoint, open_bus, open_when_there
+
+
+def free_endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+async def until(claim):
+    async with asyncio.timeout(10):
+        while not claim():
+            await asyncio.sleep(0.002)
+
+
+def on_a_star(scene, clients=2):
+    """Run `scene(router, *clients)` and close everything."""
+
+    async def play():
+        endpoint = free_endpoint()
+        buses = [open_bus(wire.WORLD_ID, listen=endpoint)]
+        try:
+            buses += [open_bus(client + 1, connect=endpoint) for client in range(clients)]
+            await scene(*buses)
+        finally:
+            for bus in reversed(buses):
+                bus.close()
+                bus.close()
+
+    asyncio.run(play())
+
+
+def test_what_one_client_publishes_reaches_the_other_through_the_router_in_order():
+    async def scene(_router, one, two):
+        heard = []
+        two.subscribe("rmr/x/body/*/act", lambda key, message: heard.append((key, message)))
+        await until(lambda: one.publish("rmr/x/body/1/act", wire.Act(0.0, 0.0, 0)) or heard)
+        heard.clear()
+        for stamp in range(100):
+            one.publish("rmr/x/body/1/act", wire.Act(0.1, -0.2, stamp))
+        await until(lambda: len(heard) >= 100)
+        bodies = [message.body for _, message in heard if message.body.v]
+        assert bodies == [wire.Act(0.1, -0.2, stamp) for stamp in range(100)]
+        assert {(key, message.sender, message.run) for key, message in heard} == {("rmr/x/body/1/act", 1, one.run)}
+        assert two.losses.lost == 0
+
+    on_a_star(scene)
+
+
+def test_nobody_hears_his_own_messages():
+    async def scene(router, one):
+        heard = {"router": [], "one": []}
+        router.subscribe("rmr/x/radio/0/0", lambda _, message: heard["router"].append(message.sender))
+        one.subscribe("rmr/x/radio/0/0", lambda _, message: heard["one"].append(message.sender))
+
+        def both():
+            for bus in (router, one):
+                bus.publish("rmr/x/radio/0/0", wire.Air(()))
+            return heard["router"] and heard["one"]
+
+        await until(both)
+        assert set(heard["router"]) == {1}
+        assert set(heard["one"]) == {wire.WORLD_ID}
+
+    on_a_star(scene, clients=1)
+
+
+def test_a_question_is_answered_by_all_who_serve_it_with_the_instants_of_arrival():
+    async def scene(router, one, two):
+        arrivals = []
+
+        def answer(message, arrived):
+            arrivals.append(arrived)
+            return wire.Clock("running", message.sender, 7)
+
+        router.serve("rmr/a/clock", answer)
+        two.serve("rmr/b/clock", answer)
+        replies = []
+        while len(replies) < 2:
+            asked = time.monotonic_ns()
+            replies = await one.ask("rmr/*/clock", wire.AskClock(), 1.0)
+        assert {envelope.sender for envelope, _ in replies} == {wire.WORLD_ID, 2}
+        assert all(envelope.body == wire.Clock("running", 1, 7) for envelope, _ in replies)
+        assert all(asked < arrived < received for arrived in arrivals[-2:] for _, received in replies)
+
+    on_a_star(scene)
+
+
+def test_a_question_that_nobody_serves_has_no_replies_and_does_not_wait():
+    async def scene(_router, one):
+        begun = time.monotonic()
+        assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 5.0) == []
+        assert time.monotonic() - begun < 2.0
+
+    on_a_star(scene, clients=1)
+
+
+def test_a_question_that_is_not_answered_ends_after_its_time():
+    async def scene(router, one):
+        router.serve("rmr/x/map", lambda message, arrived: None)
+        await asyncio.sleep(0.05)
+        assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 0.2) == []
+
+    on_a_star(scene, clients=1)
+
+
+def test_a_malformed_message_or_question_is_counted_and_dropped():
+    async def scene(router, one):
+        heard = []
+        router.subscribe("rmr/x/truth", lambda _, message: heard.append(message))
+        router.serve("rmr/x/map", lambda message, arrived: wire.Stop("never"))
+        raw = one._session
+
+        def disturb():
+            raw.put("rmr/x/truth", b"\xc1 noise")
+            return router.losses.malformed
+
+        await until(disturb)
+        before = router.losses.malformed
+        raw.get("rmr/x/map", payload=b"noise", timeout=0.2)
+        await until(lambda: router.losses.malformed > before)
+        assert heard == []
+
+    on_a_star(scene, clients=1)
+
+
+def test_tokens_show_who_is_alive_those_before_the_watch_too_and_vanish_with_their_session():
+    async def scene(router, one, two):
+        one.declare_alive("rmr/x/alive/robot/1")
+        seen = {}
+        await asyncio.sleep(0.05)
+        router.watch_alive("rmr/x/alive/robot/*", seen.__setitem__)
+        withdraw = two.declare_alive("rmr/x/alive/robot/2")
+        await until(lambda: seen == {"rmr/x/alive/robot/1": True, "rmr/x/alive/robot/2": True})
+        withdraw()
+        one.close()
+        await until(lambda: seen == {"rmr/x/alive/robot/1": False, "rmr/x/alive/robot/2": False})
+
+    on_a_star(scene)
+
+
+def test_a_client_knows_when_it_loses_its_router_and_when_another_takes_its_place():
+    async def play():
+        endpoint = free_endpoint()
+        router = open_bus(wire.WORLD_ID, listen=endpoint)
+        one = open_bus(1, connect=endpoint)
+        changes, seen = [], []
+        one.on_transport = changes.append
+        await until(lambda: one.connected)
+        one.declare_alive("rmr/x/alive/robot/1")
+        router.close()
+        await until(lambda: changes[-1:] == [False])
+        router = open_bus(wire.WORLD_ID, listen=endpoint)
+        router.watch_alive("rmr/x/alive/robot/*", lambda key, alive: seen.append((key, alive)))
+        await until(lambda: changes[-1:] == [True])
+        await until(lambda: seen == [("rmr/x/alive/robot/1", True)])
+        one.close()
+        router.close()
+
+    asyncio.run(play())
+
+
+def test_after_closing_nothing_is_sent_and_nothing_arrives():
+    async def scene(router, one):
+        heard = []
+        router.subscribe("rmr/x/truth", lambda _, message: heard.append(message))
+        one.close()
+        one.publish("rmr/x/truth", wire.Stop("late"))
+        await asyncio.sleep(0.05)
+        assert heard == []
+
+    on_a_star(scene, clients=1)
+
+
+def test_a_second_router_at_the_same_place_is_told_that_it_is_in_use():
+    async def play():
+        endpoint = free_endpoint()
+        router = open_bus(wire.WORLD_ID, listen=endpoint)
+        with pytest.raises(BusError, match="is in use: another world runs there"):
+            open_bus(wire.WORLD_ID, listen=endpoint)
+        router.close()
+
+    asyncio.run(play())
+
+
+def test_a_client_waits_for_its_router_and_tells_each_time_that_it_is_not_there():
+    async def play():
+        endpoint = free_endpoint()
+        with pytest.raises(NobodyThereError, match="nobody listens"):
+            open_bus(1, connect=endpoint)
+        told, routers = [], []
+
+        def waiting():
+            told.append(1)
+            if len(told) == 2:
+                routers.append(open_bus(wire.WORLD_ID, listen=endpoint))
+
+        one = await open_when_there(1, endpoint, waiting)
+        assert (len(told), one.is_client, routers[0].is_client) == (2, True, False)
+        one.close()
+        routers[0].close()
+
+    asyncio.run(play())
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "udp/robot-host.local:1", "ws/a:65535"])
+def test_an_endpoint_is_protocol_host_and_port(endpoint):
+    assert check_endpoint(endpoint) == endpoint
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    ["", "7447", "127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:7447", "tcp/a:0", "tcp/a:65536", "xyz/a:1", "tcp/a:1/b"],
+)
+def test_anything_else_is_no_endpoint_and_the_message_shows_one(endpoint):
+    with pytest.raises(BusError, match=r"for example tcp/127\.0\.0\.1:7447"):
+        check_endpoint(endpoint)
+
+
+def test_an_address_that_is_not_this_machines_cannot_be_listened_on():
+    async def play():
+        with pytest.raises(BusError, match=r"cannot use tcp/192\.0\.2\.1:7447"):
+            open_bus(wire.WORLD_ID, listen="tcp/192.0.2.1:7447")
+
+    asyncio.run(play())
+
+
+def test_the_session_follows_the_rules_of_the_star():
+    config = session._config("tcp/127.0.0.1:1", None)
+    client = session._config(None, "tcp/127.0.0.1:1")
+    assert json.loads(config.get_json("mode")) == "router"
+    assert json.loads(client.get_json("mode")) == "client"
+    for each in (config, client):
+        assert json.loads(each.get_json("scouting/multicast/enabled")) is False
+        assert json.loads(each.get_json("transport/link/tx/lease")) == 3000
+        assert json.loads(each.get_json("connect/exit_on_failure")) is False
