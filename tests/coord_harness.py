@@ -161,6 +161,17 @@ class Model:
             mind.core.ready(self.now, EVENT, True)
             self.settle(mind)
 
+    def unready(self, when: Instant, robot: int, duration: int) -> None:
+        """The robot is off its gate for a while."""
+
+        def turn(ready: bool) -> None:
+            mind = self.minds[robot]
+            mind.core.ready(self.now, EVENT, ready)
+            self.settle(mind)
+
+        self.at(when, lambda: turn(False))
+        self.at(when + duration, lambda: turn(True))
+
     def withdraw(self, when: Instant, robot: int) -> None:
         def stop() -> None:
             mind = self.minds[robot]

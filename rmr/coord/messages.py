@@ -182,11 +182,6 @@ def on_grid(instant: Instant) -> Instant:
     return instant - instant % GRID
 
 
-def event_of(payload: bytes) -> bytes:
-    """Return the event that a frame speaks of. The frame must be long enough for a header."""
-    return payload[1 : 1 + EVENT_OCTETS]
-
-
 def encode(message: Message) -> bytes:
     """Return the frame of `message`. Raises ValueError when it breaks a bound that no caller may break."""
     return _ENCODERS[type(message)](message)

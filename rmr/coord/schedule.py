@@ -250,8 +250,9 @@ def _steady(best: list[Task], standing: Sequence[Placed], rules: Rules, old: Seq
     """Return the old order of the jobs instead of `best` when it costs neither a job nor a headway."""
     by_robot = {task.robot: task for task in best}
     kept = [by_robot[robot] for robot in old if robot in by_robot]
-    if len(kept) < len(best):
-        return best
+    for task in best:
+        if task.robot not in old:
+            kept = _fit(kept, task, standing, rules)
     new_starts, old_starts = place(best, standing, rules), place(kept, standing, rules)
     if on_time(kept, old_starts) < on_time(best, new_starts):
         return best
@@ -259,3 +260,15 @@ def _steady(best: list[Task], standing: Sequence[Placed], rules: Rules, old: Seq
     new_end = max(start + task.duration for task, start in zip(best, new_starts, strict=True))
     old_end = max(start + task.duration for task, start in zip(kept, old_starts, strict=True))
     return kept if old_end < new_end + headway else best
+
+
+def _fit(order: list[Task], task: Task, standing: Sequence[Placed], rules: Rules) -> list[Task]:
+    """Return `order` with `task` where most are on time, then the end is earliest, then as late as possible."""
+    best, best_cost = order, (1, 0)
+    for at in range(len(order), -1, -1):
+        trial = [*order[:at], task, *order[at:]]
+        starts = place(trial, standing, rules)
+        cost = (-on_time(trial, starts), max(s + t.duration for t, s in zip(trial, starts, strict=True)))
+        if cost < best_cost:
+            best, best_cost = trial, cost
+    return best

@@ -12,7 +12,7 @@ from rmr.base.gridpath import GridPath
 from rmr.coord import events
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
-from rmr.coord.messages import Job, Kind, Phase, Sched, decode
+from rmr.coord.messages import Beacon, Job, Kind, Phase, Sched, decode
 from rmr.coord.states import Role
 
 
@@ -247,6 +247,36 @@ def test_a_group_larger_than_one_frame_is_served_in_order() -> None:
 def test_random_faults_break_no_guarantee_and_leave_nobody_unserved(block: int) -> None:
     outcomes = [run(seed) for seed in range(20 * block, 20 * block + 20)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_two_robots_ever_get_one_rank_without_faults(seed: int) -> None:
+    """Late joiners, early finishers, missed slots, a lost OUT and a leader that withdraws included."""
+    rng = Random(f"rank{seed}")
+    until: dict[tuple[int, int], int] = {}
+
+    def lose_outs(source: int, target: int, payload: bytes, now: int) -> bool:
+        message = decode(payload)
+        if not isinstance(message, Beacon) or message.phase is not Phase.OUT or seed % 3:
+            return True
+        return now >= until.setdefault((message.who, message.trigger), now + ms(rng.uniform(50, 1500)))
+
+    model = Model(seed, rng.randint(2, 7), Air(filter=lose_outs))
+    for robot in model.ids:
+        when = rng.choice((rng.uniform(0, 20), rng.uniform(0, 6000)))
+        release = ms(when + rng.choice((0, rng.uniform(0, 4000))))
+        way = rng.randrange(1 + seed % 2)
+        model.trigger(ms(when), robot, deadline=ms(when + rng.uniform(4000, 30_000)), release=release, way=way)
+        model.minds[robot].overrun = ms(rng.choice((0, rng.uniform(-800, 2500))))
+        if rng.random() < 0.15:
+            model.unready(ms(when + rng.uniform(0, 2000)), robot, ms(4000))
+        elif rng.random() < 0.15:
+            model.withdraw(ms(when + rng.uniform(0, 3000)), robot)
+    model.run(ms(40_000))
+    assert model.all_served()
+    assert model.violations == []
+    ranks = [entry.rank for entry in model.entries]
+    assert len(set(ranks)) == len(ranks)
 
 
 def request(trigger: int = 0, way: int = 0) -> JobRequest:
