@@ -224,24 +224,24 @@ class Run:
     async def _stop(self) -> None:
         """Stop the robots, then the world: ask, wait for the last word, then signals."""
         watch, robots = self.watch, list(self._robots.values())
-        if watch is not None:
+        if watch is not None and not self._gone(self._world):  # without its router nobody hears
             for robot in self.plan.lab.roster:
                 watch.ask_to_stop(robot, self.outcome.reason)
             await self._patiently(lambda: all(self._has_said_its_last(robot) for robot in self._robots))
             await self._family.left(robots, LEAVE_S_MAX)
-        await self._end(robots)
+        await self._end(robots, asked=not self._gone(self._world))
         assert self._world is not None
         if watch is not None:
             watch.ask_world_to_stop(self.outcome.reason)
             await self._patiently(lambda: (watch.truth is not None and watch.truth.final) or self._gone(self._world))
             await self._family.left([self._world], LEAVE_S_MAX)
-        await self._end([self._world])
+        await self._end([self._world], asked=watch is not None)
 
-    async def _end(self, children: Sequence[Child]) -> None:
-        """End what has not left by itself, and say so: a process should leave when it is asked to."""
+    async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
+        """End what has not left by itself; one that was `asked` to and did not is told of."""
         late = [child.name for child in children if child.exit_code() is None]
         stubborn = [child.name for child in await self._family.stop(children)]
-        if late and not self.outcome.hurried:
+        if late and asked and not self.outcome.hurried:
             self._screen.say(f"{', '.join(late)} did not leave when asked and got SIGTERM")
         if stubborn and not self.outcome.hurried:
             self._screen.say(f"{', '.join(stubborn)} did not leave at SIGTERM and got SIGKILL")

@@ -1,10 +1,11 @@
 """What a person sees while a run goes on, and the table at its end.
 
 On a terminal one line per robot is kept up to date in place; elsewhere a plain line is written when a robot's
-state changes or it says something new, so that a log file stays short. With `--json` all of it goes to standard
-error, standard output then being one JSON document.
+state changes or it does something new, so that a log file stays short: measured values alone are no news. With
+`--json` all of it goes to standard error, standard output then being one JSON document.
 """
 
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
@@ -19,8 +20,8 @@ from rmr_world.report import COLUMNS, rows
 REFRESH_HZ = 8
 """How often the lines are drawn; statuses come several times a second."""
 
-PLAIN_PERIOD_S = 2.0
-"""A robot's progress is written this often at most where lines stay; a change of its state always is."""
+MEASURED = re.compile(r"-?\d+\.\d+")
+"""Values such as seconds and metres, which change all the time."""
 
 COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", "died": "bold red"}
 """States as the robots tell them, and what the launcher knows of a process that is gone."""
@@ -83,18 +84,16 @@ class PlainScreen:
 
     def __init__(self, console: Console) -> None:
         self.console = console
-        self._shown: dict[int, tuple[float, Line]] = {}
+        self._shown: dict[int, tuple[str, str]] = {}
 
     def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
         """Write the lines that have changed."""
-        now = lab_s or 0.0
         for line in lines:
-            since, shown = self._shown.get(line.robot, (0.0, Line(line.robot, "", "")))
-            if line.state == shown.state and (line == shown or now < since + PLAIN_PERIOD_S):
-                continue
-            self._shown[line.robot] = now, line
-            when = "" if lab_s is None else f"{lab_s:7.1f} s  "
-            self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
+            news = line.state, MEASURED.sub("", line.progress)
+            if self._shown.get(line.robot) != news:
+                self._shown[line.robot] = news
+                when = "" if lab_s is None else f"{lab_s:7.1f} s  "
+                self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
 
     def say(self, message: str) -> None:
         """Write `message`."""

@@ -59,7 +59,7 @@ class Launched:
     def running(self) -> "Launched":
         """Wait until all robots are ready."""
         eventually(lambda: " robots ready after " in self.out + self.err or self.process.poll() is not None)
-        assert self.process.poll() is None, self.err
+        assert self.process.poll() is None, self.out + self.err
         return self
 
     @property

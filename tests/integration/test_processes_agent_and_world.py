@@ -125,6 +125,8 @@ def test_an_id_that_is_taken_is_refused_and_free_again_when_its_bearer_is_killed
     assert "robot 1 of lab bench is taken" in second.said()
     first.process.kill()
     stage.agent(1).wait_for("robot 1 is in lab bench")
+    newest = stage.statuses(in_state(1, "finished"))
+    assert newest[1].report["restarts"] == 1
 
 
 def test_a_robot_that_the_lab_does_not_have_is_told_which_it_has(stage):

@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from rmr_deploy.screen import PLAIN_PERIOD_S, Line, LiveScreen, PlainScreen, table
+from rmr_deploy.screen import Line, LiveScreen, PlainScreen, table
 
 
 def job(deadline_s=25.0, finish_s=None, met=None, text="crossing(@1, exit)"):
@@ -51,10 +51,13 @@ def test_a_change_of_state_is_written_at_once(plain, output):
     ]
 
 
-def test_progress_alone_is_written_only_now_and_then(plain, output):
+def test_a_measured_value_that_changes_is_no_news_but_another_turn_is(plain, output):
     for tenth in range(30):
-        plain.show(tenth / 10, [Line(1, "running", f"turn 1 in {30 - tenth} s")])
-    assert len(output.getvalue().splitlines()) == 1 + int(2.9 / PLAIN_PERIOD_S)
+        plain.show(tenth / 10, [Line(1, "running", f"turn {2 - tenth // 15} in {3 - tenth / 10:.1f} s")])
+    assert output.getvalue().splitlines() == [
+        "    0.0 s  robot 1  running  turn 2 in 3.0 s",
+        "    1.5 s  robot 1  running  turn 1 in 1.5 s",
+    ]
 
 
 def test_nothing_is_written_twice(plain, output):
