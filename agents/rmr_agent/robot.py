@@ -76,7 +76,7 @@ class RobotProcess:
         self._rejoin = asyncio.Event()
         self._waiting = Seldom(self._say_waiting, SAY_AGAIN_S)
         self._lost = False
-        self._lives = 0
+        self._restarts = 0
         self._life: Life | None = None
         self._told: tuple[Any, ...] = ()
         self._told_s = 0.0
@@ -185,12 +185,12 @@ class RobotProcess:
             lambda body: self._bus.publish(self._keys.act(self._robot), body),
         )
         try:
-            config = node_config(self._robot, known, self._loaded.program, self._lives)
+            config = node_config(self._robot, known, self._loaded.program, known.lives)
             self._life = Life(config, self._loaded, self._handlers, known.radio, self._clock, send, self._broken)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
-        self._lives += 1
+        self._restarts = known.lives
         self._clock.forget()
         self._clock_news.set()
         log.info("robot %d is in lab %s", self._robot, known.lab)
@@ -281,7 +281,7 @@ class RobotProcess:
         bus = {"lost": losses.lost, "malformed": losses.malformed + life.link.malformed}
         if not life.started:
             return {"bus": bus}
-        return robot_report(life.node, life.link.station.counters.as_dict()) | {"bus": bus}
+        return robot_report(life.node, life.link.station.counters.as_dict(), self._restarts) | {"bus": bus}
 
     def _state(self, *, finished: bool, final: bool) -> str:
         assert self._life is not None

@@ -35,6 +35,7 @@ from zenoh.handlers import Callback  # noqa: E402
 
 from rmr.bus import wire  # noqa: E402
 from rmr.bus.bridge import Inbox, Take  # noqa: E402
+from rmr.bus.checks import MalformedError  # noqa: E402
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a world listens and a robot connects unless told otherwise."""
@@ -206,7 +207,7 @@ class Bus:
     def _decode(self, payload: Any) -> wire.Envelope | None:
         try:
             message = wire.decode(payload.to_bytes())
-        except wire.MalformedError:
+        except MalformedError:
             self.losses.malformed += 1
             return None
         return message

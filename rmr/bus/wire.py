@@ -115,6 +115,8 @@ class Map(NamedTuple):
     """Whether the lab has this robot."""
     taken: bool
     """Whether another process is this robot already."""
+    lives: int
+    """How many processes have been this robot in this run before."""
     seed: int
     roster: tuple[int, ...]
     arena: dict[str, Any]
@@ -196,7 +198,19 @@ _FOUR = group(number, number, number, number)
 _SAMPLE = (integer, number, number, number, number, each(group(count, number)), each(_FOUR), flag, _XYZ)
 _FACT = group(text, optional(robot), each(value))
 _PATTERN = group(text, each(optional(value)))
-_LAB = (text, flag, flag, integer, each(robot), record, record, each(_FACT), optional(_PATTERN), one_of(CLOCK_STATES))
+_LAB = (
+    text,
+    flag,
+    flag,
+    count,
+    integer,
+    each(robot),
+    record,
+    record,
+    each(_FACT),
+    optional(_PATTERN),
+    one_of(CLOCK_STATES),
+)
 _BODY = group(robot, number, number, number, number)
 
 TABLE = (

@@ -76,6 +76,7 @@ class WorldServer:
         self._alive: set[int] = set()
         self._doubted: set[int] = set()
         self._claims: dict[int, tuple[int, float]] = {}
+        self._tokens: dict[int, list[int]] = {}
         self._ready: set[int] = set()
         self._commanded: dict[int, Twist] = {}
         self._seen: dict[int, Pose] = {}
@@ -91,6 +92,7 @@ class WorldServer:
             lab=lab.name,
             listed=True,
             taken=False,
+            lives=0,
             seed=self._seed,
             roster=lab.roster,
             arena=arena.to_data(lab.arena),
@@ -153,7 +155,15 @@ class WorldServer:
         taken = self._taken(robot, token)
         if not taken:
             self._claims[robot] = token, time.monotonic()
-        return self._map._replace(taken=taken, clock=self._time.state)
+            tokens = self._tokens.setdefault(robot, [])
+            if token not in tokens:
+                tokens.append(token)
+        return self._map._replace(taken=taken, lives=self._lives(robot, token), clock=self._time.state)
+
+    def _lives(self, robot: int, token: int) -> int:
+        """Return how many other processes have been `robot` before the one with `token`."""
+        tokens = self._tokens.get(robot, [])
+        return tokens.index(token) if token in tokens else len(tokens)
 
     def _taken(self, robot: int, token: int) -> bool:
         claim = self._claims.get(robot)

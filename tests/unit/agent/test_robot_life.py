@@ -31,7 +31,7 @@ RADIO = {"pan": 7, "seed": 1} | asdict(RadioConfig())
 
 def known(facts=(), finish=None, floor=None):
     floor = arena.to_data(arena.Arena(1.0, 1.0, 0.05)) if floor is None else floor
-    message = wire.Map("x", True, False, 3, (1, 2), floor, RADIO, tuple(facts), finish, "waiting")
+    message = wire.Map("x", True, False, 0, 3, (1, 2), floor, RADIO, tuple(facts), finish, "waiting")
     return wire.decode(wire.encode(-1, 1, 1, message)).body
 
 

@@ -58,6 +58,7 @@ MESSAGES = {
         texts,
         st.booleans(),
         st.booleans(),
+        counts,
         instants,
         st.lists(robots, **lists).map(tuple),
         records,
@@ -187,7 +188,7 @@ def test_values_nested_without_end_are_malformed():
     value = "x"
     for _ in range(100):
         value = ["l", value]
-    fields = ["lab", True, False, 0, [], {}, {}, [["p", None, [value]]], None, "waiting"]
+    fields = ["lab", True, False, 0, 0, [], {}, {}, [["p", None, [value]]], None, "waiting"]
     with pytest.raises(MalformedError):
         decode(msgpack.packb([7, -1, 1, 1, *fields]))
 
