@@ -6,7 +6,8 @@ the first call at which the pause is over, so that actions run in virtual time a
 
 Rules. An action that uses the wheels waits until the wheels are free, first come first served; `stop` does not
 wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.turns`), and does
-not keep others from the wheels meanwhile. Completion inserts the declared effects, `ActionFailed` the `else` effects.
+not keep others from the wheels meanwhile; if its slot moves away before it has begun, it is held again.
+Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
 
 from collections import deque
@@ -97,6 +98,7 @@ class Running:
     args: tuple[Value, ...]
     handler: Handler
     turn: Any = None
+    derived: Instant = 0
     started: Instant | None = None
     coroutine: Generator[Pause, None, None] | None = None
     pause: Pause = field(default_factory=lambda: Pause(0))
@@ -141,6 +143,10 @@ class Dispatcher:
     def driving(self) -> Running | None:
         """The action that has the wheels."""
         return next((running for running in self.running if running.handler.wheels), None)
+
+    def superseded(self, running: Running) -> bool:
+        """Return whether a later action of the same name waits for the wheels."""
+        return any(queued.name == running.name for queued in self.queue)
 
     @property
     def next_wake(self) -> Instant:
@@ -199,6 +205,9 @@ class Dispatcher:
 
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
+        for running in [queued for queued in self.queue if queued.turn is not None and not queued.turn.released(now)]:
+            self.queue.remove(running)
+            self.held.append(running)
         if self.held:
             for running in [held for held in self.held if held.turn.released(now)]:
                 self.held.remove(running)

@@ -55,6 +55,14 @@ class NodeHandle(RobotHandle):
         super().__init__(lambda: node.now, node, running)
         self.node = node
 
+    def superseded(self) -> bool:
+        """Return whether a later action of the same name waits."""
+        return self.node.actions.superseded(self._running)
+
+    def outrun(self) -> bool:
+        """Return whether the robot has had a turn since the action was derived."""
+        return self.node.turns.entered_since(self._running.derived)
+
     @property
     def turn(self) -> Turn | None:
         """The turn that the action serves."""
@@ -299,7 +307,7 @@ class Node:
         name = self.program.predicates[event.predicate].name
         jobs = self.machine.serves(event.predicate, event.args)
         turn = self.turns.of(jobs[0]) if jobs else None
-        self.actions.derive(now, Running(event.serial, name, event.args, self._handlers[name], turn))
+        self.actions.derive(now, Running(event.serial, name, event.args, self._handlers[name], turn, now))
 
     def _telemetry(self, now: Instant) -> None:
         self.talk.telemetry(now)

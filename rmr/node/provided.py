@@ -1,6 +1,7 @@
 """The actions that every robot provides, written as a user would write them (CONTRACTS: actions in Python)."""
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rmr.base.geometry import Point
@@ -17,7 +18,14 @@ STUCK_S = 20.0
 """A drive that has had no way for so long fails."""
 
 
-async def _drive(robot: "NodeHandle", goal: Point, *, final_heading: float | None = None, gated: bool = False) -> None:
+async def _drive(
+    robot: "NodeHandle",
+    goal: Point,
+    *,
+    final_heading: float | None = None,
+    gated: bool = False,
+    superseded: Callable[[], bool] = lambda: False,
+) -> None:
     node = robot.node
     navigator, pose = node.navigator, node.localiser.pose
     if navigator is None:
@@ -27,7 +35,7 @@ async def _drive(robot: "NodeHandle", goal: Point, *, final_heading: float | Non
         pose = node.localiser.pose
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
-    while navigator.status != "arrived":
+    while navigator.status != "arrived" and not superseded():
         if navigator.status == "blocked":
             blocked_since = blocked_since or node.now
             if node.now - blocked_since > seconds(STUCK_S):
@@ -46,7 +54,13 @@ async def moveto(robot: "NodeHandle", area_name: str) -> None:
 
 
 async def lineup(robot: "NodeHandle", area_name: str, place: int) -> None:
-    """Drive to the `place`-th place (from 1) of an area's queue and face the way it moves."""
+    """Drive to the `place`-th place (from 1) of an area's queue and face the way it moves.
+
+    A later `lineup` takes over from this one at once: the robot's turn has changed while it was on its way. One that
+    comes up when the robot has had its turn meanwhile is over at once.
+    """
+    if robot.outrun():
+        return
     area = robot.node.arena.area(area_name)
     if area is None or not area.queue:
         raise ActionFailed(f"no area with a queue is called {area_name}")
@@ -55,7 +69,7 @@ async def lineup(robot: "NodeHandle", area_name: str, place: int) -> None:
     spot = area.queue[min(place, len(area.queue)) - 1]
     ahead = area.queue[0] if place > 1 else area.places[0]
     heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
-    await _drive(robot, spot, final_heading=heading)
+    await _drive(robot, spot, final_heading=heading, superseded=robot.superseded)
 
 
 def _heading(a: Point, b: Point) -> float:

@@ -160,6 +160,10 @@ class Turns:
         """The newest turn under way."""
         return next((turn for turn in reversed(self._turns.values()) if turn.phase is not Phase.LEFT), None)
 
+    def entered_since(self, instant: Instant) -> bool:
+        """Return whether a turn of this robot has begun after `instant`."""
+        return any(turn.entered_at > instant for turn in self._turns.values())
+
     @property
     def rank(self) -> int:
         """The robot's place in the newest turn's schedule, 0 without one."""
