@@ -13,6 +13,10 @@ DIAGNOSTICS_MAX = 1000
 """Nobody reads more, and a file of garbage must not cost memory without bound."""
 
 
+HINTED_MAX = 100
+"""Diagnostics that get a hint that has to be searched for."""
+
+
 class Severity(Enum):
     """Errors stop compilation, warnings do not."""
 
@@ -108,9 +112,9 @@ class Diagnostics:
         return len(self._found) + self._dropped
 
     @property
-    def full(self) -> bool:
-        """Whether no more are kept, so that nothing need be spent on them."""
-        return len(self._found) >= DIAGNOSTICS_MAX
+    def many(self) -> bool:
+        """Whether there are so many that no more effort is spent on hints."""
+        return len(self._found) >= HINTED_MAX
 
     @property
     def failed(self) -> bool:

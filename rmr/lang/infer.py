@@ -65,7 +65,7 @@ class Inference:
         self._names = names
         self._broken = broken
         self._found = found
-        self._sources: list[Cell] = []
+        self._sources: dict[Cell, None] = {}
         self._falling_back = False
         self._matching: frozenset[str] = frozenset()
         self._checks: list[Callable[[], None]] = []
@@ -125,7 +125,7 @@ class Inference:
 
     def _fall_back(self, source: Cell, target: Cell) -> None:
         source.fallbacks.append(target)
-        self._sources.append(source)
+        self._sources[source] = None
 
     # ---- items
 
@@ -367,7 +367,7 @@ class Inference:
 
     def _unknown_function(self, call: Call) -> None:
         name = call.name.text
-        hint = meant(name, [*FUNCTIONS, *LATER, "if"])
+        hint = None if self._found.many else meant(name, [*FUNCTIONS, *LATER, "if"])
         if name in self._names.signatures:
             hint = f"`{name}(...)` is a fact where it stands alone, between commas and without parentheses"
         self._found.report("E015", f"there is no function `{name}`", call.name.span, hint=hint)

@@ -41,6 +41,7 @@ _HIDDEN = {"FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"}
 """Left out where a number or a name is expected anyway."""
 
 EXPECTED_SHOWN_MAX = 6
+WORD_SHOWN_MAX = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,25 +149,33 @@ def _too_deep(tree: Tree[Token]) -> bool:
 
 
 def _report_syntax(source: Source, chunk: _Chunk, error: UnexpectedInput, found: Diagnostics) -> None:
-    expected: set[str] = set()
     if isinstance(error, UnexpectedCharacters):
         start = chunk.start + (error.pos_in_stream or 0)
         span = _span(source, start, start + 1)
         what = f"`{source.text[start]}`" if source.text[start].isprintable() else f"character {ord(error.char)}"
-        message, expected = f"unexpected {what}", set(error.allowed or ())
+        message = f"unexpected {what}"
     elif isinstance(error, UnexpectedToken) and error.token.type != "$END":
         token = error.token
         assert token.start_pos is not None
         assert token.end_pos is not None
         span = _span(source, chunk.start + token.start_pos, chunk.start + token.end_pos)
         word = "reserved word " if token in RESERVED else ""
-        message, expected = f"unexpected {word}`{token}`", set(error.accepts)
+        message = f"unexpected {word}{_quoted(token)}"
     else:
         end = len(source.text[: chunk.end].rstrip())
         span = _span(source, max(chunk.start, end - 1), end)
         message = "the file ends inside this item" if not chunk.closed else "the item ends too early"
-        expected = set(error.accepts) if isinstance(error, UnexpectedToken) else set()
-    found.report("E001", message, span, hint=_hint(source, span, expected))
+    found.report("E001", message, span, hint=_hint(source, span, _expected(error)) if not found.many else None)
+
+
+def _expected(error: UnexpectedInput) -> set[str]:
+    if isinstance(error, UnexpectedCharacters):
+        return set(error.allowed or ())
+    return set(error.accepts) if isinstance(error, UnexpectedToken) else set()
+
+
+def _quoted(word: str) -> str:
+    return f"`{word}`" if len(word) <= WORD_SHOWN_MAX else f"`{word[:WORD_SHOWN_MAX]}...`"
 
 
 def _hint(source: Source, span: Span, expected: set[str]) -> str | None:

@@ -8,7 +8,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
 
-SOURCE_OCTETS_MAX = 1 << 20
+SOURCE_OCTETS_MAX = 1 << 18
 """Programs are written by hand; a larger file is taken for a mistake before it costs time and memory."""
 
 
@@ -71,7 +71,7 @@ def read_source(path: Path) -> Source:
     except (OSError, ValueError) as error:
         raise SourceError(f"cannot read it: {getattr(error, 'strerror', None) or error}", usage=True) from None
     if len(octets) > SOURCE_OCTETS_MAX:
-        raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB")
+        raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 10} KiB")
     if octets.startswith(b"RMR\x1a"):
         raise SourceError("this is byte-code, not source", hint="`rmr dis` shows byte-code as text")
     try:

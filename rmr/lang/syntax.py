@@ -271,13 +271,26 @@ class Module:
     broken: frozenset[str] = frozenset()
 
 
+_CHILDREN: dict[type, tuple[str, ...]] = {}
+"""By node class: the fields that may hold nodes, last one first."""
+
+
+def _children(kind: type) -> tuple[str, ...]:
+    if kind not in _CHILDREN:
+        names = [part.name for part in fields(kind) if part.name != "span"] if is_dataclass(kind) else []
+        _CHILDREN[kind] = tuple(reversed(names))
+    return _CHILDREN[kind]
+
+
 def walk(root: object) -> Iterator[object]:
     """Yield every node below and including `root` in source order, without recursion."""
     stack = [root]
     while stack:
         node = stack.pop()
-        if isinstance(node, tuple):
-            stack.extend(reversed(node))
-        elif is_dataclass(node) and not isinstance(node, Span):
+        if type(node) is tuple:
+            stack += reversed(node)
+            continue
+        children = _children(type(node))
+        if children:
             yield node
-            stack.extend(getattr(node, part.name) for part in reversed(fields(node)))
+            stack += [getattr(node, name) for name in children]

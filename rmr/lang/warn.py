@@ -165,7 +165,7 @@ class _Doubts:
 
     def _known(self, fact: Fact) -> str | None:
         """Return the hint that names a known fact with as many arguments."""
-        if self._found.full:
+        if self._found.many:
             return None
         arity = len(fact.arguments)
         known = [
@@ -180,7 +180,7 @@ class _Doubts:
         fact, name = use.fact, use.fact.name.text
         if use.role is not Role.HEAD or name in self._read or self._names.of(fact).declaration is not None:
             return
-        if not self._names.of(fact).is_fact or self._found.full:
+        if not self._names.of(fact).is_fact or self._found.many:
             return
         message = f"nothing reads the fact `{name}`"
         if name in provided.ACTIONS and len(provided.ACTIONS[name]) + 1 == len(fact.arguments):
