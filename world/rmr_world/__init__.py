@@ -1,1 +1,1 @@
-"""TODO."""
+"""The physical world of a lab: its file, floor, physics, sensors, bound and report, and the server of it all."""

@@ -32,9 +32,9 @@ from rmr_world.lab import (
 )
 from rmr_world.schema import ROBOTS_MAX, AreaSpec, FaultSpec, LabFile, RobotSpec, json_schema, near_miss, schema_keys
 from rmr_world.terms import TermError, parse_fact, parse_finish
-from rmr_world.usage import check_program, given_facts
+from rmr_world.usage import check_program
 
-__all__ = ["build", "check_program", "given_facts"]
+__all__ = ["build", "check_program"]
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
 """Sections of which a bad item is cut out alone."""

@@ -73,6 +73,11 @@ def _facts(lab: Lab, program: Program) -> Iterator[Problem]:
         message = _misfit(fact, program)
         if message:
             yield _problem(lab, ("facts", index), message)
+            continue
+        for use in _Walker(program).values(program.index(fact.name) or 0, fact.args, "", None):
+            if lab.arena.area(use.area) is None:
+                hint = near_miss(use.area, _area_names(lab))
+                yield _problem(lab, ("facts", index), f"area '{use.area}' is not defined{hint}")
 
 
 def _misfit(fact: LabFact, program: Program) -> str:
@@ -90,30 +95,6 @@ def _misfit(fact: LabFact, program: Program) -> str:
         if not _fits(wanted, value):
             return f"argument {position} of '{fact.name}' should be {_type_name(wanted)}"
     return ""
-
-
-def given_facts(lab: Lab, program: Program) -> tuple[tuple[str, int | None, tuple[Value, ...]], ...]:
-    """Return the lab's facts as (predicate, owner or None for every robot, arguments of the declared types).
-
-    An int where the program has a float becomes one. Facts that `check_program` refuses come as they are.
-    """
-    return tuple((fact.name, fact.owner, _converted(fact, program)) for fact in lab.initial_facts)
-
-
-def _converted(fact: LabFact, program: Program) -> tuple[Value, ...]:
-    index = program.index(fact.name)
-    types = program.predicates[index].types if index is not None else ()
-    if len(types) != len(fact.args):
-        return fact.args
-    return tuple(_as_type(wanted, value) for wanted, value in zip(types, fact.args, strict=True))
-
-
-def _as_type(wanted: Type, value: Value) -> Value:
-    if wanted.base is Base.FLOAT and type(value) is int:
-        return float(value)
-    if wanted.base is Base.LIST and wanted.element is not None and isinstance(value, tuple):
-        return tuple(_as_type(wanted.element, item) for item in value)
-    return value
 
 
 def _fits(wanted: Type, value: Value) -> bool:
@@ -166,24 +147,28 @@ def _finish(lab: Lab, program: Program) -> Iterator[Problem]:
 
 
 def _areas(lab: Lab, program: Program) -> Iterator[Problem]:
-    names = sorted(area.name for area in lab.arena.areas)
-    for use in _uses(lab, program):
+    names = _area_names(lab)
+    for use in _uses(program):
         area = lab.arena.area(use.area)
+        known = f" in {lab.path}" if use.place is not None else ""
         if area is None:
-            message = f"area '{use.area}', used {use.where}, is not defined{near_miss(use.area, names)}"
+            message = f"area '{use.area}', used {use.where}, is not defined{known}{near_miss(use.area, names)}"
         elif use.queue and not area.queue:
-            message = f"area '{use.area}' has no queue, which {QUEUES} {use.where} needs"
+            message = f"area '{use.area}' has no queue{known}, which {QUEUES} {use.where} needs"
         else:
             continue
         if use.place is not None:
-            message += f" in {lab.path}"
             yield Problem(use.place.file, use.place.line, use.place.column, "", message)
         else:
             yield _problem(lab, ("program",), message)
 
 
-def _uses(lab: Lab, program: Program) -> Iterator[_Use]:
-    """Yield every constant area: the program's, then the lab's facts'."""
+def _area_names(lab: Lab) -> list[str]:
+    return sorted(area.name for area in lab.arena.areas)
+
+
+def _uses(program: Program) -> Iterator[_Use]:
+    """Yield every constant area of the program."""
     walker = _Walker(program)
     for fact in program.facts:
         yield from walker.values(fact.predicate, fact.args, "in a fact", None)
@@ -201,10 +186,6 @@ def _uses(lab: Lab, program: Program) -> Iterator[_Use]:
     for predicate in program.predicates:
         for effect in (*predicate.effects, *predicate.else_effects):
             yield from walker.codes(effect.predicate, effect.args, f"in an effect of {predicate.name}", None)
-    for given in lab.initial_facts:
-        index = program.index(given.name)
-        if index is not None:
-            yield from walker.values(index, given.args, f"in the lab's fact {given.name}", None)
 
 
 class _Walker:

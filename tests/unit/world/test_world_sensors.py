@@ -11,7 +11,6 @@ from rmr.base.streams import stream
 from rmr.base.time import NS_PER_S, seconds, tick_start
 from rmr_world.sensors import TRACK_M, Sensors
 
-
 BEACONS = (Point(0, 0), Point(1.5, 0))
 
 
