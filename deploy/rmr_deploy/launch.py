@@ -200,7 +200,7 @@ class Run:
             self.outcome.invalid |= code == INVALID
             self._screen.say(obituary(child))
         if news and not (self.plan.wishes.keep_going and self._can_go_on()):
-            self.outcome.reason = f"{', '.join(child.name for child in news)} died"
+            self.outcome.reason = f"{', '.join(self.outcome.died)} died"
 
     def _can_go_on(self) -> bool:
         return self.outcome.ready_s is not None and "world" not in self.outcome.died and bool(self._living())

@@ -85,25 +85,20 @@ class Launched:
         """Press Ctrl-C: the whole foreground process group of the terminal gets SIGINT."""
         os.killpg(self.process.pid, signal.SIGINT)
 
-    def leader(self, within_s: float = 20.0) -> int:
-        """Wait until every robot knows the same leader and return it."""
-        return asyncio.run(asyncio.wait_for(self._leader(), within_s))
+    def leader(self, lab: str, within_s: float = 20.0) -> int:
+        """Wait until every robot has heard of a schedule and return the leader of the newest."""
+        return asyncio.run(asyncio.wait_for(self._leader(lab), within_s))
 
-    async def _leader(self) -> int:
-        record = json.loads((self.folder / "processes.json").read_text())
-        robots = [int(name.removeprefix("robot-")) for name in record["processes"] if name != "world"]
-        watch = await Watch.of(json.loads(json.dumps(self._lab)), record["connect"])
+    async def _leader(self, lab: str) -> int:
+        robots = [int(name.removeprefix("robot-")) for name in self.pids if name != "world"]
+        watch = await Watch.of(lab, json.loads((self.folder / "processes.json").read_text())["connect"])
         try:
-            while True:
-                told = [watch.report(robot).get("schedules", ()) for robot in robots]
-                leaders = {schedule["leader"] for schedules in told for schedule in schedules}
-                if all(told) and len(leaders) == 1:
-                    return int(leaders.pop())
+            while not all(watch.report(robot).get("schedules") for robot in robots):
                 await asyncio.sleep(0.05)
+            told = [schedule for robot in robots for schedule in watch.report(robot)["schedules"]]
+            return int(max(told, key=lambda schedule: schedule["formed_s"])["leader"])
         finally:
             watch.close()
-
-    _lab = "corridor"
 
     def clean_up(self) -> None:
         """End what a failed test has left."""

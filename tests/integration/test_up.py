@@ -124,7 +124,7 @@ def test_a_world_that_is_killed_ends_the_run_with_a_report(up):
 @pytest.mark.parametrize("victim", ["leader", "follower"])
 def test_the_others_pass_the_corridor_without_a_leader_or_a_follower_that_died(up, victim):
     run = up(CORRIDOR, "--robots", "3", "--keep-going").running()
-    leader = run.leader()
+    leader = run.leader("corridor")
     dead = leader if victim == "leader" else next(robot for robot in (1, 2, 3) if robot != leader)
     os.kill(run.pids[f"robot-{dead}"], signal.SIGKILL)
     assert run.wait(110) == 1
