@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 from rmr.bytecode import codec
 from rmr.bytecode.program import Kind, Program
-from rmr.node.actions import Handler
-from rmr.node.node import missing_handlers
+from rmr.node.actions import Handler, missing_handlers
 from rmr.node.provided import PROVIDED
 from rmr.node.userfile import ActionsError, load_actions
 

@@ -11,12 +11,13 @@ Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
 
 from collections import deque
-from collections.abc import Awaitable, Callable, Generator, Mapping
+from collections.abc import Awaitable, Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from rmr.base.time import NEVER, Instant, in_seconds, seconds
 from rmr.base.values import Robot, Value, format_fact
+from rmr.bytecode.program import Kind, Program
 
 RUNNING_MAX = 64
 """Actions under way or waiting at one robot; a program that derives more has run away."""
@@ -24,6 +25,14 @@ RUNNING_MAX = 64
 
 class ActionFailed(Exception):  # noqa: N818 - the name that users raise
     """Raise it in an action to make the declared `else` effect hold; the reason goes to the trace."""
+
+
+class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
+    """The program declares actions that nothing carries out; `names` lists them."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__("no handler for action " + ", ".join(names))
+        self.names = tuple(names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +67,11 @@ def action(
         return run
 
     return register
+
+
+def missing_handlers(program: Program, handlers: Mapping[str, Handler]) -> list[str]:
+    """Return the actions of `program` that no handler carries out, in order of declaration."""
+    return [p.name for p in program.predicates if p.kind is Kind.ACTION and p.name not in handlers]
 
 
 def registered() -> dict[str, Handler]:

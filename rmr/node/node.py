@@ -11,41 +11,31 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmr.base.arena import Area
-from rmr.base.geometry import STILL, Point, Twist
+from rmr.base.geometry import Point
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, Instant, in_seconds, milliseconds
+from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value
-from rmr.bytecode.program import Anything, Kind, Program
+from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import Send
 from rmr.node import wire
-from rmr.node.actions import Dispatcher, Handler, RobotHandle, Running
-from rmr.node.approach import Approach
+from rmr.node.actions import ActionFailed, Dispatcher, Handler, MissingHandlers, RobotHandle, Running, missing_handlers
 from rmr.node.config import NodeConfig
+from rmr.node.driver import Driver
 from rmr.node.exchange import Exchange
 from rmr.node.executive import Executive, Task
 from rmr.node.motion.navigator import Navigator
-from rmr.node.perception import Localiser, Peers, Percept, standing_at
+from rmr.node.perception import Peers, Percept
 from rmr.node.ports import Confirmed, Ports, Received
 from rmr.node.provided import PROVIDED
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
-from rmr.node.turns import Phase, Turn, Turns, nearest_free
+from rmr.node.turns import Phase, Turn, Turns
 from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, VmEvent
 from rmr.vm.machine import Machine
 
-ACT_REFRESH = milliseconds(100)
-"""A moving robot repeats its wheel command at least this often; the body stops after 0.5 s without."""
 TRACE_MAX = 4096
 """Trace entries kept for the host; the oldest go first."""
-
-
-class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
-    """The program declares actions that nothing carries out; `names` lists them."""
-
-    def __init__(self, names: Sequence[str]) -> None:
-        super().__init__("no handler for action " + ", ".join(names))
-        self.names = tuple(names)
 
 
 class NodeHandle(RobotHandle):
@@ -89,10 +79,11 @@ class Node:
         name = f"{config.seed}/robot{config.robot}"
         self.machine = Machine(program, config.robot, stream(f"{name}/vm"))
         self.senses = SensedFacts(program, self.machine)
-        self.localiser = Localiser(config.arena)
         self.peers = Peers()
-        self.navigator = Navigator(config.arena, config.robot) if ports.body is not None else None
-        self.approach = Approach(self.navigator) if self.navigator is not None else None
+        self.driver: Driver | None = None
+        """None: a robot without a body."""
+        if ports.body is not None:
+            self.driver = Driver(config.robot, config.roster, config.arena, ports.body)
         self._coordination = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1))
         self.turns = Turns(self, self._coordination, digest)
         self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange")), digest)
@@ -108,11 +99,6 @@ class Node:
             ],
             ports.spent,
         )
-        self._twist = STILL
-        self._acted_at: Instant = -ACT_REFRESH
-        self._place: Point | None = None
-        self._bodies: Any = ()
-        self._bumped = False
         self._started = False
         self._coord_handles: dict[int, int] = {}
         self._next_handle = 0
@@ -165,32 +151,15 @@ class Node:
         )
 
     def _moving(self) -> bool:
-        if self.actions.busy or self._twist != STILL:
+        if self.actions.busy or (self.driver is not None and self.driver.moving):
             return True
         return self.turns.busy
 
     # -- tasks ----------------------------------------------------------------------------------------------
 
     def _motor(self, now: Instant) -> None:
-        body, navigator, pose = self._ports.body, self.navigator, self.localiser.pose
-        if body is None or navigator is None:
-            return
-        samples = body.sense()
-        for sample in samples:
-            self.localiser.feed(sample)
-        if samples:
-            self._bodies, self._bumped = samples[-1].bodies, any(s.bumped for s in samples)
-        pose = self.localiser.pose
-        if pose is None:
-            return
-        twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
-        if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
-            self._act(now, twist)
-
-    def _act(self, now: Instant, twist: Twist) -> None:
-        assert self._ports.body is not None
-        self._twist, self._acted_at = twist, now
-        self._ports.body.act(twist, now)
+        if self.driver is not None:
+            self.driver.step(now, self.turns.rank, self.peers)
 
     def _radio(self, now: Instant) -> None:
         for frame in self._ports.link.receive():
@@ -221,32 +190,14 @@ class Node:
         self._ports.link.transmit(payload, destination, self._next_handle)
 
     def _localise(self, now: Instant) -> None:
-        pose = self.localiser.pose
         senses = self.senses
-        if pose is not None:
-            for area in self.arena.areas:
-                self._at(now, area)
-            if senses.used("pose"):
-                senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
-        if senses.used("obstacle"):
-            senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
+        if self.driver is not None:
+            for area in self.driver.state(now, senses):
+                self.trace(now, "at", area=area.name)
         if senses.used("neighbor"):
             senses.replace(now, "neighbor", [(Robot(other),) for other in self.peers.neighbors(now)])
         if senses.used("range"):
             senses.replace(now, "range", self.talk.ranges(now))
-
-    def _at(self, now: Instant, area: Area) -> None:
-        pose = self.localiser.pose
-        assert pose is not None
-        args: tuple[Value, ...] = (Symbol(area.name),)
-        was = self.senses.holds("at", args)
-        own = self._place if area.slotted else None
-        if standing_at(area, pose, own, was):
-            if not was:
-                self.senses.add(now, "at", args)
-                self.trace(now, "at", area=area.name)
-        elif was:
-            self.senses.drop(now, "at", args)
 
     def _runtime(self, now: Instant) -> None:
         self._coordinate(now)
@@ -336,64 +287,44 @@ class Node:
 
     def halt(self) -> None:
         """Stop the wheels."""
-        if self.navigator is not None:
-            self.navigator.stop()
+        if self.driver is not None:
+            self.driver.navigator.stop()
 
     def percept(self) -> Percept:
         """Return what the robot senses now."""
-        return Percept(self.localiser.pose, self._bodies, self._bumped)
+        return Percept(None, (), False) if self.driver is None else self.driver.percept
 
     @property
     def motion(self) -> Navigator:
-        """Return the navigator. Raises ValueError without a body."""
-        if self.navigator is None:
-            raise ValueError("the robot has no wheels")
-        return self.navigator
+        """Return the navigator. Raises ActionFailed without a body."""
+        if self.driver is None:
+            raise ActionFailed("the robot has no wheels")
+        return self.driver.navigator
 
     def serving(self, turn: Turn) -> Running | None:
         """Return the action that serves `turn`, held or under way."""
         waiting = (*self.actions.running, *self.actions.held, *self.actions.queue)
         return next((running for running in waiting if running.turn is turn), None)
 
-    def place_of(self, area: Area, rank: int) -> Point:
-        """Return the robot's place in `area`: the K-th for rank K, by the roster without a rank."""
-        if not area.slotted:
-            return area.places[0]
-        index = rank - 1 if rank else self.config.roster.index(self.robot)
-        mine = (rank or 255, self.robot)
-        taken = [
-            Point(*hello.goal)
-            for robot, hello in self.peers.claims(self.now)
-            if hello.goal is not None and (hello.parked or (hello.rank or 255, robot) < mine)
-        ]
-        return nearest_free(area.places, index, taken, self.arena.shape.radius)
+    @property
+    def bound_for(self) -> Point | None:
+        """Where the robot is going, or the slot on which it stands."""
+        if self.driver is None:
+            return None
+        return self.driver.navigator.goal if self.actions.driving is not None else self.driver.place
 
     def take_place(self, area: Area, turn: Turn | None) -> Point:
-        """Choose the robot's place in `area` and tell the others."""
-        place = self.place_of(area, turn.rank if turn else 0)
-        self._place = place if area.slotted else None
-        return place
-
-    @property
-    def place(self) -> Point | None:
-        """The slot that the robot has taken."""
-        return self._place
+        """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
+        if self.driver is None:
+            raise ActionFailed("the robot has no wheels")
+        return self.driver.take_place(self.now, area, turn.rank if turn else 0, self.peers)
 
     def depart(self, goal: Point, *, final_heading: float | None, turn: Turn | None) -> None:
         """Set out for `goal`; with a gated turn through its gate."""
-        navigator, pose = self.motion, self.localiser.pose
-        assert pose is not None
+        assert self.driver is not None
         gated = turn is not None and turn.gated
         shared = self.turns.shared.get(turn.way) if turn is not None and gated else None
-        navigator.go(
-            self.now,
-            pose,
-            goal,
-            final_heading=final_heading,
-            parked=self.peers.parked(self.now),
-            shared=shared,
-            through_gate=gated,
-        )
+        self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
         if turn is not None and gated:
             self.turns.apply_gate(turn)
         self.talk.hello_soon(self.now)
@@ -441,8 +372,3 @@ class Node:
         if len(self.trace_log) >= TRACE_MAX:
             del self.trace_log[: TRACE_MAX // 2]
         self.trace_log.append({"t": round(in_seconds(now), 4), "robot": self.robot, "what": what, **fields})
-
-
-def missing_handlers(program: Program, handlers: Mapping[str, Handler]) -> list[str]:
-    """Return the actions of `program` that no handler carries out, in order of declaration."""
-    return [p.name for p in program.predicates if p.kind is Kind.ACTION and p.name not in handlers]

@@ -14,6 +14,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
+from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
 
@@ -121,6 +122,16 @@ class Peers:
             for _, peer in sorted(self.known.items())
             if peer.hello is not None and peer.hello.parked and now - peer.hello_at <= PARKED_KNOWN
         ]
+
+    def driving(self, now: Instant) -> list[Heard]:
+        """Return what the others that drive said last."""
+        heard = []
+        for robot, peer in sorted(self.known.items()):
+            hello = peer.hello
+            if hello is not None and not hello.parked and now - peer.hello_at <= HEARD:
+                goal = None if hello.goal is None else Point(*hello.goal)
+                heard.append(Heard(robot, Pose(hello.x, hello.y, hello.theta), goal, hello.rank, peer.hello_at))
+        return heard
 
     def claims(self, now: Instant) -> list[tuple[int, Hello]]:
         """Return (robot, hello) of those that have taken a place."""

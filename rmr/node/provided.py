@@ -27,12 +27,9 @@ async def _drive(
     superseded: Callable[[], bool] = lambda: False,
 ) -> None:
     node = robot.node
-    navigator, pose = node.navigator, node.localiser.pose
-    if navigator is None:
-        raise ActionFailed("the robot has no wheels")
-    while pose is None:
-        await Pause(condition=lambda: node.localiser.pose is not None)
-        pose = node.localiser.pose
+    navigator = node.motion
+    while node.percept().pose is None:
+        await Pause(condition=lambda: node.percept().pose is not None)
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
     while navigator.status != "arrived" and not superseded():
@@ -87,9 +84,7 @@ async def goto(robot: "NodeHandle", x: float, y: float) -> None:
 
 async def face(robot: "NodeHandle", degrees: float) -> None:
     """Turn to a heading, degrees counter-clockwise from the x axis."""
-    navigator = robot.node.navigator
-    if navigator is None:
-        raise ActionFailed("the robot has no wheels")
+    navigator = robot.node.motion
     navigator.face(robot.node.now, math.radians(degrees))
     await Pause(condition=lambda: navigator.status == "arrived")
 

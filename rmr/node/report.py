@@ -26,7 +26,7 @@ def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[s
     """Return robot's entry of the report; `radio` holds the link's counters."""
     return {
         "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
-        "distance_m": round(node.localiser.travelled_m, 3),
+        "distance_m": 0.0 if node.driver is None else round(node.driver.localiser.travelled_m, 3),
         "assertions": [job_entry(job) for job in node.machine.jobs],
         "facts": node.machine.facts(),
         "goals": node.machine.goals(),

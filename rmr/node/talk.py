@@ -20,7 +20,7 @@ from rmr.vm.events import ActionDerived, FactSent, GoalSent
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-HELLO_MOVING: Duration = milliseconds(500)
+HELLO_MOVING: Duration = milliseconds(400)
 HELLO_PARKED: Duration = seconds(1)
 HELLO_FIRST: Duration = milliseconds(100)
 """The first hellos are spread over this much per robot of the roster, at most one second."""
@@ -76,10 +76,10 @@ class Talk:
     def _hello(self, now: Instant) -> None:
         period = HELLO_PARKED if self._parked else HELLO_MOVING
         self._hello_at = now + round(period * self._rng.uniform(0.9, 1.1))
-        pose = self._node.localiser.pose
+        pose = self._node.percept().pose
         if pose is None:
             return
-        hello = Hello(pose.x, pose.y, pose.theta, self._parked, self._node.turns.rank, self._node.place)
+        hello = Hello(pose.x, pose.y, pose.theta, self._parked, self._node.turns.rank, self._node.bound_for)
         self._node.transmit(wire.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:
@@ -93,8 +93,8 @@ class Talk:
         match frame.payload[0]:
             case Kind.HELLO:
                 self._node.peers.hello(now, frame.source, wire.decode_hello(frame.payload))
-                if self._node.navigator is not None:
-                    self._node.navigator.update_parked(self._node.peers.parked(now))
+                if self._node.driver is not None:
+                    self._node.driver.navigator.update_parked(self._node.peers.parked(now))
             case Kind.FACT | Kind.FRAGMENT:
                 body = self.exchange.received(frame.payload, frame.source)
                 if body is not None:

@@ -14,7 +14,6 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from rmr.base.arena import Area
-from rmr.base.geometry import Point
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
@@ -34,6 +33,7 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
+from rmr.node.motion.navigator import Navigator
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:
@@ -103,6 +103,10 @@ class Turns:
         """The leader's path by way."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
         """The newest schedule of each event."""
+
+    @property
+    def _navigator(self) -> Navigator | None:
+        return None if self._node.driver is None else self._node.driver.navigator
 
     # -- jobs -----------------------------------------------------------------------------------------------
 
@@ -196,20 +200,21 @@ class Turns:
     def _estimate(self, now: Instant, turn: Turn) -> bool:
         """Work out approach, inside and way; False while the robot does not know where it is."""
         node = self._node
-        if turn.goal is None or node.approach is None:
+        driver = node.driver
+        if turn.goal is None or driver is None:
             turn.headway = turn.inside
             return True
-        pose = node.localiser.pose
+        pose = driver.localiser.pose
         if pose is None:
             return False
-        estimate = node.approach.estimate(now, pose, node.place_of(turn.goal, turn.rank))
+        estimate = driver.approach.estimate(now, pose, driver.place_of(now, turn.goal, turn.rank, node.peers))
         if estimate is None:
             turn.headway = turn.inside
             return True
         turn.gated = estimate.inside > 0
         turn.approach = estimate.approach if turn.gated else 0
         turn.inside = estimate.inside if turn.gated else estimate.approach
-        turn.headway = node.approach.headway(turn.goal) if turn.gated else turn.inside
+        turn.headway = driver.approach.headway(turn.goal) if turn.gated else turn.inside
         turn.way = estimate.way
         return True
 
@@ -243,13 +248,13 @@ class Turns:
         serving = self._node.serving(turn)
         if not turn.gated:
             return serving is not None
-        navigator = self._node.navigator
+        navigator = self._navigator
         if serving is None or serving.started is None or navigator is None or navigator.route is None:
             return False
         return navigator.route.gate_m is not None and navigator.eta_gate(now) <= READY
 
     def _inside(self, now: Instant, turn: Turn) -> None:
-        navigator = self._node.navigator
+        navigator = self._navigator
         if not turn.gated or navigator is None:
             return
         if navigator.route is None or navigator.route.gate_m is None or navigator.cleared:
@@ -315,8 +320,8 @@ class Turns:
         self._open(event.start, opened=False)
 
     def _open(self, opens_at: Instant | None, *, opened: bool) -> None:
-        if self._node.navigator is not None:
-            self._node.navigator.gate(opens_at, opened)
+        if self._navigator is not None:
+            self._navigator.gate(opens_at, opened)
 
     def apply_gate(self, turn: Turn) -> None:
         """Tell a navigator that has just been given its way what `turn` allows."""
@@ -330,10 +335,11 @@ class Turns:
         turn = self._turns.get(event.event)
         node.trace(now, "leads", term=event.term)
         node.leads(now, event.event, True)
-        pose = node.localiser.pose
-        if turn is None or turn.goal is None or node.navigator is None or pose is None:
+        driver = node.driver
+        pose = None if driver is None else driver.localiser.pose
+        if turn is None or turn.goal is None or driver is None or pose is None:
             return
-        path = node.navigator.plan_shared(pose, node.place_of(turn.goal, turn.rank))
+        path = driver.navigator.plan_shared(pose, driver.place_of(now, turn.goal, turn.rank, node.peers))
         if path is not None:
             self.shared[turn.way] = path
             self._coordination.offer_path(now, event.event, turn.way, path)
@@ -361,12 +367,3 @@ def _known(serving: Serving, job: Job) -> list[Value]:
             case Anything():
                 pass
     return known
-
-
-def nearest_free(places: tuple[Point, ...], first: int, taken: list[Point], reach_m: float) -> Point:
-    """Return place `first` or the next one (cyclically) that nobody in `taken` occupies; `first` if all are."""
-    for offset in range(len(places)):
-        place = places[(first + offset) % len(places)]
-        if all((place.x - other.x) ** 2 + (place.y - other.y) ** 2 > reach_m**2 for other in taken):
-            return place
-    return places[first % len(places)]

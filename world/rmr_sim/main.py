@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from rmr import __version__
-from rmr.node.node import MissingHandlers
+from rmr.node.actions import MissingHandlers
 from rmr.node.userfile import ActionsError
 from rmr_sim.run import UsageError, prepare, report_of
 from rmr_world.document import LabError

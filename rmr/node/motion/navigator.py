@@ -109,8 +109,6 @@ class Navigator:
         self._stand_off = StandOff(robot)
         self._pose = Pose(0.0, 0.0, 0.0)
 
-    # -- orders ---------------------------------------------------------------------------------------------
-
     def go(
         self,
         now: Instant,
@@ -183,8 +181,6 @@ class Navigator:
         self._share = 1.0
         self._stand_off.reset()
 
-    # -- each tick ------------------------------------------------------------------------------------------
-
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
@@ -250,8 +246,6 @@ class Navigator:
             distance(x, y, *p) > 2.0 * shape.radius + BACK_MARGIN_M for p in known
         )
         return Twist(-BACK_MPS, 0.0) if free else STILL
-
-    # -- planning -------------------------------------------------------------------------------------------
 
     def _obstructed(self) -> bool:
         """Return whether a parked robot now stands on the rest of the route."""
@@ -321,6 +315,11 @@ class Navigator:
         return True
 
     # -- what others ask ------------------------------------------------------------------------------------
+
+    @property
+    def goal(self) -> Point | None:
+        """Return where the robot has been ordered to go."""
+        return None if self._order is None else self._order.goal
 
     @property
     def route(self) -> Route | None:

@@ -1,0 +1,145 @@
+"""The robot as a body: where it is, what it sees, where it drives and which place it takes.
+
+The driver owns localisation and navigator. It takes one of an area's places by the robot's rank in the schedule, and
+another one where somebody else has been faster: places are told in the hellos, and the earlier rank keeps its own.
+"""
+
+from collections.abc import Sequence
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import STILL, Point, Twist
+from rmr.base.gridpath import GridPath
+from rmr.base.time import Duration, Instant, milliseconds
+from rmr.base.values import Symbol, Value
+from rmr.node.approach import Approach
+from rmr.node.motion.navigator import Navigator
+from rmr.node.perception import Localiser, Peers, Percept, standing_at
+from rmr.node.ports import Body, SeenBody
+from rmr.node.sensedfacts import SensedFacts
+
+ACT_REFRESH: Duration = milliseconds(100)
+"""A moving robot repeats its wheel command at least this often; the body stops after 0.5 s without."""
+HEED_EVERY: Duration = milliseconds(200)
+"""How often a driving robot looks at what the others that drive have said."""
+NO_RANK = 1 << 16
+"""Robots without a rank come after all that have one."""
+
+
+class Driver:
+    """One robot's wheels and senses."""
+
+    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body) -> None:
+        self.arena = arena
+        self.localiser = Localiser(arena)
+        self.navigator = Navigator(arena, robot)
+        self.approach = Approach(self.navigator)
+        self.place: Point | None = None
+        """The slot that the robot has taken."""
+        self._robot = robot
+        self._roster = tuple(roster)
+        self._body = body
+        self._bodies: tuple[SeenBody, ...] = ()
+        self._bumped = False
+        self._twist = STILL
+        self._acted_at: Instant = -ACT_REFRESH
+        self._heed_at: Instant = 0
+
+    @property
+    def moving(self) -> bool:
+        """Whether the wheels are commanded to turn."""
+        return self._twist != STILL
+
+    @property
+    def percept(self) -> Percept:
+        """What the robot senses now."""
+        return Percept(self.localiser.pose, self._bodies, self._bumped)
+
+    # -- each frame -------------------------------------------------------------------------------------------
+
+    def step(self, now: Instant, rank: int, peers: Peers) -> None:
+        """Take in the new samples and command the wheels; `rank` is the robot's own place in the schedule."""
+        samples = self._body.sense()
+        for sample in samples:
+            self.localiser.feed(sample)
+        if samples:
+            self._bodies, self._bumped = samples[-1].bodies, any(s.bumped for s in samples)
+        pose, navigator = self.localiser.pose, self.navigator
+        if pose is None:
+            return
+        if now >= self._heed_at and navigator.status == "moving":
+            self._heed_at = now + HEED_EVERY
+            navigator.update_moving(now, rank, peers.driving(now))
+        twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
+        if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
+            self._act(now, twist)
+
+    def _act(self, now: Instant, twist: Twist) -> None:
+        self._twist, self._acted_at = twist, now
+        self._body.act(twist, now)
+
+    def state(self, now: Instant, senses: SensedFacts) -> list[Area]:
+        """State the facts `at`, `pose` and `obstacle`; return the areas at which the robot has just arrived."""
+        pose = self.localiser.pose
+        if senses.used("obstacle"):
+            senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
+        if pose is None:
+            return []
+        if senses.used("pose"):
+            senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
+        arrived = []
+        for area in self.arena.areas:
+            args: tuple[Value, ...] = (Symbol(area.name),)
+            was = senses.holds("at", args)
+            if standing_at(area, pose, self.place if area.slotted else None, was):
+                if not was:
+                    senses.add(now, "at", args)
+                    arrived.append(area)
+            elif was:
+                senses.drop(now, "at", args)
+        return arrived
+
+    # -- places -----------------------------------------------------------------------------------------------
+
+    def place_of(self, now: Instant, area: Area, rank: int, peers: Peers) -> Point:
+        """Return the robot's place in `area`: the K-th for rank K, by the roster without a rank (0)."""
+        if not area.slotted:
+            return area.places[0]
+        mine = (rank or NO_RANK, self._robot)
+        taken = [
+            Point(*hello.goal)
+            for robot, hello in peers.claims(now)
+            if hello.goal is not None and (hello.parked or (hello.rank or NO_RANK, robot) < mine)
+        ]
+        index = rank - 1 if rank else self._roster.index(self._robot)
+        return nearest_free(area.places, index, taken, self.arena.shape.radius)
+
+    def take_place(self, now: Instant, area: Area, rank: int, peers: Peers) -> Point:
+        """Choose the robot's place in `area` and keep it."""
+        place = self.place_of(now, area, rank, peers)
+        self.place = place if area.slotted else None
+        return place
+
+    def depart(
+        self, now: Instant, goal: Point, peers: Peers, *, heading: float | None, gated: bool, shared: GridPath | None
+    ) -> None:
+        """Set out for `goal`, facing `heading` in the end; `gated`: through the bottleneck's gate. Needs a pose."""
+        pose = self.localiser.pose
+        assert pose is not None
+        self.navigator.go(
+            now,
+            pose,
+            goal,
+            final_heading=heading,
+            parked=peers.parked(now),
+            shared=shared,
+            through_gate=gated,
+        )
+
+
+def nearest_free(places: Sequence[Point], first: int, taken: Sequence[Point], reach_m: float) -> Point:
+    """Return place `first` or the next one (cyclically) that nobody in `taken` occupies; `first` if all are."""
+    for offset in range(len(places)):
+        place = places[(first + offset) % len(places)]
+        if all((place.x - other.x) ** 2 + (place.y - other.y) ** 2 > reach_m**2 for other in taken):
+            return place
+    return places[first % len(places)]
