@@ -42,6 +42,9 @@ class Assertions:
     def __init__(self, program: Program, robot: Robot, store: Store) -> None:
         self.jobs: deque[Job] = deque(maxlen=JOBS_MAX)
         self.given_up = 0
+        """Jobs forgotten because too many waited."""
+        self.failures = 0
+        """Starts without a job because D had no value."""
         self.due: Instant = NEVER
         """The next deadline."""
         self._program = program
@@ -102,6 +105,7 @@ class Assertions:
         try:
             deadline = due_at(now, assertion, bindings)
         except NoValue as reason:
+            self.failures += 1
             yield ExpressionFailed(f"deadline of assertion {assertion.name}", str(reason), now)
             return
         finish = tuple(instantiate(pattern, bindings) for pattern in assertion.finish.args)
@@ -204,7 +208,7 @@ def goal_text(name: str, robot: Robot, args: tuple[Anything | Constant, ...]) ->
 
 
 def due_at(now: Instant, assertion: Assertion, bindings: tuple[Value | None, ...]) -> Instant:
-    """Return the deadline of a job that starts now.
+    """Return the deadline of a job that starts now; a negative D is due at once.
 
     Raises:
         NoValue: D is no number of seconds.
@@ -212,4 +216,6 @@ def due_at(now: Instant, assertion: Assertion, bindings: tuple[Value | None, ...
     value = evaluate(assertion.deadline, bindings, now)  # type: ignore[arg-type]
     if type(value) is not int and type(value) is not float:
         raise NoValue("a deadline that is no number of seconds")
-    return min(now + round(value * NS_PER_S), NEVER - 1)
+    if value * NS_PER_S >= NEVER - now:
+        return NEVER - 1
+    return now + max(0, round(value * NS_PER_S))

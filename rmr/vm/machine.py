@@ -170,9 +170,14 @@ class Machine:
         return list(self._assertions.jobs)
 
     @property
+    def jobs_given_up(self) -> int:
+        """How many jobs were forgotten because too many waited at once."""
+        return self._assertions.given_up
+
+    @property
     def expression_failures(self) -> int:
         """How often an expression without value left something out."""
-        return self._failures + self._interpreter.failures
+        return self._failures + self._interpreter.failures + self._assertions.failures
 
     def drain(self) -> list[VmEvent]:
         """Return what happened since the last call, in order."""

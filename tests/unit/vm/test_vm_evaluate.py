@@ -1,0 +1,104 @@
+"""Expressions: checked integers, finite floats, and no value for what makes no sense."""
+
+import math
+
+import pytest
+from vm_hand import V, code
+
+from rmr.base.time import seconds
+from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import Instruction
+from rmr.vm.evaluate import LENGTH_MAX, NoValue, evaluate, same
+
+ENV: list[Value] = [Robot(7), "text"]
+
+
+def result(*parts: object) -> Value:
+    return evaluate(code(*parts), ENV, seconds(2.5))
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        ((1, 2, Op.ADD), 3),
+        ((1, 2.0, Op.ADD), 3.0),
+        ((7, 2, Op.DIV), 3.5),
+        ((-7, 2, Op.MOD), 1),
+        ((INT_MAX, 1, Op.SUB), INT_MAX - 1),
+        ((3, Op.NEG), -3),
+        ((3, Op.FLOAT), 3.0),
+        ((V(1), V(1), Op.ADD), "texttext"),
+        ((2.9, "call:floor"), 2),
+        ((1, 2.5, "call:min"), 1.0),
+        ((1, 2, "call:max"), 2),
+        ((0, 0, 3, 4, "call:dist"), 5.0),
+        ((V(0), "call:id"), 7),
+        (("call:now",), 2.5),
+        ((1, 1.0, Op.EQ), True),
+        ((V(0), 7, Op.EQ), False),
+        (("a", V(1), Op.NE), True),
+        ((1, 2, Op.LE, Op.NOT), False),
+    ],
+)
+def test_an_expression_has_the_value_of_its_operators(parts: tuple[object, ...], expected: Value) -> None:
+    value = result(*parts)
+    assert value == expected
+    assert type(value) is type(expected)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        (1, 0, Op.DIV),
+        (1.0, 0, Op.MOD),
+        (INT_MAX, 1, Op.ADD),
+        (INT_MIN, Op.NEG),
+        (INT_MIN, "call:abs"),
+        (1e308, 10, Op.MUL),
+        (-1, "call:sqrt"),
+        (1e300, "call:floor"),
+        ("a", 1, Op.ADD),
+        (True, 1, Op.ADD),
+        (V(0), 1, Op.ADD),
+        ("a", "b", Op.LT),
+        (1, Op.NOT),
+        (3, "call:id"),
+    ],
+)
+def test_what_is_out_of_range_or_of_the_wrong_type_has_no_value(parts: tuple[object, ...]) -> None:
+    with pytest.raises(NoValue):
+        result(*parts)
+
+
+def test_joined_lists_are_bounded() -> None:
+    with pytest.raises(NoValue, match="longer"):
+        result(tuple(range(LENGTH_MAX)), Instruction(Op.INT, 1), Instruction(Op.LIST, 1), Op.ADD)
+
+
+def test_and_and_or_leave_the_right_side_alone_once_decided() -> None:
+    boom = (1, 0, Op.DIV)
+    assert result(False, Instruction(Op.AND, 3), *boom) is False
+    assert result(True, Instruction(Op.OR, 3), *boom) is True
+    assert result(True, Instruction(Op.AND, 1), False) is False
+
+
+def test_a_condition_takes_one_way_only() -> None:
+    for condition, expected in ((True, 1), (False, 2)):
+        jump, leave = Instruction(Op.JUMP_IF_FALSE, 2), Instruction(Op.JUMP, 1)
+        assert result(condition, jump, 1, leave, 2) == expected
+
+
+def test_values_of_different_kinds_are_never_the_same() -> None:
+    values: list[Value] = [True, Robot(1), 1, "a", Symbol("a"), (1,), (True,)]
+    for index, left in enumerate(values):
+        assert [same(left, right) for right in values] == [index == other for other in range(len(values))]
+    assert same(2, 2.0)
+    assert same((1, (2.0,)), (1.0, (2,)))
+
+
+def test_functions_agree_with_their_mathematics() -> None:
+    assert result(1, 2, "call:atan2") == math.atan2(1, 2)
+    assert result(1, "call:sin") == math.sin(1)
+    assert result(1, "call:cos") == math.cos(1)
+    assert result(2, "call:sqrt") == math.sqrt(2)

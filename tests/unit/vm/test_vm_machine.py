@@ -1,0 +1,257 @@
+"""The machine's edges: what hosts hand in, jobs and deadlines."""
+
+import time
+
+import pytest
+from vm_hand import AREA, FLOAT, INT, Hand, V, _, actions, code
+
+from rmr.base.time import NEVER, seconds
+from rmr.base.values import Robot, Symbol, Value
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import ANY, Constant, Effect, Kind, Serving, Slot
+from rmr.vm.assertions import LIVE_MAX
+from rmr.vm.events import JobFinished, JobMissed, JobStarted
+
+EXIT = Symbol("exit")
+
+
+@pytest.mark.parametrize(
+    ("name", "args"),
+    [
+        ("at", ()),
+        ("at", (EXIT, EXIT)),
+        ("at", ("exit",)),
+        ("speed", (Symbol("fast"),)),
+        ("speed", (float("nan"),)),
+        ("count", (1.0,)),
+        ("count", (True,)),
+        ("count", (Robot(1),)),
+        ("count", (2**63,)),
+        ("go", (EXIT,)),
+    ],
+)
+def test_what_does_not_fit_from_outside_is_refused_by_name(name: str, args: tuple[Value, ...]) -> None:
+    hand = Hand()
+    hand.sensed("at", AREA), hand.temporary("speed", FLOAT), hand.temporary("count", INT), hand.action("go", AREA)
+    machine = hand.machine()
+    index = machine.program.index(name)
+    assert index is not None
+    with pytest.raises(ValueError, match=name):
+        machine.insert(0, index, args)
+
+
+def test_an_int_becomes_a_float_where_one_is_declared() -> None:
+    hand = Hand()
+    speed = hand.temporary("speed", FLOAT)
+    machine = hand.machine()
+    machine.insert(0, speed, (2,))
+    assert machine.facts() == ["speed(@1, 2.0)"]
+
+
+def test_only_sensed_facts_are_withdrawn() -> None:
+    hand = Hand()
+    at, edge = hand.sensed("at", AREA), hand.persistent("edge", AREA)
+    machine = hand.machine()
+    machine.withdraw(0, at, (EXIT,))
+    with pytest.raises(ValueError, match="edge is not sensed"):
+        machine.withdraw(0, edge, (EXIT,))
+
+
+def test_a_provided_id_is_the_robots_number_and_not_listed() -> None:
+    hand = Hand()
+    number = hand.predicate("id", Kind.PERSISTENT, INT, provided=True)
+    machine = hand.machine(robot=6)
+    assert machine.holds(number, (Constant(6),))
+    assert machine.facts() == []
+
+
+def acting() -> tuple[Hand, int, int, int]:
+    """An action whose effects touch a temporary and a sensed predicate."""
+    hand = Hand()
+    there, at, stuck = hand.temporary("there", AREA), hand.sensed("at", AREA), hand.temporary("stuck", INT)
+    effects = (Effect(there, (code(V(1)),)), Effect(at, (code(V(1)),)))
+    failed = (Effect(stuck, (code(1, 0, Op.MOD),)), Effect(stuck, (code(7),)))
+    hand.action("go", AREA, effects=effects, failed=failed)
+    return hand, 3, there, at
+
+
+def test_completion_inserts_the_effects_but_not_those_that_are_sensed() -> None:
+    hand, go, there, at = acting()
+    machine = hand.machine()
+    machine.derive_action(0, go, (EXIT,))
+    (action,) = actions(machine.drain())
+    assert machine.complete(1, action.serial, True)
+    assert not machine.complete(1, action.serial, True)
+    assert machine.facts() == ["there(@1, exit)"]
+    assert machine.holds(there, (ANY,))
+    assert not machine.holds(at, (ANY,))
+
+
+def test_failure_inserts_the_else_effects_that_have_a_value() -> None:
+    hand, go, *_rest = acting()
+    machine = hand.machine()
+    machine.derive_action(0, go, (EXIT,))
+    (action,) = actions(machine.drain())
+    machine.complete(1, action.serial, False)
+    assert machine.facts() == ["stuck(@1, 7)"]
+    assert machine.expression_failures == 1
+
+
+def crossing(finish: Kind = Kind.SENSED, deadline: object = V(2)) -> tuple[Hand, int, int, int]:
+    """``crossing: assert(due(A, P, D), at(A, P), D, alarm(A))`` served by ``go(A, P)``."""
+    hand = Hand()
+    due, at = hand.temporary("due", AREA, INT), hand.predicate("at", finish, AREA)
+    alarm, go = hand.action("alarm"), hand.action("go", AREA)
+    served = (Serving(go, (Slot(1),)),)
+    start, end = hand.atom(due, V(1), V(2)), hand.atom(at, V(1))
+    hand.asserts(start, end, deadline, hand.head(alarm), name="crossing", serving=served)
+    return hand, due, at, go
+
+
+def test_a_job_tells_its_event_its_fact_and_its_times() -> None:
+    hand, due, _at, _go = crossing()
+    machine = hand.machine(robot=4)
+    machine.insert(seconds(1), due, (EXIT, 25))
+    (job,) = machine.jobs
+    assert machine.drain() == [JobStarted(job)]
+    assert (job.name, job.event, job.text) == ("crossing", "crossing(exit)", "at(@4, exit)")
+    assert (job.start, job.deadline, job.finish, job.missed) == (seconds(1), seconds(26), None, False)
+    assert job.bindings[:3] == (Robot(4), EXIT, 25)
+    assert machine.next_wake == seconds(26)
+
+
+def test_a_later_start_starts_the_job_anew_with_its_own_deadline() -> None:
+    hand, due, _at, _go = crossing()
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 25))
+    machine.insert(seconds(1), due, (EXIT, 5))
+    machine.insert(seconds(1), due, (Symbol("entry"), 9))
+    first, other = machine.jobs
+    assert (first.start, first.deadline) == (seconds(1), seconds(6))
+    assert (other.serial, other.event) == (2, "crossing(entry)")
+    machine.run(seconds(30))
+    assert [event.job for event in machine.drain() if isinstance(event, JobMissed)] == [first, other]
+
+
+@pytest.mark.parametrize(("kind", "ends"), [(Kind.SENSED, True), (Kind.PERSISTENT, True), (Kind.TEMPORARY, False)])
+def test_a_job_whose_finish_holds_already_ends_at_once_unless_it_is_temporary(kind: Kind, ends: bool) -> None:
+    hand, due, at, _go = crossing(kind)
+    machine = hand.machine()
+    machine.insert(0, at, (EXIT,))
+    machine.insert(seconds(2), due, (EXIT, 5))
+    (job,) = machine.jobs
+    assert job.finish == (seconds(2) if ends else None)
+    assert machine.next_wake == (NEVER if ends else seconds(7))
+
+
+def test_a_sensed_fact_that_holds_already_ends_no_job() -> None:
+    hand, due, at, _go = crossing()
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 5))
+    machine.insert(1, at, (EXIT,))
+    machine.insert(2, at, (EXIT,))
+    assert len([event for event in machine.drain() if isinstance(event, JobFinished)]) == 1
+
+
+def test_an_insertion_ends_jobs_before_it_starts_one() -> None:
+    hand = Hand()
+    lap, alarm = hand.temporary("lap", INT), hand.action("alarm")
+    hand.asserts(hand.atom(lap, _), hand.atom(lap, _), 10, hand.head(alarm))
+    machine = hand.machine()
+    machine.insert(seconds(1), lap, (1,))
+    machine.insert(seconds(4), lap, (2,))
+    first, second = machine.jobs
+    assert (first.finish, second.start, second.finish) == (seconds(4), seconds(4), None)
+    assert [type(event) for event in machine.drain()] == [JobStarted, JobFinished, JobStarted]
+
+
+def test_a_fact_at_the_instant_of_the_deadline_is_in_time_and_one_after_it_late_even_without_a_run() -> None:
+    for at_ns, missed in ((seconds(5), False), (seconds(5) + 1, True)):
+        hand, due, at, _go = crossing()
+        machine = hand.machine()
+        machine.insert(0, due, (EXIT, 5))
+        machine.insert(at_ns, at, (EXIT,))
+        (job,) = machine.jobs
+        assert (job.missed, job.finish) == (missed, at_ns)
+        machine.run(at_ns)
+        assert len(actions(machine.drain())) == missed
+
+
+def test_a_start_after_the_miss_opens_a_new_job() -> None:
+    hand, due, at, _go = crossing()
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 5))
+    machine.run(seconds(6))
+    machine.insert(seconds(7), due, (EXIT, 5))
+    machine.insert(seconds(8), at, (EXIT,))
+    old, new = machine.jobs
+    assert (old.missed, old.finish) == (True, None)
+    assert (new.missed, new.finish) == (False, seconds(8))
+
+
+@pytest.mark.parametrize("deadline", [code("soon"), code(1, 0, Op.DIV)])
+def test_a_deadline_without_value_starts_no_job_and_is_counted(deadline: object) -> None:
+    hand, due, _at, _go = crossing(deadline=deadline)
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 5))
+    assert machine.jobs == []
+    assert machine.expression_failures == 1
+
+
+def test_a_deadline_beyond_all_time_is_never_reached() -> None:
+    hand, due, _at, _go = crossing(deadline=code(1e300))
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 5))
+    machine.run(seconds(10**6))
+    assert not machine.jobs[0].missed
+
+
+def test_an_action_serves_the_jobs_of_its_arguments_first_due_first() -> None:
+    hand, due, at, go = crossing()
+    hand.asserts(
+        hand.atom(due, V(1), V(2)), hand.atom(at, _), 1, hand.head(2), name="any", serving=(Serving(go, (_,)),)
+    )
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 25))
+    machine.insert(0, due, (Symbol("entry"), 5))
+    assert [job.event for job in machine.serves(go, (EXIT,))] == ["any(_)", "crossing(exit)"]
+    assert [job.event for job in machine.serves(go, (Symbol("entry"),))] == ["any(_)", "crossing(entry)"]
+    machine.insert(seconds(1), at, (EXIT,))
+    assert machine.serves(go, (EXIT,)) == []
+
+
+def test_a_missed_job_is_still_served_for_it_still_wants_its_turn() -> None:
+    hand, due, _at, go = crossing()
+    machine = hand.machine()
+    machine.insert(0, due, (EXIT, 5))
+    machine.run(seconds(9))
+    assert [job.missed for job in machine.serves(go, (EXIT,))] == [True]
+
+
+def test_jobs_that_wait_are_bounded_and_what_is_given_up_is_counted() -> None:
+    hand = Hand()
+    start, end, alarm = hand.temporary("start", INT), hand.temporary("end", INT), hand.action("alarm")
+    hand.asserts(hand.atom(start, V(1)), hand.atom(end, V(1)), 10, hand.head(alarm))
+    machine = hand.machine()
+    for number in range(LIVE_MAX + 3):
+        machine.insert(0, start, (number,))
+    assert machine.jobs_given_up == 3
+
+
+def test_a_quiet_machine_costs_next_to_nothing() -> None:
+    hand = Hand()
+    pose, other = hand.sensed("pose", FLOAT, FLOAT), hand.temporary("other")
+    hand.rule([hand.atom(other)], [])
+    machine = hand.machine()
+    begin = time.process_time()
+    for now in range(10_000):
+        machine.run(now)
+    idle_us = (time.process_time() - begin) * 100
+    begin = time.process_time()
+    for now in range(2_000):
+        machine.insert(now, pose, (float(now), 1.0))
+        machine.withdraw(now, pose, (float(now), 1.0))
+        machine.run(now)
+    sensed_us = (time.process_time() - begin) * 500
+    assert idle_us < 2
+    assert sensed_us < 100
