@@ -9,8 +9,8 @@ from enum import Enum
 
 from rmr.lang.source import Span
 
-DIAGNOSTICS_MAX = 1000
-"""Nobody reads more, and a file of garbage must not cost memory without bound."""
+DIAGNOSTICS_MAX = 500
+"""Errors, and warnings, that are kept. Nobody reads more, and a file of garbage must not cost memory without bound."""
 
 
 HINTED_MAX = 100
@@ -56,6 +56,7 @@ CODES: dict[str, str] = {
     "W106": "a deadline shorter than a tick",
     "W107": "an empty program",
     "W108": "a fact that nothing reads",
+    "W109": "too many warnings",
 }
 """Every code with its title. E: an error; W: a warning."""
 
@@ -88,43 +89,46 @@ class Diagnostic:
 
 
 class Diagnostics:
-    """A bounded collection of diagnostics."""
+    """A bounded collection of diagnostics; warnings never crowd out errors."""
 
     def __init__(self) -> None:
-        self._found: dict[tuple[str, str, Span], Diagnostic] = {}
-        self._dropped = 0
+        self._found: dict[Severity, dict[tuple[str, str, Span], Diagnostic]] = {each: {} for each in Severity}
+        self._dropped = dict.fromkeys(Severity, 0)
 
     def report(
         self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
         """Add one; the same mistake at the same place counts once."""
+        diagnostic = Diagnostic(code, message, span, hint, notes)
+        found = self._found[diagnostic.severity]
         key = (code, message, span)
-        if key in self._found:
+        if key in found:
             return
-        if len(self._found) >= DIAGNOSTICS_MAX:
-            self._dropped += 1
-            return
-        self._found[key] = Diagnostic(code, message, span, hint, notes)
+        if len(found) >= DIAGNOSTICS_MAX:
+            self._dropped[diagnostic.severity] += 1
+        else:
+            found[key] = diagnostic
 
     @property
     def count(self) -> int:
         """How many there are."""
-        return len(self._found) + self._dropped
+        return sum(len(found) for found in self._found.values()) + sum(self._dropped.values())
 
     @property
     def many(self) -> bool:
         """Whether there are so many that no more effort is spent on hints."""
-        return len(self._found) >= HINTED_MAX
+        return self.count >= HINTED_MAX
 
     @property
     def failed(self) -> bool:
         """Whether there is an error among them."""
-        return any(found.severity is Severity.ERROR for found in self._found.values())
+        return bool(self._found[Severity.ERROR])
 
     def in_order(self) -> list[Diagnostic]:
-        """Return them in source order."""
-        ordered = sorted(self._found.values(), key=lambda found: (found.span.file, found.span.start, found.code))
-        if self._dropped and ordered:
-            message = f"{self._dropped} more diagnostics are not shown"
-            ordered.append(Diagnostic("E007", message, ordered[-1].span))
-        return ordered
+        """Return them in source order, and at the end how many are left out."""
+        every = [each for found in self._found.values() for each in found.values()]
+        every.sort(key=lambda each: (each.span.file, each.span.start, each.code))
+        for severity, code in ((Severity.ERROR, "E007"), (Severity.WARNING, "W109")):
+            if dropped := self._dropped[severity]:
+                every.append(Diagnostic(code, f"{dropped} more {severity.value}s are not shown", every[-1].span))
+        return every

@@ -201,7 +201,7 @@ class Inference:
             if isinstance(argument, Variable):
                 self._flow(position, cell)
                 self._fall_back(cell, position)
-            elif not isinstance(argument, Call):
+            elif isinstance(argument, Literal):
                 self._flow(cell, position)
             self._compare(fact, argument, cell, position, compatible)
 

@@ -35,6 +35,7 @@ STEPS_MAX = 2000
 """Facts looked at for one assertion; patterns are finite, but a program may have very many."""
 
 Wanted = tuple[int, tuple[Pattern, ...]]
+_Derivation = tuple[DeriveFact, list[Atom]]
 
 
 def with_serving(program: Program) -> Program:
@@ -51,14 +52,29 @@ class _Backwards:
 
     def __init__(self, program: Program) -> None:
         self._effects: dict[int, list[tuple[int, int, tuple[Code, ...]]]] = {}
-        self._rules: dict[int, list[tuple[DeriveFact, list[Atom]]]] = {}
+        self._rules: dict[int, dict[Constant | None, list[_Derivation]]] = {}
         for index, action in enumerate(program.predicates):
             for effect in action.effects:
                 self._effects.setdefault(effect.predicate, []).append((index, len(action.types), effect.args))
         for rule in program.rules:
             for derived, atoms in _derivations(rule.head, rule.body):
                 if _is_home(derived.owner):
-                    self._rules.setdefault(derived.predicate, []).append((derived, atoms))
+                    self._keep(derived, atoms)
+
+    def _keep(self, derived: DeriveFact, atoms: list[Atom]) -> None:
+        """File a derivation under its first argument's constant (None: it has none)."""
+        first = _constant(derived.args[0]) if derived.args else None
+        self._rules.setdefault(derived.predicate, {}).setdefault(first, []).append((derived, atoms))
+
+    def _deriving(self, wanted: Wanted) -> Iterator[_Derivation]:
+        """Yield the derivations of a predicate whose first argument may be the one that is wanted."""
+        predicate, args = wanted
+        filed = self._rules.get(predicate, {})
+        if args and isinstance(args[0], Constant):
+            yield from filed.get(args[0], ())
+            yield from filed.get(None, ())
+        else:
+            yield from (each for group in filed.values() for each in group)
 
     def serving(self, assertion: Assertion) -> tuple[Serving, ...]:
         """Return the actions that serve `assertion`, in the order in which they are found."""
@@ -85,8 +101,8 @@ class _Backwards:
 
     def _premises(self, wanted: Wanted) -> Iterator[Wanted]:
         """Yield the facts that the rules need in order to derive what is `wanted`."""
-        predicate, args = wanted
-        for derived, atoms in self._rules.get(predicate, ()):
+        _, args = wanted
+        for derived, atoms in self._deriving(wanted):
             bound = _unify(args, derived.args)
             if bound is not None:
                 yield from (_wanted(atom, bound) for atom in atoms)
@@ -105,6 +121,13 @@ def _derivations(head: tuple[Head, ...], body: tuple[Conjunct, ...]) -> Iterator
         elif isinstance(part, Comprehension):
             for derived, inner in _derivations(part.head, part.body):
                 yield derived, [*atoms, *inner]
+
+
+def _constant(code: Code) -> Constant | None:
+    """Return the value of an expression that is a constant."""
+    if len(code) != 1 or code[0].op not in {Op.CONST, Op.INT} or code[0].operand is None:
+        return None
+    return Constant(code[0].operand)
 
 
 def _is_home(owner: Code) -> bool:

@@ -54,6 +54,7 @@ class _Doubts:
         self._found = found
         self._derived: dict[str, list[Fact]] = {}
         self._read: set[str] = set()
+        self._doubted: set[str] = set()
         literals = (node for node in walk(module.items) if isinstance(node, Literal))
         self._symbols = {node.value for node in literals if isinstance(node.value, Symbol)}
         self._events = {(item.name or item.finish.name).text for item in module.items if isinstance(item, Assertion)}
@@ -131,6 +132,9 @@ class _Doubts:
         if signature.provided:
             self._unknown_event(fact, what)
         elif signature.declaration is None and name not in self._derived and name not in self._arriving:
+            if name in self._doubted:
+                return
+            self._doubted.add(name)
             message = f"nothing states or derives `{name}`, the {what}"
             hint = self._known(fact) or f"declare it if it comes from outside: `type {name}(...)`"
             self._found.report("W102", message, fact.span, hint=hint)
