@@ -13,6 +13,7 @@ A trip is the shortest obstacle-free way at full speed, without turning (`freefl
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
@@ -48,6 +49,7 @@ def destination(lab: Lab) -> Area | None:
     return None
 
 
+@lru_cache(maxsize=4)
 def free_times(lab: Lab) -> FreeTimes:
     """Return the free-flow times of `lab`; infinite where there is no way."""
     arena = lab.arena

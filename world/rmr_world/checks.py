@@ -17,7 +17,7 @@ from rmr.base.geometry import Point, Pose, distance
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
-from rmr_world.document import Document, LabError, Path_, Problem
+from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
 from rmr_world.lab import (
     Fault,
     Kill,
@@ -45,6 +45,8 @@ _STAND_INS: Mapping[str, Any] = {
     "robots": [{"id": 0, "pose": [500.0, 500.0, 0.0]}],
 }
 """For required sections that are wrong or missing, so that the rest can be judged."""
+PROBLEMS_MAX = 200
+"""Mistakes of the schema that are told one by one: a file that is something else would tell thousands."""
 _TOUCH_M = 1e-9
 """Bodies that stand side by side do not overlap."""
 
@@ -89,8 +91,10 @@ def _accepted(document: Document) -> _Accepted:
         errors = error.errors(include_url=False)
     schema = json_schema()
     unread = {problem.path for problem in problems}
-    found = [_problem(document, schema, item) for item in errors]
+    found = [_problem(document, schema, item) for item in errors[:PROBLEMS_MAX]]
     problems += [problem for problem in found if problem.path not in unread]
+    if len(errors) > PROBLEMS_MAX:
+        problems.append(Problem(document.file, END_LINE, 1, "", f"and {len(errors) - PROBLEMS_MAX} more mistakes"))
     kept = _prune(data, [item["loc"] for item in errors])
     cut = {str(item["loc"][0]) for item in errors}
     return _Accepted(LabFile.model_validate(data), problems, cut, kept)
@@ -121,12 +125,16 @@ def _prune(data: dict[str, Any], locations: list[tuple[int | str, ...]]) -> dict
     Returns the indices of the items that are left in lists that lost some.
     """
     kept: dict[str, list[int]] = {}
-    for name in dict.fromkeys(str(location[0]) for location in locations):
-        bad = [location[1] for location in locations if location[0] == name and len(location) > 1]
-        whole = any(location == (name,) for location in locations)
+    inner: dict[str, list[int | str]] = {}
+    for location in locations:
+        inner.setdefault(str(location[0]), []).extend(location[1:2])
+    whole_sections = {location[0] for location in locations if len(location) == 1}
+    for name, bad in inner.items():
+        whole = name in whole_sections
         section = data.pop(name, None)
         if name in _ITEMISED and not whole and isinstance(section, list):
-            kept[name] = [i for i in range(len(section)) if i not in bad]
+            out = set(bad)
+            kept[name] = [i for i in range(len(section)) if i not in out]
             data[name] = [section[i] for i in kept[name]]
         elif name in _ITEMISED and not whole and isinstance(section, dict):
             data[name] = {key: item for key, item in section.items() if key not in bad}

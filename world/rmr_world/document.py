@@ -20,6 +20,9 @@ FILE_OCTETS_MAX = 256 * 1024
 DEPTH_MAX = 16
 """A lab file is five levels deep; deeper nesting would only exhaust the stack."""
 
+END_LINE = 1 << 30
+"""The line of a problem that belongs after all others and nowhere in the file."""
+
 Scalar = str | int | float | bool | None
 Plain = Scalar | list["Plain"] | dict[str, "Plain"]
 Path_ = tuple[str | int, ...]
@@ -32,7 +35,7 @@ class Problem:
 
     file: str
     line: int
-    """From 1; 0 when the file could not be read at all."""
+    """From 1; 0 when the file could not be read at all, END_LINE after its end."""
     column: int
     """From 1."""
     path: str
@@ -40,7 +43,7 @@ class Problem:
     message: str
 
     def __str__(self) -> str:
-        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        where = f"{self.file}:{self.line}:{self.column}" if 0 < self.line < END_LINE else self.file
         return f"{where}: {self.path}: {self.message}" if self.path else f"{where}: {self.message}"
 
 

@@ -2,40 +2,61 @@
 
 Obstacles grow by the robot's radius and the robot shrinks to a point; the shortest way then runs straight or
 along the grown corners, so it is a path in the visibility graph of the starts, the goals and the corners (Lozano-
-Perez and Wesley 1979). A grown corner is round. It is replaced by a chain of points on the arc, whose chords cut
-a little into the forbidden ring: the result is never longer than the true way, hence a bound, and shorter by at
-most 0.3 % of the arcs. The walls, shrunk by the radius, leave a rectangle, which hides nothing.
+Perez and Wesley 1979), of which only the lines that touch their corners matter. A grown corner is round. It is
+replaced by a chain of points on the arc, whose chords cut a little into the forbidden ring: the result is never
+longer than the true way, hence a bound, and shorter by at most 0.3 % of the arcs. The walls, shrunk by the
+radius, leave a rectangle, which hides nothing.
 """
 
 import heapq
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point
 
 ARC_STEP = math.radians(15.0)
 """Angle between two points on a grown corner."""
-CORNERS_MAX = 1500
+CORNERS_MAX = 800
 """Of the visibility graph. A lab with more is judged with coarser arcs, which only weakens the bound."""
 
 _INSIDE_M = 1e-7
 """A way may touch a grown obstacle, not enter it by more."""
 
 
+class _Corner(NamedTuple):
+    """A point where a way may bend."""
+
+    at: Point
+    before: Point
+    """Its neighbours on the ring around its obstacle."""
+    after: Point
+
+
+class _Ring(NamedTuple):
+    """The boundary of a grown obstacle, counter-clockwise, and the box around it."""
+
+    points: tuple[Point, ...]
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+
 class FreeFlow:
     """Shortest ways in one arena for robots of its shape."""
 
     def __init__(self, arena: Arena) -> None:
-        self._radius = arena.shape.radius
-        self._low = self._radius - _INSIDE_M
+        radius = arena.shape.radius
+        self._low = radius - _INSIDE_M
         self._right, self._top = arena.width - self._low, arena.height - self._low
         step = ARC_STEP
-        self._rings = [_grown(obstacle, self._radius, step) for obstacle in arena.obstacles]
-        while sum(map(len, self._rings)) > CORNERS_MAX and step < math.pi:
+        self._rings = [_grown(obstacle, radius, step) for obstacle in arena.obstacles]
+        while sum(len(ring.points) for ring in self._rings) > CORNERS_MAX and step < math.pi:
             step *= 2.0
-            self._rings = [_grown(obstacle, self._radius, step) for obstacle in arena.obstacles]
-        self._corners = [point for ring in self._rings for point in ring if self._free(point)]
+            self._rings = [_grown(obstacle, radius, step) for obstacle in arena.obstacles]
+        self._corners = [corner for ring in self._rings for corner in _corners(ring) if self.free(corner.at)]
         self._links: list[list[tuple[int, float]]] | None = None
 
     def lengths(self, start: Point, goals: Sequence[Point]) -> list[float]:
@@ -43,23 +64,29 @@ class FreeFlow:
         to_corner = self._distances(start)
         lengths = []
         for goal in goals:
-            direct = math.dist(start, goal) if self._visible(start, goal) else math.inf
-            around = (
-                way + math.dist(corner, goal)
-                for corner, way in zip(self._corners, to_corner, strict=True)
-                if way + math.dist(corner, goal) < direct and self._visible(corner, goal)
-            )
-            lengths.append(min(direct, min(around, default=math.inf)))
+            least = math.dist(start, goal) if self._visible(start, goal) else math.inf
+            for corner, way in zip(self._corners, to_corner, strict=True):
+                length = way + math.dist(corner.at, goal)
+                if length < least and _passes(corner, goal) and self._visible(corner.at, goal):
+                    least = length
+            lengths.append(least)
         return lengths
+
+    def free(self, point: Point) -> bool:
+        """Return whether a robot's centre may be at `point`."""
+        x, y = point
+        if not (self._low <= x <= self._right and self._low <= y <= self._top):
+            return False
+        return self._visible(point, point)
 
     def _distances(self, start: Point) -> list[float]:
         """Return the shortest way from `start` to every corner (Dijkstra)."""
         links = self._graph()
         ways = [math.inf] * len(self._corners)
         heap = [
-            (math.dist(start, corner), index)
+            (math.dist(start, corner.at), index)
             for index, corner in enumerate(self._corners)
-            if self._visible(start, corner)
+            if _passes(corner, start) and self._visible(start, corner.at)
         ]
         heapq.heapify(heap)
         while heap:
@@ -73,40 +100,64 @@ class FreeFlow:
         return ways
 
     def _graph(self) -> list[list[tuple[int, float]]]:
-        """Return for each corner the corners that it sees, with their distances; made on first use."""
+        """Return for each corner those that a shortest way can go on to, with distances; made on first use."""
         if self._links is None:
-            self._links = [[] for _ in self._corners]
+            links: list[list[tuple[int, float]]] = [[] for _ in self._corners]
             for i, a in enumerate(self._corners):
-                for j in range(i):
-                    if self._visible(a, self._corners[j]):
-                        length = math.dist(a, self._corners[j])
-                        self._links[i].append((j, length))
-                        self._links[j].append((i, length))
+                for j, b in enumerate(self._corners[:i]):
+                    if _passes(a, b.at) and _passes(b, a.at) and self._visible(a.at, b.at):
+                        length = math.dist(a.at, b.at)
+                        links[i].append((j, length))
+                        links[j].append((i, length))
+            self._links = links
         return self._links
-
-    def _free(self, point: Point) -> bool:
-        """Return whether a centre may be at `point`."""
-        x, y = point
-        if not (self._low <= x <= self._right and self._low <= y <= self._top):
-            return False
-        return not any(_crosses(point, point, ring) for ring in self._rings)
 
     def _visible(self, a: Point, b: Point) -> bool:
         """Return whether the straight way from `a` to `b` enters no grown obstacle."""
-        return not any(_crosses(a, b, ring) for ring in self._rings)
+        ax, ay = a
+        bx, by = b
+        for points, left, right, bottom, top in self._rings:
+            if (ax < left and bx < left) or (ax > right and bx > right):
+                continue
+            if (ay < bottom and by < bottom) or (ay > top and by > top):
+                continue
+            if _crosses(a, b, points):
+                return False
+        return True
 
 
-def _grown(obstacle: Obstacle, radius: float, step: float) -> list[Point]:
-    """Return points, counter-clockwise, on the boundary of `obstacle` grown by `radius`."""
+def _passes(corner: _Corner, other: Point) -> bool:
+    """Return whether the line through `corner` and `other` only touches the corner's obstacle.
+
+    A shortest way bends nowhere else: where it cut into the ring it would be blocked or could be shortened.
+    """
+    (x, y), (px, py), (qx, qy) = corner
+    dx, dy = other[0] - x, other[1] - y
+    slack = _INSIDE_M * (abs(dx) + abs(dy))
+    side_p = dx * (py - y) - dy * (px - x)
+    side_q = dx * (qy - y) - dy * (qx - x)
+    return (side_p <= slack and side_q <= slack) or (side_p >= -slack and side_q >= -slack)
+
+
+def _corners(ring: _Ring) -> list[_Corner]:
+    """Return the ring's points with their neighbours."""
+    points = ring.points
+    return [_Corner(*three) for three in zip(points, points[-1:] + points[:-1], points[1:] + points[:1], strict=True)]
+
+
+def _grown(obstacle: Obstacle, radius: float, step: float) -> _Ring:
+    """Return the boundary of `obstacle` grown by `radius` as a chain of points on it."""
+    points: list[Point] = []
     if isinstance(obstacle, Disc):
-        return _arc(obstacle.centre, obstacle.radius + radius, 0.0, math.tau, step)[:-1]
-    corners = obstacle.corners
-    ring: list[Point] = []
-    for before, corner, after in zip(corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True):
-        first = math.atan2(corner.y - before.y, corner.x - before.x) - math.pi / 2
-        second = math.atan2(after.y - corner.y, after.x - corner.x) - math.pi / 2
-        ring += _arc(corner, radius, first, first + (second - first) % math.tau, step)
-    return ring
+        points = _arc(obstacle.centre, obstacle.radius + radius, 0.0, math.tau, step)[:-1]
+    else:
+        corners = obstacle.corners
+        for before, corner, after in zip(corners[-1:] + corners[:-1], corners, corners[1:] + corners[:1], strict=True):
+            first = math.atan2(corner.y - before.y, corner.x - before.x) - math.pi / 2
+            second = math.atan2(after.y - corner.y, after.x - corner.x) - math.pi / 2
+            points += _arc(corner, radius, first, first + (second - first) % math.tau, step)
+    xs, ys = [point.x for point in points], [point.y for point in points]
+    return _Ring(tuple(points), min(xs), max(xs), min(ys), max(ys))
 
 
 def _arc(centre: Point, radius: float, first: float, last: float, step: float) -> list[Point]:

@@ -68,7 +68,7 @@ def test_no_way_is_shorter_than_the_straight_line_and_both_directions_are_equal(
     free = []
     while len(free) < 12:
         point = Point(rng.uniform(R, 3 - R), rng.uniform(R, 1.5 - R))
-        if flow._free(point):
+        if flow.free(point):
             free.append(point)
     table = [flow.lengths(point, free) for point in free]
     for i, a in enumerate(free):

@@ -367,3 +367,11 @@ def test_a_second_document_is_refused(tmp_path):
 def test_words_that_older_yaml_takes_for_other_types_stay_words(tmp_path):
     found = complaints(tmp_path, ROOM.replace("lab: room", "lab: no") + "seed: 1:30\n")
     assert found == ["6:7: seed: should be a valid integer, not '1:30'"]
+
+
+def test_a_file_that_is_something_else_tells_a_bounded_number_of_mistakes_soon(tmp_path):
+    began = time.process_time()
+    problems = problems_of(tmp_path, "".join(f"key{k}: 1\n" for k in range(3000)))
+    assert len(problems) == 201
+    assert str(problems[-1]) == f"{tmp_path}/lab.yaml: and 2804 more mistakes"
+    assert time.process_time() - began < 5.0
