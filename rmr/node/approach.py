@@ -19,7 +19,7 @@ SETTLE: Duration = milliseconds(600)
 """What turning to the queue's heading and setting out again costs."""
 HEADWAY_MARGIN_M = 0.07
 """Two hulls in a row keep this gap when both drive at full speed."""
-ORDER_MARGIN: Duration = milliseconds(250)
+ORDER_MARGIN: Duration = milliseconds(350)
 """By how much a robot shall be at its place before the next one is at a nearer place."""
 
 

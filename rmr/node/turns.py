@@ -207,7 +207,7 @@ class Turns:
         pose = driver.localiser.pose
         if pose is None:
             return False
-        estimate = driver.approach.estimate(now, pose, driver.place_of(now, turn.goal, turn.rank, node.peers))
+        estimate = driver.approach.estimate(now, pose, turn.goal.places[0])
         if estimate is None:
             turn.headway = turn.inside
             return True

@@ -27,7 +27,7 @@ VIA_M = 0.05
 """A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
 DETOUR_M = 0.15
 """What the way through the bottleneck's very point may cost."""
-SCAN_M = 0.02
+SCAN_M = 0.04
 """Step of the search for the end of the narrow section."""
 
 
