@@ -15,6 +15,7 @@ from rmr_deploy.watch import Watch
 
 LABS = Path(__file__).parent / "labs"
 CORRIDOR = Path(__file__).parents[2] / "deploy" / "labs" / "corridor"
+TESTBED = CORRIDOR.with_name("testbed")
 UP = [sys.executable, "-P", "-m", "rmr_deploy.up"]
 
 

@@ -7,7 +7,7 @@ import signal
 import subprocess
 
 import pytest
-from launched import CORRIDOR, LABS, UP, Launched, eventually
+from launched import CORRIDOR, LABS, TESTBED, UP, Launched, eventually
 
 DASH = LABS / "dash"
 
@@ -99,6 +99,17 @@ def test_three_robots_pass_the_corridor_in_the_order_of_their_deadlines(up):
     assert run.left() == []
 
 
+def test_a_fifth_of_all_frames_lost_the_robots_still_pass_without_contact(up, tmp_path):
+    folder = tmp_path / "lab"
+    shutil.copytree(TESTBED, folder)
+    path = folder / "lab.yaml"
+    path.write_text(path.read_text().replace("loss: 0.0", "loss: 0.2"))
+    run = up(folder, "--robots", "3", "--seed", "5")
+    assert run.wait(90) == 0, run.out + run.err
+    assert run.report()["collisions"] == 0
+    assert run.left() == []
+
+
 # --- death --------------------------------------------------------------------------------------------------
 
 
@@ -171,6 +182,13 @@ def test_ctrl_c_twice_stops_at_once(up):
     run.interrupt()
     assert run.wait(5) == 1
     assert run.left() == []
+
+
+def test_a_fault_in_the_lab_file_is_not_silently_left_out(up, lab):
+    run = up(lab("lab.yaml", "robots:\n", "faults: [{at: 1s, kill: 3}]\nrobots:\n"), "--robots", "3").running()
+    run.interrupt()
+    run.wait(15)
+    assert "faults: not supported yet" in run.err
 
 
 # --- bad input ----------------------------------------------------------------------------------------------
