@@ -138,8 +138,8 @@ class Builder(Transformer_NonRecursive[Token, Any]):
 
     def fact(self, meta: Meta, mark: Token | None, call: syntax.Call) -> syntax.FactItem:
         kind = syntax.Mark.BANG if mark is not None else syntax.Mark.NONE
-        fact = syntax.Fact(call.name, call.arguments, call.span, kind)
-        return syntax.FactItem(fact, self._span(meta))
+        span = call.span if mark is None else self._token_span(mark).to(call.span)
+        return syntax.FactItem(syntax.Fact(call.name, call.arguments, span, kind), self._span(meta))
 
     def goal(self, meta: Meta, call: syntax.Call) -> syntax.GoalItem:
         fact = syntax.Fact(call.name, call.arguments, call.span, syntax.Mark.GOAL)

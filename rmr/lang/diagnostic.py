@@ -94,6 +94,7 @@ class Diagnostics:
     def __init__(self) -> None:
         self._found: dict[Severity, dict[tuple[str, str, Span], Diagnostic]] = {each: {} for each in Severity}
         self._dropped = dict.fromkeys(Severity, 0)
+        self._wrong: set[Span] = set()
 
     def report(
         self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[Note, ...] = ()
@@ -101,6 +102,8 @@ class Diagnostics:
         """Add one; the same mistake at the same place counts once."""
         diagnostic = Diagnostic(code, message, span, hint, notes)
         found = self._found[diagnostic.severity]
+        if diagnostic.severity is Severity.ERROR:
+            self._wrong.add(span)
         key = (code, message, span)
         if key in found:
             return
@@ -108,6 +111,10 @@ class Diagnostics:
             self._dropped[diagnostic.severity] += 1
         else:
             found[key] = diagnostic
+
+    def wrong_at(self, span: Span) -> bool:
+        """Whether an error has been reported at exactly this place."""
+        return span in self._wrong
 
     @property
     def count(self) -> int:

@@ -7,7 +7,6 @@ from where its value goes. Declared cells never change. Contradictions are looke
 final types, so that each is reported once and with both places.
 """
 
-from collections import deque
 from collections.abc import Callable
 
 from rmr.base.values import Symbol
@@ -15,6 +14,7 @@ from rmr.bytecode.program import Base, Type
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.names import Names, Signature, meant
 from rmr.lang.provided import type_text
+from rmr.lang.solve import Solver
 from rmr.lang.source import Span
 from rmr.lang.syntax import (
     Aggregate,
@@ -46,13 +46,13 @@ from rmr.lang.types import (
     NUMBERS,
     OPEN,
     ROBOT,
+    SYMBOL,
     Cell,
     Scope,
     Types,
     compatible,
     described,
     fits,
-    join,
     literal_type,
     matched_variables,
 )
@@ -65,11 +65,9 @@ class Inference:
         self._names = names
         self._broken = broken
         self._found = found
-        self._sources: dict[Cell, None] = {}
-        self._falling_back = False
+        self._solver = Solver()
         self._matching: frozenset[str] = frozenset()
         self._checks: list[Callable[[], None]] = []
-        self._queue: deque[Cell] = deque()
         self.types = Types()
         for signature in names.signatures.values():
             self.types.positions[signature.name] = self._positions(signature)
@@ -78,10 +76,8 @@ class Inference:
         """Infer, check, report; return the types."""
         for item in module.items:
             self._item(item)
-        self._settle()
-        self._falling_back = True
-        self._queue.extend(cell for cell in self._sources if cell.type.base is not Base.OPEN)
-        self._settle()
+        self._solver.solve()
+        self._name_provided_sets()
         for check in self._checks:
             check()
         return self.types
@@ -94,38 +90,21 @@ class Inference:
         declared = signature.declaration
         cells = [owner]
         for index, kind in enumerate(signature.types, start=1):
-            place = declared.parameters[index].span if declared is not None else signature.place
-            cells.append(Cell(kind, place, fixed=kind.base is not Base.OPEN))
+            if declared is not None:
+                cells.append(Cell(kind, declared.parameters[index].span, fixed=True))
+            elif kind.base is Base.SYMBOL:
+                cells.append(Cell(SYMBOL, signature.place))
+            else:
+                cells.append(Cell(kind, signature.place, fixed=kind.base is not Base.OPEN))
         return cells
 
-    def _widen(self, cell: Cell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
-        if cell.fixed:
-            return
-        wider = join(cell.type, kind)
-        mixes = wider.base is Base.FLOAT and (mixed or cell.mixed or Base.INT in {cell.type.base, kind.base})
-        if wider != cell.type:
-            cell.origin = origin
-        elif mixes == cell.mixed:
-            return
-        cell.type, cell.mixed = wider, mixes
-        self._queue.append(cell)
-
-    def _settle(self) -> None:
-        while self._queue:
-            cell = self._queue.popleft()
-            for target in cell.targets:
-                self._widen(target, cell.type, cell.origin, mixed=cell.mixed)
-            for target in cell.fallbacks if self._falling_back else ():
-                if target.type.base is Base.OPEN:
-                    self._widen(target, cell.type, cell.origin)
-
-    def _flow(self, source: Cell, target: Cell) -> None:
-        source.targets.append(target)
-        self._widen(target, source.type, source.origin, mixed=source.mixed)
-
-    def _fall_back(self, source: Cell, target: Cell) -> None:
-        source.fallbacks.append(target)
-        self._sources[source] = None
+    def _name_provided_sets(self) -> None:
+        """What is provided is not declared: its symbols are of the program's own sets where it has any."""
+        for signature in self._names.signatures.values():
+            cells = self.types.positions[signature.name][1:]
+            for cell, kind in zip(cells, signature.types, strict=True):
+                if cell.type == SYMBOL and kind.base is Base.SYMBOL:
+                    cell.type = kind
 
     # ---- items
 
@@ -153,7 +132,7 @@ class Inference:
         cells = self.types.positions[item.name.text]
         for parameter, cell in zip(item.parameters, cells, strict=False):
             if parameter.variable is not None and not parameter.variable.anonymous:
-                self._flow(cell, self._variable(parameter.variable, scope))
+                self._solver.flow(cell, self._variable(parameter.variable, scope))
         for effect in (*item.effects, *item.else_effects):
             self._derived(effect, scope)
 
@@ -199,18 +178,18 @@ class Inference:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
             cell = self._expression(argument, scope)
             if isinstance(argument, Variable):
-                self._flow(position, cell)
-                self._fall_back(cell, position)
+                self._solver.flow(position, cell)
+                self._solver.fall_back(cell, position)
             elif isinstance(argument, Literal):
-                self._flow(cell, position)
+                self._solver.flow(cell, position)
             self._compare(fact, argument, cell, position, compatible)
 
     def _derived(self, fact: Fact, scope: Scope) -> None:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
             cell = self._expression(argument, scope)
-            self._flow(cell, position)
+            self._solver.flow(cell, position)
             if isinstance(argument, Variable):
-                self._fall_back(position, cell)
+                self._solver.fall_back(position, cell)
             self._compare(fact, argument, cell, position, fits)
 
     def _compare(
@@ -271,7 +250,7 @@ class Inference:
             return Cell(BOOL, expression.span)
         self._needs_number(expression.operand, operand, "`-` needs a number")
         cell = Cell(OPEN, None)
-        self._flow(operand, cell)
+        self._solver.flow(operand, cell)
         return cell
 
     def _binary(self, expression: Binary, scope: Scope) -> Cell:
@@ -290,7 +269,7 @@ class Inference:
         if expression.operator == "=":
             for side, cell, other in ((expression.left, left, right), (expression.right, right, left)):
                 if isinstance(side, Variable):
-                    (self._fall_back if side.name in self._matching else self._flow)(other, cell)
+                    (self._solver.fall_back if side.name in self._matching else self._solver.flow)(other, cell)
 
         def check() -> None:
             span, operator = expression.span, expression.operator
@@ -306,8 +285,8 @@ class Inference:
     def _arithmetic(self, expression: Binary, left: Cell, right: Cell) -> Cell:
         operator = expression.operator
         cell = Cell(FLOAT if operator == "/" else OPEN, expression.span, fixed=operator == "/")
-        self._flow(left, cell)
-        self._flow(right, cell)
+        self._solver.flow(left, cell)
+        self._solver.flow(right, cell)
 
         def check() -> None:
             kinds = [left.type.base, right.type.base]
@@ -337,7 +316,7 @@ class Inference:
             return Cell(known.result, call.span)
         result = Cell(known.result, call.span, fixed=known.result.base is not Base.OPEN)
         for argument, cell, wanted in zip(call.arguments, cells, known.arguments, strict=True):
-            self._flow(cell, result)
+            self._solver.flow(cell, result)
             if wanted is ROBOT:
                 self._needs(argument, cell, ROBOT, "E021", f"`{name}` needs a robot")
             else:
@@ -350,8 +329,8 @@ class Inference:
             self._wrong_count(call, 3)
             return result
         self._needs(call.arguments[0], cells[0], BOOL, "E022", "the condition of `if` is a Boolean")
-        self._flow(cells[1], result)
-        self._flow(cells[2], result)
+        self._solver.flow(cells[1], result)
+        self._solver.flow(cells[2], result)
 
         def check() -> None:
             if not compatible(cells[1].type, cells[2].type):

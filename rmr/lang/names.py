@@ -230,7 +230,8 @@ def _undeclared(names: Names) -> dict[str, list[Use]]:
 def _infer(name: str, group: list[Use]) -> Signature:
     first = group[0].fact
     arity = max(1, len(first.arguments))
-    if any(use.role is Role.VIOLATION for use in group):
+    roles = {use.role for use in group}
+    if Role.VIOLATION in roles and not roles & _FOR_FACTS.keys():
         if name in provided.ACTIONS:
             return Signature(
                 name, Kind.ACTION, 1 + len(provided.ACTIONS[name]), first.span, types=provided.ACTIONS[name]
@@ -260,7 +261,7 @@ def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
         found.report("E021", message, fact.span, hint=f"`{name}(R)`")
     elif given != signature.arity:
         hint = None
-        if signature.provided or (signature.declaration is None and signature.kind is Kind.ACTION):
+        if signature.provided or (signature.declaration is None and name in provided.ACTIONS and not signature.is_fact):
             word = {Kind.SENSED: "sensor ", Kind.PERSISTENT: "!", Kind.ACTION: "action "}[signature.kind]
             hint = f"provided is `{provided.declaration_text(name, signature.types, word)}`"
         message = f"`{name}` has {_count(signature.arity, 'argument')}, here it is given {given}"

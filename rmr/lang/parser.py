@@ -37,8 +37,11 @@ _WORDS = {
     "STRING": "a string",
     "$END": "the end",
 }
-_HIDDEN = {"FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"}
-"""Left out where a number or a name is expected anyway."""
+_HIDDEN = {
+    *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"),
+    *("OR", "AND", "EQ", "NE", "LT", "LE", "GT", "GE", "PLUS", "MINUS", "TIMES", "DIVIDE", "MODULO"),
+}
+"""Left out of hints: values where a number or a name is named anyway, and operators."""
 
 EXPECTED_SHOWN_MAX = 6
 WORD_SHOWN_MAX = 40

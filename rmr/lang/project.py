@@ -118,11 +118,11 @@ class Projector:
         matched = matched_variables(body)
         waiting: list[Conjunct] = [each for each in body if isinstance(each, Condition) or each.absent]
         waiting = [each for each in waiting if not _is_replaced(each, environment)]
-        self._ready(waiting, matched, environment, steps)
         for fact in body:
             if isinstance(fact, Fact) and not fact.absent:
                 waiting[:0] = self._match(fact, environment, steps)
                 self._ready(waiting, matched, environment, steps)
+        self._ready(waiting, matched, environment, steps)
         for absent in [each for each in waiting if isinstance(each, Fact)]:
             waiting.remove(absent)
             self._absent(absent, environment, steps)

@@ -17,6 +17,8 @@ BOOL = Type(Base.BOOL)
 INT = Type(Base.INT)
 FLOAT = Type(Base.FLOAT)
 
+SYMBOL = Type(Base.SYMBOL)
+
 NUMBERS = {Base.INT, Base.FLOAT}
 
 

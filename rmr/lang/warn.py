@@ -102,7 +102,9 @@ class _Doubts:
                 places[node.name] = node
         for name, count in counts.items():
             constant = name[0].lower() + name[1:]
-            if count == 1 and constant in self._symbols and constant != name:
+            if count > 1 or constant == name or self._found.wrong_at(places[name].span):
+                continue
+            if constant in self._symbols:
                 message = f"the variable `{name}` is used only here and matches anything"
                 self._found.report("W101", message, places[name].span, hint=f"did you mean the constant `{constant}`?")
 

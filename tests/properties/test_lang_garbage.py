@@ -1,0 +1,50 @@
+"""Whatever the text, the compiler answers with a program or with diagnostics, and what it compiles is valid."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rmr.bytecode.codec import decode, encode
+from rmr.bytecode.verify import verify
+from rmr.lang.compiler import compile_source
+from rmr.lang.render import render_text
+
+WORDS = (
+    "type action sensor list const include order assert watch not then else true false random textual robot int float "
+    'area p q r at turn moveto location R X Y _ @1 @2 0 1 2.5 500ms "s" ( ) [ ] { } | || && = != <> < <= > >= + - * / '
+    "% ! ? $ : , , , . . . -o -o => if min abs now id dist"
+)
+
+FACTS = st.sampled_from(["p(R, X)", "q(R, X, Y)", "!e(R, B)", "$p(R, Y)", "not q(R, X, _)", "at(R, A)", "p(R, X + 1)"])
+CONDITIONS = st.sampled_from(
+    ["X < 3", "Y = X + 1", "X = s", "A = exit", "B != R", "not (X = Y)", "2.5 = Z", "Z > Y / 2"]
+)
+HEADS = st.sampled_from(
+    ["1", "p(R, X)", "q(B, 1, X)", "?p(R, s)", "moveto(R, A)", "{C | e(R, C) | p(C, X)}", "p(R, if(X > 1, Y, 0.5))"]
+)
+
+
+def holds(text):
+    compilation = compile_source(text, "x")
+    render_text(compilation.diagnostics, {"x": compilation.source}, color=True)
+    assert (compilation.program is None) == bool(compilation.errors)
+    if compilation.program is not None:
+        assert verify(compilation.program) == []
+        assert decode(encode(compilation.program, debug=True)) == compilation.program
+
+
+@given(st.text(max_size=80))
+@settings(max_examples=100, deadline=None)
+def test_any_text_is_answered(text):
+    holds(text)
+
+
+@given(st.lists(st.sampled_from(WORDS.split()), max_size=40))
+@settings(max_examples=300, deadline=None)
+def test_any_words_of_the_language_are_answered(words):
+    holds(" ".join(words) + ".")
+
+
+@given(st.lists(FACTS | CONDITIONS, min_size=1, max_size=6), st.lists(HEADS, min_size=1, max_size=3))
+@settings(max_examples=300, deadline=None)
+def test_any_rule_compiles_into_valid_byte_code_or_is_refused(body, head):
+    holds(f"type action moveto(robot, area). {', '.join(body)} -o {', '.join(head)}.")

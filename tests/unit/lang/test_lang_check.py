@@ -1,0 +1,244 @@
+"""Kinds, arities, types and bindings: what compiles and what is an error where."""
+
+import pytest
+from lang_source import CORRIDOR, codes, compiled, errors, places
+
+from rmr.bytecode.program import Base, Kind, Type
+from rmr.lang.compiler import compile_source
+
+
+def predicate(text, name):
+    program = compiled(text)
+    return program.predicates[program.index(name)]
+
+
+def test_one_bang_makes_an_undeclared_predicate_persistent():
+    assert predicate("p(R, 1). !p(R, X) -o q(R, X).", "p").kind is Kind.PERSISTENT
+    assert predicate("p(R, 1). p(R, X) -o q(R, X).", "p").kind is Kind.TEMPORARY
+
+
+def test_a_declared_persistent_fact_needs_no_bang_in_a_use():
+    assert errors("type !due(robot, int). due(R, 3). due(R, X) -o p(R, X).") == []
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "place"),
+    [
+        ("type p(robot). !p(R).", "E012", "!p(R)"),
+        ("type !p(robot). $p(R) -o q(R).", "E012", "$p(R)"),
+        ("type action a(robot). a(R) -o q(R).", "E012", "a(R)"),
+        ("type action a(robot). a(R).", "E012", "a(R)"),
+        ("type action a(robot). ?a(R).", "E012", "a(R)"),
+        ("p(R) -o q(R). ?q(R). q(R), ?q(R) -o p(R).", "E012", "?q(R)"),
+        ("type sensor s(robot). p(R) -o s(R).", "E012", "s(R)"),
+        ("p(R), assertion(R) -o q(R). x: assert(p(R), q(R), 1, q(R)).", "E012", "q(R)"),
+        ("assert(p(R), q(R), 1, v(R)). p(R) -o v(R), q(R).", "E013", "v(R)"),
+        ("type p(robot). type !p(robot).", "E010", "p"),
+        ("type p(area).", "E021", "area"),
+        ("p().", "E021", "p()"),
+        ("p(s, R).", "E021", "s"),
+        ("p(R), q(R, 1) -o q(R).", "E011", "q(R)"),
+        ("p(R), X = dist(1, 2) -o q(R, X).", "E011", "dist(1, 2)"),
+        ("p(R), X = sqr(2) -o q(R, X).", "E015", "sqr"),
+        ("p(R) -o q(R, X).", "E030", "X"),
+        ("p(R), X < 3 -o q(R).", "E030", "X"),
+        ("p(R), X = Y, Y = X -o q(R).", "E030", "X"),
+        ("p(R) -o q(R, _).", "E030", "_"),
+        ("p(R, X) -o {X | e(R, X) | q(X)}.", "E031", "X"),
+        ("p(R) -o {B | e(R, B), f(R, C) | q(B)}.", "E030", "C"),
+        ("p(R) -o {B | e(B, R) | q(B)}.", "E033", "e(B, R)"),
+        ("p(R, B), not q(B) -o r(R).", "E033", "not q(B)"),
+        ("true -o p(@1).", "E032", "true"),
+        ("not p(R) -o q(R).", "E032", "not p(R)"),
+        ("p(R), now() > 3 -o q(R).", "E034", "now()"),
+        ("p(R, X), X + 1 -o q(R).", "E022", "X + 1"),
+        ("p(R, X), ready -o q(R).", "E022", "ready"),
+        ("p(R, a), p(R, X), X > 3 -o q(R).", "E020", "X > 3"),
+        ("p(R, X), X = R + 1 -o q(R).", "E020", "R"),
+        ("type p(robot, int). p(R, 2.5).", "E020", "2.5"),
+        ("type p(robot, area). type q(robot, line). p(R, A) -o q(R, A).", "E020", "A"),
+        ("p(R, X).", "E023", "X"),
+        ("p(R + 1, 2).", "E023", "R + 1"),
+        ("assert(p(R), q(R), D, v(R)). p(R) -o q(R).", "E030", "D"),
+        ("order textul.", "E015", "textul"),
+        ("const a = b(1).", "E023", "b(1)"),
+    ],
+)
+def test_a_mistake_has_its_code_and_its_place(text, code, place):
+    assert (code, place) in places(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("waiting(A, L), free(B, L) -o go(A, L).", "free(B, L)"),
+        ('include "x.rmr".', 'include "x.rmr".'),
+        ("p(R) -o a(R) then b(R).", "a(R) then b(R)"),
+        ("p(R) -o [sum X => V | q(R, X) | r(R, V)].", "[sum X => V | q(R, X) | r(R, V)]"),
+        ("p(R, [1, 2]).", "[1, 2]"),
+        ("p(R, X), X = [H | T] -o 1.", "[H | T]"),
+        ("type p(robot, list int).", "list int"),
+        ("p(R, X), len(X) > 2 -o 1.", "len(X)"),
+        ("assert(p(R), q(B), 1, v(R)). p(R) -o q(R).", "q(B)"),
+        ("assert(p(R, B), q(R), 1, v(B)). p(R, B) -o q(R).", "v(B)"),
+        ("type action a(R: robot, B: robot) -o p(B).", "B"),
+        ("?p(R, X, X). q(R) -o p(R, 1, 1).", "X"),
+        ("p(R, R).", "R"),
+    ],
+)
+def test_what_waits_for_later_is_refused_by_name_with_its_place(text, place):
+    compilation = compile_source(text)
+    later = [each for each in compilation.diagnostics if each.code == "E002"]
+    assert [text[each.span.start : each.span.end] for each in later[:1]] == [place]
+    assert "not supported yet" in later[0].message
+
+
+def test_the_second_place_of_a_contradiction_is_shown():
+    text = "p(R, 3). p(R, area)."
+    [diagnostic] = compile_source(text).errors
+    assert [text[note.span.start : note.span.end] for note in diagnostic.notes] == ["3"]
+
+
+def test_every_error_of_a_file_is_reported_in_source_order():
+    text = "p(R, X).\ntype q(area).\nq(R) : .\na(R) -o b(R, Y).\n"
+    assert errors(text) == ["E023", "E021", "E001", "E030"]
+
+
+def test_what_a_broken_item_declared_is_not_reported_again():
+    assert errors(
+        "type action moveto(robot area). type p(robot, int). p(R, X) -o moveto(R, X). moveto(R, a) -o 1."
+    ) == ["E001"]
+
+
+# ---- inference
+
+
+def types(text, name):
+    return [(kind.base, kind.name) for kind in predicate(text, name).types]
+
+
+def test_types_flow_from_declarations_through_rules():
+    text = "type !due(robot, float). start(R), due(R, D) -o crossing(R, D). crossing(R, D) -o late(R, D * 2)."
+    assert types(text, "crossing") == [(Base.FLOAT, "")]
+    assert types(text, "late") == [(Base.FLOAT, "")]
+
+
+def test_int_and_float_make_float_and_what_nothing_fixes_stays_open():
+    assert types("p(R, 1). p(R, 2.5).", "p") == [(Base.FLOAT, "")]
+    assert types("p(R, 2). p(R, X) -o q(R, X / 2).", "q") == [(Base.FLOAT, "")]
+    assert types("p(R, X) -o q(R, X).", "p") == [(Base.OPEN, "")]
+
+
+def test_a_type_is_taken_from_where_the_value_goes_if_nothing_else_gives_one():
+    assert types("type action lineup(robot, area, int). p(R, K) -o lineup(R, entry, K).", "p") == [(Base.INT, "")]
+    assert types("location(R, L), L = s -o 1.", "location") == [(Base.SYMBOL, "")]
+
+
+def test_an_int_stays_an_int_although_it_goes_into_a_float():
+    text = "type speed(robot, float). n(R, 3). n(R, X) -o speed(R, X). n(R, X) -o n(R, X - 1)."
+    assert types(text, "n") == [(Base.INT, "")]
+
+
+def test_a_robot_is_known_by_standing_first():
+    assert types("online(A, L) -o {B | edge(A, B) | ready(B, A)}.", "ready") == [(Base.ROBOT, "")]
+
+
+# ---- what every robot provides
+
+
+def test_a_provided_fact_is_known_undeclared_and_only_emitted_if_used():
+    text = """
+    go(R), at(R, exit), pose(R, X, Y, T), turn(R, go, K), id(R, N) -o q(R, X, K, N).
+    go: assert(q(R, X, K, N), at(R, exit), 1, broadcast(R)).
+    """
+    program = compiled(text)
+    provided = {each.name: each.kind for each in program.predicates if each.provided}
+    assert provided == {"at": Kind.SENSED, "pose": Kind.SENSED, "turn": Kind.SENSED, "id": Kind.PERSISTENT}
+    assert predicate(text, "q").types == (Type(Base.FLOAT), Type(Base.INT), Type(Base.INT))
+
+
+def test_a_provided_fact_stays_provided_when_declared_alike():
+    assert predicate("type sensor at(robot, place). at(R, exit) -o q(R).", "at").provided
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["at(R, s). at(R, s) -o q(R).", "p(R) -o at(R, s). p(R).", "type at(robot, area).", "type sensor at(robot, int)."],
+)
+def test_a_program_may_mean_something_else_by_a_provided_name(text):
+    assert not predicate(text, "at").provided
+
+
+def test_a_provided_fact_with_other_arguments_is_an_error():
+    assert places("at(R) -o q(R).")[0] == ("E011", "at(R)")
+
+
+def test_a_declaration_that_contradicts_a_provided_action_is_an_error():
+    assert errors("type action moveto(robot, int).") == ["E014"]
+    assert errors("type action moveto(R: robot, P: place) -o at(R, P).") == []
+
+
+def test_an_assertions_violation_need_not_be_declared():
+    text = "assert(p(R), q(R), 1, alarm(R, 3)). p(R) -o q(R)."
+    assert predicate(text, "alarm").kind is Kind.ACTION
+    assert predicate(text, "alarm").types == (Type(Base.INT),)
+
+
+# ---- warnings
+
+
+def test_figure_4s_misprint_is_doubted():
+    text = "location(R, s). location(R, L), L = S -o moved(R)."
+    assert places(text) == [("W101", "S")]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "place"),
+    [
+        ("ready(R). redy(R) -o go(R).", "W102", "redy(R)"),
+        ("type p(robot, area). p(R, L), L = s, L = t -o 1.", "W102", "L = t"),
+        ("type p(robot). p(R), false -o 1.", "W102", "false"),
+        (CORRIDOR.replace("turn(R, crossing", "turn(R, crosing"), "W102", "crosing"),
+        ("type p(robot). ?q(R, 1). p(R) -o q(R, 2).", "W103", "q(R, 1)"),
+        ("type p(robot). assert(p(R), q(R), 1, v(R)).", "W104", "q(R)"),
+        ('type p(robot, robot). p(R, B) -o q(B, "' + "x" * 120 + '").', "W105", 'q(B, "' + "x" * 120 + '")'),
+        ("type p(robot). assert(p(R), p(R), 5ms, v(R)). p(R) -o p(R).", "W106", "5ms"),
+        ("type p(robot). p(R) -o stop(R).", "W108", "stop(R)"),
+        ("type p(robot). type location(robot, area). p(R) -o locatoin(R, s).", "W108", "locatoin(R, s)"),
+    ],
+)
+def test_a_doubt_has_its_code_and_its_place(text, code, place):
+    assert (code, place) in places(text)
+    assert compile_source(text).program is not None
+
+
+def test_a_sound_program_is_not_doubted():
+    assert codes(CORRIDOR) == []
+
+
+def test_absence_is_not_doubted_after_a_syntax_error():
+    assert codes("ready(R) -o . go(R) -o 1.") == ["E001"]
+
+
+# ---- constants
+
+
+def test_a_constant_stands_for_its_value():
+    program = compiled("const total = 4. const half = total / 2. const first = @1. p(first, total, half).")
+    assert program.facts[0].args == (4, 2.0)
+    assert program.facts[0].owner == 1
+
+
+def test_a_constant_defined_twice_is_an_error():
+    assert errors("const a = 1. const a = 2.") == ["E010"]
+
+
+def test_too_many_parts_are_an_error():
+    body = ", ".join(f"p(R, X{each})" for each in range(300))
+    assert errors(f"{body} -o q(R).") == ["E008"]
+
+
+def test_errors_beyond_the_bound_are_counted_and_warnings_hide_none():
+    warnings = "".join(f"g{each}(R) -o 1.\n" for each in range(600))
+    found = compile_source(warnings + "p(R, X).\n").diagnostics
+    assert [each.code for each in found if each.code != "W102"] == ["E023", "W109"]

@@ -1,0 +1,145 @@
+import pytest
+from lang_source import codes, compiled, errors, places
+
+from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.parser import NESTING_MAX, parse
+from rmr.lang.source import Source
+from rmr.lang.syntax import Aggregate, Comprehension, Condition, Fact, FactItem, Include, ListTerm, Literal, Rule, Steps
+
+
+def parsed(text):
+    found = Diagnostics()
+    module = parse(Source("test", text), found)
+    assert found.in_order() == []
+    return module.items
+
+
+def value(text):
+    [item] = parsed(f"p(R, {text}).")
+    assert isinstance(item, FactItem)
+    literal = item.fact.arguments[1]
+    assert isinstance(literal, Literal)
+    return literal.value
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("3", 3),
+        ("-2", -2),
+        ("2.5", 2.5),
+        ("1e-3", 0.001),
+        ("500ms", 0.5),
+        ("2s", 2.0),
+        ("1.5min", 90.0),
+        ("true", True),
+        ("middle", "middle"),
+        ('"a \\"b\\" \\\\ \\n"', 'a "b" \\ \n'),
+        ("@65533", 65533),
+        ("-9223372036854775808", -(2**63)),
+    ],
+)
+def test_a_word_of_the_source_has_its_value(text, expected):
+    assert value(text) == expected
+    assert type(value(text)).__mro__[-2] is type(expected).__mro__[-2]
+
+
+def test_times_are_floats_and_whole_numbers_are_ints():
+    assert isinstance(value("2s"), float)
+    assert type(value("2")) is int
+
+
+@pytest.mark.parametrize("text", ["99999999999999999999", "9223372036854775808", "1e999", "@65534", "9" * 10000])
+def test_a_number_that_does_not_fit_is_an_error(text):
+    assert errors(f"p(R, {text}).") == ["E005"]
+
+
+def test_an_arrow_is_unspaced_and_a_spaced_one_subtracts():
+    [rule] = parsed("p(R, X, o), Y = X - o -o q(R, Y).")
+    assert isinstance(rule, Rule)
+    assert len(rule.body) == 2
+    assert compiled("p(R) ⊸ q(R).") == compiled("p(R) -o q(R).")
+
+
+def test_an_arrow_inside_of_arguments_is_an_error_and_never_a_subtraction():
+    assert errors("p(R, X) -o q(R, X -o).") == ["E001"]
+    assert errors("p(R, X), Y = (X -o) -o q(R, Y).") == ["E001"]
+
+
+def test_a_call_alone_is_a_fact_and_inside_an_expression_a_function():
+    [rule] = parsed("id(R, N), id(R) = N, (if(N > 1, true, false)) -o 1.")
+    assert [type(part) for part in rule.body] == [Fact, Condition, Condition]
+
+
+def test_not_before_a_call_is_absence_and_before_an_expression_negation():
+    [rule] = parsed("a(R, X), not p(R), not !q(R), not (X > 3), not X = 3 -o 1.")
+    assert [type(part) for part in rule.body] == [Fact, Fact, Fact, Condition, Condition]
+    assert [part.absent for part in rule.body[:3]] == [False, True, True]
+
+
+def test_the_whole_grammar_is_read():
+    text = """
+    include "formation.rmr".
+    order textual.
+    const total = 4.
+    type p(robot, list list int).  /* a comment with a . in it */
+    a(R, [H | T]) -o b(R) then c(R), [sum X => V | d(R, X) | e(R, V)], {B, C | f(R, B, C) | g(B, C)}.
+    """
+    items = parsed(text)
+    assert isinstance(items[0], Include)
+    rule = items[-1]
+    assert isinstance(rule.body[0].arguments[1], ListTerm)
+    assert [type(part) for part in rule.head] == [Steps, Aggregate, Comprehension]
+
+
+def test_names_may_begin_like_reserved_words():
+    assert parsed("typewriter(R). notes(R, listing). ordering(R). assertive(R) -o thenceforth(R).")
+
+
+@pytest.mark.parametrize("word", ["type", "list", "then", "order", "sensor", "not", "include"])
+def test_a_reserved_word_names_nothing(word):
+    assert set(errors(f"p(R, {word}).")) & {"E006", "E001"}
+
+
+def test_a_syntax_error_costs_only_its_own_item():
+    text = 'p(R, ). q(R). r(R) : x. s(R, "open). t(R) -o u(R, Y). v(R)'
+    assert [code for code in errors(text) if code == "E001"] == ["E001"] * 4
+    assert ("E030", "Y") in places(text)
+
+
+def test_a_missing_full_stop_gets_a_hint():
+    from rmr.lang.compiler import compile_source
+
+    [diagnostic] = compile_source("p(R)\nq(R).\n").diagnostics
+    assert diagnostic.hint == "every item ends with `.`"
+    assert diagnostic.span.start == 5
+
+
+def test_an_open_comment_is_reported_where_it_begins():
+    assert ("E001", "/*") in places("p(R). /* q(R).")
+
+
+@pytest.mark.parametrize("deep", ["({})", "-{}", "[{}]", "(not {})", "1 + {}", "f({})"])
+def test_deep_nesting_is_an_error_and_never_a_recursion(deep):
+    text = "1"
+    before, after = deep.split("{}")
+    text = before * 5000 + "1" + after * 5000
+    assert errors(f"p(R), X = {text} -o q(R, X). r(R, Y).") == ["E004", "E023"]
+
+
+def test_nesting_within_the_bound_compiles():
+    depth = NESTING_MAX - 10
+    compiled(f"p(R, X), Y = {'(' * depth}X{')' * depth} -o q(R, Y + {' + '.join(['1'] * depth)}).")
+
+
+@pytest.mark.parametrize(
+    "text", ["\0", "§", ".", "..", "-o", "p", "(", '"', "p(R)) .", "p(R) -o .", "{", "`", "@", "p(R"]
+)
+def test_garbage_is_a_diagnostic(text):
+    assert errors(text)[0] == "E001"
+
+
+def test_an_empty_program_is_legal_and_doubted():
+    assert codes("") == ["W107"]
+    assert codes("// nothing\n") == ["W107"]
+    assert compiled("").rules == ()

@@ -1,0 +1,72 @@
+import json
+
+from rmr.lang.compiler import compile_file, compile_source
+from rmr.lang.render import render_json, render_text
+
+
+def rendered(text, color=False):
+    compilation = compile_source(text, "a.rmr")
+    return render_text(compilation.diagnostics, {"a.rmr": compilation.source}, color)
+
+
+def test_text_shows_place_code_line_underline_and_hint():
+    assert rendered("p(R).\np(R), X = sqr(2) -o q(R, X).\n") == (
+        "a.rmr:2:11: error[E015]: there is no function `sqr`\n"
+        "    2 | p(R), X = sqr(2) -o q(R, X).\n"
+        "      |           ^^^\n"
+        "  hint: did you mean `sqrt`?\n"
+    )
+
+
+def test_both_places_of_a_contradiction_are_shown():
+    text = rendered("type p(robot).\ntype p(robot).\n")
+    assert "a.rmr:2:6: error[E010]" in text
+    assert "a.rmr:1:6: note: first declared here\n    1 | type p(robot).\n      |      -\n" in text
+
+
+def test_colour_is_added_only_on_request():
+    assert "\x1b[" in rendered("p(R, X).", color=True)
+    assert "\x1b[" not in rendered("p(R, X).")
+
+
+def test_control_characters_of_a_source_do_not_reach_the_terminal():
+    assert "\x1b" not in rendered('p(R, "\x1b[31m", X).\x1b')
+
+
+def test_a_place_behind_tabs_and_wide_characters_is_underlined_in_its_column():
+    _, line, under = rendered('p(R,\t"日本", X).').splitlines()[:3]
+    assert line.index("X") + 2 == under.index("^")
+
+
+def test_a_very_long_line_is_cut_around_the_place():
+    text = rendered("p(R, " + ", ".join(["1"] * 100) + ", X" + ", 1" * 100 + ").")
+    assert max(len(line) for line in text.splitlines()) < 240
+    assert "X" in text.splitlines()[1]
+
+
+def test_json_has_the_keys_that_the_contract_names():
+    compilation = compile_source("p(R).\np(R, X).\n", "a.rmr")
+    listed = json.loads(render_json(compilation.diagnostics, {"a.rmr": compilation.source}))
+    assert listed[0] == {
+        "file": "a.rmr",
+        "line": 2,
+        "column": 1,
+        "end_line": 2,
+        "end_column": 8,
+        "severity": "error",
+        "code": "E011",
+        "message": "`p` has 1 argument, here it is given 2",
+        "hint": None,
+    }
+    assert [list(each) for each in listed] == [list(listed[0])] * len(listed)
+
+
+def test_a_file_that_cannot_be_read_is_a_diagnostic(tmp_path):
+    (tmp_path / "latin.rmr").write_bytes(b"p(R, \xe9).")
+    (tmp_path / "huge.rmr").write_bytes(b"// \n" * 100_000)
+    (tmp_path / "code.rmr").write_bytes(b"RMR\x1a\x01")
+    for name, unreadable in (("missing", True), ("", True), ("latin", False), ("huge", False), ("code", False)):
+        compilation = compile_file(tmp_path / f"{name}.rmr" if name else tmp_path)
+        [diagnostic] = compilation.diagnostics
+        assert (diagnostic.code, compilation.program, compilation.unreadable) == ("E003", None, unreadable)
+        assert render_text([diagnostic], {}, False)

@@ -1,0 +1,197 @@
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from rmr import __version__, cli
+
+GOOD = "p(R).\np(R) -o q(R).\n"
+DOUBTED = "location(R, s).\nlocation(R, L), L = S -o 1.\n"
+BAD = "p(R, X).\n"
+
+
+def rmr(*arguments):
+    return CliRunner().invoke(cli.main, [str(each) for each in arguments])
+
+
+@pytest.fixture
+def program(tmp_path):
+    def write(text, name="a.rmr"):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_help_and_version_name_every_command():
+    result = rmr("--help")
+    assert result.exit_code == 0
+    for name in ("check", "compile", "dis", *cli.PROGRAMS):
+        assert f"  {name} " in result.stdout
+        assert name in cli.PROGRAMS or rmr(name, "--help").exit_code == rmr(name, "--version").exit_code == 0
+    assert rmr("--version").stdout == f"rmr {__version__}\n"
+
+
+def test_help_imports_neither_the_parser_nor_anything_heavy():
+    script = "import sys; sys.argv = ['rmr', '--help']; from rmr.cli import main; main(standalone_mode=False); "
+    script += "print(sorted(set(sys.modules) & {'lark', 'rich', 'pydantic', 'rmr.lang', 'numpy', 'zenoh', 'asyncio'}))"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.endswith("[]\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (GOOD, 0),
+        (DOUBTED, 0),
+        ("", 0),
+        (BAD, 3),
+        (b"p(R, \xe9).", 3),
+        (b"\0\0\0", 3),
+        ("p(R, " + "(" * 10_000, 3),
+        ("p(R), X = " + "1 + " * 10_000 + "1 -o q(R).", 3),
+        ("// \n" * 100_000, 3),
+    ],
+)
+def test_check_tells_by_its_exit_code_whether_a_program_is_valid(program, text, code):
+    result = rmr("check", program(text))
+    assert result.exit_code == code
+    assert "Traceback" not in result.output
+    assert bool(result.stderr) == (text != GOOD)
+
+
+def test_check_reports_several_files_and_the_worst_of_them_decides(program, tmp_path):
+    result = rmr("check", program(GOOD), program(BAD, "b.rmr"), tmp_path / "missing.rmr", program(DOUBTED, "d.rmr"))
+    assert result.exit_code == 3
+    for name in ("b.rmr:1:6: error[E023]", "missing.rmr:1:1: error[E003]: no such file", "d.rmr:2:21: warning[W101]"):
+        assert name in result.stderr
+    assert result.stderr.endswith("2 errors, 1 warning\n")
+
+
+def test_a_missing_file_and_a_directory_are_wrong_usage(tmp_path):
+    assert rmr("check", tmp_path / "missing.rmr").exit_code == 2
+    assert rmr("check", tmp_path).exit_code == 2
+    assert rmr("compile", tmp_path / "missing.rmr").exit_code == 2
+    assert rmr("check").exit_code == 2
+
+
+def test_check_as_json_prints_one_list_on_stdout_and_nothing_else(program, tmp_path):
+    result = rmr("check", "--json", program(BAD), program(GOOD, "b.rmr"), tmp_path / "missing.rmr")
+    listed = json.loads(result.stdout)
+    assert [each["code"] for each in listed] == ["E023", "E003"]
+    assert result.stderr == ""
+    assert json.loads(rmr("check", "--json", program(GOOD)).stdout) == []
+
+
+def test_compile_writes_beside_the_program_and_prints_its_size(program, tmp_path):
+    result = rmr("compile", program(GOOD))
+    written = (tmp_path / "a.rbc").read_bytes()
+    assert result.exit_code == 0
+    assert result.stdout == f"{tmp_path}/a.rbc: {len(written)} octets, 2 predicates, 1 rule, 0 warnings\n"
+    assert [each.name for each in tmp_path.iterdir()] == ["a.rmr", "a.rbc"] or len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_compile_writes_is_what_dis_prints(program, tmp_path):
+    source = program(GOOD)
+    assert rmr("compile", source, "-o", tmp_path / "x.rbc", "--debug").exit_code == 0
+    shown = rmr("dis", tmp_path / "x.rbc")
+    assert shown.exit_code == 0
+    assert "p($0) -o q($0)" in shown.stdout
+    assert f"{source}:2:1" in shown.stdout
+
+
+def test_compile_as_json_prints_one_document(program, tmp_path):
+    document = json.loads(rmr("compile", "--json", program(DOUBTED)).stdout)
+    assert document["output"] == f"{tmp_path}/a.rbc"
+    assert document["octets"] == (tmp_path / "a.rbc").stat().st_size
+    assert (document["predicates"], document["rules"]) == (1, 1)
+    assert [each["code"] for each in document["diagnostics"]] == ["W101"]
+    document = json.loads(rmr("compile", "--json", program(BAD)).stdout)
+    assert (document["output"], document["diagnostics"][0]["code"]) == (None, "E023")
+
+
+def test_compile_writes_nothing_on_error_and_keeps_what_was_there(program, tmp_path):
+    (tmp_path / "a.rbc").write_bytes(b"old")
+    result = rmr("compile", program(BAD))
+    assert (result.exit_code, result.stdout) == (3, "")
+    assert (tmp_path / "a.rbc").read_bytes() == b"old"
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.rbc", "a.rmr"]
+
+
+def test_compile_never_overwrites_the_program(program, tmp_path):
+    source = program(GOOD, "a.rbc")
+    assert rmr("compile", source).exit_code == 2
+    assert rmr("compile", source, "-o", tmp_path / "." / "a.rbc").exit_code == 2
+    assert source.read_text() == GOOD
+
+
+def test_an_output_that_cannot_be_written_is_a_failure(program, tmp_path):
+    result = rmr("compile", program(GOOD), "-o", tmp_path / "no" / "such" / "x.rbc")
+    assert result.exit_code == 1
+    assert "No such file or directory" in result.stderr
+    (tmp_path / "folder").mkdir()
+    assert rmr("compile", program(GOOD), "-o", tmp_path / "folder").exit_code == 1
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.rmr", "folder"]
+
+
+@pytest.mark.parametrize("octets", [b"", b"p(R).\n", b"RMR\x1a", b"RMR\x1a" + b"\xff" * 100])
+def test_dis_refuses_what_is_no_byte_code(program, octets):
+    result = rmr("dis", program(octets, "x.rbc"))
+    assert result.exit_code == 3
+    assert "no valid byte-code" in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_dis_of_a_missing_file_is_wrong_usage(tmp_path):
+    assert rmr("dis", tmp_path / "x.rbc").exit_code == 2
+    assert rmr("dis", tmp_path).exit_code == 2
+
+
+def test_a_misspelt_command_gets_a_hint():
+    result = rmr("chekc")
+    assert result.exit_code == 2
+    assert "Did you mean 'check'?" in result.stderr
+
+
+@pytest.mark.parametrize("name", sorted(cli.PROGRAMS))
+def test_another_packages_command_becomes_the_program_beside_the_interpreter(name, tmp_path, monkeypatch):
+    script = tmp_path / f"rmr-{name}"
+    script.write_text("#!/bin/sh\necho 'ran' \"$@\"\nexit 7\n")
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    started = "import sys; sys.executable = sys.argv.pop(1); from rmr.cli import main; main()"
+    command = [
+        sys.executable,
+        "-c",
+        started,
+        str(tmp_path / "python"),
+        name,
+        "lab",
+        "--json",
+        "--help",
+        "-x",
+        "--",
+        "y",
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ})
+    assert (result.returncode, result.stdout) == (7, "ran lab --json --help -x -- y\n")
+
+
+def test_a_program_that_is_not_installed_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    result = rmr("sim", "lab")
+    assert result.exit_code == 1
+    assert f"{Path(tmp_path) / 'rmr-sim'} is not installed" in result.stderr
+
+
+def test_rmrc_is_rmr_compile(program, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["rmrc", str(program(GOOD))])
+    with pytest.raises(SystemExit) as ended:
+        cli.compile_main()
+    assert ended.value.code == 0
+    assert (tmp_path / "a.rbc").exists()
