@@ -26,6 +26,8 @@ def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int:
     if not trips:
         return len(jobs)
     times = free_times(lab)
+    if not times.trips:
+        return len(jobs)  # the finish fact is no place to drive to
     row = {start.id: index for index, start in enumerate(lab.robots)}
     in_time = sorted(
         job["deadline_s"]

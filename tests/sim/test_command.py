@@ -1,0 +1,94 @@
+"""`rmr sim`: what it prints, what it leaves, how it says what is wrong."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rmr_sim.main import main
+
+LABS = Path(__file__).parents[2] / "deploy" / "labs"
+
+LAB = """
+lab: tiny
+program: tiny.rmr
+arena: {size: [1.0, 1.0], cell: 0.05}
+robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]
+finish: done(R)
+duration: 2s
+"""
+
+
+def tiny(folder: Path, program: str, lab: str = LAB) -> Path:
+    (folder / "lab.yaml").write_text(lab)
+    (folder / "tiny.rmr").write_text(program)
+    return folder
+
+
+def test_json_is_the_report_and_everything_else_goes_to_standard_error(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n")
+    assert main([str(lab), "--json", "--run", str(tmp_path / "run")]) == 0
+    out, err = capsys.readouterr()
+    report = json.loads(out)
+    assert report["finished"] is True
+    assert report == json.loads((tmp_path / "run" / "report.json").read_text())
+    assert "simulated" in err
+
+
+def test_a_table_shows_every_robot(tmp_path, capsys):
+    assert main([str(LABS / "testbed"), "--robots", "2", "--run", str(tmp_path / "run")]) == 0
+    out = capsys.readouterr().out
+    assert "@1" in out
+    assert "@2" in out
+    assert "deadline" in out
+
+
+def test_a_run_that_does_not_finish_fails_and_still_leaves_its_report(tmp_path, capsys):
+    lab = tiny(tmp_path, "idle(R).\nidle(R), done(R) -o 1.\n")
+    assert main([str(lab), "--run", str(tmp_path / "run")]) == 1
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["finished"] is False
+
+
+def test_strict_tells_a_missed_deadline_by_its_exit_code(tmp_path, capsys):
+    program = """
+    type action wait(R: robot, T: float) -o done(R).
+    late: watch(go(R), done(R), 0.5, say(R, "late")).
+    go(R).
+    $go(R) -o wait(R, 1).
+    """
+    lab = tiny(tmp_path, program)
+    assert main([str(lab), "--strict", "--run", str(tmp_path / "a")]) == 4
+    assert main([str(lab), "--run", str(tmp_path / "b")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("program", "lab", "said"),
+    [
+        ("done(R)\n", LAB, "tiny.rmr:1"),
+        ("done(R).\n", LAB.replace("size", "sise"), "lab.yaml:4"),
+        ("done(R).\n", LAB.replace("tiny.rmr", "absent.rmr"), "absent.rmr"),
+        ("type action juggle(robot).\ndone(R).\ndone(R) -o juggle(R).\n", LAB, "juggle"),
+        ("type action moveto(robot, area).\ndone(R).\ndone(R) -o moveto(R, nowhere).\n", LAB, "nowhere"),
+    ],
+)
+def test_an_invalid_program_or_lab_is_told_with_its_place(tmp_path, capsys, program, lab, said):
+    assert main([str(tiny(tmp_path, program, lab)), "--run", str(tmp_path / "run")]) == 3
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [["--robots", "99"], ["--robots", "0"], ["--loss", "2"]])
+def test_options_out_of_range_are_refused(tmp_path, capsys, options):
+    code = main([str(LABS / "testbed"), *options, "--run", str(tmp_path / "run")])
+    assert code in {2, 3}
+    assert options[1] in capsys.readouterr().err
+
+
+def test_a_lab_that_is_not_there_is_told(tmp_path, capsys):
+    assert main([str(tmp_path / "nowhere")]) == 3
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_a_run_folder_that_is_not_empty_is_not_overwritten(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n")
+    assert main([str(lab), "--run", str(lab)]) == 2
+    assert "not empty" in capsys.readouterr().err

@@ -1,0 +1,230 @@
+"""What one robot and a few do in the simulator: provided actions, users' actions, facts between robots, deadlines."""
+
+import pytest
+from lab_maker import small_lab, traced
+
+from rmr.base.geometry import distance
+from rmr.node.actions import MissingHandlers
+
+
+def pose(simulation, robot=1):
+    return simulation.world.pose(robot)
+
+
+def test_moveto_drives_to_an_area_and_the_robot_senses_that_it_is_there(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action moveto(robot, area).
+        go(R).
+        go(R) -o moveto(R, spot).
+        at(R, spot) -o arrived(R).
+        """,
+        finish="arrived(R)",
+    )
+    assert simulation.run()
+    assert distance(*pose(simulation)[:2], 1.0, 0.5) < 0.08
+
+
+def test_goto_face_wait_and_stop_do_as_they_say_one_after_another(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action goto(robot, float, float).
+        type action face(R: robot, D: float) -o turned(R).
+        go(R).
+        go(R) -o goto(R, 0.7, 0.6), face(R, 90).
+        """,
+        finish="turned(R)",
+    )
+    assert simulation.run()
+    x, y, theta = pose(simulation)
+    assert distance(x, y, 0.7, 0.6) < 0.05
+    assert theta == pytest.approx(1.5708, abs=0.15)
+
+
+def test_wait_takes_its_time(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action wait(R: robot, T: float) -o waited(R).
+        go(R).
+        go(R) -o wait(R, 1500ms).
+        """,
+        finish="waited(R)",
+    )
+    assert simulation.run()
+    assert simulation.time_s == pytest.approx(1.5, abs=0.05)
+
+
+def test_stop_interrupts_a_drive_and_its_else_effect_stands(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action goto(R: robot, X: float, Y: float) -o there(R) else halted(R).
+        type action wait(R: robot, T: float) -o waited(R).
+        type action stop(robot).
+        go(R).
+        go(R) -o goto(R, 1.3, 1.3), wait(R, 2).
+        waited(R) -o stop(R).
+        """,
+        finish="halted(R)",
+    )
+    assert simulation.run()
+    assert simulation.time_s < 2.2
+    assert distance(*pose(simulation)[:2], 1.3, 1.3) > 0.5
+
+
+def test_a_users_action_runs_in_virtual_time_and_inserts_facts(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action blink(R: robot, N: int) -o blinked(R, N).
+        type action fail(R: robot) -o good(R) else bad(R).
+        type flash(robot, int).
+        go(R).
+        go(R) -o blink(R, 3), fail(R).
+        blinked(R, N), bad(R), flash(R, 1), flash(R, 2), flash(R, 3) -o done(R, N).
+        """,
+        actions="""
+        from rmr import ActionFailed, action
+
+        @action("blink")
+        async def blink(robot, n):
+            for k in range(n):
+                await robot.sleep(0.5)
+                robot.insert("flash", k + 1)
+
+        @action("fail")
+        async def fail(robot):
+            raise ActionFailed("no lamp")
+        """,
+        finish="done(R, 3)",
+    )
+    assert simulation.run()
+    assert simulation.time_s == pytest.approx(1.5, abs=0.05)
+
+
+def test_a_users_action_may_drive_and_sense(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action creep(R: robot) -o crept(R).
+        go(R).
+        go(R) -o creep(R).
+        """,
+        actions="""
+        from rmr import action
+
+        @action("creep", wheels=True)
+        async def creep(robot):
+            await robot.until(lambda: robot.sense().pose is not None)
+            start = robot.sense().pose.x
+            robot.drive(0.1, 0.0)
+            await robot.until(lambda: robot.sense().pose.x > start + 0.3)
+        """,
+        finish="crept(R)",
+    )
+    assert simulation.run()
+    assert pose(simulation).x == pytest.approx(0.5, abs=0.05)
+
+
+def test_an_action_without_handler_does_not_start_and_is_named(tmp_path):
+    with pytest.raises(MissingHandlers, match="juggle"):
+        small_lab(tmp_path, "type action juggle(robot).\ngo(R).\ngo(R) -o juggle(R).\n")
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_facts_for_other_robots_arrive_exactly_once(tmp_path, loss):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type !edge(robot, robot).
+        type heard(robot, robot).
+        go(@1).
+        go(A) -o {B | peer(A, B) | heard(B, A)}.
+        """,
+        robots=4,
+        loss=loss,
+        duration="6s",
+    )
+    simulation.run()
+    facts = {robot.robot: robot.node.machine.facts() for robot in simulation.robots}
+    assert facts[1] == []
+    assert {robot: facts[robot] for robot in (2, 3, 4)} == {robot: [f"heard(@{robot}, @1)"] for robot in (2, 3, 4)}
+
+
+def test_a_fact_too_large_for_one_frame_travels_in_fragments(tmp_path):
+    text = "x" * 300
+    simulation = small_lab(
+        tmp_path,
+        f'go(@1).\ngo(A) -o {{B | peer(A, B) | note(B, "{text}")}}.\n',
+        robots=2,
+        loss=0.2,
+        duration="6s",
+    )
+    simulation.run()
+    assert simulation.robots[1].node.machine.facts() == [f'note(@2, "{text}")']
+
+
+def test_a_missed_deadline_is_broadcast_on_time_and_heard(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        late: assert(begun(R), ended(R), 2, broadcast(R)).
+        begun(@1).
+        failed(R, B, late) -o knows(R, B).
+        begun(R), ended(R) -o 1.
+        """,
+        robots=3,
+        duration="4s",
+    )
+    simulation.run()
+    (missed,) = traced(simulation, "deadline_missed")
+    assert missed["t"] == pytest.approx(2.0, abs=0.02)
+    assert [robot.node.machine.facts() for robot in simulation.robots[1:]] == [
+        ["knows(@2, @1)"],
+        ["knows(@3, @1)"],
+    ]
+
+
+def test_robots_find_themselves_in_spite_of_dropouts(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        "type action moveto(robot, area).\ngo(R).\ngo(R) -o moveto(R, spot).\nat(R, spot) -o arrived(R).\n",
+        finish="arrived(R)",
+        dropout=0.5,
+    )
+    assert simulation.run()
+    assert distance(*pose(simulation)[:2], 1.0, 0.5) < 0.1
+
+
+def test_two_robots_that_meet_face_to_face_get_past_each_other(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action goto(R: robot, X: float, Y: float) -o there(R).
+        go(@1, 1.3). go(@2, 0.2).
+        go(R, X) -o goto(R, X, 0.2).
+        """,
+        robots=2,
+        finish="there(R)",
+        duration="60s",
+    )
+    assert simulation.run()
+    assert simulation.world.collisions == 0
+
+
+def test_robots_sense_their_peers_neighbors_and_numbers(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        peer(R, B) -o sawpeer(R, B).
+        neighbor(R, B) -o near(R, B).
+        id(R, N) -o number(R, N).
+        """,
+        robots=2,
+        duration="2s",
+    )
+    simulation.run()
+    assert simulation.robots[0].node.machine.facts() == ["near(@1, @2)", "number(@1, 1)", "sawpeer(@1, @2)"]
