@@ -9,7 +9,7 @@ class RunFolderError(Exception):
 
 
 def make_run_folder(lab: str, folder: Path | None) -> Path:
-    """Make and return `folder`, or ``runs/LAB-DATE-TIME`` when None. Raises RunFolderError unless it is new or empty."""
+    """Make and return `folder` (None: ``runs/LAB-DATE-TIME``). Raises RunFolderError unless it is new or empty."""
     try:
         if folder is None:
             return _new_folder(Path("runs"), f"{lab}-{datetime.now():%Y%m%d-%H%M%S}")
