@@ -30,7 +30,8 @@ from rmr.node.ports import Confirmed, Ports, Received
 from rmr.node.provided import PROVIDED
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
-from rmr.node.turns import Phase, Turn, Turns
+from rmr.node.turn import Phase, Turn
+from rmr.node.turns import Turns
 from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, VmEvent
 from rmr.vm.machine import Machine
 

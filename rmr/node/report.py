@@ -4,7 +4,7 @@ from typing import Any
 
 from rmr.base.time import Instant, in_seconds
 from rmr.node.node import Node
-from rmr.node.turns import Phase
+from rmr.node.turn import Phase
 from rmr.vm.job import Job
 
 

@@ -5,20 +5,15 @@ three machines that know nothing of each other: the jobs of the virtual machine,
 navigator. It asks for a slot with the times that the robot's way needs, releases the held action just in time, tells
 the coordination core when the robot is at its gate, opens the gate when entering is granted, and reports when the
 robot is clear.
-
-A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes back to asking.
 """
 
-from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
-from rmr.base.values import Symbol, Value
-from rmr.bytecode.program import Anything, Constant, Serving, Slot
+from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
@@ -34,6 +29,7 @@ from rmr.coord.events import (
     SlotLost,
 )
 from rmr.node.motion.navigator import Navigator
+from rmr.node.turn import UNKNOWN_INSIDE, Phase, Turn, clear_of_bottleneck, known_arguments
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:
@@ -41,54 +37,13 @@ if TYPE_CHECKING:
 
 READY: Duration = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
-LEAVE_EARLY: Duration = milliseconds(300)
-"""An action is released this much before it must be under way to reach the gate on time."""
 REVISE_EVERY: Duration = milliseconds(500)
 REVISE_FROM: Duration = milliseconds(250)
 """A slot is asked for anew when the robot's own estimate has moved by more than this."""
-LOGIC_DURATION: Duration = milliseconds(1)
-"""Time that an action without a body's movement is expected to take."""
-
-
-class Phase(Enum):
-    """Where a turn stands."""
-
-    ASKING = "asking"
-    SLOTTED = "slotted"
-    INSIDE = "inside"
-    LEFT = "left"
-
-
-@dataclass(slots=True)
-class Turn:
-    """One job's part in its event."""
-
-    job: Job
-    event: bytes
-    trigger: Instant
-    goal: Area | None
-    """Where the serving action leads; None when it does not move the robot to a place."""
-    phase: Phase = Phase.ASKING
-    requested: bool = False
-    gated: bool = False
-    """Whether the way passes the bottleneck, so that the gate is a place and not the action's beginning."""
-    way: int = 0
-    """Direction through the bottleneck."""
-    approach: Duration = 0
-    inside: Duration = LOGIC_DURATION
-    headway: Duration = LOGIC_DURATION
-    release: Instant = 0
-    rank: int = 0
-    start: Instant = 0
-    end: Instant = 0
-    entered_at: Instant = 0
-    revised_at: Instant = 0
-
-    def released(self, now: Instant) -> bool:
-        """Return whether the action that serves the job may begin."""
-        if self.phase in (Phase.INSIDE, Phase.LEFT) or self.job.finish is not None:
-            return True
-        return self.gated and self.phase is Phase.SLOTTED and now >= self.start - self.approach - LEAVE_EARLY
+EXTEND_BEFORE: Duration = milliseconds(200)
+"""An end that comes nearer than this while the action goes on is moved."""
+EXCLUSIVE_WAYS = 15
+"""Turns that are no passage of the bottleneck exclude each other: robots of different ways never overlap."""
 
 
 class Turns:
@@ -117,11 +72,13 @@ class Turns:
             return
         event = self.event_of(job)
         old = self._turns.get(event)
-        if old is not None and old.phase in (Phase.ASKING, Phase.SLOTTED) and old.requested:
+        if old is not None and old.phase is Phase.INSIDE:
+            old.job = job  # started anew on its way through: the passage goes on
+            return
+        if old is not None and old.phase is not Phase.LEFT and old.requested:
             self._coordination.withdraw(now, event)
-        self._turns[event] = Turn(
-            job, event, max(job.start, old.trigger + milliseconds(10) if old else 0), self._goal(job)
-        )
+        trigger = max(job.start, old.trigger + milliseconds(10) if old else 0)
+        self._turns[event] = Turn(job, event, trigger, self._goal(job), way=1 + self._node.robot % EXCLUSIVE_WAYS)
         self._request(now, self._turns[event])
 
     def event_of(self, job: Job) -> bytes:
@@ -131,7 +88,7 @@ class Turns:
     def _goal(self, job: Job) -> Area | None:
         """Return the area to which a serving action with known arguments leads."""
         for serving in self._node.program.assertions[job.assertion].serving:
-            for value in _known(serving, job):
+            for value in known_arguments(serving, job):
                 area = self._node.arena.area(value) if isinstance(value, Symbol) else None
                 if area is not None:
                     return area
@@ -143,7 +100,7 @@ class Turns:
         if turn is None or turn.job is not job:
             return
         if turn.phase is Phase.INSIDE:
-            self._leave(now, turn)
+            self._inside(now, turn)
         elif turn.phase is not Phase.LEFT:
             turn.phase = Phase.LEFT
             if turn.requested:
@@ -202,20 +159,19 @@ class Turns:
         node = self._node
         driver = node.driver
         if turn.goal is None or driver is None:
-            turn.headway = turn.inside
             return True
         pose = driver.localiser.pose
         if pose is None:
             return False
         estimate = driver.approach.estimate(now, pose, turn.goal.places[0])
         if estimate is None:
-            turn.headway = turn.inside
             return True
         turn.gated = estimate.inside > 0
-        turn.approach = estimate.approach if turn.gated else 0
-        turn.inside = estimate.inside if turn.gated else estimate.approach
-        turn.headway = driver.approach.headway(turn.goal) if turn.gated else turn.inside
-        turn.way = estimate.way
+        if turn.gated:
+            turn.approach, turn.inside, turn.way = estimate
+            turn.headway = driver.approach.headway(turn.goal)
+        else:
+            turn.approach, turn.inside, turn.headway = 0, estimate.approach, estimate.approach
         return True
 
     def _revise(self, now: Instant, turn: Turn) -> None:
@@ -256,14 +212,21 @@ class Turns:
     def _inside(self, now: Instant, turn: Turn) -> None:
         navigator = self._navigator
         if not turn.gated or navigator is None:
+            if turn.job.finish is not None:
+                self._leave(now, turn)
+            elif turn.end < now + EXTEND_BEFORE:
+                self._until(now, turn, now + UNKNOWN_INSIDE)
             return
-        if navigator.route is None or navigator.route.gate_m is None or navigator.cleared:
+        if clear_of_bottleneck(turn, navigator, self._node.percept().pose):
             self._leave(now, turn)
             return
-        end = now + navigator.eta_clear(now)
+        end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
         if abs(end - turn.end) > REVISE_FROM:
-            turn.end = end
-            self._coordination.inside_until(now, turn.event, end)
+            self._until(now, turn, end)
+
+    def _until(self, now: Instant, turn: Turn, end: Instant) -> None:
+        turn.end = end
+        self._coordination.inside_until(now, turn.event, end)
 
     def _leave(self, now: Instant, turn: Turn) -> None:
         turn.phase = Phase.LEFT
@@ -301,12 +264,13 @@ class Turns:
                 self._slotted(now, turn, event)
             case Entered(end=end, cautious=cautious):
                 turn.phase, turn.entered_at, turn.end = Phase.INSIDE, now, end
-                self._open(None, opened=True)
+                turn.passage = None if self._navigator is None else self._navigator.route
+                self._open(turn, None, opened=True)
                 self._node.trace(now, "entered", event=turn.job.event, cautious=cautious)
             case SlotLost() | EntryMissed():
                 turn.phase = Phase.ASKING
                 turn.revised_at = 0
-                self._open(None, opened=False)
+                self._open(turn, None, opened=False)
                 self._node.trace(now, "slot_lost", event=turn.job.event, missed=isinstance(event, EntryMissed))
 
     def _slotted(self, now: Instant, turn: Turn, event: SlotAssigned) -> None:
@@ -317,18 +281,20 @@ class Turns:
         if event.rank != turn.rank:
             turn.rank = event.rank
             self._node.rank_changed(now, turn)
-        self._open(event.start, opened=False)
+        self._open(turn, event.start, opened=False)
 
-    def _open(self, opens_at: Instant | None, *, opened: bool) -> None:
-        if self._navigator is not None:
+    def _open(self, turn: Turn, opens_at: Instant | None, *, opened: bool) -> None:
+        """Tell the navigator about the gate if it drives for `turn`."""
+        driving = self._node.actions.driving
+        if self._navigator is not None and driving is not None and driving.turn is turn:
             self._navigator.gate(opens_at, opened)
 
     def apply_gate(self, turn: Turn) -> None:
         """Tell a navigator that has just been given its way what `turn` allows."""
         if turn.phase in (Phase.INSIDE, Phase.LEFT):
-            self._open(None, opened=True)
+            self._open(turn, None, opened=True)
         else:
-            self._open(turn.start if turn.phase is Phase.SLOTTED else None, opened=False)
+            self._open(turn, turn.start if turn.phase is Phase.SLOTTED else None, opened=False)
 
     def _led(self, now: Instant, event: LeadershipBegan) -> None:
         node = self._node
@@ -351,19 +317,3 @@ class Turns:
         """Return the name of the assertion behind `event`."""
         turn = self._turns.get(event)
         return None if turn is None else Symbol(turn.job.name)
-
-
-def _known(serving: Serving, job: Job) -> list[Value]:
-    """Return the arguments of a serving action that the job determines."""
-    known: list[Value] = []
-    for pattern in serving.args:
-        match pattern:
-            case Constant(value=value):
-                known.append(value)
-            case Slot(index=index):
-                bound = job.bindings[index]
-                if bound is not None:
-                    known.append(bound)
-            case Anything():
-                pass
-    return known

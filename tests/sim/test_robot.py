@@ -1,10 +1,15 @@
 """What one robot and a few do in the simulator: provided actions, users' actions, facts between robots, deadlines."""
 
+from pathlib import Path
+
 import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.geometry import distance
 from rmr.node.actions import MissingHandlers
+from rmr_sim.run import prepare
+
+LABS = Path(__file__).parents[2] / "deploy" / "labs"
 
 
 def pose(simulation, robot=1):
@@ -228,3 +233,54 @@ def test_robots_sense_their_peers_neighbors_and_numbers(tmp_path):
     )
     simulation.run()
     assert simulation.robots[0].node.machine.facts() == ["near(@1, @2)", "number(@1, 1)", "sawpeer(@1, @2)"]
+
+
+def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_deadline(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action charge(R: robot) -o charged(R).
+        type !due(robot, float).
+        start(R).
+        start(R), due(R, D) -o need(R, D).
+        charging: assert(need(R, D), charged(R), D, say(R, "late")).
+        need(R, _) -o charge(R).
+        """,
+        actions="""
+        from rmr import action
+
+        @action("charge")
+        async def charge(robot):
+            await robot.sleep(2.5)
+        """,
+        robots=3,
+        facts="['due(@1, 60)', 'due(@2, 40)', 'due(@3, 50)']",
+        finish="charged(R)",
+        duration="60s",
+    )
+    assert simulation.run()
+    starts = {robot.robot: robot.node.action_log[0][0] for robot in simulation.robots}
+    assert sorted(starts, key=starts.get) == [2, 3, 1]
+    assert starts[3] - starts[2] >= 2.5
+    assert starts[1] - starts[3] >= 2.5
+    assert simulation.time_s < 3 * 2.5 + 6
+
+
+def test_a_robot_that_is_stopped_inside_the_bottleneck_is_not_reported_clear(tmp_path):
+    (tmp_path / "lab.yaml").write_text(
+        (LABS / "testbed" / "lab.yaml").read_text().replace("testbed.rmr", "halting.rmr")
+    )
+    program = (LABS / "testbed" / "testbed.rmr").read_text()
+    (tmp_path / "halting.rmr").write_text(
+        program
+        + "type action stop(robot).\ntype action wait(R: robot, T: float) -o rested(R).\n"
+        + "begin(@3). begin(R) -o wait(R, 3.8). rested(R) -o stop(R).\n"
+    )
+    simulation = prepare(tmp_path, seed=1)
+    simulation.kernel.at(0, 0, lambda now: None)
+    simulation.run()
+    x, y, _ = simulation.world.pose(3)
+    assert 0.5 < x < 1.0, "it was stopped on its way through"
+    assert 0.6 < y < 0.9
+    assert not [entry for entry in traced(simulation, "left") if entry["robot"] == 3]
+    assert simulation.world.collisions == 0, "nobody drives into it"

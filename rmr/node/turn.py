@@ -1,0 +1,94 @@
+"""One turn: a job's part in its event, as a value.
+
+A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes back to asking. `rmr.node.turns` moves it.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rmr.base.arena import Area
+from rmr.base.geometry import Pose, distance
+from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.base.values import Value
+from rmr.bytecode.program import Anything, Constant, Serving, Slot
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.route import Route
+from rmr.vm.job import Job
+
+LEAVE_EARLY: Duration = milliseconds(300)
+"""An action is released this much before it must be under way to reach the gate on time."""
+UNKNOWN_INSIDE: Duration = seconds(1)
+"""How long a turn is expected to last when nothing is known of its action; extended while it lasts longer."""
+OFF_ROUTE_M = 0.15
+"""A robot farther than this from the way through the bottleneck is not on it."""
+
+
+class Phase(Enum):
+    """Where a turn stands."""
+
+    ASKING = "asking"
+    SLOTTED = "slotted"
+    INSIDE = "inside"
+    LEFT = "left"
+
+
+@dataclass(slots=True)
+class Turn:
+    """One job's part in its event."""
+
+    job: Job
+    event: bytes
+    trigger: Instant
+    goal: Area | None
+    """Where the serving action leads; None when it does not move the robot to a place."""
+    phase: Phase = Phase.ASKING
+    requested: bool = False
+    gated: bool = False
+    """Whether the way passes the bottleneck, so that the gate is a place and not the action's beginning."""
+    way: int = 0
+    """Direction through the bottleneck."""
+    approach: Duration = 0
+    inside: Duration = UNKNOWN_INSIDE
+    headway: Duration = UNKNOWN_INSIDE
+    release: Instant = 0
+    rank: int = 0
+    start: Instant = 0
+    end: Instant = 0
+    entered_at: Instant = 0
+    revised_at: Instant = 0
+    passage: Route | None = None
+    """The way by which the robot entered the bottleneck."""
+
+    def released(self, now: Instant) -> bool:
+        """Return whether the action that serves the job may begin."""
+        if self.phase in (Phase.INSIDE, Phase.LEFT) or self.job.finish is not None:
+            return True
+        return self.gated and self.phase is Phase.SLOTTED and now >= self.start - self.approach - LEAVE_EARLY
+
+
+def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:
+    """Return whether the robot is out of the bottleneck, even if its drive has been broken off inside."""
+    if navigator.route is not None and navigator.route.gate_m is not None:
+        return navigator.cleared
+    route = turn.passage
+    if pose is None or route is None or route.gate_m is None:
+        return True
+    s = route.project(pose.x, pose.y, 0.0, route.length_m)
+    away = distance(*route.point(s), pose.x, pose.y)
+    return away > OFF_ROUTE_M or not route.gate_m - OFF_ROUTE_M < s < route.clear_m
+
+
+def known_arguments(serving: Serving, job: Job) -> list[Value]:
+    """Return the arguments of a serving action that the job determines."""
+    known: list[Value] = []
+    for pattern in serving.args:
+        match pattern:
+            case Constant(value=value):
+                known.append(value)
+            case Slot(index=index):
+                bound = job.bindings[index]
+                if bound is not None:
+                    known.append(bound)
+            case Anything():
+                pass
+    return known
