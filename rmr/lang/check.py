@@ -79,7 +79,7 @@ def check(module: Module, found: Diagnostics) -> Checked:
     symbols = {
         node.value for node in walk(module.items) if isinstance(node, Literal) and isinstance(node.value, Symbol)
     }
-    projector = Projector(names, frozenset(symbols), found)
+    projector = Projector(names, types, frozenset(symbols), found)
     rules: list[Projected] = []
     assertions: list[Watched] = []
     for item in module.items:

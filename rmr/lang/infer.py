@@ -51,6 +51,7 @@ from rmr.lang.types import (
     Scope,
     Types,
     compatible,
+    constants,
     described,
     fits,
     literal_type,
@@ -67,6 +68,7 @@ class Inference:
         self._found = found
         self._solver = Solver()
         self._matching: frozenset[str] = frozenset()
+        self._constants: dict[str, Literal] = {}
         self._checks: list[Callable[[], None]] = []
         self.types = Types()
         for signature in names.signatures.values():
@@ -117,7 +119,7 @@ class Inference:
             case Rule():
                 scope: Scope = {}
                 self.types.scopes[item.span] = scope
-                self._matching = frozenset()
+                self._matching, self._constants = frozenset(), {}
                 self._body(item.body, scope)
                 for part in item.head:
                     self._head(part, scope)
@@ -137,6 +139,7 @@ class Inference:
             self._derived(effect, scope)
 
     def _assertion(self, item: Assertion) -> None:
+        self._matching, self._constants = frozenset(), {}
         scope: Scope = {}
         self.types.scopes[item.span] = scope
         self._matched(item.start, scope)
@@ -165,6 +168,7 @@ class Inference:
 
     def _body(self, body: tuple[Conjunct, ...], scope: Scope) -> None:
         self._matching = matched_variables(body) | self._matching
+        self._constants = constants(body) | self._constants
         for conjunct in body:
             if isinstance(conjunct, Condition):
                 cell = self._expression(conjunct.expression, scope)
@@ -180,9 +184,12 @@ class Inference:
             if isinstance(argument, Variable):
                 self._solver.flow(position, cell)
                 self._solver.fall_back(cell, position)
+                constant = self._constants.get(argument.name)
+                if constant is not None:
+                    self._solver.flow(Cell(literal_type(constant), constant.span), position)
             elif isinstance(argument, Literal):
                 self._solver.flow(cell, position)
-            self._compare(fact, argument, cell, position, compatible)
+            self._compare(fact, argument, cell, position, fits if isinstance(argument, Literal) else compatible)
 
     def _derived(self, fact: Fact, scope: Scope) -> None:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):

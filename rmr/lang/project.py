@@ -28,7 +28,7 @@ from rmr.lang.syntax import (
     Variable,
     walk,
 )
-from rmr.lang.types import matched_variables
+from rmr.lang.types import Types, constants, equation_of, fits, literal_type, matched_variables
 
 
 def variables(node: object) -> Iterable[Variable]:
@@ -39,8 +39,9 @@ def variables(node: object) -> Iterable[Variable]:
 class Projector:
     """Projects the rules of one program."""
 
-    def __init__(self, names: Names, symbols: frozenset[str], found: Diagnostics) -> None:
+    def __init__(self, names: Names, types: Types, symbols: frozenset[str], found: Diagnostics) -> None:
         self._names = names
+        self._types = types
         self._symbols = symbols
         self._found = found
         self._fresh = 0
@@ -54,7 +55,7 @@ class Projector:
             return None
         environment = Environment()
         at_home = self._home(facts, environment)
-        environment.constants.update(_constants(rule.body, environment))
+        environment.constants.update(self._constants(rule, environment))
         body = self._order(rule.body, environment)
         head = [self._head(part, environment) for part in rule.head]
         if not at_home or body is None or None in head:
@@ -64,6 +65,18 @@ class Projector:
             here = Decide(Binary("=", Variable(SELF, home.span), home, home.span))
             body = (here, *body)
         return Projected(rule, environment, body, tuple(part for part in head if part is not None))
+
+    def _constants(self, rule: Rule, environment: Environment) -> dict[str, Literal]:
+        """Return the variables that `rule` equates with a constant which all their places can hold."""
+        found = {name: value for name, value in constants(rule.body).items() if not environment.knows(name)}
+        for fact in walk(rule) if found else ():
+            if not isinstance(fact, Fact):
+                continue
+            for argument, cell in zip(fact.arguments, self._types.positions[fact.name.text], strict=False):
+                value = found.get(argument.name) if isinstance(argument, Variable) else None
+                if isinstance(argument, Variable) and value is not None and not fits(literal_type(value), cell.type):
+                    del found[argument.name]
+        return found
 
     def _no_facts(self, rule: Rule) -> None:
         span = rule.body[0].span.to(rule.body[-1].span)
@@ -123,13 +136,26 @@ class Projector:
                 waiting[:0] = self._match(fact, environment, steps)
                 self._ready(waiting, matched, environment, steps)
         self._ready(waiting, matched, environment, steps)
-        for absent in [each for each in waiting if isinstance(each, Fact)]:
-            waiting.remove(absent)
-            self._absent(absent, environment, steps)
+        while absent := [each for each in waiting if isinstance(each, Fact)]:
+            waiting.remove(absent[0])
+            self._absent(absent[0], environment, steps)
             self._ready(waiting, matched, environment, steps)
         for conjunct in waiting:
             self._unbound(conjunct, environment)
-        return None if waiting else tuple(steps)
+        return None if self._anonymous(body) or waiting else tuple(steps)
+
+    def _anonymous(self, body: tuple[Conjunct, ...]) -> bool:
+        """Report every `_` that stands inside an expression, where it has no value, and say whether there is one."""
+        expressions: list[Expression] = []
+        for conjunct in body:
+            if isinstance(conjunct, Condition):
+                expressions.append(conjunct.expression)
+            else:
+                expressions += [each for each in conjunct.arguments if not isinstance(each, Variable)]
+        found = [each for each in walk(tuple(expressions)) if isinstance(each, Variable) and each.anonymous]
+        for each in found:
+            self._found.report("E030", "`_` has no value", each.span, hint="`_` matches anything in a fact")
+        return bool(found)
 
     def _ready(
         self, waiting: list[Conjunct], matched: frozenset[str], environment: Environment, steps: list[Step]
@@ -137,28 +163,34 @@ class Projector:
         """Move what can be decided from `waiting` to `steps`, in the order of the text."""
         index = 0
         while index < len(waiting):
-            step = self._decided(waiting[index], waiting, matched, environment)
+            conjunct = waiting[index]
+            if isinstance(conjunct, Fact):
+                if not self._is_absent_now(conjunct, waiting, matched, environment):
+                    index += 1
+                    continue
+                waiting.pop(index)
+                self._absent(conjunct, environment, steps)
+                continue
+            step = self._decided(conjunct.expression, matched, environment)
             if step is None:
                 index += 1
                 continue
-            conjunct = waiting.pop(index)
+            waiting.pop(index)
+            steps.append(step)
             if isinstance(step, Let):
                 environment.slot(step.name)
                 index = 0
-            if isinstance(conjunct, Fact):
-                self._absent(conjunct, environment, steps)
-            else:
-                steps.append(step)
 
-    def _decided(
-        self, conjunct: Conjunct, waiting: list[Conjunct], matched: frozenset[str], environment: Environment
-    ) -> Step | None:
-        if isinstance(conjunct, Fact):
-            later = matched | {each.name for other in waiting if other is not conjunct for each in _lets(other)}
-            free = {each.name for each in variables(conjunct.arguments) if not environment.knows(each.name)}
-            return Decide(conjunct.arguments[0]) if not free & later else None
-        expression = conjunct.expression
-        if all(environment.knows(each.name) for each in variables(expression)):
+    @staticmethod
+    def _is_absent_now(fact: Fact, waiting: list[Conjunct], matched: frozenset[str], environment: Environment) -> bool:
+        """Whether nothing that is still to come binds a variable of `fact`."""
+        free = {each.name for each in variables(fact.arguments) if not environment.knows(each.name)}
+        later = matched | {each.name for other in waiting if other is not fact for each in _lets(other)}
+        return not free & later
+
+    def _decided(self, expression: Expression, matched: frozenset[str], environment: Environment) -> Step | None:
+        """Return the step that `expression` is as soon as its variables have values, else None."""
+        if self._all_known(expression, environment):
             return Decide(expression)
         if isinstance(expression, Binary) and expression.operator == "=":
             for side, other in ((expression.left, expression.right), (expression.right, expression.left)):
@@ -263,9 +295,10 @@ class Projector:
 
     def _comprehension(self, part: Comprehension, environment: Environment) -> Derivation | None:
         inner = Environment(dict(environment.slots), dict(environment.constants), environment.count)
-        for variable in part.variables:
-            if environment.knows(variable.name):
-                message = f"`{variable.name}` is bound by the rule already"
+        for index, variable in enumerate(part.variables):
+            twice = variable.name in [each.name for each in part.variables[:index]]
+            if environment.knows(variable.name) or twice:
+                message = f"`{variable.name}` is {'listed twice' if twice else 'bound by the rule already'}"
                 hint = "the variables before the `|` are new; choose another name"
                 self._found.report("E031", message, variable.span, hint=hint)
                 return None
@@ -302,29 +335,8 @@ def _span_of(facts: list[Fact], owner: Expression) -> Span:
     return next(fact.span for fact in facts if fact.owner is owner)
 
 
-def _constants(body: tuple[Conjunct, ...], environment: Environment) -> dict[str, Literal]:
-    """Return the variables that the body equates with a constant."""
-    constants: dict[str, Literal] = {}
-    for conjunct in body:
-        equation = _equation(conjunct)
-        if equation is not None and not environment.knows(equation[0]):
-            constants.setdefault(*equation)
-    return constants
-
-
-def _equation(conjunct: Conjunct) -> tuple[str, Literal] | None:
-    if not isinstance(conjunct, Condition):
-        return None
-    match conjunct.expression:
-        case Binary("=", Variable(name=name), Literal() as value) if name != "_":
-            return name, value
-        case Binary("=", Literal() as value, Variable(name=name)) if name != "_":
-            return name, value
-    return None
-
-
 def _is_replaced(conjunct: Conjunct, environment: Environment) -> bool:
-    equation = _equation(conjunct)
+    equation = equation_of(conjunct)
     return equation is not None and environment.constants.get(equation[0]) is equation[1]
 
 

@@ -9,7 +9,7 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode.program import Base, Type
 from rmr.lang.provided import type_text
 from rmr.lang.source import Span
-from rmr.lang.syntax import Condition, Conjunct, Expression, Literal, Variable
+from rmr.lang.syntax import Binary, Condition, Conjunct, Expression, Literal, Variable
 
 OPEN = Type(Base.OPEN)
 ROBOT = Type(Base.ROBOT)
@@ -117,6 +117,27 @@ def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
         for argument in conjunct.arguments
         if isinstance(argument, Variable) and not argument.anonymous
     )
+
+
+def constants(body: tuple[Conjunct, ...]) -> dict[str, Literal]:
+    """Return the variables that `body` equates with a constant, and the first such constant of each."""
+    found: dict[str, Literal] = {}
+    for conjunct in body:
+        equation = equation_of(conjunct)
+        if equation is not None:
+            found.setdefault(*equation)
+    return found
+
+
+def equation_of(conjunct: Conjunct) -> tuple[str, Literal] | None:
+    """Return variable and constant if `conjunct` equates the two."""
+    match conjunct:
+        case Condition(expression=Binary("=", Variable(name=name), Literal() as value)) if name != "_":
+            return name, value
+        case Condition(expression=Binary("=", Literal() as value, Variable(name=name))) if name != "_":
+            return name, value
+        case _:
+            return None
 
 
 @dataclass(slots=True)

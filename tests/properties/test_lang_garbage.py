@@ -16,7 +16,7 @@ WORDS = (
 
 FACTS = st.sampled_from(["p(R, X)", "q(R, X, Y)", "!e(R, B)", "$p(R, Y)", "not q(R, X, _)", "at(R, A)", "p(R, X + 1)"])
 CONDITIONS = st.sampled_from(
-    ["X < 3", "Y = X + 1", "X = s", "A = exit", "B != R", "not (X = Y)", "2.5 = Z", "Z > Y / 2"]
+    ["X < 3", "Y = X + 1", "X = s", "A = exit", "B != R", "not (X = Y)", "2.5 = Z", "Z > Y / 2", "X = _"]
 )
 HEADS = st.sampled_from(
     ["1", "p(R, X)", "q(B, 1, X)", "?p(R, s)", "moveto(R, A)", "{C | e(R, C) | p(C, X)}", "p(R, if(X > 1, Y, 0.5))"]

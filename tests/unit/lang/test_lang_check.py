@@ -44,6 +44,11 @@ def test_a_declared_persistent_fact_needs_no_bang_in_a_use():
         ("p(R), X < 3 -o q(R).", "E030", "X"),
         ("p(R), X = Y, Y = X -o q(R).", "E030", "X"),
         ("p(R) -o q(R, _).", "E030", "_"),
+        ("p(R), X = _ -o 1.", "E030", "_"),
+        ("p(R), not q(R, _ + 1) -o 1.", "E030", "_"),
+        ("p(R), not q() -o 1.", "E021", "not q()"),
+        ("p(R), not q(R, Y), not r(R, Z), Z = Y + W -o 1.", "E030", "W"),
+        ("p(R) -o {B, B | e(R, B) | q(B)}.", "E031", "B"),
         ("p(R, X) -o {X | e(R, X) | q(X)}.", "E031", "X"),
         ("p(R) -o {B | e(R, B), f(R, C) | q(B)}.", "E030", "C"),
         ("p(R) -o {B | e(B, R) | q(B)}.", "E033", "e(B, R)"),
@@ -56,6 +61,7 @@ def test_a_declared_persistent_fact_needs_no_bang_in_a_use():
         ("p(R, a), p(R, X), X > 3 -o q(R).", "E020", "X > 3"),
         ("p(R, X), X = R + 1 -o q(R).", "E020", "R"),
         ("type p(robot, int). p(R, 2.5).", "E020", "2.5"),
+        ("type p(robot, int). p(R, 2.5) -o 1.", "E020", "2.5"),
         ("type p(robot, area). type q(robot, line). p(R, A) -o q(R, A).", "E020", "A"),
         ("p(R, X).", "E023", "X"),
         ("p(R + 1, 2).", "E023", "R + 1"),
@@ -126,6 +132,7 @@ def test_types_flow_from_declarations_through_rules():
 def test_int_and_float_make_float_and_what_nothing_fixes_stays_open():
     assert types("p(R, 1). p(R, 2.5).", "p") == [(Base.FLOAT, "")]
     assert types("p(R, 2). p(R, X) -o q(R, X / 2).", "q") == [(Base.FLOAT, "")]
+    assert types("p(R, 2). p(R, X), X = 2.5 -o 1.", "p") == [(Base.FLOAT, "")]
     assert types("p(R, X) -o q(R, X).", "p") == [(Base.OPEN, "")]
 
 

@@ -85,6 +85,12 @@ def test_a_variable_equal_to_a_constant_is_replaced_by_it():
     assert projected.slots == 1
 
 
+def test_a_constant_that_a_place_cannot_hold_stays_a_condition():
+    body = rule("type p(robot, int). p(R, X), X = 2.5 -o 1.").body
+    assert body[0].args == (Slot(1),)
+    assert ops(body[1].code) == [("LOAD", 1), ("CONST", 2.5), ("EQ", None)]
+
+
 def test_a_variable_that_no_fact_binds_takes_the_others_value():
     body = rule("location(R, L), L = S -o 1.").body
     assert body == (Atom(0, (Slot(1),), Mode.CONSUME), Bind(2, (Instruction(Op.LOAD, 1),)))
