@@ -1,5 +1,6 @@
 """What one robot and a few do in the simulator: provided actions, users' actions, facts between robots, deadlines."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -235,7 +236,8 @@ def test_robots_sense_their_peers_neighbors_and_numbers(tmp_path):
     assert simulation.robots[0].node.machine.facts() == ["near(@1, @2)", "number(@1, 1)", "sawpeer(@1, @2)"]
 
 
-def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_deadline(tmp_path):
+@pytest.mark.parametrize("takes_s", [0.8, 2.5])
+def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_deadline(tmp_path, takes_s):
     simulation = small_lab(
         tmp_path,
         """
@@ -246,12 +248,12 @@ def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_dead
         charging: assert(need(R, D), charged(R), D, say(R, "late")).
         need(R, _) -o charge(R).
         """,
-        actions="""
+        actions=f"""
         from rmr import action
 
         @action("charge")
         async def charge(robot):
-            await robot.sleep(2.5)
+            await robot.sleep({takes_s})
         """,
         robots=3,
         facts="['due(@1, 60)', 'due(@2, 40)', 'due(@3, 50)']",
@@ -260,10 +262,12 @@ def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_dead
     )
     assert simulation.run()
     starts = {robot.robot: robot.node.action_log[0][0] for robot in simulation.robots}
-    assert sorted(starts, key=starts.get) == [2, 3, 1]
-    assert starts[3] - starts[2] >= 2.5
-    assert starts[1] - starts[3] >= 2.5
-    assert simulation.time_s < 3 * 2.5 + 6
+    order = sorted(starts, key=starts.get)
+    assert order[0] == 2
+    if takes_s < 1.0:  # as long as a turn of unknown length is expected to last; one that overruns delays the next
+        assert order == [2, 3, 1]
+    assert all(starts[later] - starts[earlier] >= takes_s for earlier, later in pairwise(order))
+    assert simulation.time_s < 3 * takes_s + 6
 
 
 def test_a_robot_that_is_stopped_inside_the_bottleneck_is_not_reported_clear(tmp_path):
