@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rmr.bytecode import codec
-from rmr.bytecode.program import Kind, Program
-from rmr.node.actions import Handler, missing_handlers
+from rmr.bytecode.program import Program
+from rmr.node.actions import Handler, MissingHandlers, check_handlers
 from rmr.node.provided import PROVIDED
 from rmr.node.userfile import ActionsError, load_actions
 
@@ -50,16 +50,7 @@ def load_handlers(path: Path | None) -> dict[str, Handler]:
 
 def check_actions(program: Program, handlers: dict[str, Handler]) -> None:
     """Raise RefusedError if the program declares actions that nothing carries out; it names all, and where."""
-    missing = missing_handlers(program, {**PROVIDED, **handlers})
-    if missing:
-        listed = "; ".join(name + _declared(program, name) for name in missing)
-        raise RefusedError(f'no handler for action {listed} (give one with --actions FILE.py: @action("{missing[0]}"))')
-
-
-def _declared(program: Program, name: str) -> str:
-    debug = program.debug
-    index = next(i for i, p in enumerate(program.predicates) if p.name == name and p.kind is Kind.ACTION)
-    if debug is None or index >= len(debug.predicates):
-        return ""
-    place = debug.predicates[index]
-    return f", declared at {place.file}:{place.line}:{place.column}"
+    try:
+        check_handlers(program, {**PROVIDED, **handlers})
+    except MissingHandlers as error:
+        raise RefusedError(str(error)) from None

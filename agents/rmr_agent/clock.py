@@ -3,16 +3,26 @@
 A question leaves at T1 and reaches the world at T2, the answer leaves it at T3 and arrives at T4 (T1 and T4 by
 this machine's monotonic clock, T2 and T3 in lab time). As in NTP (RFC 5905, section 8), the offset is
 ((T2 - T1) + (T3 - T4)) / 2, wrong by at most half the time under way; of the last few samples the one that was
-under way for the shortest time stands. Lab time never goes back while the same clock runs.
+under way for the shortest time stands. A sample that contradicts it by more than both can be wrong means that the
+clock has jumped, and replaces them all. Lab time never goes back while the same clock runs.
+
+A world that is stopped, or out of reach, cannot move the robot, and sets its clock back when it goes on. The robot
+therefore goes ahead of what it last heard of the world by `AHEAD_MAX` at most and then lets time stand, too.
 """
 
 from collections import deque
 from typing import NamedTuple
 
-from rmr.base.time import Duration, Instant
+from rmr.base.time import Duration, Instant, milliseconds
 
 SAMPLES_MAX = 8
 """Samples among which the fastest is chosen (RFC 5905: the clock filter's eight stages)."""
+
+DRIFT_MAX: Duration = milliseconds(2)
+"""What two clocks may drift apart while a sample stands (16 s at 100 ppm, and some)."""
+
+AHEAD_MAX: Duration = milliseconds(500)
+"""How far a robot goes on without hearing of its world: as long as a body does that gets no command."""
 
 
 class Sample(NamedTuple):
@@ -33,6 +43,7 @@ class LabClock:
         self._offset: Duration = 0
         self._standing: Instant = 0
         self._last: Instant | None = None
+        self._heard: Instant | None = None
 
     @property
     def running(self) -> bool:
@@ -45,9 +56,17 @@ class LabClock:
         return min(self._samples).delay if self._samples else None
 
     def forget(self) -> None:
-        """Start afresh: the world says that its clock has started, stopped or jumped, or it is another world."""
+        """Start afresh with another clock, which may show an earlier time."""
         self._samples.clear()
-        self._last = None
+        self._last = self._heard = None
+
+    def doubt(self) -> None:
+        """Believe no sample so far: the clock may have jumped. If it went back, lab time stands until it is up."""
+        self._samples.clear()
+
+    def hear(self, stamp: Instant) -> None:
+        """Note that the world was alive at `stamp`."""
+        self._heard = stamp if self._heard is None else max(self._heard, stamp)
 
     def sample(self, state: str, asked: int, arrived: Instant, stamp: Instant, received: int) -> None:
         """Take in a round trip: T1 `asked` and T4 `received` monotonic, T2 `arrived` and T3 `stamp` in lab time."""
@@ -59,14 +78,24 @@ class LabClock:
             return
         delay = (received - asked) - (stamp - arrived)
         offset = ((arrived - asked) + (stamp - received)) // 2
-        self._samples.append(Sample(max(0, delay), offset))
+        self._add(Sample(max(0, delay), offset))
         self._offset = min(self._samples).offset
+
+    def _add(self, sample: Sample) -> None:
+        if self._samples:
+            standing = min(self._samples)
+            wrong = (sample.delay + standing.delay) // 2 + DRIFT_MAX
+            if abs(sample.offset - standing.offset) > wrong:
+                self.doubt()
+        self._samples.append(sample)
 
     def at(self, monotonic: int) -> Instant:
         """Return lab time at a monotonic instant: negative before a start that is set for a moment ahead."""
         if self.state != "running":
             return self._standing
         now = monotonic + self._offset
+        if self._heard is not None:
+            now = min(now, self._heard + AHEAD_MAX)
         if self._last is not None and now < self._last:
             return self._last
         self._last = now

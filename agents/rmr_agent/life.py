@@ -131,6 +131,7 @@ class Life:
     def sense(self, sample: wire.Sense) -> None:
         """Take in a sample of the body."""
         first = self.body.place is None
+        self._clock.hear(sample.stamp)
         self.body.feed(sample)
         if not self.started:
             self.body.keep_newest()

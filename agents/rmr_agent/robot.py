@@ -126,6 +126,7 @@ class RobotProcess:
                 self._begin(known)
             elif self._lost:
                 log.info("the world is back; robot %d goes on", self._robot)
+                self._doubt_time()
             self._lost = False
             if not await self._unless_ended(asyncio.ensure_future(self._rejoin.wait())):
                 break
@@ -210,7 +211,11 @@ class RobotProcess:
             self._life.hear(message.body)
 
     def _on_clock(self, _key: str, _message: wire.Envelope) -> None:
-        self._clock.forget()
+        self._doubt_time()
+
+    def _doubt_time(self) -> None:
+        """Ask for lab time anew: it has started, stopped, or perhaps jumped."""
+        self._clock.doubt()
         self._clock_news.set()
 
     def _on_stop(self, _key: str, message: wire.Envelope) -> None:
@@ -234,12 +239,12 @@ class RobotProcess:
     async def _keep_time(self) -> None:
         """Ask for lab time, often at first and now and then later."""
         while True:
+            self._clock_news.clear()
             burst = 1 if self._clock.delay is not None else CLOCK_BURST
             for _ in range(burst):
                 await self._ask_time()
             if self._life is not None:
                 self._life.wake()
-            self._clock_news.clear()
             period_s = CLOCK_RUNNING_S if self._clock.running else CLOCK_STANDING_S
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._clock_news.wait(), period_s)

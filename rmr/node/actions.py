@@ -11,7 +11,7 @@ Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
 
 from collections import deque
-from collections.abc import Awaitable, Callable, Generator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -28,11 +28,7 @@ class ActionFailed(Exception):  # noqa: N818 - the name that users raise
 
 
 class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
-    """The program declares actions that nothing carries out; `names` lists them."""
-
-    def __init__(self, names: Sequence[str]) -> None:
-        super().__init__("no handler for action " + ", ".join(names))
-        self.names = tuple(names)
+    """The program declares actions that nothing carries out; the message says which, where, and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +65,20 @@ def action(
     return register
 
 
-def missing_handlers(program: Program, handlers: Mapping[str, Handler]) -> list[str]:
-    """Return the actions of `program` that no handler carries out, in order of declaration."""
-    return [p.name for p in program.predicates if p.kind is Kind.ACTION and p.name not in handlers]
+def check_handlers(program: Program, handlers: Mapping[str, Handler]) -> None:
+    """Raise MissingHandlers if `program` declares actions that none of `handlers` carries out."""
+    missing = [i for i, p in enumerate(program.predicates) if p.kind is Kind.ACTION and p.name not in handlers]
+    if missing:
+        listed = "; ".join(program.predicates[index].name + _declared(program, index) for index in missing)
+        first = program.predicates[missing[0]].name
+        raise MissingHandlers(f'no handler for action {listed} (give one with --actions FILE.py: @action("{first}"))')
+
+
+def _declared(program: Program, index: int) -> str:
+    if program.debug is None or index >= len(program.debug.predicates):
+        return ""
+    place = program.debug.predicates[index]
+    return f", declared at {place.file}:{place.line}:{place.column}"
 
 
 def registered() -> dict[str, Handler]:

@@ -19,7 +19,7 @@ from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import Send
 from rmr.node import wire
-from rmr.node.actions import ActionFailed, Dispatcher, Handler, MissingHandlers, RobotHandle, Running, missing_handlers
+from rmr.node.actions import ActionFailed, Dispatcher, Handler, RobotHandle, Running, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.exchange import Exchange
@@ -74,9 +74,7 @@ class Node:
         self.now: Instant = 0
         self._ports = ports
         known = {**PROVIDED, **handlers}
-        missing = missing_handlers(program, known)
-        if missing:
-            raise MissingHandlers(missing)
+        check_handlers(program, known)
         name = f"{config.seed}/robot{config.robot}"
         self.machine = Machine(program, config.robot, stream(f"{name}/vm"))
         self.senses = SensedFacts(program, self.machine)
@@ -353,7 +351,7 @@ class Node:
 
     def broadcast_failure(self) -> None:
         """Tell the others that a deadline was missed."""
-        self.transmit(wire.encode_failure(self.talk.digest, self.failed_job or 0), None)
+        self.transmit(wire.encode_failure(self.talk.digest, self.failed_job), None)
 
     # -- what hosts ask ---------------------------------------------------------------------------------------
 

@@ -26,6 +26,10 @@ HELLO_FIRST: Duration = milliseconds(100)
 """The first hellos are spread over this much per robot of the roster, at most one second."""
 
 
+UNNAMED_FAILURE = "broadcast"
+"""The event of a failure broadcast that no missed deadline derived."""
+
+
 class Talk:
     """One robot's conversation."""
 
@@ -108,9 +112,11 @@ class Talk:
 
     def _failure(self, now: Instant, frame: Received) -> None:
         digest, assertion = wire.decode_failure(frame.payload)
-        if digest == self.digest and assertion < len(self._node.program.assertions):
-            name = self._node.program.assertions[assertion].name
-            self._node.senses.add(now, "failed", (Robot(frame.source), Symbol(name)))
+        assertions = self._node.program.assertions
+        if digest != self.digest or (assertion is not None and assertion >= len(assertions)):
+            return
+        name = UNNAMED_FAILURE if assertion is None else assertions[assertion].name
+        self._node.senses.add(now, "failed", (Robot(frame.source), Symbol(name)))
 
     def _deliver(self, now: Instant, delivery: Delivery, source: int) -> None:
         node = self._node

@@ -36,7 +36,7 @@ class Kind(IntEnum):
     HELLO = 0x20
     """x 2, y 2 (signed, cm), heading 1 (256ths of a turn), flags 1, rank 1, goal x 2, goal y 2 (signed, cm)."""
     FAILURE = 0x21
-    """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E)."""
+    """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E); 255: none in particular."""
 
 
 class Role(IntEnum):
@@ -83,6 +83,7 @@ PARTS_MAX = 64
 """A fact larger than 64 fragments (about 6.9 kB) is refused by the sender."""
 
 _PARKED, _GOAL = 1, 2
+_NO_ASSERTION = 255
 _TURN = 6.283185307179586
 
 
@@ -161,18 +162,18 @@ def decode_ack(payload: bytes) -> tuple[int, int]:
     return epoch, sequence
 
 
-def encode_failure(digest: int, assertion: int) -> bytes:
-    """Return the payload of a failure broadcast."""
-    return _FAILURE.pack(Kind.FAILURE, digest & 0xFFFF, assertion)
+def encode_failure(digest: int, assertion: int | None) -> bytes:
+    """Return the payload of a failure broadcast; `assertion` None: no deadline in particular."""
+    return _FAILURE.pack(Kind.FAILURE, digest & 0xFFFF, _NO_ASSERTION if assertion is None else min(assertion, 254))
 
 
-def decode_failure(payload: bytes) -> tuple[int, int]:
-    """Return (digest, assertion index). Raises WireError."""
+def decode_failure(payload: bytes) -> tuple[int, int | None]:
+    """Return (digest, assertion index or None). Raises WireError."""
     try:
         _, digest, assertion = _FAILURE.unpack(payload)
     except struct.error as error:
         raise WireError(f"failure: {error}") from error
-    return digest, assertion
+    return digest, None if assertion == _NO_ASSERTION else assertion
 
 
 class _Tag(IntEnum):

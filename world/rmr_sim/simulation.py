@@ -122,7 +122,7 @@ class Simulation:
     def __init__(
         self, lab: Lab, program: Program, digest: int, seed: int, handlers: Mapping[str, Handler] | None = None
     ) -> None:
-        """Raise `rmr.node.node.MissingHandlers` when the program declares an action that nothing carries out."""
+        """Raise `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out."""
         self.lab = lab
         self.seed = seed
         self.kernel = Kernel()
