@@ -7,6 +7,7 @@ import signal
 import pytest
 from process_tools import Stage, idle_program
 
+from rmr.base.time import NS_PER_S
 from rmr.bus.keys import WORLD
 from rmr.bus.wire import WORLD_ID
 
@@ -200,7 +201,8 @@ def test_a_world_that_was_stopped_for_a_while_goes_on_with_the_same_robots(stage
     world.send(signal.SIGCONT)
     robot.wait_for("the world is back; robot 1 goes on")
     world.wait_for("lab time is set back")
-    stage.statuses(in_state(1, "finished"))
+    newest = stage.statuses(lambda newest: in_state(1, "finished")(newest) and WORLD_ID in newest)
+    assert newest[1].stamp - newest[WORLD_ID].stamp < 1.5 * NS_PER_S  # the world was stopped for three seconds
     assert "starts anew" not in robot.said()
 
 

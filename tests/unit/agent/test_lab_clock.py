@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmr.base.time import NS_PER_MS, NS_PER_S
-from rmr_agent.clock import SAMPLES_MAX, LabClock
+from rmr_agent.clock import AHEAD_MAX, SAMPLES_MAX, LabClock
 
 MS = NS_PER_MS
 
@@ -78,3 +78,38 @@ def test_old_samples_give_way_so_that_drift_is_followed():
     for index in range(SAMPLES_MAX):
         round_trip(clock, MS, (index + 1) * NS_PER_S, 10, 10)
     assert clock.at(20 * NS_PER_S) == 20 * NS_PER_S + MS
+
+
+def test_a_clock_that_was_set_back_is_followed_at_the_next_sample_however_fast_the_old_ones_were():
+    clock = LabClock()
+    for index in range(SAMPLES_MAX):
+        round_trip(clock, 0, index * MS, 10, 10)
+    round_trip(clock, -3 * NS_PER_S, NS_PER_S, 5 * MS, 5 * MS)
+    assert clock.at(5 * NS_PER_S) == 2 * NS_PER_S
+
+
+def test_a_slow_answer_is_no_jump():
+    clock = LabClock()
+    round_trip(clock, 0, 0, 10, 10)
+    round_trip(clock, 0, NS_PER_S, 0, 900 * MS)
+    assert clock.delay == 20
+
+
+def test_lab_time_stands_rather_than_goes_back_when_the_clock_was_set_back():
+    clock = LabClock()
+    round_trip(clock, 0, 0, MS, MS)
+    assert clock.at(4 * NS_PER_S) == 4 * NS_PER_S
+    clock.doubt()
+    round_trip(clock, -3 * NS_PER_S, 4 * NS_PER_S, MS, MS)
+    assert clock.at(6 * NS_PER_S) == 4 * NS_PER_S
+    assert clock.at(8 * NS_PER_S) == 5 * NS_PER_S
+
+
+def test_lab_time_stands_soon_after_the_world_has_fallen_silent_and_goes_on_with_it():
+    clock = LabClock()
+    round_trip(clock, 0, 0, MS, MS)
+    clock.hear(2 * NS_PER_S)
+    assert clock.at(2 * NS_PER_S + AHEAD_MAX // 2) == 2 * NS_PER_S + AHEAD_MAX // 2
+    assert clock.at(60 * NS_PER_S) == 2 * NS_PER_S + AHEAD_MAX
+    clock.hear(60 * NS_PER_S)
+    assert clock.at(60 * NS_PER_S) == 60 * NS_PER_S
