@@ -72,10 +72,10 @@ class RadioLink:
         for out in self.station.advance(now, x, y):
             if isinstance(out, Announcement):
                 self._publish(wire.Air(out.to_wire()))
-            elif hasattr(out, "status"):
-                self._confirmed.append(Confirmed(*out))
+            elif isinstance(out, Confirmed):
+                self._confirmed.append(out)
             else:
-                self._received.append(Received(*out))
+                self._received.append(out)
 
 
 class BusBody:

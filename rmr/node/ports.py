@@ -10,6 +10,9 @@ from typing import NamedTuple, Protocol
 
 from rmr.base.geometry import Twist
 from rmr.base.time import Duration, Instant
+from rmr.radio.air import Confirmed, Received
+
+__all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed"]
 
 
 class SeenBody(NamedTuple):
@@ -44,26 +47,6 @@ class Sensed(NamedTuple):
     """Whether the hull touches anything."""
     truth: tuple[float, float, float]
     """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
-
-
-class Received(NamedTuple):
-    """A frame's payload that the radio received."""
-
-    payload: bytes
-    source: int
-    unicast: bool
-    rssi_dbm: float
-    lqi: int
-    stamp: Instant
-    """Lab time at which its last symbol arrived."""
-
-
-class Confirmed(NamedTuple):
-    """What became of a request to the radio."""
-
-    handle: int
-    status: str
-    """``ok``, ``no_ack`` or ``access_failure`` (IEEE 802.15.4: different outcomes)."""
 
 
 class Link(Protocol):

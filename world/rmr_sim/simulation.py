@@ -18,7 +18,6 @@ from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
 from rmr.radio.air import Announcement
-from rmr.radio.air import Confirmed as RadioConfirmed
 from rmr.radio.station import RadioConfig, Station
 from rmr_sim.kernel import RADIO, ROBOT, Alarm, Kernel
 from rmr_world.lab import Lab
@@ -100,11 +99,11 @@ class SimulatedRobot:
         for out in self.station.advance(now, self.x, self.y):
             if isinstance(out, Announcement):
                 self._simulation.announce(self, out)
-            elif isinstance(out, RadioConfirmed):
-                self._confirmed.append(Confirmed(out.handle, out.status))
+            elif isinstance(out, Confirmed):
+                self._confirmed.append(out)
                 arrived = True
             else:
-                self._received.append(Received(*out))
+                self._received.append(out)
                 arrived = True
         if arrived:
             self.node_alarm.set(now)
