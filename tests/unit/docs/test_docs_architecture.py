@@ -1,0 +1,119 @@
+"""docs/architecture.md says what the code says: imports, ports, tasks, payloads, bus, streams."""
+
+import importlib
+import inspect
+import re
+
+import pytest
+from doc_pages import ROOT, codes, page, table
+
+from rmr.base.time import NS_PER_MS, NS_PER_S
+from rmr.bus import wire
+from rmr.bus.keys import Keys
+from rmr.node import ports
+from rmr.node.wire import Kind
+from rmr.radio.station import GRACE_MARGIN
+from rmr_agent.clock import AHEAD_MAX
+from rmr_agent.ports import RADIO_GRACE
+from rmr_sim.run import prepare
+from rmr_sim.simulation import IDLE_SAMPLE_TICKS
+from rmr_world import server
+
+PAGE = page("architecture")
+
+
+@pytest.fixture
+def rules(monkeypatch):
+    """The import rules as the architecture tests hold them."""
+    monkeypatch.syspath_prepend(ROOT / "tests" / "architecture")
+    return importlib.import_module("test_import_rules")
+
+
+def test_the_import_rules_are_those_that_are_held(rules):
+    rows = table(PAGE, "part", "is", "imports", "libraries")
+    assert {codes(row[0])[0]: set(codes(row[2])) for row in rows} == {
+        part: imports for part, imports in rules.MAY_IMPORT.items() if part != "rmr"
+    }
+    assert {codes(row[0])[0]: set(row[3].split(", ")) for row in rows if row[3]} == rules.LIBRARIES
+
+
+def test_the_ports_are_documented_with_their_calls():
+    documented = {(codes(row[0])[0], codes(row[1])[0]) for row in table(PAGE, "port", "call", "means")}
+    protocols = {name: getattr(ports, name) for name in ("Link", "Body")}
+    expected = {("Ports", "spent()")}
+    for name, protocol in protocols.items():
+        for method, function in inspect.getmembers(protocol, inspect.isfunction):
+            if not method.startswith("_"):
+                args = list(inspect.signature(function).parameters)[1:]
+                expected.add((name, f"{method}({', '.join(args)})"))
+    assert documented == expected
+
+
+def test_the_kinds_of_payload_are_documented():
+    rows = table(PAGE, "first octet of a payload", "code", "goes to")
+    assert [row[:2] for row in rows] == [
+        ("coordination", "0x01 to 0x0F"),
+        *((kind.name, f"0x{kind:02X}") for kind in Kind),
+    ]
+
+
+def test_the_executives_tasks_are_documented_in_order_of_priority():
+    simulation = prepare(ROOT / "deploy" / "labs" / "testbed", robots=1)
+    tasks = simulation.robots[0].node.executive.tasks
+    rows = table(PAGE, "task", "every call", "does")
+    assert [row[:2] for row in rows] == [(task.name, "no" if task.periodic else "yes") for task in tasks]
+
+
+def bus_keys():
+    keys = Keys("LAB")
+    return {
+        keys.radio(),
+        keys.sense(0).replace("/0/", "/ID/"),
+        keys.act(0).replace("/0/", "/ID/"),
+        keys.clock,
+        keys.map,
+        keys.truth,
+        keys.status("WHO"),
+        keys.stop("WHO"),
+        keys.alive("ROLE", "ID"),
+    }
+
+
+def test_every_key_of_the_bus_is_documented():
+    rows = table(PAGE, "key", "from", "to", "carries")
+    assert {codes(row[0])[0] for row in rows} == bus_keys()
+    wild_cards = {"acts", "statuses"}
+    methods = {name for name in vars(Keys) if not name.startswith("_")} - {"lab"} - wild_cards
+    assert len(methods) == len(rows)
+
+
+def test_every_message_on_the_bus_is_documented_with_its_fields():
+    rows = table(PAGE, "code", "message", "fields")
+    assert rows == [(str(row.code), row.kind.__name__, ", ".join(row.kind._fields)) for row in wire.TABLE]
+    carried = " ".join(row[3] for row in table(PAGE, "key", "from", "to", "carries"))
+    assert [row.kind.__name__ for row in wire.TABLE if not re.search(rf"\b{row.kind.__name__}\b", carried)] == []
+
+
+def test_every_stream_of_chance_is_documented():
+    """Each place where a stream is opened ends with one of the purposes named, and each purpose is used."""
+    documented = {codes(row[0])[0].rsplit("/", 1)[1] for row in table(PAGE, "stream", "of")}
+    opened = set()
+    for folder in ("rmr", "agents", "world"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for name in re.findall(r"stream\(f\"([^\"]+)\"\)", path.read_text()):
+                opened.add(name.removesuffix("/{config.epoch}").rsplit("/", 1)[1])
+    assert opened == documented
+
+
+def test_the_figures_are_those_of_the_code():
+    text = " ".join(PAGE.split())
+    assert RADIO_GRACE == 4 * NS_PER_MS
+    assert f"{RADIO_GRACE // NS_PER_MS} ms after it (the grace)" in text
+    assert f"waited for {(2 * RADIO_GRACE + GRACE_MARGIN) // NS_PER_MS} ms longer" in text
+    assert IDLE_SAMPLE_TICKS == 6
+    assert "at every sixth tick" in text
+    assert f"60 a second while it moves, {60 // server.STANDING_EVERY} while it stands" in text
+    assert f"Truth, {60 // server.TRUTH_EVERY} a second" in text
+    assert f"by {AHEAD_MAX / NS_PER_S:g} s at most" in text
+    assert server.BEHIND_MAX == 60  # ticks: "more than a second"
+    assert f"{wire.WORLD_ID} the world, {wire.OPERATOR_ID} an operator" in text

@@ -1,0 +1,224 @@
+"""docs/labs.md says what the code says: keys and defaults, options, the report, and an example that runs."""
+
+import contextlib
+import io
+import re
+
+import pytest
+import yaml
+from doc_pages import ROOT, blocks, codes, page, section, table
+
+from rmr.base.values import ROBOT_ID_MAX
+from rmr.bus.session import DEFAULT_ENDPOINT, ENDPOINT
+from rmr.node.actions import RobotHandle
+from rmr.node.provided import PROVIDED
+from rmr_agent.main import main as agent
+from rmr_deploy import launch
+from rmr_deploy.launch import Outcome
+from rmr_deploy.plan import Plan, Wishes
+from rmr_deploy.record import make_report
+from rmr_deploy.up import command
+from rmr_sim.main import main as sim
+from rmr_sim.run import prepare, report_of
+from rmr_world.lab import load_lab
+from rmr_world.main import main as world
+from rmr_world.schema import CELLS_MAX, ROBOTS_MAX, LabFile, json_schema
+
+PAGE = page("labs")
+KEYS = [(codes(key)[0], codes(default), text) for key, default, text in table(PAGE, "key", "default", "meaning")]
+
+
+# -- the lab file
+
+
+def schema_keys(schema, node, path):
+    """Yield the path of every key of the JSON Schema: NAME stands for a key of the author's, [] for each item."""
+    if "$ref" in node:
+        node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
+    for option in node.get("anyOf", []):
+        yield from schema_keys(schema, option, path)
+    for key, inner in node.get("properties", {}).items():
+        here = f"{path}.{key}" if path else key
+        yield here
+        yield from schema_keys(schema, inner, here)
+    if isinstance(node.get("items"), dict):
+        yield from schema_keys(schema, node["items"], f"{path}[]")
+    for inner in (node.get("additionalProperties"), *node.get("patternProperties", {}).values()):
+        if isinstance(inner, dict):
+            yield from schema_keys(schema, inner, f"{path}.NAME")
+
+
+def test_every_key_of_the_lab_file_is_documented_and_no_other():
+    schema = json_schema()
+    assert sorted(key for key, _, _ in KEYS) == sorted(set(schema_keys(schema, schema, "")))
+
+
+def minimal():
+    return {
+        "lab": "x",
+        "program": "x.rmr",
+        "arena": {"size": [1.0, 1.0]},
+        "robots": [{"ids": [1], "grid": {"from": [0.5, 0.5], "step": [0.1, 0.1], "columns": 1}}],
+    }
+
+
+def put(data, path, value):
+    *way, last = re.sub(r"\[\]", ".0", path).split(".")
+    for part in way:
+        data = data[int(part)] if isinstance(data, list) else data.setdefault(part, {})
+    data[last] = value
+
+
+@pytest.mark.parametrize(("key", "default"), [(key, default[0]) for key, default, _ in KEYS if default])
+def test_writing_down_a_documented_default_changes_nothing(key, default):
+    data = minimal()
+    put(data, key, yaml.safe_load(default))
+    assert LabFile.model_validate(data) == LabFile.model_validate(minimal())
+
+
+def test_every_key_with_a_default_has_it_documented():
+    def defaults(model, path):
+        for name, field in model.model_fields.items():
+            if not field.is_required() and field.default is not None:
+                yield f"{path}{name}"
+
+    documented = {key for key, default, _ in KEYS if default}
+    lab = LabFile.model_validate(minimal())
+    models = {
+        "": lab,
+        "robot.": lab.robot,
+        "robot.view.": lab.robot.view,
+        "radio.": lab.radio,
+        "localisation.": lab.localisation,
+    }
+    expected = {key for path, model in models.items() for key in defaults(type(model), path)}
+    assert expected <= documented
+
+
+def test_the_required_keys_are_those_named():
+    assert [name for name, field in LabFile.model_fields.items() if field.is_required()] == [
+        "lab",
+        "program",
+        "arena",
+        "robots",
+    ]
+    assert "`lab`, `program`, `arena` and `robots` are required" in PAGE
+
+
+def test_the_limits_are_those_of_the_code():
+    assert f"{CELLS_MAX:,} cells".replace(",", " ") in PAGE
+    assert f"takes them; {ROBOTS_MAX} at most" in PAGE
+    assert f"0 to {ROBOT_ID_MAX} ..." in PAGE
+
+
+def test_every_lab_of_the_repository_is_named():
+    labs = sorted(path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("deploy/labs/*/lab.yaml"))
+    assert [codes(row[0])[0] for row in table(PAGE, "lab", "shows")] == labs
+
+
+# -- commands
+
+
+def up(arguments):
+    command.main(arguments, prog_name="rmr up")
+
+
+def help_of(main):
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code in (0, None)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("title", "main"),
+    [("rmr up LAB", up), ("rmr sim LAB", sim), ("rmr-world", world), ("rmr-agent PROG.rbc", agent)],
+)
+def test_every_option_of_a_command_is_documented_and_no_other(title, main):
+    offered = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", re.sub(r"rmr-\w+", "", help_of(main))))
+    rows = table(section(PAGE, title), "option", "does")
+    documented = {code.split()[0] for row in rows for code in codes(row[0])}
+    assert {name for name in documented if name.startswith("-")} == offered
+
+
+def test_the_endpoint_is_the_one_that_commands_default_to():
+    assert PAGE.count(f"default `{DEFAULT_ENDPOINT}`") == 2
+    protocols = re.findall(r"`(\w+)`", re.search(r"the protocol one of (.*?)\. The bus", PAGE, re.DOTALL)[1])
+    assert protocols == ENDPOINT.pattern.split(")")[0].lstrip("(").split("|")
+
+
+def test_the_default_timeout_is_the_launchers():
+    assert (launch.READY_S_MAX, launch.SILENCE_S_MAX) == (30.0, 10.0)
+    assert "default: 30 s for the start, the lab's duration and 10 s" in PAGE
+
+
+# -- the report
+
+
+def fields(value, path=""):
+    """Yield the path of every field of a report; ID stands for a robot's id, [] for each item."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            here = f"{path}.{'ID' if path == 'robots' else key}" if path else key
+            if path != "robots":
+                yield here
+            yield from fields(inner, here)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from fields(inner, f"{path}[]")
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    simulation = prepare(ROOT / "deploy" / "labs" / "testbed", robots=2)
+    return report_of(simulation, simulation.run())
+
+
+def of_processes(folder):
+    lab = load_lab(ROOT / "deploy" / "labs" / "testbed")
+    plan = Plan(Wishes(lab=lab.path), lab, None, folder)
+    return make_report(plan, Outcome(reason="interrupted"), None)
+
+
+def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_path):
+    assert simulated["finished"]
+    found = set(fields(simulated)) | set(fields(of_processes(tmp_path)))
+    documented = [codes(row[0])[0] for row in table(PAGE, "field", "meaning")]
+    assert sorted(set(documented) - {"robots.ID"}) == sorted(found)
+    assert len(set(documented)) == len(documented)
+
+
+def test_the_fields_of_processes_alone_are_marked(simulated, tmp_path):
+    alone = set(fields(of_processes(tmp_path))) - set(fields(simulated))
+    marked = {codes(row[0])[0] for row in table(PAGE, "field", "meaning") if row[1].startswith("`rmr up`:")}
+    assert marked == alone
+
+
+# -- actions of one's own
+
+
+def test_every_provided_action_is_named():
+    assert set(PROVIDED) == set(re.findall(r"`(\w+)\(R", section(PAGE, "Your own actions")))
+
+
+def test_everything_that_a_robot_offers_to_an_action_is_documented():
+    offered = {name for name in vars(RobotHandle) if not name.startswith("_")}
+    rows = table(PAGE, "`robot`", "")
+    assert {re.search(r"(\w+)(\(|$)", codes(row[0])[0])[1] for row in rows} == offered
+
+
+def test_the_example_runs_and_does_what_the_page_says(tmp_path):
+    text = section(PAGE, "Your own actions")
+    for name, language in (("probe.rmr", "rmr"), ("lab.yaml", "yaml"), ("scout.py", "python")):
+        assert f"`{name}`" in text
+        (tmp_path / name).write_text(blocks(text, language)[0])
+    warnings = []
+    simulation = prepare(tmp_path, actions=tmp_path / "scout.py", warn=warnings.append)
+    assert simulation.run()
+    assert warnings == []
+    robots = report_of(simulation, finished=True)["robots"]
+    facts = {number: robot["facts"] for number, robot in robots.items()}
+    assert facts == {"1": ["done(@1, 0.3)"], "2": ["done(@2, 0.0)"]}
+    for said in (fact for held in facts.values() for fact in held):
+        assert f"`{said}`" in text
