@@ -1,1 +1,1 @@
-"""The virtual machine of one robot: facts in, actions and facts for others out; the interpreter is the specification."""
+"""The virtual machine of one robot; the interpreter is the executable specification (paper IV.B)."""

@@ -7,12 +7,11 @@ carries byte-code only.
 from dataclasses import dataclass
 from pathlib import Path
 
-from rmr.lang.compiler import compile_file
-from rmr.lang.render import render_text
-
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.program import Program
+from rmr.lang.compiler import compile_file
+from rmr.lang.render import render_text
 
 
 class ProgramError(Exception):
