@@ -98,7 +98,7 @@ class Life:
         radio: dict[str, Any],
         clock: LabClock,
         send: "Sender",
-        fail: Callable[[Exception], None],
+        fail: Callable[[BaseException], None],
     ) -> None:
         self._clock = clock
         self._fail = fail
@@ -168,7 +168,7 @@ class Life:
             self._timer = None
         try:
             self._advance()
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # an action that calls exit() does not take the report with it
             self._fail(error)
             return
         self._sleep()

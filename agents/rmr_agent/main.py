@@ -1,12 +1,6 @@
-"""The command `rmr-agent`: one robot in one process.
-
-Everything that can be wrong is found in the order in which a person can mend it: the arguments (exit code 2), the
-byte-code and its actions (3), then the world (waited for). It imports little, so that fifty robots start in seconds.
-"""
+"""The command `rmr-agent`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
 
 import argparse
-import asyncio
-import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -14,20 +8,8 @@ from pathlib import Path
 
 from rmr import __version__
 from rmr.base.values import ROBOT_ID_MAX
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
 from rmr.bus.keys import Keys
-from rmr.bus.process import (
-    EXIT_FAILED,
-    EXIT_INVALID,
-    EXIT_USAGE,
-    Ending,
-    handle_signals,
-    hold_lifeline,
-    start_logging,
-)
-from rmr.bus.session import DEFAULT_ENDPOINT, BusError, check_endpoint
-from rmr.node.actions import Handler
-from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program
-from rmr_agent.robot import RobotProcess
 
 
 def _robot_id(text: str) -> int:
@@ -73,49 +55,18 @@ def parser() -> argparse.ArgumentParser:
     return it
 
 
-def _load(options: argparse.Namespace) -> tuple[Loaded, dict[str, Handler]]:
-    loaded = load_program(options.program)
-    handlers = load_handlers(options.actions)
-    check_actions(loaded.program, handlers)
-    return loaded, handlers
-
-
-async def _live(options: argparse.Namespace, loaded: Loaded, handlers: dict[str, Handler], ending: Ending) -> None:
-    handle_signals(ending)
-    hold_lifeline()
-    await RobotProcess(options.id, options.connect, options.lab, loaded, handlers, ending).run()
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command; ends the process."""
     options = parser().parse_args(arguments)
-    who = f"rmr-agent {options.id}"
+    code = 0
     try:
-        log = start_logging(who, options.log)
-        loaded, handlers = _load(options)
-    except RefusedError as error:
-        print(f"{who}: {error}", file=sys.stderr)
-        sys.exit(EXIT_INVALID)
-    except OSError as error:
-        print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
-        sys.exit(EXIT_USAGE)
-    ending = Ending()
-    try:
-        asyncio.run(_live(options, loaded, handlers, ending))
-    except BusError as error:
-        ending.ask(str(error), EXIT_FAILED)
+        from rmr_agent.perform import perform  # noqa: PLC0415 - the bus and the node load only where a robot runs
+
+        code = perform(options)
     except KeyboardInterrupt:  # before the signal handlers stood
-        ending.ask("SIGINT")
-    except Exception as error:
-        log.error("internal error: %s: %s", type(error).__name__, error, exc_info=error)
-        ending.ask("", EXIT_FAILED)
-    if ending.code and ending.reason:
-        log.error("%s", ending.reason)
-    elif ending.reason:
-        log.info("ended (%s)", ending.reason)
-    logging.shutdown()
+        print(f"rmr-agent {options.id}: ended (SIGINT)", file=sys.stderr)
     sys.stdout.flush()
-    os._exit(ending.code)  # zenoh's threads and a user's action must not keep the process
+    os._exit(code)  # zenoh's threads and a user's action must not keep the process
 
 
 if __name__ == "__main__":

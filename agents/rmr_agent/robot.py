@@ -187,7 +187,9 @@ class RobotProcess:
         )
         try:
             config = node_config(self._robot, known, self._loaded.program, known.lives)
-            self._life = Life(config, self._loaded, self._handlers, known.radio, self._clock, send, self._broken)
+            self._life = Life(
+                config, self._loaded, self._handlers, known.radio, self._clock, send, self._ending.break_down
+            )
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
@@ -195,10 +197,6 @@ class RobotProcess:
         self._clock.forget()
         self._clock_news.set()
         log.info("robot %d is in lab %s", self._robot, known.lab)
-
-    def _broken(self, error: Exception) -> None:
-        log.error("internal error: %s: %s", type(error).__name__, error, exc_info=error)
-        self._ending.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
 
     # -- what comes in ------------------------------------------------------------------------------------------
 

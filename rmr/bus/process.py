@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -58,6 +59,18 @@ class Plain(logging.Formatter):
         return f"{self._who}: {record.getMessage()}"
 
 
+class LogFile(logging.FileHandler):
+    """A log file that says once when it cannot be written (a full disk), and then does without."""
+
+    def handleError(self, _record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
+        """Give the file up."""
+        logger, error = logging.getLogger("rmr"), sys.exc_info()[1]
+        logger.removeHandler(self)
+        with contextlib.suppress(OSError, ValueError):
+            self.close()
+        logger.error("cannot write the log %s any more: %s", self.baseFilename, error)
+
+
 def start_logging(who: str, file: Path | None) -> logging.Logger:
     """Return the process's logger: people's lines on standard error, JSON lines in `file`. Raises OSError."""
     logger = logging.getLogger("rmr")
@@ -69,7 +82,7 @@ def start_logging(who: str, file: Path | None) -> logging.Logger:
     logger.addHandler(people)
     if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
-        programs = logging.FileHandler(file, encoding="utf-8")
+        programs = LogFile(file, encoding="utf-8")
         programs.setFormatter(JsonLines(who))
         logger.addHandler(programs)
     return logger
@@ -94,22 +107,33 @@ class Ending:
             self.reason, self.code = reason, code
             self._event.set()
 
+    def break_down(self, error: BaseException) -> None:
+        """Ask for the end because of a mistake in rmr itself; the traceback goes to the log file alone."""
+        logging.getLogger("rmr").debug("internal error", exc_info=error)
+        self.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
+
     async def wait(self) -> None:
         """Return once the end has been asked for."""
         await self._event.wait()
 
 
 def handle_signals(ending: Ending) -> None:
-    """Make the first SIGINT or SIGTERM ask for an orderly end and a second one end the process at once."""
-    loop = asyncio.get_running_loop()
+    """Make the first SIGINT or SIGTERM ask for an orderly end and a second one end the process at once.
 
-    def asked(name: str) -> None:
-        if ending.asked:
+    The second one does so even while something blocks the event loop, such as a user's action that never returns.
+    """
+    loop = asyncio.get_running_loop()
+    signals: list[int] = []
+
+    def asked(number: int, _frame: FrameType | None) -> None:
+        if ending.asked or signals:
             os._exit(EXIT_FAILED)
-        ending.ask(name)
+        signals.append(number)
+        with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending
+            loop.call_soon_threadsafe(ending.ask, signal.Signals(number).name)
 
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, asked, number.name)
+        signal.signal(number, asked)
 
 
 def hold_lifeline() -> None:

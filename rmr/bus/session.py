@@ -36,9 +36,7 @@ from zenoh.handlers import Callback  # noqa: E402
 from rmr.bus import wire  # noqa: E402
 from rmr.bus.bridge import Inbox, Take  # noqa: E402
 from rmr.bus.checks import MalformedError  # noqa: E402
-
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where a world listens and a robot connects unless told otherwise."""
+from rmr.bus.endpoint import BusError, check_endpoint  # noqa: E402
 
 LEASE_MS = 3000
 """A silent peer is given up after this time."""
@@ -56,8 +54,6 @@ CLOSE_PATIENCE_S = 1.0
 EAGER_TRIES = 50
 """Attempts at the first pace before the first connection: a lab that starts as a whole is not kept waiting."""
 
-ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
-
 Handler = Callable[[str, wire.Envelope], None]
 """Takes a key and the message that came on it."""
 
@@ -65,20 +61,8 @@ Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
 
-class BusError(Exception):
-    """The bus cannot be used as asked; the message says why and what to do."""
-
-
 class NobodyThereError(BusError):
     """No router answers at the endpoint (yet)."""
-
-
-def check_endpoint(endpoint: str) -> str:
-    """Return `endpoint` if it is one. Raises BusError."""
-    match = ENDPOINT.fullmatch(endpoint)
-    if not match or not 0 < int(match[3]) < 65536:
-        raise BusError(f"'{endpoint}' is no endpoint: expected PROTOCOL/HOST:PORT, for example {DEFAULT_ENDPOINT}")
-    return endpoint
 
 
 def _config(listen: str | None, connect: str | None) -> Any:

@@ -117,6 +117,22 @@ def test_a_file_of_actions_that_is_wrong_is_told_in_one_line(stage):
     assert len(robot.said().splitlines()) == 1
 
 
+def test_a_file_of_actions_that_ends_the_process_is_told_as_its_mistake(stage):
+    (stage.folder / "acts.py").write_text("raise SystemExit(7)\n")
+    robot = stage.agent(1, "--actions", stage.folder / "acts.py")
+    assert robot.exit_code() == 3
+    assert "acts.py: calls exit(7) while it is loaded" in robot.said()
+
+
+def test_an_interrupt_while_the_robot_loads_ends_it_without_a_traceback(stage):
+    (stage.folder / "acts.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")
+    robot = stage.agent(1, "--actions", stage.folder / "acts.py")
+    robot.wait_for("loading")
+    robot.send(signal.SIGINT)
+    assert robot.exit_code() == 0
+    assert robot.said() == "loading\nrmr-agent 1: ended (SIGINT)\n"
+
+
 def test_an_id_that_is_taken_is_refused_and_free_again_when_its_bearer_is_killed(stage):
     stage.world()
     first = stage.agent(1)

@@ -21,7 +21,7 @@ from rmr.base.streams import stable_hash
 from rmr.base.time import NS_PER_S, TICK_HZ, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
-from rmr.bus.process import EXIT_FAILED, Ending
+from rmr.bus.process import Ending
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
 from rmr_world.lab import Lab
@@ -113,10 +113,8 @@ class WorldServer:
         ended = asyncio.ensure_future(self._ending.wait())
         await asyncio.wait([*tasks, ended], return_when=asyncio.FIRST_COMPLETED)
         for task in tasks:
-            if task.done() and task.exception() is not None:
-                error = task.exception()
-                log.error("internal error: %s: %s", type(error).__name__, error, exc_info=error)
-                self._ending.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
+            if task.done() and (error := task.exception()) is not None:
+                self._ending.break_down(error)
             task.cancel()
         await self._leave()
 

@@ -8,7 +8,8 @@ import time
 import pytest
 
 from rmr.bus import session, wire
-from rmr.bus.session import BusError, NobodyThereError, check_endpoint, open_bus, open_when_there
+from rmr.bus.endpoint import BusError, check_endpoint
+from rmr.bus.session import NobodyThereError, open_bus, open_when_there
 
 
 def free_endpoint():

@@ -1,0 +1,125 @@
+"""What `rmr-world` does: load the lab, open the bus, serve, and say how it ended.
+
+It is the router of the star unless it is told to be a client of another one, which it then waits for.
+"""
+
+import argparse
+import asyncio
+import logging
+import sys
+from pathlib import Path
+
+from rmr.bus import wire
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
+from rmr.bus.process import (
+    EXIT_FAILED,
+    EXIT_INVALID,
+    EXIT_USAGE,
+    Ending,
+    Seldom,
+    handle_signals,
+    hold_lifeline,
+    start_logging,
+)
+from rmr.bus.session import Bus, open_bus, open_when_there
+from rmr_world.lab import Lab, LabError, load_lab
+from rmr_world.server import WorldServer
+
+SAY_AGAIN_S = 5.0
+"""How often a waiting world says that it waits for its router."""
+
+log = logging.getLogger("rmr")
+
+
+class InvalidError(Exception):
+    """The program does not go with the lab; the message is what a person is shown."""
+
+
+def _load(options: argparse.Namespace) -> Lab:
+    path = options.config / "lab.yaml" if options.config.is_dir() else options.config
+    lab = load_lab(path)
+    if options.program is not None:
+        _check_facts(lab, options.program)
+    return lab if options.robots is None else lab.with_robots(options.robots)
+
+
+def _check_facts(lab: Lab, path: Path) -> None:
+    """Raise InvalidError unless the program in `path` knows what the lab file states and wants to see finished."""
+    # The front end is heavy, and a world that is given no program starts without it.
+    from rmr.lang.facts import FactError, parse_fact, parse_pattern  # noqa: PLC0415
+    from rmr_world.program import ProgramError, load_program  # noqa: PLC0415
+
+    try:
+        program = load_program(path).program
+    except ProgramError as error:
+        raise InvalidError(str(error)) from None
+    wrong: list[str] = []
+    checks = [*((text, parse_fact) for text in lab.facts), *((text, parse_pattern) for text in [lab.finish] if text)]
+    for text, check in checks:
+        try:
+            check(text, program)
+        except FactError as error:
+            wrong.append(f"{lab.path}: {text}: {error}")
+    if wrong:
+        raise InvalidError("\n".join(wrong))
+
+
+async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
+    """Return the session; None when the end was asked for while waiting for the router."""
+    if options.connect is None:
+        return open_bus(wire.WORLD_ID, listen=options.listen or DEFAULT_ENDPOINT)
+    say = Seldom(lambda: log.info("waiting for the router at %s", options.connect), SAY_AGAIN_S)
+    opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say))
+    ended = asyncio.ensure_future(ending.wait())
+    await asyncio.wait([opening, ended], return_when=asyncio.FIRST_COMPLETED)
+    ended.cancel()
+    if opening.done():
+        return opening.result()
+    opening.cancel()
+    return None
+
+
+async def _live(options: argparse.Namespace, lab: Lab, ending: Ending) -> None:
+    handle_signals(ending)
+    hold_lifeline()
+    bus = await _open(options, ending)
+    if bus is None:
+        return
+    seed = lab.seed if options.seed is None else options.seed
+    log.info(
+        "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
+    )
+    try:
+        await WorldServer(lab, seed, bus, ending, when_ready=options.when_ready).run()
+    finally:
+        bus.close()
+
+
+def perform(options: argparse.Namespace) -> int:
+    """Serve the world that `options` describe until its end; return the exit code."""
+    try:
+        start_logging("rmr-world", options.log)
+    except OSError as error:
+        print(f"rmr-world: cannot write {options.log}: {error.strerror}", file=sys.stderr)
+        return EXIT_USAGE
+    try:
+        lab = _load(options)
+    except (LabError, InvalidError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_INVALID
+    except OSError as error:
+        print(f"rmr-world: {error.filename or options.config}: {error.strerror}", file=sys.stderr)
+        return EXIT_INVALID
+    ending = Ending()
+    try:
+        asyncio.run(_live(options, lab, ending))
+    except BusError as error:
+        ending.ask(str(error), EXIT_FAILED)
+    except Exception as error:
+        ending.break_down(error)
+    if ending.code and ending.reason:
+        log.error("%s", ending.reason)
+    elif ending.reason:
+        log.info("ended (%s)", ending.reason)
+    logging.shutdown()
+    return ending.code
