@@ -49,6 +49,7 @@ def node_config(robot: int, known: wire.Map, program: Program, epoch: int) -> No
         roster=known.roster,
         arena=floor,
         seed=known.seed,
+        radio=radio_config(known.radio),
         facts=tuple(_fitted(program, *fact) for fact in known.facts if fact[1] in {None, robot}),
         finish=finish,
         epoch=epoch,
@@ -76,13 +77,19 @@ def _as(kind: Type, value: Value) -> Value:
     return value
 
 
+def radio_config(radio: dict[str, Any]) -> RadioConfig:
+    """Return the radio's model from the settings that the world tells. Raises RefusedError."""
+    try:
+        return RadioConfig(**{name: value for name, value in radio.items() if name not in {"pan", "seed"}})
+    except (TypeError, ValueError) as error:
+        raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
+
+
 def make_station(config: NodeConfig, radio: dict[str, Any]) -> Station:
     """Return the robot's radio from the settings that the world tells. Raises RefusedError."""
-    settings = dict(radio)
     rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
     try:
-        pan, seed = settings.pop("pan"), settings.pop("seed")
-        return Station(config.robot, pan, seed, rng, RadioConfig(**settings), RADIO_GRACE)
+        return Station(config.robot, radio["pan"], radio["seed"], rng, config.radio, RADIO_GRACE)
     except (KeyError, TypeError, ValueError) as error:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 

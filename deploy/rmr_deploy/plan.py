@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rmr.base.time import in_seconds
 from rmr_world.lab import Lab, LabError, load_lab
-from rmr_world.program import LoadedProgram, ProgramError, load_program
+from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_program
 from rmr_world.runfolder import RunFolderError, make_run_folder
 from rmr_world.usage import check_program
 
@@ -82,6 +82,10 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
     if wishes.seed is not None:
         lab = replace(lab, seed=wishes.seed)
     program = read_program(lab, color=color)
+    try:
+        load_handlers(program.program, wishes.actions)
+    except ProgramError as error:
+        raise RefusedError(str(error), INVALID) from error
     try:
         plan = Plan(wishes, lab, program, make_run_folder(lab.name, wishes.folder))
     except RunFolderError as error:

@@ -4,7 +4,7 @@ A robot that died has its last known part, a world that died leaves the last tru
 was ever heard the report says that nothing was done. Times are lab time, except `wall_s` and `ready_s`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from rmr_deploy.launch import Outcome
@@ -16,7 +16,6 @@ from rmr_world.report import assemble
 def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, Any]:
     """Return the report of a run that is over; `watch` is None when nobody was ever heard."""
     parts = {robot: dict(watch.report(robot)) if watch else {} for robot in plan.lab.roster}
-    schedules = [schedule for part in parts.values() for schedule in part.pop("schedules", ())]
     buses = [part.pop("bus", {}) for part in parts.values()]
     report = assemble(
         plan.lab,
@@ -27,10 +26,10 @@ def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, 
         wall_s=outcome.wall_s,
         robots=parts,
         truth=truth(watch),
-        schedule=merged(schedules),
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
     )
-    return {**report, "ready_s": outcome.ready_s, "reason": outcome.reason, "died": outcome.died}
+    ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
+    return {**report, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 
 
 def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: Outcome, watch: Watch | None) -> float:
@@ -48,16 +47,3 @@ def truth(watch: Watch | None) -> dict[str, Any]:
         return {}
     ways = {robot: distance_m for robot, _x, _y, _theta, distance_m in told.robots}
     return {"collisions": told.collisions, "min_gap_m": told.min_gap_m, "distance_m": ways}
-
-
-def merged(schedules: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return each schedule once: every robot tells the newest that it heard or made, so most are told often.
-
-    Of one leader's term the newest stands.
-    """
-    newest: dict[tuple[str, int, int], dict[str, Any]] = {}
-    for schedule in schedules:
-        key = (schedule["event"], schedule["term"], schedule["leader"])
-        if key not in newest or schedule["formed_s"] > newest[key]["formed_s"]:
-            newest[key] = {**schedule, "order": list(schedule["order"])}
-    return [newest[key] for key in sorted(newest)]

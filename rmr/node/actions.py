@@ -201,14 +201,21 @@ class Dispatcher:
     def _start(self, now: Instant, running: Running) -> None:
         running.started = now
         handle = self._host.handle(running)
-        running.coroutine = running.handler.run(handle, *running.args).__await__()
         self.running.append(running)
+        try:
+            running.coroutine = running.handler.run(handle, *running.args).__await__()
+        except Exception as error:  # a handler with other parameters, or one that is no coroutine
+            self._end(now, running, f"{type(error).__name__}: {error}")
+            return
         self._resume(now, running)
 
     def _resume(self, now: Instant, running: Running) -> None:
         assert running.coroutine is not None
         try:
-            running.pause = next(running.coroutine)
+            pause = next(running.coroutine)
+            if not isinstance(pause, Pause):
+                raise ActionFailed(f"an action awaits robot.sleep and robot.until, not {type(pause).__name__}")
+            running.pause = pause
         except StopIteration:
             self._end(now, running, None)
         except ActionFailed as failure:

@@ -34,17 +34,15 @@ class Approach:
         """Return what the way to `goal` will take from now on; None when there is no way."""
         navigator = self._navigator
         route = navigator.route
+        if route is not None and route.gate_m is not None and self._made is not None:
+            return self._made[2]._replace(approach=navigator.eta_gate(now))
         origin, rest = pose, 0
-        if navigator.status == "moving" and route is not None and route.gate_m is None:
+        if navigator.status == "moving" and route is not None:
             end = route.points[-1]
             origin = Pose(end.x, end.y, pose.theta)
             rest = seconds(navigator.remaining_m / navigator.arena.shape.speed) + SETTLE
         made = self._plan(origin, goal)
-        if made is None:
-            return None
-        if route is not None and route.gate_m is not None:
-            return made._replace(approach=navigator.eta_gate(now))
-        return made._replace(approach=made.approach + rest)
+        return None if made is None else made._replace(approach=made.approach + rest)
 
     def _plan(self, origin: Pose, goal: Point) -> Estimate | None:
         start = Point(origin.x, origin.y)

@@ -1,10 +1,11 @@
 """What a robot is told before it starts: who it is, where it is, what it is to finish."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rmr.base.arena import Arena
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
+from rmr.radio.phy import RadioConfig
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
@@ -19,6 +20,8 @@ class NodeConfig:
     """Ids of all robots of the lab, this one's too."""
     arena: Arena
     seed: int
+    radio: RadioConfig = field(default_factory=RadioConfig)
+    """Power and path loss, by which distances are told from signal strength."""
     facts: tuple[GivenFact, ...] = ()
     """Facts of the lab beside the program's; those of other robots are ignored."""
     finish: tuple[str, tuple[Anything | Constant, ...]] | None = None

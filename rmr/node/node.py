@@ -322,7 +322,7 @@ class Node:
         """Set out for `goal`; with a gated turn through its gate."""
         assert self.driver is not None
         gated = turn is not None and turn.gated
-        shared = self.turns.shared.get(turn.way) if turn is not None and gated else None
+        shared = self.turns.shared.get((turn.event, turn.way)) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
         if turn is not None and gated:
             self.turns.apply_gate(turn)

@@ -24,7 +24,7 @@ AT_LEAVE_M = 0.08
 """... and until it is this far: localisation noise does not make it flicker."""
 
 HEARD: Duration = seconds(3)
-"""A peer is a neighbor while its last frame is younger; hellos come every 0.5 to 1 s."""
+"""A peer is a neighbor while its last frame is younger; hellos come every 0.4 to 1 s."""
 PARKED_KNOWN: Duration = seconds(15)
 """How long a parked robot is believed to stand where it last said it stood."""
 

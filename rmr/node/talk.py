@@ -1,6 +1,6 @@
 """What a robot says and hears besides coordination: hellos, facts for others, failure broadcasts.
 
-Every robot says where it stands: twice a second while it moves, once a second while it is parked, and at once when
+Every robot says where it stands: every 0.4 s while it moves, once a second while it is parked, and at once when
 that changes. Others plan around parked robots and keep off places that are taken.
 """
 
@@ -15,6 +15,7 @@ from rmr.node import wire
 from rmr.node.exchange import Exchange
 from rmr.node.ports import Received
 from rmr.node.wire import Delivery, Hello, Kind, Role, WireError
+from rmr.radio.phy import LOSS_AT_1_M_DB
 from rmr.vm.events import ActionDerived, FactSent, GoalSent
 
 if TYPE_CHECKING:
@@ -162,9 +163,11 @@ class Talk:
         self.exchange.undelivered.clear()
 
     def ranges(self, now: Instant) -> list[tuple[Value, ...]]:
-        """Return (robot, metres) for each neighbor, from signal strength by the log-distance law (exponent 3)."""
+        """Return (robot, metres) for each neighbor, from signal strength by the log-distance law, to 10 cm."""
+        radio, known = self._node.config.radio, self._node.peers.known
+        at_1_m = radio.tx_power_dbm - LOSS_AT_1_M_DB
         return [
-            (Robot(robot), round(10 ** ((-40.2 - self._node.peers.known[robot].rssi_dbm) / 30.0), 1))
+            (Robot(robot), round(10 ** ((at_1_m - known[robot].rssi_dbm) / (10 * radio.exponent)), 1))
             for robot in self._node.peers.neighbors(now)
         ]
 

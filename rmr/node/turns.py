@@ -42,7 +42,7 @@ REVISE_FROM: Duration = milliseconds(250)
 """A slot is asked for anew when the robot's own estimate has moved by more than this."""
 EXTEND_BEFORE: Duration = milliseconds(200)
 """An end that comes nearer than this while the action goes on is moved."""
-EXCLUSIVE_WAYS = 15
+EXCLUSIVE_WAYS = 14
 """Turns that are no passage of the bottleneck exclude each other: robots of different ways never overlap."""
 
 
@@ -54,8 +54,8 @@ class Turns:
         self._coordination = coordination
         self._digest = digest
         self._turns: dict[bytes, Turn] = {}
-        self.shared: dict[int, GridPath] = {}
-        """The leader's path by way."""
+        self.shared: dict[tuple[bytes, int], GridPath] = {}
+        """The leader's path by event and way."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
         """The newest schedule of each event."""
 
@@ -78,7 +78,7 @@ class Turns:
         if old is not None and old.phase is not Phase.LEFT and old.requested:
             self._coordination.withdraw(now, event)
         trigger = max(job.start, old.trigger + milliseconds(10) if old else 0)
-        self._turns[event] = Turn(job, event, trigger, self._goal(job), way=1 + self._node.robot % EXCLUSIVE_WAYS)
+        self._turns[event] = Turn(job, event, trigger, self._goal(job), way=2 + self._node.robot % EXCLUSIVE_WAYS)
         self._request(now, self._turns[event])
 
     def event_of(self, job: Job) -> bytes:
@@ -244,7 +244,7 @@ class Turns:
         """Take in one event of the coordination core."""
         match event:
             case PathReceived(way=way, path=path):
-                self.shared[way] = path
+                self.shared[event.event, way] = path
             case LeadershipBegan():
                 self._led(now, event)
             case LeadershipEnded() | LeaderChanged():
@@ -307,7 +307,7 @@ class Turns:
             return
         path = driver.navigator.plan_shared(pose, driver.place_of(now, turn.goal, turn.rank, node.peers))
         if path is not None:
-            self.shared[turn.way] = path
+            self.shared[turn.event, turn.way] = path
             self._coordination.offer_path(now, event.event, turn.way, path)
 
     def _followed(self, now: Instant, event: LeadershipEnded | LeaderChanged) -> None:

@@ -19,6 +19,14 @@ duration: 2s
 """
 
 
+def code_of(arguments: list[str]) -> int:
+    """Return the exit code, also where the arguments themselves are refused."""
+    try:
+        return main(arguments)
+    except SystemExit as refused:
+        return int(refused.code or 0)
+
+
 def tiny(folder: Path, program: str, lab: str = LAB) -> Path:
     (folder / "lab.yaml").write_text(lab)
     (folder / "tiny.rmr").write_text(program)
@@ -78,13 +86,12 @@ def test_an_invalid_program_or_lab_is_told_with_its_place(tmp_path, capsys, prog
 
 @pytest.mark.parametrize("options", [["--robots", "99"], ["--robots", "0"], ["--loss", "2"]])
 def test_options_out_of_range_are_refused(tmp_path, capsys, options):
-    code = main([str(LABS / "testbed"), *options, "--run", str(tmp_path / "run")])
-    assert code in {2, 3}
+    assert code_of([str(LABS / "testbed"), *options, "--run", str(tmp_path / "run")]) in {2, 3}
     assert options[1] in capsys.readouterr().err
 
 
 def test_a_lab_that_is_not_there_is_told(tmp_path, capsys):
-    assert main([str(tmp_path / "nowhere")]) == 3
+    assert code_of([str(tmp_path / "nowhere")]) == 2
     assert "nowhere" in capsys.readouterr().err
 
 
@@ -92,3 +99,17 @@ def test_a_run_folder_that_is_not_empty_is_not_overwritten(tmp_path, capsys):
     lab = tiny(tmp_path, "done(R).\n")
     assert main([str(lab), "--run", str(lab)]) == 2
     assert "not empty" in capsys.readouterr().err
+
+
+def test_a_lab_without_a_finish_fact_lasts_its_duration_and_is_finished_then(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n", LAB.replace("finish: done(R)\n", ""))
+    assert main([str(lab), "--json", "--run", str(tmp_path / "run")]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["finished"] is True
+    assert report["time_s"] == 2.0
+
+
+def test_faults_that_are_not_injected_yet_are_told(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n", LAB + "faults: [{at: 1s, kill: 1}]\n")
+    assert main([str(lab), "--run", str(tmp_path / "run")]) == 0
+    assert "faults: not supported yet" in capsys.readouterr().err

@@ -7,8 +7,8 @@ import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.geometry import distance
-from rmr.node.actions import MissingHandlers
 from rmr_sim.run import prepare
+from rmr_world.program import ProgramError
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 
@@ -136,7 +136,7 @@ def test_a_users_action_may_drive_and_sense(tmp_path):
 
 
 def test_an_action_without_handler_does_not_start_and_is_named(tmp_path):
-    with pytest.raises(MissingHandlers, match="juggle"):
+    with pytest.raises(ProgramError, match="juggle"):
         small_lab(tmp_path, "type action juggle(robot).\ngo(R).\ngo(R) -o juggle(R).\n")
 
 
@@ -288,3 +288,38 @@ def test_a_robot_that_is_stopped_inside_the_bottleneck_is_not_reported_clear(tmp
     assert 0.6 < y < 0.9
     assert not [entry for entry in traced(simulation, "left") if entry["robot"] == 3]
     assert simulation.world.collisions == 0, "nobody drives into it"
+
+
+@pytest.mark.parametrize(
+    ("handler", "why"),
+    [
+        ("async def act(robot, too, many): pass", "positional argument"),
+        ("def act(robot): pass", "AttributeError"),
+        ("async def act(robot): await asyncio.get_running_loop().create_future()", "RuntimeError"),
+        ("async def act(robot): await other()", "awaits robot.sleep"),
+    ],
+)
+def test_a_handler_that_is_wrong_fails_its_action_and_not_the_robot(tmp_path, handler, why):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action act(R: robot) -o good(R) else bad(R).
+        go(R).
+        go(R) -o act(R).
+        """,
+        actions="import asyncio\nfrom types import coroutine\nfrom rmr import action\n\n"
+        "@coroutine\ndef other():\n    yield 1\n\n"
+        f'@action("act")\n{handler}\n',
+        finish="bad(R)",
+    )
+    assert simulation.run()
+    (ended,) = traced(simulation, "action_ended")
+    assert why in ended["failure"]
+
+
+def test_ranges_come_from_signal_strength_by_the_law_that_the_radio_follows(tmp_path):
+    simulation = small_lab(tmp_path, "range(R, B, D) -o far(R, B, D).\n", robots=8, duration="3s", size=(3.0, 1.5))
+    simulation.run()
+    facts = simulation.robots[0].node.machine.facts()
+    assert "far(@1, @7, 1.8)" in facts, "6 places of 0.3 m"
+    assert "far(@1, @8, 2.1)" in facts

@@ -7,9 +7,7 @@ import time
 from pathlib import Path
 
 from rmr import __version__
-from rmr.node.actions import MissingHandlers
-from rmr.node.userfile import ActionsError
-from rmr_sim.run import UsageError, prepare, report_of
+from rmr_sim.run import prepare, report_of
 from rmr_world.document import LabError
 from rmr_world.program import ProgramError
 from rmr_world.report import table_text, write
@@ -22,10 +20,10 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="rmr sim", description="Run a lab in virtual time, in one process; the same seed gives the same report."
     )
-    parser.add_argument("lab", type=Path, metavar="LAB", help="a folder with a lab.yaml, or a lab.yaml")
-    parser.add_argument("--seed", type=int, help="instead of the lab file's seed")
-    parser.add_argument("--robots", type=int, metavar="N", help="only the first N robots of the lab")
-    parser.add_argument("--loss", type=float, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
+    parser.add_argument("lab", type=_existing, metavar="LAB", help="a folder with a lab.yaml, or a lab.yaml")
+    parser.add_argument("--seed", type=_natural, metavar="S", help="instead of the lab file's seed")
+    parser.add_argument("--robots", type=_positive, metavar="N", help="only the first N robots of the lab")
+    parser.add_argument("--loss", type=_share, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
     parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
     parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write what happened as JSON lines")
@@ -35,15 +33,43 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+def _existing(text: str) -> Path:
+    if not Path(text).exists():
+        raise argparse.ArgumentTypeError(f"there is no {text}")
+    return Path(text)
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if not 0.0 <= share < 1.0:
+        raise argparse.ArgumentTypeError(f"a share from 0 up to 1, not {text!r}")
+    return share
+
+
+def _natural(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"a whole number from 0, not {text!r}")
+    return int(text)
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"a whole number from 1, not {text!r}")
+    return int(text)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
     arguments = _arguments(argv)
     try:
         return _run(arguments)
-    except (LabError, ProgramError, ActionsError, MissingHandlers) as error:
+    except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
         return EXIT_INVALID
-    except (UsageError, RunFolderError, OSError) as error:
+    except (RunFolderError, OSError) as error:
         print(f"rmr sim: {error}", file=sys.stderr)
         return EXIT_USAGE
     except KeyboardInterrupt:

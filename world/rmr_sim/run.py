@@ -5,17 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rmr.node.userfile import load_actions
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
 from rmr_world.document import LabError
 from rmr_world.lab import load_lab
-from rmr_world.program import load_program
+from rmr_world.program import load_handlers, load_program
 from rmr_world.report import assemble
-
-
-class UsageError(Exception):
-    """The command's words are off; the message says why."""
 
 
 def prepare(
@@ -29,22 +24,24 @@ def prepare(
 ) -> Simulation:
     """Return the simulation of the lab in `path`.
 
-    Raises LabError, ProgramError, ActionsError, MissingHandlers or UsageError with what is wrong.
+    Raises LabError or ProgramError with what is wrong.
     """
     lab = load_lab(path)
     if robots is not None:
         lab = lab.with_robots(robots)
     if loss is not None:
-        if not 0.0 <= loss < 1.0:
-            raise UsageError(f"--loss is a share from 0 up to 1, not {loss}")
         lab = replace(lab, radio=replace(lab.radio, loss=loss))
     loaded = load_program(lab.program)
     if loaded.warnings:
         warn(loaded.warnings)
+    if lab.faults:
+        warn(f"{lab.path}: faults: not supported yet in the simulator; the run goes without them\n")
     problems = check_program(lab, loaded.program)
     if problems:
         raise LabError(problems)
-    return Simulation(lab, loaded.program, loaded.digest, lab.seed if seed is None else seed, load_actions(actions))
+    return Simulation(
+        lab, loaded.program, loaded.digest, lab.seed if seed is None else seed, load_handlers(loaded.program, actions)
+    )
 
 
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:

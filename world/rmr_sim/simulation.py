@@ -2,14 +2,14 @@
 
 The robots are the very nodes that a robot process hosts and the radios the very stations; only the hosts differ.
 Announcements reach every other station at the instant they are made, so receptions are exact. The world advances at
-each 1/60 s tick; robots that stand still are sampled less often, as the world server does.
+each 1/60 s tick; robots that stand still are sampled less often, as it is in processes.
 """
 
 from collections.abc import Mapping
 from typing import Any
 
 from rmr.base.geometry import Twist
-from rmr.base.streams import stable_hash, stream
+from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.bytecode.program import Program
 from rmr.node.actions import Handler
@@ -22,7 +22,7 @@ from rmr.radio.station import RadioConfig, Station
 from rmr_sim.kernel import RADIO, ROBOT, Alarm, Kernel
 from rmr_world.lab import Lab
 from rmr_world.physics import World
-from rmr_world.terms import parse_fact, parse_finish
+from rmr_world.terms import parse_fact
 
 IDLE_SAMPLE_TICKS = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
@@ -38,10 +38,10 @@ class SimulatedRobot:
         radio = lab.radio
         self.station = Station(
             robot,
-            stable_hash(lab.name, 2),
+            lab.pan,
             radio.seed if radio.seed is not None else seed,
             stream(f"{seed}/robot{robot}/csma"),
-            RadioConfig(radio.tx_power_dbm, radio.sensitivity_dbm, radio.exponent, radio.loss, radio.interference),
+            simulation.radio,
         )
         self._received: list[Received] = []
         self._confirmed: list[Confirmed] = []
@@ -126,14 +126,25 @@ class Simulation:
         self.seed = seed
         self.kernel = Kernel()
         self.world = World(lab, seed)
+        radio = lab.radio
+        self.radio = RadioConfig(
+            radio.tx_power_dbm, radio.sensitivity_dbm, radio.exponent, radio.loss, radio.interference
+        )
         self.finish_at: Instant | None = None
         facts = tuple((fact.name, fact.owner, fact.args) for fact in map(parse_fact, lab.facts))
-        finish = parse_finish(lab.finish) if lab.finish else None
-        roster = tuple(start.id for start in lab.robots)
+        pattern = lab.finish_pattern
+        finish = None if pattern is None else (pattern.name, pattern.patterns)
+        roster = lab.roster
 
         def node_of(robot: int) -> Any:
             config = NodeConfig(
-                robot, roster, lab.arena, seed, facts, None if finish is None else (finish.name, finish.patterns)
+                robot,
+                roster,
+                lab.arena,
+                seed,
+                self.radio,
+                facts,
+                finish,
             )
             return lambda ports: Node(config, program, ports, handlers or {}, digest)
 
@@ -146,7 +157,10 @@ class Simulation:
                 robot.hear(announcement)
 
     def run(self) -> bool:
-        """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished."""
+        """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.
+
+        A lab without a finish fact is finished when its duration is over.
+        """
         for robot in self.robots:
             robot.node.start(0)
         index = 0
@@ -155,11 +169,11 @@ class Simulation:
             self.kernel.run_until(now - 1 if now else 0)
             self.kernel.now = now
             self._tick(now, index)
-            if all(robot.node.finished() for robot in self.robots):
+            if self.lab.finish and all(robot.node.finished() for robot in self.robots):
                 self.finish_at = now
                 return True
             if now >= self.lab.duration:
-                return False
+                return not self.lab.finish
             index += 1
 
     def _tick(self, now: Instant, index: int) -> None:

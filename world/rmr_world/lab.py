@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Pose
+from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
 from rmr_world.document import LabError, Path_, Problem, read
 from rmr_world.terms import FinishPattern, LabFact, parse_fact, parse_finish
@@ -122,6 +123,11 @@ class Lab:
     """For each of `facts` its index in the file's list; empty: they are all of them."""
     places: Mapping[Path_, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
     """Line and column of the file's parts, for complaints that need the program."""
+
+    @property
+    def pan(self) -> int:
+        """Identifier of the lab's personal area network on the radio; never the broadcast one, 0xffff."""
+        return stable_hash(self.name, 2) & 0x7FFF
 
     @property
     def roster(self) -> tuple[int, ...]:

@@ -12,6 +12,9 @@ from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file
 from rmr.lang.render import render_text
+from rmr.node.actions import Handler, MissingHandlers, check_handlers
+from rmr.node.provided import PROVIDED
+from rmr.node.userfile import ActionsError, load_actions
 
 
 class ProgramError(Exception):
@@ -51,3 +54,13 @@ def _load_bytecode(path: Path) -> LoadedProgram:
         raise ProgramError(f"{path}: {error.strerror}") from error
     except BytecodeError as error:
         raise ProgramError(f"{path}: {error}") from error
+
+
+def load_handlers(program: Program, actions: Path | None) -> dict[str, Handler]:
+    """Return the handlers in the file `actions`. Raises ProgramError if it is wrong or any of `program` is missing."""
+    try:
+        handlers = load_actions(actions)
+        check_handlers(program, {**PROVIDED, **handlers})
+    except (ActionsError, MissingHandlers) as error:
+        raise ProgramError(str(error)) from error
+    return handlers

@@ -98,17 +98,17 @@ def _robot_part(robot: int, said: Mapping[str, Any], truth: Mapping[str, Any]) -
 
 
 def newest_schedules(robots: Mapping[int, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the newest schedule of each event that any robot tells of (its ``schedules``), by event.
+    """Return the newest schedule of each leader's term that any robot tells of (its ``schedules``), by event and term.
 
-    Of one term the one formed last is the newest; terms grow with every change of leader.
+    Most are told often: every robot tells the newest one that it heard or made.
     """
-    newest: dict[str, dict[str, Any]] = {}
+    newest: dict[tuple[str, int, int], dict[str, Any]] = {}
     for robot in sorted(robots):
         for item in robots[robot].get("schedules", ()):
-            known = newest.get(item["event"])
-            if known is None or (item["term"], item["formed_s"]) > (known["term"], known["formed_s"]):
-                newest[item["event"]] = dict(item)
-    return [newest[event] for event in sorted(newest)]
+            key = (item["event"], item["term"], item["leader"])
+            if key not in newest or item["formed_s"] > newest[key]["formed_s"]:
+                newest[key] = dict(item)
+    return [newest[key] for key in sorted(newest)]
 
 
 def _rounded(value: Any, key: str = "") -> Any:

@@ -17,7 +17,6 @@ from typing import Any
 
 from rmr.base import arena
 from rmr.base.geometry import STILL, Pose, Twist
-from rmr.base.streams import stable_hash
 from rmr.base.time import NS_PER_S, TICK_HZ, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
@@ -96,7 +95,7 @@ class WorldServer:
             seed=self._seed,
             roster=lab.roster,
             arena=arena.to_data(lab.arena),
-            radio=radio | {"pan": stable_hash(lab.name, 2) & 0x7FFF},
+            radio=radio | {"pan": lab.pan},
             facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
             finish=None if finish is None else (finish.name, tuple(map(_plain_pattern, finish.patterns))),
             clock=self._time.state,

@@ -68,7 +68,9 @@ def test_an_arena_that_is_none_is_refused():
 
 def test_a_radio_of_settings_that_the_robot_does_not_know_is_refused(monkeypatch):
     with pytest.raises(RefusedError, match="radio"):
-        lives.make_station(node_config(1, known(), PROGRAM, 0), RADIO | {"colour": 3})
+        lives.radio_config(RADIO | {"colour": 3})
+    with pytest.raises(RefusedError, match="radio"):
+        lives.make_station(node_config(1, known(), PROGRAM, 0), {"seed": 1})
 
 
 # --- when the node is called -------------------------------------------------------------------------------------

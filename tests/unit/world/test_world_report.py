@@ -65,13 +65,17 @@ def test_the_world_s_distance_counts_not_the_robot_s_own():
     assert report["robots"]["1"]["distance_m"] == 1.6123
 
 
-def test_the_schedule_is_the_newest_that_any_robot_tells_of():
-    def schedule(leader, term, order):
-        return {"event": "crossing(exit)", "leader": leader, "term": term, "order": order, "formed_s": 1.0}
+def test_the_schedule_is_the_newest_of_each_term_that_any_robot_tells_of():
+    def schedule(leader, term, order, formed_s=1.0):
+        return {"event": "crossing(exit)", "leader": leader, "term": term, "order": order, "formed_s": formed_s}
 
-    robots = {1: {"schedules": [schedule(1, 1, [1])]}, 2: {"schedules": [schedule(2, 3, [2, 1])]}}
+    robots = {
+        1: {"schedules": [schedule(1, 1, [1])]},
+        2: {"schedules": [schedule(2, 3, [2, 1])]},
+        3: {"schedules": [schedule(2, 3, [2, 1, 3], 2.0)]},
+    }
     report = report_of(robots=robots)
-    assert report["schedule"] == [schedule(2, 3, [2, 1])]
+    assert report["schedule"] == [schedule(1, 1, [1]), schedule(2, 3, [2, 1, 3], 2.0)]
     assert "schedules" not in report["robots"]["1"]
 
 
