@@ -2,21 +2,23 @@
 
 A goal is open until its robot inserts a matching fact of any kind, or at once if it holds one; deriving it
 again opens it again. Goals steer the choice among satisfied rules (paper figure 6): a firing that derives an
-open goal has rank 0, one from which no open goal follows has none. Ranks above 0 (goals that further firings
-reach) have their place here; so far none is given.
+open goal has rank 0, one from whose facts k further firings lead to one has rank k (ranks.py), and one from
+which no open goal follows has none.
 """
 
 from collections import deque
+from collections.abc import Iterator
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Anything, Constant, Effect, Program
+from rmr.bytecode.program import Anything, Constant, Program
 from rmr.bytecode.wire import identity
 from rmr.vm.assertions import goal_text
 from rmr.vm.derive import Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import GoalAchieved
 from rmr.vm.match import pattern_agrees
+from rmr.vm.ranks import Ranks
 from rmr.vm.store import Args, Store
 
 ACHIEVED_MAX = 1024
@@ -33,6 +35,7 @@ class Goals:
         self._robot = robot
         self._store = store
         self._open: dict[int, dict[object, GoalArgs]] = {}
+        self._ranks = Ranks(program, robot)
         self._achieved: deque[tuple[str, float]] = deque(maxlen=ACHIEVED_MAX)
 
     def wanted(self, predicate: int) -> bool:
@@ -42,7 +45,10 @@ class Goals:
     def want(self, now: Instant, predicate: int, args: GoalArgs) -> list[GoalAchieved]:
         """Open a goal, or discharge it at once if a fact holds that matches."""
         goals = self._open.setdefault(predicate, {})
-        goals[tuple(identity(p.value) if isinstance(p, Constant) else "_" for p in args)] = args
+        key = tuple(identity(p.value) if isinstance(p, Constant) else "_" for p in args)
+        if key not in goals:
+            goals[key] = args
+            self._ranks.forget()
         for fact in self._store.tables[predicate].facts.values():
             if pattern_agrees(args, fact.args):
                 return self.inserted(now, predicate, fact.args)
@@ -55,6 +61,7 @@ class Goals:
         events = []
         for key in met:
             goal = goals.pop(key)
+            self._ranks.forget()
             self._achieved.append((self._text(predicate, goal), in_seconds(now)))
             events.append(GoalAchieved(predicate, tuple(p.value if isinstance(p, Constant) else p for p in goal), now))
         if not goals:
@@ -66,29 +73,39 @@ class Goals:
         still = [self._text(predicate, goal) for predicate, goals in self._open.items() for goal in goals.values()]
         return {"achieved": [[text, at] for text, at in self._achieved], "open": sorted(still)}
 
+    def nearest(self, predicates: tuple[int, ...]) -> int | None:
+        """Return the lowest rank that a firing can have which derives `predicates`; None if no open goal follows."""
+        if not self._open:
+            return None
+        distances = self._ranks.nearest(self._open)
+        return min([distances[each] for each in predicates if each in distances], default=None)
+
+    def leading(self, predicate: int) -> dict[int, int]:
+        """Return the predicates from which rules may lead to a goal of `predicate`."""
+        return self._ranks.leading(predicate)
+
     def rank(self, derived: list[Derived], now: Instant) -> int | None:
         """Return how many firings lie between this one and an open goal: 0 if it derives one, None if none follows."""
-        return 0 if any(self._derives_goal(item, now) for item in derived) else None
+        distances = self._ranks.nearest(self._open)
+        facts = [fact for item in derived for fact in self._facts(item, now) if fact[0] in distances]
+        return self._ranks.of(facts, self._wanted()) if facts else None
 
-    def _derives_goal(self, item: Derived, now: Instant) -> bool:
+    def _wanted(self) -> Iterator[tuple[int, GoalArgs]]:
+        return ((predicate, args) for predicate, goals in self._open.items() for args in goals.values())
+
+    def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
+        """Yield the facts of this robot that an item of a head is or, being an action, brings about."""
         if item.owner != self._robot or item.role is Role.GOAL:
-            return False
+            return
         if item.role is Role.FACT:
-            return self._fulfils(item.predicate, item.args)
-        effects = self._program.predicates[item.predicate].effects
-        return any(self._effect_fulfils(effect, item.args, now) for effect in effects)
-
-    def _effect_fulfils(self, effect: Effect, args: Args, now: Instant) -> bool:
-        if effect.predicate not in self._open:
-            return False
-        env: list[Value] = [self._robot, *args]
-        try:
-            return self._fulfils(effect.predicate, tuple([evaluate(code, env, now) for code in effect.args]))
-        except NoValue:
-            return False
-
-    def _fulfils(self, predicate: int, args: Args) -> bool:
-        return any(pattern_agrees(goal, args) for goal in self._open.get(predicate, {}).values())
+            yield item.predicate, item.args
+            return
+        env: list[Value] = [self._robot, *item.args]
+        for effect in self._program.predicates[item.predicate].effects:
+            try:
+                yield effect.predicate, tuple([evaluate(code, env, now) for code in effect.args])
+            except NoValue:
+                continue
 
     def _text(self, predicate: int, goal: GoalArgs) -> str:
         return goal_text(self._program.predicates[predicate].name, self._robot, goal)

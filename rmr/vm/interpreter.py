@@ -1,13 +1,14 @@
 """Which rule goes next (paper figure 6, `selectOneRule`), as the paper says it.
 
-Satisfied rules are ranked by what their firing brings: one that derives an open goal before one that does
-not. Among those of the best rank one is drawn uniformly (one draw from the robot's stream, and only when
-there is a choice), or the first in the text is taken; of that rule's matches of that rank the oldest facts go
-first. A rule that consumes nothing would be satisfied for ever, so it fires once for each match, and again
-when the match has gone and come back.
+Satisfied rules are ranked by how near their firing brings an open goal: first those that derive one, then
+those from which one more firing leads there, and so on, last those from which none follows. Among those of
+the best rank one is drawn uniformly (one draw from the robot's stream, and only when there is a choice), or
+the first in the text is taken; of that rule's matches of that rank the oldest facts go first. A rule that
+consumes nothing would be satisfied for ever, so it fires once for each match, and again when the match has
+gone and come back.
 
-A rule is matched again only when a predicate that it mentions has changed since (or a goal that it may
-derive); a quiet machine does nothing.
+A rule is matched again only when a predicate that it mentions has changed since (or a goal to which it may
+lead); a quiet machine does nothing.
 """
 
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from rmr.bytecode.program import (
     Comprehension,
     Conjunct,
     DeriveAction,
+    DeriveFact,
     Head,
     Mode,
     Program,
@@ -57,14 +59,14 @@ class Candidate:
 class RuleState:
     """What one robot knows about one of its rules."""
 
-    __slots__ = ("candidate", "consumes", "fired", "goals", "index", "negative", "planned", "stale", "timed")
+    __slots__ = ("candidate", "consumes", "derives", "fired", "index", "negative", "planned", "stale", "timed")
 
     def __init__(self, index: int, rule: Rule, program: Program) -> None:
         self.index = index
         self.planned = PlannedRule(rule, program.predicates)
         self.consumes = bool(self.planned.taken)
         self.negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
-        self.goals = tuple(dict.fromkeys(derivable(rule.head, program)))
+        self.derives = tuple(dict.fromkeys(derivable(rule.head, program)))
         self.timed = any(uses_now(code) for code in head_codes(rule.head))
         self.fired: set[Key] = set()
         self.candidate: Candidate | None = None
@@ -89,13 +91,11 @@ class Interpreter:
         self._states = [RuleState(index, rule, program) for index, rule in enumerate(program.rules)]
         self._stale: list[RuleState] = []
         self._readers: list[list[RuleState]] = [[] for _ in program.predicates]
-        self._rankers: list[list[RuleState]] = [[] for _ in program.predicates]
+        self._rankers: dict[int, list[RuleState]] = {}
         self._known_failures: dict[Key, None] = {}
         for state, rule in zip(self._states, program.rules, strict=True):
             for predicate in dict.fromkeys(mentioned(rule)):
                 self._readers[predicate].append(state)
-            for predicate in state.goals:
-                self._rankers[predicate].append(state)
             self._mark(state)
 
     def touch(self, predicate: int) -> None:
@@ -105,7 +105,12 @@ class Interpreter:
 
     def touch_goal(self, predicate: int) -> None:
         """Note that the goals of `predicate` have changed."""
-        for state in self._rankers[predicate]:
+        rankers = self._rankers.get(predicate)
+        if rankers is None:
+            leading = self._goals.leading(predicate)
+            rankers = [state for state in self._states if any(each in leading for each in state.derives)]
+            self._rankers[predicate] = rankers
+        for state in rankers:
             if state.candidate is not None:
                 self._mark(state)
 
@@ -156,7 +161,7 @@ class Interpreter:
     def _refresh(self, state: RuleState, now: Instant) -> None:
         """Look for the match with which a rule would fire: the best rank, then the oldest facts."""
         state.candidate = None
-        ranked = any(map(self._goals.wanted, state.goals))
+        nearest = self._goals.nearest(state.derives)
         whole = state.negative and not state.consumes
         seen: set[Key] = set()
         for key, env, found in self._matches(state, now):
@@ -164,11 +169,8 @@ class Interpreter:
                 seen.add(key)
                 if key in state.fired:
                     continue
-            best = state.candidate
-            if best is None or best.rank > 0:
-                self._consider(state, key, env, found, now, ranked)
-            best = state.candidate
-            if best is not None and not whole and (best.rank == 0 or not ranked):
+            best = self._better(state, key, env, found, now, nearest)
+            if best is not None and not whole and (nearest is None or best.rank <= nearest):
                 return
         state.fired &= seen
 
@@ -182,17 +184,23 @@ class Interpreter:
         for found in matches(state.planned.steps, self._store, env, now, failed):
             yield tuple([fact.serial for fact in found]), env, found
 
-    def _consider(self, state: RuleState, key: Key, env: Env, found: Found, now: Instant, ranked: bool) -> None:
-        """Make a match the rule's candidate if it derives something and no other is as good."""
+    def _better(
+        self, state: RuleState, key: Key, env: Env, found: Found, now: Instant, nearest: int | None
+    ) -> Candidate | None:
+        """Make a match the rule's candidate if it derives something and no other is as good; return the candidate."""
+        best = state.candidate
+        if best is not None and (nearest is None or best.rank <= nearest):
+            return best
         derivation = state.planned.derive(
             self._store, env, found, now, lambda what, reason: self._fail(state, what, reason, now)
         )
         if derivation is None:
-            return
-        rank = self._goals.rank(derivation.derived, now) if ranked else None
+            return best
+        rank = self._goals.rank(derivation.derived, now) if nearest is not None else None
         number = UNRANKED if rank is None else rank
-        if state.candidate is None or number < state.candidate.rank:
-            state.candidate = Candidate(key, derivation, number)
+        if best is None or number < best.rank:
+            state.candidate = best = Candidate(key, derivation, number)
+        return best
 
     def _fail(self, state: RuleState, what: Key, reason: str, now: Instant) -> None:
         """Count a match whose expression has no value, once."""
@@ -223,7 +231,7 @@ def derivable(heads: tuple[Head, ...], program: Program) -> Iterator[int]:
             yield from derivable(head.head, program)
         elif isinstance(head, DeriveAction):
             yield from (effect.predicate for effect in program.predicates[head.predicate].effects)
-        else:
+        elif isinstance(head, DeriveFact):
             yield head.predicate
 
 

@@ -250,8 +250,10 @@ class Machine:
             self._events.append(FactInserted(predicate, args, now))
         self._interpreter.touch(predicate)
         if self._goals.wanted(predicate):
-            self._events += self._goals.inserted(now, predicate, args)
-            self._interpreter.touch_goal(predicate)
+            achieved = self._goals.inserted(now, predicate, args)
+            if achieved:
+                self._events += achieved
+                self._interpreter.touch_goal(predicate)
         if self._assertions.concerns(predicate):
             self._events += self._assertions.inserted(now, predicate, args)
 
