@@ -55,6 +55,12 @@ STATUS_AT_LEAST_S = 0.5
 FLUSH_S = 0.05
 """What the last status gets to leave before the session is closed."""
 
+FAILURES_MAX = 20
+"""Different failures of actions that are told to people; the log has them all."""
+
+STOPPED = "stopped"
+"""The failure of an action that the program itself has ended with `stop`: nothing to tell."""
+
 log = logging.getLogger("rmr")
 
 
@@ -80,6 +86,7 @@ class RobotProcess:
         self._life: Life | None = None
         self._told: tuple[Any, ...] = ()
         self._told_s = 0.0
+        self._failures: list[str] = []
         self._bus: Bus
 
     def _say_waiting(self) -> None:
@@ -194,6 +201,7 @@ class RobotProcess:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
         self._restarts = known.lives
+        self._bus.losses = wire.Losses()  # what the last run lost is not this one's
         self._clock.forget()
         self._clock_news.set()
         log.info("robot %d is in lab %s", self._robot, known.lab)
@@ -300,7 +308,15 @@ class RobotProcess:
         """Write what the node has noted since the last time into the log."""
         for entry in life.node.trace_log:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
+            if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED):
+                self._say_failure(f"action {entry['action']} failed: {entry['failure']}")
         life.node.trace_log.clear()
+
+    def _say_failure(self, message: str) -> None:
+        """Say once that an action failed: a program that tries again and again does not fill the screen."""
+        if message not in self._failures and len(self._failures) < FAILURES_MAX:
+            self._failures.append(message)
+            log.warning("%s", message)
 
     async def _leave(self) -> None:
         """Tell for the last time, then leave the bus."""

@@ -15,6 +15,7 @@ from rmr.bus.process import LIFELINE
 from rmr.bus.session import open_when_there
 from rmr.bytecode import codec
 from rmr.bytecode.program import Base, Kind, Predicate, Program, Type
+from rmr.lang.compiler import compile_source
 
 LAB = """\
 lab: bench
@@ -35,6 +36,14 @@ def idle_program(*actions):
     predicates = [Predicate("due", Kind.PERSISTENT, (Type(Base.FLOAT),))]
     predicates += [Predicate(name, Kind.ACTION, ()) for name in actions]
     return codec.encode(Program(tuple(predicates)), debug=True)
+
+
+def failing_program():
+    """Return byte-code that knows `due` and begins with the action `blink`."""
+    source = "type !due(robot, float).\ntype action blink(robot).\nstart(R).\nstart(R) -o blink(R).\n"
+    program = compile_source(source).program
+    assert program is not None
+    return codec.encode(program, debug=False)
 
 
 def free_endpoint():

@@ -5,7 +5,7 @@ import os
 import signal
 
 import pytest
-from process_tools import Stage, idle_program
+from process_tools import Stage, failing_program, idle_program
 
 from rmr.base.time import NS_PER_S
 from rmr.bus.keys import WORLD
@@ -71,6 +71,15 @@ def test_robots_and_world_may_be_clients_of_another_router(stage):
     stage.agent(1, "--lab", "bench").wait_for("robot 1 is in lab bench")
 
 
+def test_a_second_world_of_the_same_lab_at_one_router_is_refused(stage):
+    first = stage.world()
+    first.wait_for("lab time runs")
+    second = stage.world("--connect", stage.endpoint)
+    assert second.exit_code() == 1
+    assert f"lab bench has a world at {stage.endpoint} already" in second.said()
+    assert first.process.poll() is None
+
+
 # --- mishaps ----------------------------------------------------------------------------------------------------
 
 
@@ -115,6 +124,17 @@ def test_a_file_of_actions_that_is_wrong_is_told_in_one_line(stage):
     assert robot.exit_code() == 3
     assert "ZeroDivisionError" in robot.said()
     assert len(robot.said().splitlines()) == 1
+
+
+def test_an_action_that_fails_is_told_with_its_reason_and_the_robot_goes_on(stage):
+    (stage.folder / "acts.rbc").write_bytes(failing_program())
+    (stage.folder / "acts.py").write_text(
+        "from rmr import action\n@action('blink')\nasync def blink(robot):\n    raise ValueError('no lamp')\n"
+    )
+    stage.world()
+    robot = stage.agent(1, "--actions", stage.folder / "acts.py", program="acts.rbc")
+    robot.wait_for("action blink(@1) failed: ValueError: no lamp")
+    stage.statuses(in_state(1, "finished"))
 
 
 def test_a_file_of_actions_that_ends_the_process_is_told_as_its_mistake(stage):
@@ -205,6 +225,7 @@ def test_a_robot_outlives_its_world_and_starts_anew_in_the_next_one(stage):
     robot.wait_for("another run has begun; robot 1 starts anew")
     newest = stage.statuses(in_state(1, "ready"))
     assert newest[1].stamp == 0
+    assert newest[1].report["bus"]["lost"] == 0
     stage.agent(2)
     stage.statuses(in_state(1, "finished"))
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rmr.bus import wire
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
+from rmr.bus.keys import Keys
 from rmr.bus.process import (
     EXIT_FAILED,
     EXIT_INVALID,
@@ -27,6 +28,9 @@ from rmr_world.server import WorldServer
 
 SAY_AGAIN_S = 5.0
 """How often a waiting world says that it waits for its router."""
+
+ASK_S = 1.0
+"""How long another world of the same lab may take to show itself."""
 
 log = logging.getLogger("rmr")
 
@@ -90,6 +94,8 @@ async def _live(options: argparse.Namespace, lab: Lab, ending: Ending) -> None:
         "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
     )
     try:
+        if bus.is_client and await bus.ask(Keys(lab.name).clock, wire.AskClock(), ASK_S):
+            raise BusError(f"lab {lab.name} has a world at {options.connect} already: end it, or rename this one")
         await WorldServer(lab, seed, bus, ending, when_ready=options.when_ready).run()
     finally:
         bus.close()
