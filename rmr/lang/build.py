@@ -124,8 +124,11 @@ class Builder(Transformer_NonRecursive[Token, Any]):
         text = "list" if element is not None else self._name(word).text
         return syntax.TypeName(text, element, self._span(meta))
 
-    def effects(self, _meta: Meta, *calls: syntax.Call) -> tuple[syntax.Fact, ...]:
-        return tuple(syntax.Fact(call.name, call.arguments, call.span) for call in calls)
+    def effects(self, _meta: Meta, *facts: syntax.Fact) -> tuple[syntax.Fact, ...]:
+        return facts
+
+    def effect(self, meta: Meta, mark: Token | None, call: syntax.Call) -> syntax.Fact:
+        return self._fact(meta, call, mark)
 
     def constant(self, meta: Meta, name: Token, value: syntax.Expression) -> syntax.Constant:
         return syntax.Constant(self._name(name), value, self._span(meta))

@@ -1,7 +1,7 @@
 """The program that comes out: projection, order, conversions, code, and which actions serve an assertion."""
 
 import pytest
-from lang_source import CORRIDOR, compiled
+from lang_source import CORRIDOR, compiled, errors
 
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.opcodes import FUNCTIONS, Op
@@ -16,6 +16,7 @@ from rmr.bytecode.program import (
     DeriveGoal,
     Guard,
     Instruction,
+    Kind,
     Mode,
     Serving,
     Slot,
@@ -215,6 +216,23 @@ def test_effects_are_over_the_actions_arguments():
     assert [ops(code) for code in action.effects[0].args] == [[("LOAD", 1), ("INT", 2), ("MUL", None)]]
     assert len(action.effects) == 2
     assert action.else_effects[0].args == ((Instruction(Op.LOAD, 1),),)
+
+
+def test_effects_may_carry_the_bang_and_make_their_fact_persistent():
+    program = compiled("type action lift(R: robot, K: int) -o !held(R, K), hand(R) else !stuck(R).")
+    lift = program.predicates[program.index("lift")]
+    assert [program.predicates[each.predicate].name for each in lift.effects + lift.else_effects] == [
+        "held",
+        "hand",
+        "stuck",
+    ]
+    kinds = [program.predicates[program.index(name)].kind for name in ("held", "hand", "stuck")]
+    assert kinds == [Kind.PERSISTENT, Kind.TEMPORARY, Kind.PERSISTENT]
+
+
+def test_a_bang_at_an_effect_that_is_declared_temporary_is_an_error():
+    text = "type held(robot). type action lift(R: robot) -o !held(R)."
+    assert errors(text) == ["E012"]
 
 
 # ---- time assertions
