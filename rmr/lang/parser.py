@@ -31,12 +31,19 @@ _BLANK = re.compile(r"(?:[ \t\r\n\f\uFEFF]+|//[^\n]*|/\*.*?\*/)*", re.DOTALL)
 
 _WORDS = {
     "ARROW": "`-o`",
+    "MINUS": "`-`",
+    "NE": "`!=`",
     "VARIABLE": "a variable",
     "NAME": "a name",
+    "ROBOT": "a robot",
     "INT": "a number",
+    "FLOAT": "a number",
+    "TIME": "a number",
     "STRING": "a string",
     "$END": "the end",
+    "<END-OF-FILE>": "the end",
 }
+"""What the tokens are called that do not spell themselves."""
 _HIDDEN = {
     *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"),
     *("OR", "AND", "EQ", "NE", "LT", "LE", "GT", "GE", "PLUS", "MINUS", "TIMES", "DIVIDE", "MODULO"),
@@ -185,12 +192,13 @@ def _hint(source: Source, span: Span, expected: set[str]) -> str | None:
     first_of_line = not source.text[: span.start].rpartition("\n")[2].strip()
     if "DOT" in expected and (first_of_line or source.text[span.end :].strip() == ""):
         return "every item ends with `.`"
-    words = sorted({_word(name) for name in expected if name not in _HIDDEN})
+    words = sorted({word for name in expected if name not in _HIDDEN and (word := word_of(name)) is not None})
     return "expected " + " or ".join(words) if 0 < len(words) <= EXPECTED_SHOWN_MAX else None
 
 
-def _word(terminal: str) -> str:
+def word_of(terminal: str) -> str | None:
+    """Return what a token is called in a hint; None for what is skipped."""
     if terminal in _WORDS:
         return _WORDS[terminal]
     definition = next((each for each in grammar().terminals if each.name == terminal), None)
-    return f"`{definition.pattern.value}`" if definition is not None else terminal
+    return f"`{definition.pattern.value}`" if definition is not None and definition.pattern.type == "str" else None

@@ -8,6 +8,7 @@ rest is bound. `X = constant` is not computed, it replaces X.
 
 from collections.abc import Iterable
 
+from rmr.base.values import Robot
 from rmr.bytecode.program import SELF_SLOT, Kind, Mode
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.names import Names
@@ -118,8 +119,10 @@ class Projector:
             return False
         if _same_owner(fact.owner, home) and not (isinstance(home, Variable) and home.anonymous):
             return True
-        name = home.name if isinstance(home, Variable) else "the home robot"
-        hint = f"the rule's home robot is `{name}`; another robot's facts are not at hand here"
+        hint = "another robot's facts are not at hand here"
+        if isinstance(home, Variable) or (isinstance(home, Literal) and isinstance(home.value, Robot)):
+            named = home.name if isinstance(home, Variable) else repr(home.value)
+            hint = f"the rule's home robot is `{named}`; {hint}"
         message = f"{what} may name the facts of the rule's home robot only"
         self._found.report("E033", message, fact.span, hint=hint)
         return False

@@ -1,8 +1,10 @@
+import re
+
 import pytest
 from lang_source import codes, compiled, errors, places
 
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.parser import NESTING_MAX, parse
+from rmr.lang.parser import NESTING_MAX, grammar, parse, word_of
 from rmr.lang.source import Source
 from rmr.lang.syntax import Aggregate, Comprehension, Condition, Fact, FactItem, Include, ListTerm, Literal, Rule, Steps
 
@@ -105,6 +107,15 @@ def test_a_syntax_error_costs_only_its_own_item():
     text = 'p(R, ). q(R). r(R) : x. s(R, "open). t(R) -o u(R, Y). v(R)'
     assert [code for code in errors(text) if code == "E001"] == ["E001"] * 4
     assert ("E030", "Y") in places(text)
+
+
+def test_every_token_has_a_word_and_none_is_a_regular_expression():
+    words = {each.name: word_of(each.name) for each in grammar().terminals}
+    assert [name for name, word in words.items() if word is None] == ["COMMENT", "WHITESPACE"]
+    spelt = [word.strip("`") for word in words.values() if word is not None and word.startswith("`")]
+    assert [word for word in spelt if re.search(r"[\\^]|\(.|\[.|.[?*+]", word)] == []
+    assert word_of("MINUS") == "`-`"
+    assert word_of("ARROW") == "`-o`"
 
 
 def test_a_missing_full_stop_gets_a_hint():
