@@ -299,15 +299,19 @@ def _finish(finish: Fact, environment: Environment) -> tuple[Variable | Literal,
 
 
 def _assertion_names(module: Module, found: Diagnostics) -> None:
-    named: dict[str, Name] = {}
+    """Report time assertions that share a name, stated or that of the finish fact."""
+    called: dict[str, tuple[Name, bool]] = {}
     for item in module.items:
-        if not isinstance(item, Assertion) or item.name is None:
+        if not isinstance(item, Assertion):
             continue
-        earlier = named.setdefault(item.name.text, item.name)
-        if earlier is not item.name:
+        name = item.name or item.finish.name
+        earlier, stated = called.setdefault(name.text, (name, item.name is not None))
+        if earlier is not name:
             notes = (Note(earlier.span, "first used here"),)
-            message = f"two time assertions are called `{item.name.text}`"
-            found.report("E010", message, item.name.span, notes=notes)
+            message = f"two time assertions are called `{name.text}`"
+            named = stated and item.name is not None
+            hint = None if named else "without a name it has that of its finish fact; name them: `name: assert(...)`"
+            found.report("E010", message, name.span, hint=hint, notes=notes)
 
 
 # ---- strategy

@@ -45,6 +45,7 @@ from rmr.lang.types import (
     LATER,
     NUMBERS,
     OPEN,
+    ORDERED,
     ROBOT,
     SYMBOL,
     Cell,
@@ -283,11 +284,21 @@ class Inference:
             if not compatible(left.type, right.type):
                 message = f"`{operator}` compares {described(left.type)} with {described(right.type)}"
                 self._found.report("E020", message, span, notes=self._notes(span, left, right))
-            elif operator not in {"=", "!="} and BOOL in {left.type, right.type}:
-                self._found.report("E020", f"`{operator}` has no meaning for Booleans", span)
+            elif operator not in {"=", "!="}:
+                self._needs_order(expression, left, right)
 
         self._checks.append(check)
         return Cell(BOOL, expression.span)
+
+    def _needs_order(self, expression: Binary, left: Cell, right: Cell) -> None:
+        for side, cell in ((expression.left, left), (expression.right, right)):
+            if cell.type.base in ORDERED:
+                continue
+            robots = cell.type == ROBOT
+            hint = "robots have no order, their numbers do: `id(A) < id(B)`" if robots else None
+            message = f"`{expression.operator}` needs numbers or strings, this is {described(cell.type)}"
+            self._found.report("E020", message, side.span, hint=hint, notes=self._notes(side.span, cell))
+            return
 
     def _arithmetic(self, expression: Binary, left: Cell, right: Cell) -> Cell:
         operator = expression.operator

@@ -204,6 +204,8 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
     signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
     signature.provided = _is_provided(signature)
     names.signatures[name] = signature
+    if signature.provided:
+        _unsensed(name, item.name.span, found)
     if item.kind is Declared.ACTION and name in provided.ACTIONS and not _same_shape(types, provided.ACTIONS[name]):
         message = f"the action `{name}` is provided with other arguments"
         hint = provided.declaration_text(name, provided.ACTIONS[name], "action ")
@@ -252,8 +254,16 @@ def _open(arity: int) -> tuple[Type, ...]:
 # ---- uses held against signatures
 
 
+def _unsensed(name: str, span: Span, found: Diagnostics) -> None:
+    if name in provided.UNSENSED:
+        hint = f"under another name, or as `type {name}(...)`, it is a fact of the program's own"
+        found.report("E002", f"the sensed fact `{name}` is not supported yet", span, hint=hint)
+
+
 def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
     fact, name = use.fact, use.fact.name.text
+    if signature.provided and signature.declaration is None:
+        _unsensed(name, fact.span, found)
     notes = () if signature.place == fact.span else (Note(signature.place, _said(signature)),)
     given = len(fact.arguments)
     if given == 0:

@@ -29,6 +29,9 @@ PREDICATES: dict[str, tuple[Kind, tuple[Type, ...]]] = {
 }
 """Facts that a robot keeps up to date by itself, unless the program means something else by the name."""
 
+UNSENSED = ("battery",)
+"""Of these the ones that no robot senses yet."""
+
 ACTIONS: dict[str, tuple[Type, ...]] = {
     "moveto": (_AREA,),
     "lineup": (_AREA, _INT),

@@ -20,6 +20,8 @@ FLOAT = Type(Base.FLOAT)
 SYMBOL = Type(Base.SYMBOL)
 
 NUMBERS = {Base.INT, Base.FLOAT}
+ORDERED = {Base.INT, Base.FLOAT, Base.STRING, Base.OPEN}
+"""What `<` and its like compare; what nothing fixes may be of any type."""
 
 
 @dataclass(slots=True, eq=False)

@@ -1,8 +1,8 @@
 """Doubts: what is legal and yet probably not meant. Warnings never stop compilation.
 
-Facts may arrive from outside (a lab, a sensor, another program), so a declared predicate is taken to be known
-to somebody; an undeclared one that nothing states or derives is doubted. After a syntax error what is missing
-may stand in the broken item, and nothing is doubted for its absence.
+Facts may arrive from outside (a lab, a sensor, an action in Python), so a declared predicate is taken to be
+known to somebody; an undeclared one that nothing states or derives is doubted. After a syntax error what is
+missing may stand in the broken item, and nothing is doubted for its absence.
 """
 
 from collections import Counter
@@ -82,11 +82,12 @@ class _Doubts:
     def _absences(self) -> None:
         for item in self._module.items:
             if isinstance(item, GoalItem) and not self._reachable(item.fact):
-                message = f"no rule derives a fact that matches `{_text(item.fact)}`"
-                self._found.report("W103", message, item.fact.span, hint=self._known(item.fact))
+                message = f"nothing in the program derives a fact that matches `{_text(item.fact)}`"
+                self._found.report("W103", message, item.fact.span, hint=self._outside(item.fact))
             if isinstance(item, Assertion) and not self._reachable(item.finish):
-                message = f"nothing derives the finish fact `{item.finish.name.text}`: every job will be late"
-                self._found.report("W104", message, item.finish.span, hint=self._known(item.finish))
+                message = f"nothing in the program derives a fact that matches `{_text(item.finish)}`"
+                message += "; jobs are late unless one comes from outside"
+                self._found.report("W104", message, item.finish.span, hint=self._outside(item.finish))
         for use in self._names.uses:
             self._never(use)
             self._unread(use)
@@ -138,8 +139,7 @@ class _Doubts:
                 return
             self._doubted.add(name)
             message = f"nothing states or derives `{name}`, the {what}"
-            hint = self._known(fact) or f"declare it if it comes from outside: `type {name}(...)`"
-            self._found.report("W102", message, fact.span, hint=hint)
+            self._found.report("W102", message, fact.span, hint=self._outside(fact))
 
     def _unknown_event(self, fact: Fact, what: str) -> None:
         kinds = self._names.of(fact).types
@@ -164,10 +164,17 @@ class _Doubts:
         name = fact.name.text
         if self._names.of(fact).kind in {Kind.SENSED, Kind.ACTION} or name in self._arriving:
             return True
-        if self._names.of(fact).provided:
-            return True
         producers = self._derived.get(name, [])
+        if self._names.of(fact).provided or (not producers and self._names.of(fact).declaration is not None):
+            return True
         return len(producers) > PRODUCERS_MAX or any(_may_match(fact, producer) for producer in producers)
+
+    def _outside(self, fact: Fact) -> str | None:
+        """Return the hint for a fact that is missing."""
+        name = fact.name.text
+        if self._names.of(fact).declaration is not None:
+            return None
+        return self._known(fact) or f"declare it if it comes from outside: `type {name}(...)`"
 
     def _known(self, fact: Fact) -> str | None:
         """Return the hint that names a known fact with as many arguments."""

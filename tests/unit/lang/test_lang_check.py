@@ -60,6 +60,12 @@ def test_a_declared_persistent_fact_needs_no_bang_in_a_use():
         ("p(R, X), ready -o q(R).", "E022", "ready"),
         ("p(R, a), p(R, X), X > 3 -o q(R).", "E020", "X > 3"),
         ("p(R, X), X = R + 1 -o q(R).", "E020", "R"),
+        ("p(R, a). p(R, A), q(R, B), A < B -o 1.", "E020", "A"),
+        ("type p(robot, robot). p(R, B), B >= R -o 1.", "E020", "B"),
+        ("type p(robot, robot). p(R, B), B <= @3 -o 1.", "E020", "B"),
+        ("type p(robot, bool). p(R, X), X > false -o 1.", "E020", "X"),
+        ("type p(robot, area). p(R, A) -o q(R, if(A <= middle, 1, 2)).", "E020", "A"),
+        ("p(R, X), X < middle -o 1.", "E020", "middle"),
         ("type p(robot, int). p(R, 2.5).", "E020", "2.5"),
         ("type p(robot, int). p(R, 2.5) -o 1.", "E020", "2.5"),
         ("type p(robot, area). type q(robot, line). p(R, A) -o q(R, A).", "E020", "A"),
@@ -89,6 +95,10 @@ def test_a_mistake_has_its_code_and_its_place(text, code, place):
         ("assert(p(R, B), q(R), 1, v(B)). p(R, B) -o q(R).", "v(B)"),
         ("type action a(R: robot, B: robot) -o p(B).", "B"),
         ("?p(R, X, X). q(R) -o p(R, 1, 1).", "X"),
+        ("p(R), battery(R, V) -o q(R, V).", "battery(R, V)"),
+        ("p(R), not battery(R, _) -o q(R).", "not battery(R, _)"),
+        ("?battery(R, 1).", "battery(R, 1)"),
+        ("type sensor battery(robot, float).", "battery"),
         ("p(R, R).", "R"),
     ],
 )
@@ -191,7 +201,64 @@ def test_an_assertions_violation_need_not_be_declared():
     assert predicate(text, "alarm").types == (Type(Base.INT),)
 
 
+@pytest.mark.parametrize("text", ["type battery(robot, float). p(R), battery(R, V) -o q(R, V).", "battery(R, 3)."])
+def test_a_battery_of_the_programs_own_is_a_fact_as_others_are(text):
+    assert errors(text) == []
+
+
+@pytest.mark.parametrize("operator", ["<", "<=", ">", ">="])
+def test_numbers_strings_and_what_nothing_fixes_have_an_order(operator):
+    assert errors(f"p(R, X), X {operator} 2.5, X + 1 {operator} X -o 1.") == []
+    assert errors(f'p(R, X), X {operator} "b" -o 1.') == []
+    assert errors(f"p(R, X, Y), X {operator} Y -o 1.") == []
+
+
+def test_an_order_of_robots_is_answered_with_that_of_their_numbers():
+    [diagnostic] = compile_source("type p(robot, robot). p(R, B), B < R -o 1.").errors
+    assert "`id(A) < id(B)`" in (diagnostic.hint or "")
+
+
+# ---- names of time assertions
+
+SHARED = [
+    ("assert(p(R), q(R), 1, v(R)).", "assert(r(R), q(R), 2, v(R)).", "q", "q"),
+    ("assert(p(R), q(R, a), 1, v(R)).", "watch(p(R), q(R, b), 2, v(R)).", "q", "q"),
+    ("q: assert(p(R), r(R), 1, v(R)).", "assert(p(R), q(R), 2, v(R)).", "q", "q"),
+    ("assert(p(R), q(R), 2, v(R)).", "q: watch(p(R), r(R), 1, v(R)).", "q", "q"),
+]
+
+
+@pytest.mark.parametrize(("one", "other", "here", "there"), SHARED)
+def test_two_assertions_with_one_event_are_an_error_at_both_places(one, other, here, there):
+    text = f"{one}\n{other}"
+    [diagnostic] = compile_source(text).errors
+    [note] = diagnostic.notes
+    assert (diagnostic.code, text[diagnostic.span.start : diagnostic.span.end]) == ("E010", here)
+    assert diagnostic.span.start > len(one)
+    assert text[note.span.start : note.span.end] == there
+    assert note.span.end < len(one)
+    assert "name them" in (diagnostic.hint or "")
+
+
+def test_assertions_with_one_finish_fact_and_names_are_two_events():
+    text = "x: assert(p(R), q(R), 1, v(R)). y: assert(p(R), q(R), 2, v(R)). assert(p(R), q(R), 3, v(R))."
+    assert errors(text) == []
+
+
 # ---- warnings
+
+
+def test_what_is_declared_may_come_from_outside():
+    assert codes("type q(robot, int). ?q(R, 1).") == []
+    assert codes("type p(robot). type q(robot). assert(p(R), q(R), 1, v(R)).") == []
+
+
+def test_a_declared_fact_of_which_others_are_derived_is_doubted_truly():
+    text = "type p(robot). type q(robot, int). p(R) -o q(R, 2). ?q(R, 1). x: assert(p(R), q(R, 3), 1, v(R))."
+    [goal, finish] = compile_source(text).diagnostics
+    assert (goal.code, goal.message) == ("W103", "nothing in the program derives a fact that matches `?q(...)`")
+    assert (finish.code, finish.hint) == ("W104", None)
+    assert "unless one comes from outside" in finish.message
 
 
 def test_figure_4s_misprint_is_doubted():
