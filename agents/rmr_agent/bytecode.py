@@ -46,8 +46,6 @@ def load_handlers(path: Path | None) -> dict[str, Handler]:
         return load_actions(path)
     except ActionsError as error:
         raise RefusedError(str(error)) from None
-    except SystemExit as error:
-        raise RefusedError(f"{path}: calls exit({error.code or 0}) while it is loaded") from None
 
 
 def check_actions(program: Program, handlers: dict[str, Handler]) -> None:

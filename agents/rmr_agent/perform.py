@@ -42,13 +42,14 @@ def perform(options: argparse.Namespace) -> int:
     who = f"rmr-agent {options.id}"
     try:
         log = start_logging(who, options.log)
+    except OSError as error:
+        print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
+        return EXIT_USAGE
+    try:
         loaded, handlers = _load(options)
     except RefusedError as error:
         print(f"{who}: {error}", file=sys.stderr)
         return EXIT_INVALID
-    except OSError as error:
-        print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
-        return EXIT_USAGE
     ending = Ending()
     try:
         asyncio.run(_live(options, loaded, handlers, ending))

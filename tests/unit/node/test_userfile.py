@@ -1,0 +1,58 @@
+"""The user's file of actions: what it registers, and its mistakes in one message each."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from rmr.node.userfile import ActionsError, load_actions
+
+BLINK = "from rmr import action\n@action('blink')\nasync def blink(robot): ...\n"
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Return a function that writes a file of actions."""
+
+    def write(text):
+        path = tmp_path / "acts.py"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_no_file_registers_nothing_and_a_file_its_actions(file):
+    assert load_actions(None) == {}
+    assert list(load_actions(file(BLINK))) == ["blink"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1 / 0\n", "ZeroDivisionError: division by zero"),
+        ("def (\n", "SyntaxError: invalid syntax"),
+        ("import no_such_module\n", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("open('/no/such/file')\n", "FileNotFoundError: "),
+        ("raise SystemExit(7)\n", r"calls exit\(7\) while it is loaded"),
+        ("x = 1\n", "registers no action"),
+    ],
+)
+def test_a_mistake_of_the_file_is_told_with_its_path(file, text, message):
+    with pytest.raises(ActionsError, match=f"acts.py: {message}"):
+        load_actions(file(text))
+
+
+def test_a_file_that_is_not_there_or_no_python_is_told(tmp_path, file):
+    for path in (tmp_path / "none.py", tmp_path, file(BLINK).rename(tmp_path / "acts.txt")):
+        with pytest.raises(ActionsError, match="no such Python file"):
+            load_actions(path)
+
+
+def test_a_folder_that_may_not_be_entered_is_told(monkeypatch):
+    def denied(_path):
+        raise PermissionError(13, os.strerror(13))
+
+    monkeypatch.setattr(Path, "is_file", denied)
+    with pytest.raises(ActionsError, match=r"acts\.py: Permission denied"):
+        load_actions(Path("acts.py"))
