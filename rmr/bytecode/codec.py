@@ -10,7 +10,7 @@ import hashlib
 
 from rmr.bytecode.decoder import decode_tables
 from rmr.bytecode.encoder import encode_tables
-from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, VERSION, assemble, read_layout
+from rmr.bytecode.layout import DEBUG, FLAG_DEBUG, FLAG_TEXTUAL, VERSION, assemble, read_layout
 from rmr.bytecode.program import Program, Strategy
 from rmr.bytecode.verify import verify
 from rmr.bytecode.wire import BytecodeError
@@ -47,5 +47,15 @@ def decode(data: bytes) -> Program:
 
 
 def digest(data: bytes) -> int:
-    """Return a 32-bit number by which robots tell whether they run the same byte-code (BLAKE2b)."""
-    return int.from_bytes(hashlib.blake2b(data, digest_size=4).digest(), "big")
+    """Return a 32-bit number by which robots tell whether they run the same program.
+
+    It is the BLAKE2b hash of the byte-code as it is without a debug table: what makes no difference to a run
+    makes no other program.
+
+    Raises:
+        BytecodeError: `data` is no intact byte-code.
+    """
+    layout = read_layout(data)
+    tables = {name: (table.entries, data[table.start : table.end]) for name, table in layout.tables.items()}
+    plain = assemble(layout.flags & ~FLAG_DEBUG, {**tables, DEBUG: (0, b"")})
+    return int.from_bytes(hashlib.blake2b(plain, digest_size=4).digest(), "big")

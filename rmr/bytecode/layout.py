@@ -29,7 +29,9 @@ CRC_OFFSET = 10
 SIZE_MAX = 1 << 24
 """A longer program is refused before it is read: robots have megabytes, not gigabytes (paper V.B.2)."""
 
-TABLES = ("constants", "code", "predicates", "effects", "facts", "goals", "rules", "assertions", "debug")
+DEBUG = "debug"
+"""The table that makes no difference to a run."""
+TABLES = ("constants", "code", "predicates", "effects", "facts", "goals", "rules", "assertions", DEBUG)
 
 
 class Table(NamedTuple):

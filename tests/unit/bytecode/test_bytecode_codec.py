@@ -1,5 +1,8 @@
 """The codec's edges: each kind of wrong has its own message."""
 
+from dataclasses import replace
+from hashlib import blake2b
+
 import pytest
 from vm_hand import AREA, INT, Hand, V
 
@@ -7,7 +10,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode.codec import VERSION, BytecodeError, decode, digest, encode
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.layout import SIZE_MAX, checksum, read_layout
-from rmr.bytecode.program import Base, Debug, InitialFact, Kind, Place, Predicate, Program, Type
+from rmr.bytecode.program import Base, Debug, InitialFact, Kind, Place, Predicate, Program, Strategy, Type
 from rmr.bytecode.wire import NESTING_MAX, Reader, Writer
 
 
@@ -114,6 +117,23 @@ def test_the_digest_is_32_bits_and_tells_programs_apart() -> None:
     one, other = encode(sample(), debug=False), encode(Program(()), debug=False)
     assert 0 <= digest(one) < 2**32
     assert digest(one) == digest(bytes(one)) != digest(other)
+
+
+def test_the_digest_is_the_same_with_and_without_places_in_the_source() -> None:
+    program = sample()
+    places = tuple(Place("a.rmr", line, 1) for line in range(1, 1 + len(program.rules)))
+    traced = replace(program, debug=Debug(rules=places))
+    plain, debug = encode(traced, debug=False), encode(traced, debug=True)
+    assert plain != debug
+    assert digest(plain) == digest(debug)
+    assert digest(plain) == int.from_bytes(blake2b(plain, digest_size=4).digest(), "big")
+    textual = encode(replace(traced, strategy=Strategy.TEXTUAL), debug=True)
+    assert digest(textual) != digest(debug)
+
+
+def test_what_is_no_byte_code_has_no_digest() -> None:
+    with pytest.raises(BytecodeError):
+        digest(encode(sample(), debug=False)[:-1])
 
 
 def test_the_text_shows_offsets_in_hex_rules_and_places() -> None:
