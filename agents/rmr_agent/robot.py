@@ -90,7 +90,8 @@ class RobotProcess:
         self._bus: Bus
 
     def _say_waiting(self) -> None:
-        log.info("waiting for the world at %s", self._connect)
+        whose = "the" if self._keys.lab == ANY_LAB else f"lab {self._keys.lab}'s"
+        log.info("waiting for %s world at %s", whose, self._connect)
 
     # -- from nothing to a place in the lab -------------------------------------------------------------------
 

@@ -80,6 +80,12 @@ def test_a_second_world_of_the_same_lab_at_one_router_is_refused(stage):
     assert first.process.poll() is None
 
 
+def test_a_robot_of_one_lab_says_whose_world_it_waits_for_while_another_lab_runs_there(stage):
+    stage.world()
+    robot = stage.agent(1, "--lab", "other")
+    robot.wait_for(f"waiting for lab other's world at {stage.endpoint}")
+
+
 # --- mishaps ----------------------------------------------------------------------------------------------------
 
 
