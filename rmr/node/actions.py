@@ -42,6 +42,8 @@ class Handler:
     """The predicate inserted, with the same arguments, when the program declares no effect."""
     wheels: bool = False
     """Whether it uses the wheels."""
+    takes_over: bool = False
+    """Whether a later one takes the wheels from an earlier one of the same name, which then fails."""
     at_once: bool = False
     """Whether it interrupts what the wheels do instead of waiting (`stop`)."""
 
@@ -165,10 +167,6 @@ class Dispatcher:
         """The action that has the wheels."""
         return next((running for running in self.running if running.handler.wheels), None)
 
-    def superseded(self, running: Running) -> bool:
-        """Return whether a later action of the same name waits for the wheels."""
-        return any(queued.name == running.name for queued in self.queue)
-
     @property
     def next_wake(self) -> Instant:
         """When the next sleeping action goes on."""
@@ -188,8 +186,11 @@ class Dispatcher:
         if running.handler.at_once:
             self._interrupt(now)
         elif running.handler.wheels and (self.queue or self.driving):
-            self.queue.append(running)
-            return
+            driving = self.driving
+            if not (running.handler.takes_over and driving is not None and driving.name == running.name):
+                self.queue.append(running)
+                return
+            self._end(now, driving, f"taken over by {running.name}")
         self._start(now, running)
 
     def _interrupt(self, now: Instant) -> None:
@@ -225,7 +226,7 @@ class Dispatcher:
 
     def _end(self, now: Instant, running: Running, failure: str | None) -> None:
         self.running.remove(running)
-        if running.coroutine is not None and failure == "stopped":
+        if running.coroutine is not None and failure is not None:
             running.coroutine.close()
         if running.handler.wheels:
             self._host.halt()

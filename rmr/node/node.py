@@ -46,10 +46,6 @@ class NodeHandle(RobotHandle):
         super().__init__(lambda: node.now, node, running)
         self.node = node
 
-    def superseded(self) -> bool:
-        """Return whether a later action of the same name waits."""
-        return self.node.actions.superseded(self._running)
-
     def outrun(self) -> bool:
         """Return whether the robot has had a turn since the action was derived."""
         return self.node.turns.entered_since(self._running.derived)

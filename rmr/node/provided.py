@@ -1,7 +1,6 @@
 """The actions that every robot provides, written as a user would write them (CONTRACTS: actions in Python)."""
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rmr.base.geometry import Point
@@ -18,21 +17,14 @@ STUCK_S = 20.0
 """A drive that has had no way for so long fails."""
 
 
-async def _drive(
-    robot: "NodeHandle",
-    goal: Point,
-    *,
-    final_heading: float | None = None,
-    gated: bool = False,
-    superseded: Callable[[], bool] = lambda: False,
-) -> None:
+async def _drive(robot: "NodeHandle", goal: Point, *, final_heading: float | None = None, gated: bool = False) -> None:
     node = robot.node
     navigator = node.motion
     while node.percept().pose is None:
         await Pause(condition=lambda: node.percept().pose is not None)
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
-    while navigator.status != "arrived" and not superseded():
+    while navigator.status != "arrived":
         if navigator.status == "blocked":
             blocked_since = blocked_since or node.now
             if node.now - blocked_since > seconds(STUCK_S):
@@ -66,7 +58,7 @@ async def lineup(robot: "NodeHandle", area_name: str, place: int) -> None:
     spot = area.queue[min(place, len(area.queue)) - 1]
     ahead = area.queue[0] if place > 1 else area.places[0]
     heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
-    await _drive(robot, spot, final_heading=heading, superseded=robot.superseded)
+    await _drive(robot, spot, final_heading=heading)
 
 
 def _heading(a: Point, b: Point) -> float:
@@ -119,7 +111,7 @@ PROVIDED: dict[str, Handler] = {
     handler.name: handler
     for handler in (
         Handler("moveto", moveto, wheels=True),
-        Handler("lineup", lineup, wheels=True),
+        Handler("lineup", lineup, wheels=True, takes_over=True),
         Handler("goto", goto, wheels=True),
         Handler("face", face, wheels=True),
         Handler("stop", stop, at_once=True),

@@ -6,8 +6,8 @@ falls in proportion to the gap that is left, down to a stop. A body that comes f
 does not close in on, never stops it. Of two that cross, the one that has the other on its right gives way
 early, the other late, so that one of them goes first.
 
-The field of view is narrow: a body that has left it is remembered for a moment at the place where it would be
-now (`Watch`), so that turning away from a body does not make it vanish.
+The field of view is narrow: a body that has left it is remembered for a moment (`Watch`) where it would be now,
+and if it crept, where it was, for it may have stopped; so turning away from a body does not make it vanish.
 
 Robots that stop each other for longer than their patience are in a stand-off (`StandOff`). The way out is a
 detour around where the others are, biased to the right, so that two robots face to face both pass on the right
@@ -39,6 +39,8 @@ HORIZON_S = 3.0
 """A gap that closes later than this is no danger yet."""
 STILL_MPS = 0.03
 """A body slower than this stands."""
+CREEPING_MPS = 0.1
+"""A body slower than this may stop at any moment: it manoeuvres."""
 MEMORY_S = 0.8
 """How long a body that has left the field of view is remembered."""
 REMEMBERED_MAX = 8
@@ -148,12 +150,12 @@ class Watch:
             x, y = old.x + old.vx * age, old.y + old.vy * age
             if age > MEMORY_S or any(math.hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
                 continue
-            dx, dy = x - pose.x, y - pose.y
-            body = SeenBody(dx * cos + dy * sin, dy * cos - dx * sin, old.vx * cos + old.vy * sin, 0.0)
-            body = body._replace(vy=old.vy * cos - old.vx * sin)
-            if not self._in_view(body):
+            moving = _in_frame(pose, cos, sin, x, y, old.vx * cos + old.vy * sin, old.vy * cos - old.vx * sin)
+            if not self._in_view(moving):
                 kept.append(old)
-                around.append(body)
+                around.append(moving)
+                if 0.0 < math.hypot(old.vx, old.vy) < CREEPING_MPS:
+                    around.append(_in_frame(pose, cos, sin, old.x, old.y, 0.0, 0.0))
         self._memory = kept[:REMEMBERED_MAX]
         return around
 
@@ -168,6 +170,12 @@ class Watch:
     def places(self, now: Instant) -> list[Point]:
         """Return where the bodies around are now, on the floor."""
         return [Point(s.x + s.vx * in_seconds(now - s.at), s.y + s.vy * in_seconds(now - s.at)) for s in self._memory]
+
+
+def _in_frame(pose: Pose, cos: float, sin: float, x: float, y: float, vx: float, vy: float) -> SeenBody:
+    """Return a body at floor point (x, y) in the frame of a robot at `pose`; (vx, vy) is in that frame already."""
+    dx, dy = x - pose.x, y - pose.y
+    return SeenBody(dx * cos + dy * sin, dy * cos - dx * sin, vx, vy)
 
 
 class StandOff:

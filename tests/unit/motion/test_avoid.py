@@ -78,6 +78,14 @@ def test_a_body_that_the_robot_turned_away_from_is_remembered_for_a_moment():
     assert not watch.update(seconds(0.1 + MEMORY_S), Pose(0.0, 0.0, math.radians(80)), ())
 
 
+def test_a_body_that_crept_is_remembered_where_it_would_be_and_where_it_was_for_it_may_have_stopped():
+    watch = Watch(RobotShape())
+    watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.08, 0.0)])
+    aside = Pose(0.0, 0.0, math.radians(80))
+    ways = sorted(math.hypot(seen.x, seen.y) for seen in watch.update(seconds(0.5), aside, ()))
+    assert [round(way, 3) for way in ways] == [0.2, 0.24]
+
+
 def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
     watch = Watch(RobotShape())
     watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])

@@ -115,3 +115,16 @@ def test_a_condition_is_looked_at_whenever_the_robot_runs():
     seen += [1, 2]
     node.step(0.1)
     assert node.ended == [("watch", None)]
+
+
+def test_a_later_action_may_take_the_wheels_from_an_earlier_one_of_its_name_but_from_no_other():
+    node = FakeNode(lineup=Handler("lineup", drive, wheels=True, takes_over=True), b=wheels("b"))
+    node.derive("lineup", 9.0)
+    node.derive("b", 1.0)
+    node.derive("lineup", 2.0)
+    assert node.ended == [("lineup", "taken over by lineup")]
+    node.step(2.0)
+    assert node.ended[1:] == [("lineup", None)]
+    node.derive("lineup", 1.0)
+    node.step(3.0)
+    assert node.ended[2:] == [("b", None)], "b had the wheels and was not disturbed"
