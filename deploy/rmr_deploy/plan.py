@@ -88,10 +88,13 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
         raise RefusedError(str(error), INVALID) from error
     try:
         plan = Plan(wishes, lab, program, make_run_folder(lab.name, wishes.folder))
+        plan.logs.mkdir()
+        plan.byte_code.write_bytes(plan.program.octets)
     except RunFolderError as error:
         raise RefusedError(str(error), USAGE) from error
-    plan.logs.mkdir()
-    plan.byte_code.write_bytes(plan.program.octets)
+    except OSError as error:
+        message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
+        raise RefusedError(message, USAGE) from error
     return plan
 
 

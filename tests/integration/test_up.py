@@ -222,12 +222,12 @@ def test_an_area_that_the_lab_does_not_define_is_an_error(refused, lab):
     assert "'goal'" in message
 
 
-def test_a_program_whose_action_has_no_handler_does_not_start(up, lab):
-    changed = lab("dash.rmr", "start(R).\n", "type action blink(robot).\nstart(R).\nstart(R) -o blink(R).\n")
-    run = up(changed)
-    assert run.wait() == 3
-    assert "blink" in run.out + run.err
-    assert run.left() == []
+def test_a_program_whose_action_has_no_handler_does_not_start(refused, lab):
+    code, message = refused(
+        lab("dash.rmr", "start(R).\n", "type action blink(robot).\nstart(R).\nstart(R) -o blink(R).\n")
+    )
+    assert code == 3
+    assert "no handler for action blink, declared at " in message
 
 
 def test_more_robots_than_the_lab_has_are_an_error(refused):
@@ -249,3 +249,10 @@ def test_a_run_folder_in_use_is_wrong_usage(refused, tmp_path):
     code, message = refused(DASH, "--run", tmp_path / "full")
     assert code == 2
     assert "not empty" in message
+
+
+def test_a_run_folder_that_cannot_be_written_is_wrong_usage(refused, tmp_path):
+    (tmp_path / "blocked").write_text("a file")
+    code, message = refused(DASH, "--run", tmp_path / "blocked")
+    assert code == 2
+    assert "blocked: " in message
