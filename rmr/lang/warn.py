@@ -186,7 +186,11 @@ class _Doubts:
             for each in self._names.signatures.values()
             if each.arity == arity and (each.declaration is not None or each.name in self._derived)
         ]
-        known += [name for name, (_, types) in provided.PREDICATES.items() if len(types) + 1 == arity]
+        known += [
+            name
+            for name, (_, types) in provided.PREDICATES.items()
+            if len(types) + 1 == arity and name not in provided.UNSENSED
+        ]
         return meant(fact.name.text, known)
 
     def _unread(self, use: Use) -> None:

@@ -206,6 +206,11 @@ def test_a_battery_of_the_programs_own_is_a_fact_as_others_are(text):
     assert errors(text) == []
 
 
+def test_no_hint_leads_to_what_is_not_supported():
+    hints = [each.hint for each in compile_source("battry(R, V) -o 1. rnge(R, B, D) -o 1.").diagnostics]
+    assert hints == ["declare it if it comes from outside: `type battry(...)`", "did you mean `range`?"]
+
+
 @pytest.mark.parametrize("operator", ["<", "<=", ">", ">="])
 def test_numbers_strings_and_what_nothing_fixes_have_an_order(operator):
     assert errors(f"p(R, X), X {operator} 2.5, X + 1 {operator} X -o 1.") == []
