@@ -21,7 +21,7 @@ from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, Seldom
 from rmr.bus.session import Bus, open_when_there
-from rmr.node.actions import Handler
+from rmr.node.actions import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
@@ -57,9 +57,6 @@ FLUSH_S = 0.05
 
 FAILURES_MAX = 20
 """Different failures of actions that are told to people; the log has them all."""
-
-STOPPED = "stopped"
-"""The failure of an action that the program itself has ended with `stop`: nothing to tell."""
 
 log = logging.getLogger("rmr")
 
@@ -309,8 +306,10 @@ class RobotProcess:
         """Write what the node has noted since the last time into the log."""
         for entry in life.node.trace_log:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
-            if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED):
+            if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):
                 self._say_failure(f"action {entry['action']} failed: {entry['failure']}")
+            elif entry.get("what") == "other_program":
+                self._say_failure(f"robot {entry['source']} runs another program: neither understands the other")
         life.node.trace_log.clear()
 
     def _say_failure(self, message: str) -> None:

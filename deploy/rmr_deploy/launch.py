@@ -42,6 +42,9 @@ FINAL_S_MAX = 2.0
 LEAVE_S_MAX = 1.5
 """How long it may then take to leave by itself before it gets SIGTERM."""
 
+SAID_MAX = 5
+"""Lines of each process's complaints that are shown at the end; all are in its log."""
+
 DRAW_S = 0.2
 """Between two drawings of the robots' lines."""
 
@@ -260,10 +263,21 @@ class Run:
             await asyncio.sleep(POLL_S)
 
     def _sweep(self) -> None:
-        """Remove the plain output of processes that left in order: their logs say the same."""
+        """Show what processes that left in order had to say, and remove their plain output: their logs say the same."""
         for child in self._family.children:
             if child.name not in self.outcome.died:
+                for line in said(child.output):
+                    self._screen.say(f"{child.name}: {line}")
                 child.output.unlink(missing_ok=True)
+
+
+def said(output: Path) -> list[str]:
+    """Return the last lines of a process's plain output that tell of something gone wrong."""
+    try:
+        lines = output.read_text(errors="replace").splitlines()
+    except OSError:
+        return []
+    return [line for line in lines if " failed: " in line][-SAID_MAX:]
 
 
 def world_command(plan: Plan, endpoint: str) -> list[str]:

@@ -23,6 +23,12 @@ RUNNING_MAX = 64
 """Actions under way or waiting at one robot; a program that derives more has run away."""
 
 
+STOPPED = "stopped"
+"""The failure of an action that `stop` has interrupted."""
+TAKEN_OVER = "taken over by a later one"
+"""The failure of an action that a later one of its name has replaced."""
+
+
 class ActionFailed(Exception):  # noqa: N818 - the name that users raise
     """Raise it in an action to make the declared `else` effect hold; the reason goes to the trace."""
 
@@ -190,13 +196,13 @@ class Dispatcher:
             if not (running.handler.takes_over and driving is not None and driving.name == running.name):
                 self.queue.append(running)
                 return
-            self._end(now, driving, f"taken over by {running.name}")
+            self._end(now, driving, TAKEN_OVER)
         self._start(now, running)
 
     def _interrupt(self, now: Instant) -> None:
         driving = self.driving
         if driving is not None:
-            self._end(now, driving, "stopped")
+            self._end(now, driving, STOPPED)
         self._host.halt()
 
     def _start(self, now: Instant, running: Running) -> None:

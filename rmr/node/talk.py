@@ -84,7 +84,9 @@ class Talk:
         pose = self._node.percept().pose
         if pose is None:
             return
-        hello = Hello(pose.x, pose.y, pose.theta, self._parked, self._node.turns.rank, self._node.bound_for)
+        hello = Hello(
+            pose.x, pose.y, pose.theta, self._parked, self._node.turns.rank, self._node.bound_for, self.digest
+        )
         self._node.transmit(wire.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:
@@ -97,7 +99,7 @@ class Talk:
     def _dispatch(self, now: Instant, frame: Received) -> None:
         match frame.payload[0]:
             case Kind.HELLO:
-                self._node.peers.hello(now, frame.source, wire.decode_hello(frame.payload))
+                self._met(now, frame.source, wire.decode_hello(frame.payload))
                 if self._node.driver is not None:
                     self._node.driver.navigator.update_parked(self._node.peers.parked(now))
             case Kind.FACT | Kind.FRAGMENT:
@@ -110,6 +112,12 @@ class Talk:
                 self._failure(now, frame)
             case _:
                 self.malformed += 1
+
+    def _met(self, now: Instant, source: int, hello: Hello) -> None:
+        known = self._node.peers.known[source].hello
+        if hello.digest != self.digest and (known is None or known.digest != hello.digest):
+            self._node.trace(now, "other_program", source=source)
+        self._node.peers.hello(now, source, hello)
 
     def _failure(self, now: Instant, frame: Received) -> None:
         digest, assertion = wire.decode_failure(frame.payload)

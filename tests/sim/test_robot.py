@@ -323,3 +323,11 @@ def test_ranges_come_from_signal_strength_by_the_law_that_the_radio_follows(tmp_
     facts = simulation.robots[0].node.machine.facts()
     assert "far(@1, @7, 1.8)" in facts, "6 places of 0.3 m"
     assert "far(@1, @8, 2.1)" in facts
+
+
+def test_a_robot_that_runs_another_program_is_noticed(tmp_path):
+    simulation = small_lab(tmp_path, "idle(R).\n", robots=3, duration="3s")
+    simulation.robots[1].node.talk.digest ^= 1
+    simulation.run()
+    noticed = {(entry["robot"], entry["source"]) for entry in traced(simulation, "other_program")}
+    assert noticed == {(1, 2), (2, 1), (2, 3), (3, 2)}

@@ -9,7 +9,7 @@ import yaml
 from doc_pages import ROOT, blocks, codes, page, section, table
 
 from rmr.base.values import ROBOT_ID_MAX
-from rmr.bus.session import DEFAULT_ENDPOINT, ENDPOINT
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, ENDPOINT
 from rmr.node.actions import RobotHandle
 from rmr.node.provided import PROVIDED
 from rmr_agent.main import main as agent

@@ -1,7 +1,7 @@
 """Actions: the wheels are used by one at a time, turns hold actions back, failures become else effects."""
 
 from rmr.base.time import seconds
-from rmr.node.actions import ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
+from rmr.node.actions import TAKEN_OVER, ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
 
 
 class Turn:
@@ -122,7 +122,7 @@ def test_a_later_action_may_take_the_wheels_from_an_earlier_one_of_its_name_but_
     node.derive("lineup", 9.0)
     node.derive("b", 1.0)
     node.derive("lineup", 2.0)
-    assert node.ended == [("lineup", "taken over by lineup")]
+    assert node.ended == [("lineup", TAKEN_OVER)]
     node.step(2.0)
     assert node.ended[1:] == [("lineup", None)]
     node.derive("lineup", 1.0)
