@@ -99,8 +99,17 @@ class Names:
 def near(name: str, candidates: list[str]) -> str | None:
     """Return the candidate that `name` may be a misspelling of."""
     alike = [each for each in candidates[:CANDIDATES_MAX] if each != name and abs(len(each) - len(name)) <= LETTERS_OFF]
-    matches = get_close_matches(name, alike, n=1, cutoff=0.75)
+    swapped = [each for each in alike if _swapped(name, each)]
+    matches = swapped or get_close_matches(name, alike, n=1, cutoff=0.75)
     return matches[0] if matches else None
+
+
+def _swapped(one: str, other: str) -> bool:
+    """Return whether two neighbouring letters have changed places: in a short name that is most of it."""
+    if len(one) != len(other):
+        return False
+    off = [k for k, (a, b) in enumerate(zip(one, other, strict=True)) if a != b]
+    return len(off) == 2 and off[1] == off[0] + 1 and one[off[0]] == other[off[1]] and one[off[1]] == other[off[0]]
 
 
 def meant(name: str, candidates: list[str]) -> str | None:

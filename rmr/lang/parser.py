@@ -50,6 +50,16 @@ _HIDDEN = {
 }
 """Left out of hints: values where a number or a name is named anyway, and operators."""
 
+_FOREIGN = (
+    (re.compile(r"->|=>|:-"), "a rule is written `body -o head.`"),
+    (re.compile(r"=="), "equality is written `=`"),
+    (re.compile(r"#"), "comments begin with `//`"),
+    (re.compile(r"(?i:and)\b"), "write `,` between conditions, or `&&`"),
+    (re.compile(r"(?i:or)\b"), "write `||`"),
+    (re.compile(r"[A-Z_][A-Za-z0-9_]*\s*\("), "names of facts and actions begin with a lower-case letter"),
+)
+"""What other languages write, at the place of a syntax error, and what RMR writes."""
+
 EXPECTED_SHOWN_MAX = 6
 WORD_SHOWN_MAX = 40
 
@@ -189,11 +199,25 @@ def _quoted(word: str) -> str:
 
 
 def _hint(source: Source, span: Span, expected: set[str]) -> str | None:
+    foreign = _foreign(source.text, span.start)
+    if foreign is not None:
+        return foreign
     first_of_line = not source.text[: span.start].rpartition("\n")[2].strip()
     if "DOT" in expected and (first_of_line or source.text[span.end :].strip() == ""):
         return "every item ends with `.`"
     words = sorted({word for name in expected if name not in _HIDDEN and (word := word_of(name)) is not None})
     return "expected " + " or ".join(words) if 0 < len(words) <= EXPECTED_SHOWN_MAX else None
+
+
+def _foreign(text: str, start: int) -> str | None:
+    """Return what to write instead of another language's sign whose first or second character stands at `start`."""
+    for sign, hint in _FOREIGN:
+        if sign.match(text, start):
+            return hint
+        begun = sign.match(text, start - 1) if start else None
+        if begun is not None and not text[start].isalnum() and begun.end() == start + 1:
+            return hint
+    return None
 
 
 def word_of(terminal: str) -> str | None:
