@@ -1,1 +1,7 @@
 """Makes the helpers that stand in this folder (`vm_hand`) importable from every test."""
+
+import signal
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A suite that runs in a shell's background is started with SIGINT ignored, and so would be every process it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -164,9 +164,9 @@ class Dispatcher:
         self.refused = 0
 
     @property
-    def busy(self) -> bool:
-        """Whether anything runs or waits."""
-        return bool(self.held or self.queue or self.running)
+    def polling(self) -> bool:
+        """Whether an action waits for a condition, which is looked at in every frame."""
+        return any(running.pause.condition is not None for running in self.running)
 
     @property
     def driving(self) -> Running | None:

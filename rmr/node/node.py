@@ -135,20 +135,20 @@ class Node:
         if not self._started:
             return
         self.executive.tick(now)
-        frame = self.executive.next_frame(now, self._moving())
+        frame = self.executive.next_frame(now, self._busy())
         self.next_wake = min(
             frame or NEVER,
             self._coordination.next_wake,
             self.machine.next_wake,
             self.actions.next_wake,
             self.talk.next_wake,
+            self.turns.next_wake,
             self._later[0][0] if self._later else NEVER,
         )
 
-    def _moving(self) -> bool:
-        if self.actions.busy or (self.driver is not None and self.driver.moving):
-            return True
-        return self.turns.busy
+    def _busy(self) -> bool:
+        """Return whether something goes on that every frame matters to; else the robot sleeps until it is due."""
+        return self.actions.polling or (self.driver is not None and self.driver.moving)
 
     # -- tasks ----------------------------------------------------------------------------------------------
 

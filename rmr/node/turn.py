@@ -8,13 +8,17 @@ from enum import Enum
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Pose, distance
-from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route
 from rmr.vm.job import Job
 
+REVISE_EVERY: Duration = milliseconds(500)
+"""How often a robot that waits looks whether its estimate still fits its slot."""
+EXTEND_BEFORE: Duration = milliseconds(200)
+"""An end that comes nearer than this while the action goes on is moved."""
 LEAVE_EARLY: Duration = milliseconds(300)
 """An action is released this much before it must be under way to reach the gate on time."""
 UNKNOWN_INSIDE: Duration = seconds(1)
@@ -63,7 +67,21 @@ class Turn:
         """Return whether the action that serves the job may begin."""
         if self.phase in (Phase.INSIDE, Phase.LEFT) or self.job.finish is not None:
             return True
-        return self.gated and self.phase is Phase.SLOTTED and now >= self.start - self.approach - LEAVE_EARLY
+        return self.gated and self.phase is Phase.SLOTTED and now >= self._leaves_at
+
+    @property
+    def _leaves_at(self) -> Instant:
+        return self.start - self.approach - LEAVE_EARLY
+
+    @property
+    def next_wake(self) -> Instant:
+        """When the turn must be looked at again even if nothing happens."""
+        if self.phase is Phase.LEFT:
+            return NEVER
+        if self.phase is Phase.INSIDE:
+            return self.end - EXTEND_BEFORE
+        look = self.revised_at + REVISE_EVERY
+        return min(look, self._leaves_at) if self.phase is Phase.SLOTTED and self._leaves_at > self.revised_at else look
 
 
 def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:

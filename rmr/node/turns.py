@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
-from rmr.base.time import Duration, Instant, in_seconds, milliseconds
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, next_tick
 from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
@@ -29,7 +29,7 @@ from rmr.coord.events import (
     SlotLost,
 )
 from rmr.node.motion.navigator import Navigator
-from rmr.node.turn import UNKNOWN_INSIDE, Phase, Turn, clear_of_bottleneck, known_arguments
+from rmr.node.turn import EXTEND_BEFORE, REVISE_EVERY, UNKNOWN_INSIDE, Phase, Turn, clear_of_bottleneck, known_arguments
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:
@@ -37,11 +37,8 @@ if TYPE_CHECKING:
 
 READY: Duration = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
-REVISE_EVERY: Duration = milliseconds(500)
 REVISE_FROM: Duration = milliseconds(250)
 """A slot is asked for anew when the robot's own estimate has moved by more than this."""
-EXTEND_BEFORE: Duration = milliseconds(200)
-"""An end that comes nearer than this while the action goes on is moved."""
 EXCLUSIVE_WAYS = 14
 """Turns that are no passage of the bottleneck exclude each other: robots of different ways never overlap."""
 
@@ -54,6 +51,8 @@ class Turns:
         self._coordination = coordination
         self._digest = digest
         self._turns: dict[bytes, Turn] = {}
+        self.next_wake: Instant = NEVER
+        """When `step` has something to do even if nothing happens; at most once a frame."""
         self.shared: dict[tuple[bytes, int], GridPath] = {}
         """The leader's path by event and way."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
@@ -110,11 +109,6 @@ class Turns:
         """Return the turn of `job`."""
         turn = self._turns.get(self.event_of(job))
         return turn if turn is not None and turn.job is job else None
-
-    @property
-    def busy(self) -> bool:
-        """Whether a turn is under way."""
-        return self.current is not None
 
     @property
     def current(self) -> Turn | None:
@@ -199,6 +193,8 @@ class Turns:
                 self._coordination.ready(now, turn.event, self._is_ready(now, turn))
             elif turn.phase is Phase.INSIDE:
                 self._inside(now, turn)
+        soonest = min((turn.next_wake for turn in self._turns.values()), default=NEVER)
+        self.next_wake = max(soonest, next_tick(now))
 
     def _is_ready(self, now: Instant, turn: Turn) -> bool:
         serving = self._node.serving(turn)
