@@ -8,14 +8,13 @@ last mistake is never in doubt. Nesting is bounded before anything walks a tree.
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 
-from lark import Lark, Token, Tree
+from lark import Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
 
 from rmr.lang.build import RESERVED, Builder, in_range
 from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.grammar import grammar
 from rmr.lang.source import Source, Span
 from rmr.lang.syntax import Item, Literal, Module, walk
 
@@ -74,13 +73,6 @@ class _Chunk:
     closed: bool
     spoiled: bool
     """What is wrong with it has been reported already."""
-
-
-@cache
-def grammar() -> Lark:
-    """Return the parser, made once per process."""
-    text = files("rmr.lang").joinpath("rmr.lark").read_text(encoding="utf-8")
-    return Lark(text, parser="lalr", lexer="contextual", start="item", propagate_positions=True)
 
 
 def parse(source: Source, found: Diagnostics) -> Module:

@@ -4,7 +4,8 @@ import pytest
 from lang_source import codes, compiled, errors, places
 
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.parser import NESTING_MAX, grammar, parse, word_of
+from rmr.lang.grammar import grammar
+from rmr.lang.parser import NESTING_MAX, parse, word_of
 from rmr.lang.source import Source
 from rmr.lang.syntax import Aggregate, Comprehension, Condition, Fact, FactItem, Include, ListTerm, Literal, Rule, Steps
 
