@@ -308,12 +308,18 @@ class RobotProcess:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
             if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):
                 self._say_failure(f"action {entry['action']} failed: {entry['failure']}")
+            elif entry.get("what") == "finished":
+                log.info("finished at %.1f s of lab time", entry["t"])
+            elif entry.get("what") == "deadline_missed":
+                self._say_failure(f"deadline missed: {entry['job']}")
+            elif entry.get("what") == "restless":
+                self._say_failure("the program never becomes quiet: some rule is satisfied for ever")
             elif entry.get("what") == "other_program":
                 self._say_failure(f"robot {entry['source']} runs another program: neither understands the other")
         life.node.trace_log.clear()
 
     def _say_failure(self, message: str) -> None:
-        """Say once that an action failed: a program that tries again and again does not fill the screen."""
+        """Say once what has gone wrong: a program that tries again and again does not fill the screen."""
         if message not in self._failures and len(self._failures) < FAILURES_MAX:
             self._failures.append(message)
             log.warning("%s", message)

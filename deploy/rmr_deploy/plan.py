@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rmr.base.time import in_seconds
 from rmr_world.lab import Lab, LabError, load_lab
-from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_program
+from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_lab_program
 from rmr_world.runfolder import RunFolderError, make_run_folder
 from rmr_world.usage import check_program
 
@@ -101,8 +101,8 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
     """Return the lab's program, judged by itself and against the lab. Raises RefusedError."""
     try:
-        loaded = load_program(lab.program, color=color)
-    except ProgramError as error:
+        loaded = load_lab_program(lab, color=color)
+    except (LabError, ProgramError) as error:
         raise RefusedError(str(error), INVALID) from error
     problems = check_program(lab, loaded.program)
     if problems:

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from rmr_world.report import COLUMNS, rows
+from rmr_world.report import COLUMNS, rows, several_jobs
 
 REFRESH_HZ = 8
 """How often the lines are drawn; statuses come several times a second."""
@@ -120,11 +120,14 @@ def printable(text: str) -> str:
 
 
 def table(report: Mapping[str, Any]) -> Table:
-    """Return the table of a report: robot, deadline, finish, lateness, met."""
+    """Return the table of a report: robot, deadline, finish, lateness, met; the job where a robot has several."""
     drawn = Table(box=None, pad_edge=False, header_style="bold")
     for name in COLUMNS:
         drawn.add_column(name, justify="right")
+    several = several_jobs(report)
+    if several:
+        drawn.add_column("job")
     for row in rows(report):
         *cells, met = row.cells()
-        drawn.add_row(*cells, Text(met, MET_COLOURS[row.met]))
+        drawn.add_row(*cells, Text(met, MET_COLOURS[row.met]), *([Text(row.job)] if several else []))
     return drawn

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rmr_sim.main import main
+from rmr_sim.main import failures, main
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 
@@ -41,6 +41,39 @@ def test_json_is_the_report_and_everything_else_goes_to_standard_error(tmp_path,
     assert report["finished"] is True
     assert report == json.loads((tmp_path / "run" / "report.json").read_text())
     assert "simulated" in err
+    assert str(tmp_path / "run" / "report.json") in err
+
+
+def test_actions_that_failed_are_told_once_each(tmp_path, capsys):
+    lab = tiny(
+        tmp_path,
+        "type action try(R: robot, N: int) -o ok(R) else no(R).\nno(R).\nno(R) -o try(R, 1).\nok(R) -o done(R).\n",
+    )
+    (tmp_path / "try.py").write_text(
+        'from rmr import action\n\n\n@action("try")\nasync def attempt(robot, n):\n'
+        "    await robot.sleep(0.1)\n    return 1 / 0\n"
+    )
+    assert main([str(lab), "--actions", str(tmp_path / "try.py"), "--run", str(tmp_path / "run")]) == 1
+    err = capsys.readouterr().err
+    assert err.count("robot 1: action try(@1, 1) failed: ZeroDivisionError: division by zero") == 1
+
+
+def test_no_more_than_five_failures_are_told():
+    entries = [
+        {"what": "action_ended", "robot": robot, "action": f"go(@{robot})", "failure": "no way there"}
+        for robot in range(8)
+    ]
+    assert failures([*entries, {"what": "action_ended", "robot": 9, "action": "go(@9)", "failure": None}]) == [
+        *(f"robot {robot}: action go(@{robot}) failed: no way there" for robot in range(5)),
+        "and 3 more failed; --trace FILE holds all",
+    ]
+
+
+def test_a_lab_without_its_program_is_told_where_it_names_it(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n", LAB.replace("tiny.rmr", "tini.rmr"))
+    assert main([str(lab), "--run", str(tmp_path / "run")]) == 3
+    err = capsys.readouterr().err
+    assert err.endswith(f"lab.yaml:3:10: program: there is no file {tmp_path / 'tini.rmr'}; did you mean 'tiny.rmr'?\n")
 
 
 def test_a_table_shows_every_robot(tmp_path, capsys):

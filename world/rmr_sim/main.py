@@ -7,12 +7,15 @@ import time
 from pathlib import Path
 
 from rmr import __version__
+from rmr.node.actions import STOPPED, TAKEN_OVER
 from rmr_sim.run import prepare, report_of
 from rmr_world.document import LabError
 from rmr_world.program import ProgramError
 from rmr_world.report import table_text, write
 from rmr_world.runfolder import RunFolderError, make_run_folder
 
+FAILURES_MAX = 5
+"""Failed actions that are told of; a program that tries again and again does not fill the screen."""
 EXIT_FAILED, EXIT_USAGE, EXIT_INVALID, EXIT_STRICT = 1, 2, 3, 4
 
 
@@ -90,16 +93,20 @@ def _run(arguments: argparse.Namespace) -> int:
     finished = simulation.run()
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
-    write(report, make_run_folder(simulation.lab.name, arguments.run))
+    written = write(report, make_run_folder(simulation.lab.name, arguments.run))
+    trace = simulation.trace()
     if arguments.trace is not None:
-        _write_trace(simulation.trace(), arguments.trace)
+        _write_trace(trace, arguments.trace)
+    for line in failures(trace):
+        print(line, file=sys.stderr)
     if arguments.json:
         json.dump(report, sys.stdout, indent=2, sort_keys=True)
         print()
     else:
         print(table_text(report))
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
-    print(f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)", file=sys.stderr)
+    took = f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)"
+    print(f"{took}; the report is {written}", file=sys.stderr)
     return exit_code(report, strict=arguments.strict)
 
 
@@ -112,6 +119,16 @@ def exit_code(report: dict[str, object], *, strict: bool) -> int:
     if strict and (deadlines["missed"] or report["collisions"]):
         return EXIT_STRICT
     return 0
+
+
+def failures(trace: list[dict[str, object]]) -> list[str]:
+    """Return a line for each action of `trace` that failed by itself, none twice, FAILURES_MAX at most."""
+    lines: dict[str, None] = {}
+    for entry in trace:
+        if entry["what"] == "action_ended" and entry["failure"] not in {None, STOPPED, TAKEN_OVER}:
+            lines[f"robot {entry['robot']}: action {entry['action']} failed: {entry['failure']}"] = None
+    more = len(lines) - FAILURES_MAX
+    return [*list(lines)[:FAILURES_MAX], *([f"and {more} more failed; --trace FILE holds all"] if more > 0 else [])]
 
 
 def _write_trace(entries: list[dict[str, object]], path: Path) -> None:

@@ -9,7 +9,7 @@ from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
 from rmr_world.document import LabError
 from rmr_world.lab import load_lab
-from rmr_world.program import load_handlers, load_program
+from rmr_world.program import load_handlers, load_lab_program
 from rmr_world.report import assemble
 
 
@@ -31,7 +31,7 @@ def prepare(
         lab = lab.with_robots(robots)
     if loss is not None:
         lab = replace(lab, radio=replace(lab.radio, loss=loss))
-    loaded = load_program(lab.program)
+    loaded = load_lab_program(lab)
     if loaded.warnings:
         warn(loaded.warnings)
     if lab.faults:

@@ -30,7 +30,19 @@ from rmr_world.lab import (
     RobotStart,
     Stall,
 )
-from rmr_world.schema import ROBOTS_MAX, AreaSpec, FaultSpec, LabFile, RobotSpec, json_schema, near_miss, schema_keys
+from rmr_world.schema import (
+    LAB_NAME,
+    NAME,
+    ROBOTS_MAX,
+    AreaSpec,
+    FaultSpec,
+    LabFile,
+    RobotSpec,
+    json_schema,
+    near_miss,
+    schema_items,
+    schema_keys,
+)
 from rmr_world.terms import TermError, parse_fact, parse_finish
 from rmr_world.usage import check_program
 
@@ -47,6 +59,11 @@ _STAND_INS: Mapping[str, Any] = {
 """For required sections that are wrong or missing, so that the rest can be judged."""
 PROBLEMS_MAX = 200
 """Mistakes of the schema that are told one by one: a file that is something else would tell thousands."""
+_SPELT: Mapping[str, str] = {
+    LAB_NAME: "should be small letters, digits, _ and -, a letter first",
+    NAME: "should be letters, digits and _, a small letter first",
+}
+"""What the schema's patterns ask for, in words."""
 _TOUCH_M = 1e-9
 """Bodies that stand side by side do not overlap."""
 
@@ -111,11 +128,20 @@ def _problem(document: Document, schema: dict[str, Any], error: ErrorDetails) ->
     if kind == "missing":
         return document.problem(path, "is missing")
     message = message.removeprefix("Value error, ").replace(" after validation", "")
+    if kind in {"model_type", "dict_type"}:
+        keys = schema_keys(schema, path)
+        message = "should be a mapping" + (f" with the keys {', '.join(keys)}" if keys else "")
+    elif kind in {"tuple_type", "list_type"}:
+        message = "should be a list" + schema_items(schema, path)
+    elif kind == "string_pattern_mismatch":
+        message = _SPELT[error["ctx"]["pattern"]]
     for phrase in ("Input", "String", "Tuple", "List"):
         message = message.removeprefix(phrase + " ")
     given = error["input"]
     if isinstance(given, str | int | float) or given is None:
         message += f", not {'null' if given is None else repr(given)[:60]}"
+    if path[0] == "robots" and path[-1] == "id" and isinstance(given, str):
+        message += "; several robots are given by ids and grid"
     return document.problem(path, message, key="[key]" in error["loc"])
 
 

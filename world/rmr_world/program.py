@@ -15,6 +15,9 @@ from rmr.lang.render import render_text
 from rmr.node.actions import Handler, MissingHandlers, check_handlers
 from rmr.node.provided import PROVIDED
 from rmr.node.userfile import ActionsError, load_actions
+from rmr_world.document import LabError, Problem
+from rmr_world.lab import Lab
+from rmr_world.schema import near_miss
 
 
 class ProgramError(Exception):
@@ -44,6 +47,16 @@ def load_program(path: Path, *, color: bool = False) -> LoadedProgram:
         raise ProgramError(text)
     octets = codec.encode(compilation.program, debug=True)
     return LoadedProgram(compilation.program, octets, codec.digest(octets), text)
+
+
+def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
+    """Return the program that `lab` names. Raises LabError if there is no such file, else as `load_program`."""
+    if not lab.program.exists():
+        beside = sorted(path.name for path in lab.program.parent.glob("*.r[mb][rc]"))
+        line, column = lab.places.get(("program",), (1, 1))
+        message = f"there is no file {lab.program}{near_miss(lab.program.name, beside)}"
+        raise LabError([Problem(str(lab.path), line, column, "program", message)])
+    return load_program(lab.program, color=color)
 
 
 def _load_bytecode(path: Path) -> LoadedProgram:

@@ -152,6 +152,8 @@ class Row(NamedTuple):
     """Finish minus deadline: negative when early."""
     met: bool | None
     """None while undecided, or without a deadline."""
+    job: str
+    """The finish fact; empty for a robot without a job."""
 
     def cells(self) -> tuple[str, str, str, str, str]:
         """Return the line as texts under COLUMNS."""
@@ -168,12 +170,17 @@ def rows(report: Mapping[str, Any]) -> list[Row]:
     """Return the table's lines, the earliest deadline first."""
     found: list[Row] = []
     for name, part in report["robots"].items():
-        jobs = part["assertions"] or [{"deadline_s": None, "finish_s": part["finish_s"], "met": None}]
+        jobs = part["assertions"] or [{"deadline_s": None, "finish_s": part["finish_s"], "met": None, "job": ""}]
         for job in jobs:
             deadline, finish = job["deadline_s"], job["finish_s"]
             lateness = None if deadline is None or finish is None else finish - deadline
-            found.append(Row(int(name), deadline, finish, lateness, job["met"]))
+            found.append(Row(int(name), deadline, finish, lateness, job["met"], job["job"]))
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))
+
+
+def several_jobs(report: Mapping[str, Any]) -> bool:
+    """Return whether a robot had more than one job, so that the table has to say which is which."""
+    return any(len(part["assertions"]) > 1 for part in report["robots"].values())
 
 
 def table_rows(report: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]]:
@@ -184,12 +191,12 @@ def table_rows(report: Mapping[str, Any]) -> list[tuple[str, str, str, str, str]
 def summary(report: Mapping[str, Any]) -> str:
     """Return the run in one line."""
     state = "finished" if report["finished"] else "not finished"
-    bound = "-" if not report["bound_s"] else f"{report['time_s'] / report['bound_s']:.2f} x bound"
+    bound = f" ({report['time_s'] / report['bound_s']:.2f} x bound)" if report["bound_s"] else ""
     gap = "-" if report["min_gap_m"] is None else f"{report['min_gap_m'] * 1000:.0f} mm"
     deadlines = report["deadlines"]
     judged = deadlines["met"] + deadlines["missed"]
     return (
-        f"{report['lab']}: {state} after {report['time_s']:.2f} s ({bound}), deadlines met {deadlines['met']} of "
+        f"{report['lab']}: {state} after {report['time_s']:.2f} s{bound}, deadlines met {deadlines['met']} of "
         f"{judged}, contacts {report['collisions']}, smallest gap {gap}"
     )
 
@@ -199,4 +206,7 @@ def table_text(report: Mapping[str, Any]) -> str:
     lines = [COLUMNS, *table_rows(report)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(COLUMNS))]
     table = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
+    if several_jobs(report):
+        jobs = ["job", *(row.job for row in rows(report))]
+        table = [f"{line}  {job}".rstrip() for line, job in zip(table, jobs, strict=True)]
     return "\n".join([*table, summary(report)])

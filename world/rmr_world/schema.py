@@ -17,6 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, With
 from rmr.base.time import NS_PER_MS, NS_PER_S
 from rmr.base.values import ROBOT_ID_MAX
 
+LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
 ROBOTS_MAX = 1000
 """What one world and one radio can carry; a slip of the pen in a grid must not make a million."""
@@ -276,7 +277,7 @@ class FaultSpec(_Strict):
 class LabFile(_Strict):
     """A whole lab file."""
 
-    lab: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,63}$")] = Field(description="Key prefix on the bus.")
+    lab: Annotated[str, Field(pattern=LAB_NAME)] = Field(description="Key prefix on the bus.")
     program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
     seed: Integer = 0
     duration: Annotated[DurationNs, Field(gt=0)] = 120 * NS_PER_S
@@ -302,6 +303,15 @@ def near_miss(word: str, known: list[str]) -> str:
     """Return ``; did you mean 'x'?`` for the known word nearest to `word`, or nothing."""
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean '{matches[0]}'?" if matches else ""
+
+
+def schema_items(schema: dict[str, Any], path: tuple[str | int, ...]) -> str:
+    """Return how many items the list at `path` of a JSON Schema has, for example `` of 2``, or nothing."""
+    node = schema
+    for part in path:
+        node = _inner(schema, node, part)
+    counts = [len(option["prefixItems"]) for option in _options(schema, node) if "prefixItems" in option]
+    return f" of {counts[0]}" if counts else ""
 
 
 def schema_keys(schema: dict[str, Any], path: tuple[str | int, ...]) -> list[str]:

@@ -90,11 +90,15 @@ def _misfit(fact: LabFact, program: Program) -> str:
     if predicate.kind is Kind.ACTION:
         return f"'{fact.name}' is an action, not a fact"
     if len(predicate.types) != len(fact.args):
-        return f"'{fact.name}' has {len(predicate.types) + 1} arguments in the program, here {len(fact.args) + 1}"
+        return _arity(fact.name, len(predicate.types) + 1, len(fact.args) + 1)
     for position, (wanted, value) in enumerate(zip(predicate.types, fact.args, strict=True), start=2):
         if not _fits(wanted, value):
             return f"argument {position} of '{fact.name}' should be {_type_name(wanted)}"
     return ""
+
+
+def _arity(name: str, wanted: int, given: int) -> str:
+    return f"'{name}' has {wanted} argument{'s' if wanted > 1 else ''} in the program, here {given}"
 
 
 def _fits(wanted: Type, value: Value) -> bool:
@@ -139,8 +143,7 @@ def _finish(lab: Lab, program: Program) -> Iterator[Problem]:
         return
     types = program.predicates[known].types
     if len(types) != len(pattern.patterns):
-        arity = f"{len(types) + 1} arguments in the program, here {len(pattern.patterns) + 1}"
-        yield _problem(lab, ("finish",), f"'{pattern.name}' has {arity}")
+        yield _problem(lab, ("finish",), _arity(pattern.name, len(types) + 1, len(pattern.patterns) + 1))
 
 
 # Areas

@@ -88,3 +88,9 @@ def test_the_table_shows_deadline_finish_lateness_and_whether_it_was_met():
         ["@2", "20.00", "s", "12.00", "s", "-8.00", "s", "yes"],
         ["@1", "25.00", "s", "26.25", "s", "+1.25", "s", "no"],
     ]
+
+
+def test_the_table_names_the_jobs_where_a_robot_had_several():
+    again = {**job(25.0, 26.25, False), "job": "at(@1, west)"}
+    lines = text_of(table(report(r1=[{**again, "job": "at(@1, east)"}, again]))).splitlines()
+    assert [line.rstrip().rpartition("  ")[2] for line in lines] == ["job", "at(@1, east)", "at(@1, west)"]

@@ -119,6 +119,20 @@ def test_the_summary_says_how_near_the_bound_the_run_was():
     assert table_text(report_of()).splitlines()[-1] == text
 
 
+def test_the_table_names_the_jobs_where_a_robot_had_several():
+    several = part(1, 20.0, 32.0)
+    again = {**several["assertions"][0], "job": "at(@1, entry)", "deadline_s": 40.0}
+    several["assertions"].append(again)
+    lines = table_text(report_of(robots={1: several, 2: part(2, 14.21666, 26.0)})).splitlines()
+    assert lines[0].split() == [*COLUMNS, "job"]
+    assert [line.rpartition("  ")[2] for line in lines[1:-1]] == ["at(@2, exit)", "at(@1, exit)", "at(@1, entry)"]
+
+
+def test_the_summary_leaves_out_a_bound_that_is_not_known():
+    lab_less = report_of() | {"bound_s": 0.0}
+    assert summary(lab_less).startswith("corridor: finished after 18.12 s, deadlines met 1 of 2")
+
+
 def test_a_folder_that_cannot_be_written_is_the_caller_s_to_report(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):

@@ -123,7 +123,7 @@ def test_facts_keep_their_lines_when_only_some_robots_take_part(tmp_path):
     ("finish", "complaint"),
     [
         ("donee(R)", "the program knows no fact 'donee'; did you mean 'done'?"),
-        ("done(R, 3)", "'done' has 1 arguments in the program, here 2"),
+        ("done(R, 3)", "'done' has 1 argument in the program, here 2"),
         ("shout(R)", "the program knows no fact 'shout'"),
     ],
 )
