@@ -13,7 +13,7 @@ from typing import Any
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, Instant, in_seconds
+from rmr.base.time import NEVER, Instant, in_seconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
@@ -32,9 +32,11 @@ from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
 from rmr.node.turn import Phase, Turn
 from rmr.node.turns import Turns
-from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, VmEvent
+from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, RuleFired, VmEvent
 from rmr.vm.machine import Machine
 
+RESTLESS_CALLS = 60
+"""Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
 TRACE_MAX = 4096
 """Trace entries kept for the host; the oldest go first."""
 
@@ -95,6 +97,8 @@ class Node:
             ports.spent,
         )
         self._started = False
+        self._restless = 0
+        self._told_restless = False
         self._coord_handles: dict[int, int] = {}
         self._next_handle = 0
         self._later: list[tuple[Instant, int, Send]] = []
@@ -139,7 +143,7 @@ class Node:
         self.next_wake = min(
             frame or NEVER,
             self._coordination.next_wake,
-            self.machine.next_wake,
+            self.machine.next_wake if self.machine.quiescent else next_tick(now),
             self.actions.next_wake,
             self.talk.next_wake,
             self.turns.next_wake,
@@ -206,9 +210,17 @@ class Node:
             self.machine.run(now)
             for event in self.machine.drain():
                 self._vm_event(now, event)
+        self._watch_quiescence(now)
         if self.finish_at is None and self.finished():
             self.finish_at = now
             self.trace(now, "finished")
+
+    def _watch_quiescence(self, now: Instant) -> None:
+        """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""
+        self._restless = 0 if self.machine.quiescent else self._restless + 1
+        if self._restless == RESTLESS_CALLS and not self._told_restless:
+            self._told_restless = True
+            self.trace(now, "restless", firings=self.machine.firings)
 
     def _coordinate(self, now: Instant) -> None:
         coordination = self._coordination
@@ -243,6 +255,8 @@ class Node:
             case JobMissed(job=job):
                 self.trace(now, "deadline_missed", job=job.text)
                 self.failed_job = job.assertion
+            case RuleFired() if self._restless:
+                pass  # a program that spins would push everything else out of the trace
             case _:
                 self.trace(now, type(event).__name__, event=repr(event))
 

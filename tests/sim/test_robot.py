@@ -331,3 +331,21 @@ def test_a_robot_that_runs_another_program_is_noticed(tmp_path):
     simulation.run()
     noticed = {(entry["robot"], entry["source"]) for entry in traced(simulation, "other_program")}
     assert noticed == {(1, 2), (2, 1), (2, 3), (3, 2)}
+
+
+def test_a_program_that_never_becomes_quiet_leaves_its_robot_responsive_and_is_told_of(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action goto(R: robot, X: float, Y: float) -o there(R).
+        spin(R).
+        spin(R) -o spin(R).
+        go(R).
+        go(R) -o goto(R, 0.8, 0.2).
+        """,
+        finish="there(R)",
+    )
+    assert simulation.run()
+    assert simulation.time_s < 8.0
+    (told,) = traced(simulation, "restless")
+    assert told["firings"] > 1000
