@@ -89,11 +89,12 @@ def _run(arguments: argparse.Namespace) -> int:
         actions=arguments.actions,
         warn=lambda text: print(text, file=sys.stderr),
     )
+    folder = make_run_folder(simulation.lab.name, arguments.run)
     began = time.perf_counter()
     finished = simulation.run()
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
-    written = write(report, make_run_folder(simulation.lab.name, arguments.run))
+    written = write(report, folder)
     trace = simulation.trace()
     if arguments.trace is not None:
         _write_trace(trace, arguments.trace)
