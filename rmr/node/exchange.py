@@ -13,7 +13,7 @@ from random import Random
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node import wire
-from rmr.node.wire import Delivery
+from rmr.node.wire import Delivery, WireError
 
 RETRY_FIRST: Duration = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
@@ -22,8 +22,11 @@ TIME_TO_LIVE: Duration = seconds(30)
 """After that a delivery is given up and reported."""
 IN_FLIGHT_MAX = 8
 """Deliveries under way to one robot; more wait in order."""
+WAITING_MAX = 256
+"""Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end."""
 REMEMBERED_MAX = 256
-"""Sequence numbers remembered per sender; far more than can be in flight."""
+"""Sequence numbers remembered per sender. A sender starts nothing that is this far ahead of what is under way, so
+that a repeat of the oldest is always known as one."""
 SENDERS_MAX = 1024
 PARTIAL_MAX = 32
 """Deliveries in fragments that may be incomplete at one time."""
@@ -62,7 +65,7 @@ class Exchange:
         self._rng = rng
         self._peers: dict[int, _Peer] = {}
         self._seen: OrderedDict[int, _Seen] = OrderedDict()
-        self._partial: OrderedDict[tuple[int, int, int], dict[int, bytes]] = OrderedDict()
+        self._partial: OrderedDict[tuple[int, int, int, int], dict[int, bytes]] = OrderedDict()
         self.outbox: list[tuple[bytes, int]] = []
         """(payload, destination), to be handed to the link."""
         self.undelivered: list[tuple[int, Delivery]] = []
@@ -80,8 +83,10 @@ class Exchange:
         return self.next_wake == NEVER
 
     def send(self, now: Instant, destination: int, delivery: Delivery, body: bytes) -> None:
-        """Begin to deliver. Raises WireError when `body` is too large to travel."""
+        """Begin to deliver. Raises WireError when `body` is too large to travel, or too much waits already."""
         peer = self._peers.setdefault(destination, _Peer())
+        if len(peer.waiting) >= WAITING_MAX:
+            raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
         sequence = peer.next_sequence
         frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body)
         peer.next_sequence = (sequence + 1) & 0xFFFF
@@ -91,7 +96,13 @@ class Exchange:
 
     def _fill(self, now: Instant, peer: _Peer) -> None:
         while peer.waiting and len(peer.in_flight) < IN_FLIGHT_MAX:
+            oldest = next(iter(peer.in_flight), peer.waiting[0].sequence)
+            if (peer.waiting[0].sequence - oldest) & 0xFFFF >= REMEMBERED_MAX:
+                return
             outgoing = peer.waiting.popleft()
+            if outgoing.expires <= now:
+                self.undelivered.append((outgoing.destination, outgoing.delivery))
+                continue
             peer.in_flight[outgoing.sequence] = outgoing
             self._transmit(now, outgoing)
 
@@ -161,7 +172,7 @@ class Exchange:
             self._seen.popitem(last=False)
 
     def _join(self, source: int, frame: wire.FactFrame) -> bytes | None:
-        key = (source, frame.epoch, frame.sequence)
+        key = (source, frame.epoch, frame.sequence, frame.parts)
         parts = self._partial.setdefault(key, {})
         parts[frame.part] = frame.piece
         if len(parts) == frame.parts:

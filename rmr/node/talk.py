@@ -72,11 +72,15 @@ class Talk:
         if now >= self._hello_at:
             self._hello(now)
         self.exchange.wake(now)
+        self.flush()
+        if self.exchange.undelivered:
+            self._give_up(now)
+
+    def flush(self) -> None:
+        """Hand the radio what is to leave at once."""
         for payload, destination in self.exchange.outbox:
             self._node.transmit(payload, destination)
         self.exchange.outbox.clear()
-        if self.exchange.undelivered:
-            self._give_up(now)
 
     def _hello(self, now: Instant) -> None:
         period = HELLO_PARKED if self._parked else HELLO_MOVING
@@ -156,9 +160,8 @@ class Talk:
             self.undelivered += 1
             self._node.trace(now, "undelivered", destination=destination, predicate=name, why="no such robot")
             return
-        body = wire.encode_delivery(delivery, self._symbol_index)
         try:
-            self.exchange.send(now, destination, delivery, body)
+            self.exchange.send(now, destination, delivery, wire.encode_delivery(delivery, self._symbol_index))
         except WireError as error:
             self.undelivered += 1
             self._node.trace(now, "undelivered", destination=destination, predicate=name, why=str(error))

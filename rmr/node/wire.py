@@ -20,8 +20,12 @@ LIST_DEPTH_MAX = 8
 """Deeper lists are refused, so that a malformed frame cannot exhaust the stack."""
 
 
+LENGTH_MAX = 0xFFFF
+"""Octets of a text, items of a list: their number travels in two octets."""
+
+
 class WireError(ValueError):
-    """A payload that no robot of this program could have sent."""
+    """A payload that no robot of this program could have sent, or a value that no payload can hold."""
 
 
 class Kind(IntEnum):
@@ -167,8 +171,9 @@ def decode_ack(payload: bytes) -> tuple[int, int]:
 
 
 def encode_failure(digest: int, assertion: int | None) -> bytes:
-    """Return the payload of a failure broadcast; `assertion` None: no deadline in particular."""
-    return _FAILURE.pack(Kind.FAILURE, digest & 0xFFFF, _NO_ASSERTION if assertion is None else min(assertion, 254))
+    """Return the payload of a failure broadcast; `assertion` None, or beyond an octet: no deadline in particular."""
+    known = assertion is not None and assertion < _NO_ASSERTION
+    return _FAILURE.pack(Kind.FAILURE, digest & 0xFFFF, assertion if known else _NO_ASSERTION)
 
 
 def decode_failure(payload: bytes) -> tuple[int, int | None]:
@@ -194,18 +199,23 @@ class _Tag(IntEnum):
 
 
 def encode_delivery(delivery: Delivery, symbols: dict[str, int]) -> bytes:
-    """Return the body of a delivery; `symbols` gives the program's symbols their index."""
+    """Return the body of a delivery; `symbols` gives the program's symbols their index.
+
+    Raises WireError when a value is too long, or nested too deep, to be told.
+    """
     out = bytearray((delivery.role << 4, *_length(delivery.predicate), len(delivery.args)))
     for arg in delivery.args:
-        _encode_value(out, arg, symbols)
+        _encode_value(out, arg, symbols, 0)
     return bytes(out)
 
 
 def _length(value: int) -> bytes:
+    if value > LENGTH_MAX:
+        raise WireError(f"a value of {value} octets or items is too long: at most {LENGTH_MAX}")
     return struct.pack(">H", value)
 
 
-def _encode_value(out: bytearray, value: Value, symbols: dict[str, int]) -> None:
+def _encode_value(out: bytearray, value: Value, symbols: dict[str, int], depth: int) -> None:
     if isinstance(value, bool):
         out.append(_Tag.TRUE if value else _Tag.FALSE)
     elif isinstance(value, Robot):
@@ -216,10 +226,12 @@ def _encode_value(out: bytearray, value: Value, symbols: dict[str, int]) -> None
         out += struct.pack(">Bd", _Tag.FLOAT, value)
     elif isinstance(value, str):
         _encode_text(out, value, symbols)
+    elif depth >= LIST_DEPTH_MAX:
+        raise WireError("lists nested too deep")
     else:
         out += bytes((_Tag.LIST,)) + _length(len(value))
         for item in value:
-            _encode_value(out, item, symbols)
+            _encode_value(out, item, symbols, depth + 1)
 
 
 def _encode_text(out: bytearray, value: str, symbols: dict[str, int]) -> None:

@@ -2,12 +2,13 @@
 
 from random import Random
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rmr.base.time import NEVER, seconds
 from rmr.node import wire
-from rmr.node.exchange import IN_FLIGHT_MAX, TIME_TO_LIVE, Exchange
+from rmr.node.exchange import IN_FLIGHT_MAX, REMEMBERED_MAX, TIME_TO_LIVE, WAITING_MAX, Exchange
 from rmr.node.wire import Delivery, Kind, Role
 
 FACT = Delivery(Role.FACT, 3, (1,))
@@ -93,3 +94,50 @@ def test_facts_of_another_program_are_counted_and_dropped():
     pair.run(seconds(1))
     assert pair.arrived == []
     assert pair.b.foreign > 0
+
+
+def test_a_robot_that_never_answers_is_sent_a_bounded_number_of_facts():
+    exchange = Exchange(1, 0, Random(0))
+    for _ in range(IN_FLIGHT_MAX + WAITING_MAX):
+        exchange.send(0, 1, FACT, b"x")
+    with pytest.raises(wire.WireError, match="wait for robot 1"):
+        exchange.send(0, 1, FACT, b"x")
+    exchange.send(0, 2, FACT, b"x")
+
+
+def test_what_has_waited_for_longer_than_its_time_is_given_up_unsent():
+    exchange = Exchange(1, 0, Random(0))
+    for _ in range(3 * IN_FLIGHT_MAX):
+        exchange.send(0, 1, FACT, b"x")
+    exchange.outbox.clear()
+    exchange.wake(TIME_TO_LIVE)
+    assert len(exchange.undelivered) == 3 * IN_FLIGHT_MAX
+    assert exchange.outbox == []
+    assert exchange.idle
+
+
+def test_a_sender_does_not_run_so_far_ahead_that_the_receiver_forgets_what_it_may_repeat():
+    exchange = Exchange(1, 0, Random(0))
+    receiver = Exchange(1, 0, Random(0))
+    oldest: list[bytes] = []
+    for number in range(3 * REMEMBERED_MAX):
+        if number < 2 * REMEMBERED_MAX:
+            exchange.send(0, 1, FACT, b"x")
+        sent, exchange.outbox[:] = list(exchange.outbox), []
+        for payload, _ in sent:
+            receiver.received(payload, 1)
+            sequence = wire.decode_fact_frame(payload).sequence
+            if sequence == 0:
+                oldest.append(payload)  # its acknowledgement is lost again and again
+            else:
+                exchange.acknowledged(0, wire.encode_ack(0, sequence), 1)
+    assert receiver.received(oldest[0], 1) is None, "it is known as a repeat"
+
+
+def test_fragments_that_disagree_on_their_number_are_no_delivery_and_no_reason_to_stop():
+    receiver = Exchange(1, 0, Random(0))
+    body = bytes(3 * wire.FRAGMENT_OCTETS)
+    one, two, three = wire.encode_fact_frames(1, 0, 7, body)
+    other = wire.encode_fact_frames(1, 0, 7, bytes(2 * wire.FRAGMENT_OCTETS))
+    assert [receiver.received(frame, 5) for frame in (three, other[0], one)] == [None, None, None]
+    assert receiver.received(two, 5) == body

@@ -54,9 +54,22 @@ def test_lists_nested_too_deep_are_refused():
     value: Value = ()
     for _ in range(wire.LIST_DEPTH_MAX + 2):
         value = (value,)
-    body = wire.encode_delivery(Delivery(Role.FACT, 0, (value,)), INDEX)
+    with pytest.raises(WireError, match="deep"):
+        wire.encode_delivery(Delivery(Role.FACT, 0, (value,)), INDEX)
+    body = b"\0\0\0\1" + b"\x09\0\1" * (wire.LIST_DEPTH_MAX + 2) + b"\0"
     with pytest.raises(WireError, match="deep"):
         wire.decode_delivery(body, SYMBOLS)
+
+
+def test_a_text_longer_than_its_length_can_tell_is_refused_by_the_sender():
+    wire.encode_delivery(Delivery(Role.FACT, 0, ("x" * wire.LENGTH_MAX,)), INDEX)
+    with pytest.raises(WireError, match="too long"):
+        wire.encode_delivery(Delivery(Role.FACT, 0, ("x" * (wire.LENGTH_MAX + 1),)), INDEX)
+
+
+@pytest.mark.parametrize(("assertion", "told"), [(None, None), (0, 0), (254, 254), (255, None), (1000, None)])
+def test_a_failure_names_its_assertion_or_none(assertion, told):
+    assert wire.decode_failure(wire.encode_failure(7, assertion)) == (7, told)
 
 
 @given(
