@@ -21,6 +21,7 @@ from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.radio.station import RadioConfig, Station
+from rmr.vm.outside import Gate
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.ports import RADIO_GRACE, BusBody, RadioLink
@@ -40,6 +41,7 @@ def node_config(robot: int, known: wire.Map, program: Program, epoch: int) -> No
     if known.finish is not None:
         name, patterns = known.finish
         finish = name, tuple(ANY if value is None else Constant(value) for value in patterns)
+        _check_arity(program, f"finish fact {name}", program.index(name), len(patterns))
     try:
         floor = arena.from_data(known.arena)
     except (KeyError, TypeError, ValueError, IndexError) as error:
@@ -61,12 +63,20 @@ def _fitted(program: Program, name: str, owner: int | None, args: tuple[Value, .
     index = program.index(name)
     if index is None:
         raise RefusedError(f"its fact {name}(...) means nothing to the program, which has no such predicate")
+    _check_arity(program, f"fact {name}", index, len(args))
     types = program.predicates[index].types
-    if len(types) != len(args):
-        raise RefusedError(
-            f"its fact {name}(...) has {len(args)} arguments beside the owner, the program's {len(types)}"
-        )
-    return name, owner, tuple(_as(kind, value) for kind, value in zip(types, args, strict=True))
+    fitted = tuple(_as(kind, value) for kind, value in zip(types, args, strict=True))
+    try:
+        return name, owner, Gate(program.predicates).fact(index, fitted)
+    except ValueError as error:
+        raise RefusedError(f"its fact {name}(...) does not fit the program: {error}") from None
+
+
+def _check_arity(program: Program, what: str, index: int | None, count: int) -> None:
+    """Raise RefusedError unless a fact with `count` arguments is one of predicate `index`, if the program has it."""
+    wanted = count if index is None else len(program.predicates[index].types)
+    if count != wanted:
+        raise RefusedError(f"its {what}(...) has {count} arguments beside the owner, the program's {wanted}")
 
 
 def _as(kind: Type, value: Value) -> Value:

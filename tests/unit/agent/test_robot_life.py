@@ -55,10 +55,16 @@ def test_the_finish_pattern_arrives_with_its_anonymous_parts():
     assert node_config(1, known(), PROGRAM, 0).finish is None
 
 
-@pytest.mark.parametrize("fact", [("late", 1, (3,)), ("due", None, (1, 2))])
+@pytest.mark.parametrize("fact", [("late", 1, (3,)), ("due", None, (1, 2)), ("count", 1, ("x",)), ("count", 1, (2.5,))])
 def test_a_fact_that_does_not_fit_the_program_is_refused(fact):
     with pytest.raises(RefusedError, match=fact[0]):
         node_config(1, known([fact]), PROGRAM, 0)
+
+
+def test_a_finish_fact_of_another_arity_is_refused_and_one_that_only_the_senses_know_is_not():
+    with pytest.raises(RefusedError, match="finish fact due"):
+        node_config(1, known(finish=("due", (3, None))), PROGRAM, 0)
+    assert node_config(1, known(finish=("at", (Symbol("exit"),))), PROGRAM, 0).finish is not None
 
 
 def test_an_arena_that_is_none_is_refused():
