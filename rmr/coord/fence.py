@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.messages import Beacon, Phase
-from rmr.coord.values import RECORDS_MAX, Values
+from rmr.coord.values import RECORDS_MAX, Values, same_way
 
 
 class Claim(NamedTuple):
@@ -127,7 +127,7 @@ class Fence:
             if who == claim.robot or beacon.phase is Phase.YIELD:
                 continue
             if beacon.phase is Phase.IN or now > beacon.start + values.window:
-                if beacon.way == claim.way:
+                if same_way(beacon.way, claim.way):
                     is_open = is_open and now >= beacon.start + claim.headway
                 elif now < beacon.time + values.gone:
                     is_open = False
@@ -140,7 +140,7 @@ class Fence:
         return Verdict(is_open, False, cautious)
 
     def _conflict(self, claim: Claim, other: Beacon) -> bool:
-        if claim.way == other.way:
+        if same_way(claim.way, other.way):
             return abs(claim.start - other.start) < claim.headway
         window = self._values.window
         return claim.start <= other.end + window and other.start <= claim.end + window
@@ -149,7 +149,7 @@ class Fence:
         """Return a robot inside, in the way of `claim`, that has been silent for a while; None when there is none."""
         for beacon in self.inside(now):
             silent = now - beacon.time > 2 * self._values.beacon
-            if beacon.who not in (claim.who, self._robot) and beacon.way != claim.way and silent:
+            if beacon.who not in (claim.who, self._robot) and not same_way(beacon.way, claim.way) and silent:
                 return beacon.who
         return None
 

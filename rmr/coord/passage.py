@@ -11,6 +11,7 @@ from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, Slo
 from rmr.coord.fence import Claim
 from rmr.coord.messages import Beacon, Entry, Phase, Sched
 from rmr.coord.states import Passage
+from rmr.coord.values import same_way
 
 
 def begin(c: Context, request: JobRequest) -> None:
@@ -137,7 +138,7 @@ def _opposed_first(c: Context, start: Instant) -> bool:
     way = job.request.way
     for part in c.held.parts.values():
         for entry in part.entries:
-            if entry.way == way or entry.phase is Phase.OUT or entry.start is None or entry.start >= start:
+            if same_way(entry.way, way) or entry.phase is Phase.OUT or entry.start is None or entry.start >= start:
                 continue
             if entry.robot != c.robot and not c.fence.is_finished(entry.robot, entry.trigger):
                 return True

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
-from rmr.coord.values import GRID
+from rmr.coord.values import GRID, same_way
 
 EXACT_MAX = 10
 """Jobs ordered exactly: about 50,000 extensions at most."""
@@ -58,7 +58,7 @@ class Rules(NamedTuple):
 
 def gap(first: Task | Placed, second: Task | Placed, opposed: Duration) -> Duration:
     """Return the least time from the start of `first` to the start of `second` behind it."""
-    if first.way != second.way:
+    if not same_way(first.way, second.way):
         return first.duration + opposed
     headway = max(first.headway, second.headway)
     return max(headway, first.duration + headway - second.duration)

@@ -20,6 +20,8 @@ HEADWAY_UNIT: Duration = 20 * MS
 """A headway travels in one octet of this unit: up to 5.1 s."""
 WAY_MAX = 15
 """A way (direction of passage) shares an octet with the phase."""
+EXCLUSIVE_WAY = WAY_MAX
+"""The way of a passage that excludes every other one, those of the same way too."""
 RECORDS_MAX = 128
 """Robots remembered per event. More than a group may hold; the oldest of the finished make room first."""
 JOBS_MAX = 100
@@ -32,6 +34,11 @@ OUTPUT_MAX = 1024
 """Frames and events that wait to be drained, per robot. A host that never drains loses the oldest."""
 IN_FLIGHT_MAX = 64
 """Unicast frames whose outcome is awaited, per robot."""
+
+
+def same_way(a: int, b: int) -> bool:
+    """Return whether two passages may follow each other by a headway; else one ends before the other begins."""
+    return a == b != EXCLUSIVE_WAY
 
 
 @dataclass(frozen=True, slots=True)

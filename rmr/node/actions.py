@@ -10,6 +10,7 @@ not keep others from the wheels meanwhile; if its slot moves away before it has 
 Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
 
+import math
 from collections import deque
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ STOPPED = "stopped"
 """The failure of an action that `stop` has interrupted."""
 TAKEN_OVER = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
+USERS_MISTAKES = (Exception, SystemExit)
+"""What a handler may raise, its conditions and its way out too: it fails the action, not the robot."""
 
 
 class ActionFailed(Exception):  # noqa: N818 - the name that users raise
@@ -52,6 +55,8 @@ class Handler:
     """Whether a later one takes the wheels from an earlier one of the same name, which then fails."""
     at_once: bool = False
     """Whether it interrupts what the wheels do instead of waiting (`stop`)."""
+    to_area: bool = False
+    """Whether it drives to the area that it names (`moveto`): its turn may then be a passage of the bottleneck."""
 
 
 _registered: dict[str, Handler] = {}
@@ -128,6 +133,8 @@ class Running:
     handler: Handler
     turn: Any = None
     derived: Instant = 0
+    missed: int | None = None
+    """The assertion whose missed deadline derived it."""
     started: Instant | None = None
     coroutine: Generator[Pause, None, None] | None = None
     pause: Pause = field(default_factory=lambda: Pause(0))
@@ -211,14 +218,17 @@ class Dispatcher:
         self.running.append(running)
         try:
             running.coroutine = running.handler.run(handle, *running.args).__await__()
-        except Exception as error:  # a handler with other parameters, or one that is no coroutine
-            self._end(now, running, f"{type(error).__name__}: {error}")
+        except USERS_MISTAKES as error:  # a handler with other parameters, or one that is no coroutine
+            self._end(now, running, described(error))
             return
         self._resume(now, running)
 
     def _resume(self, now: Instant, running: Running) -> None:
+        """Go on with an action whose pause is over."""
         assert running.coroutine is not None
         try:
+            if not running.pause.over(now):
+                return
             pause = next(running.coroutine)
             if not isinstance(pause, Pause):
                 raise ActionFailed(f"an action awaits robot.sleep and robot.until, not {type(pause).__name__}")
@@ -227,13 +237,13 @@ class Dispatcher:
             self._end(now, running, None)
         except ActionFailed as failure:
             self._end(now, running, str(failure) or "failed")
-        except Exception as error:  # a user's mistake fails the action, not the robot
-            self._end(now, running, f"{type(error).__name__}: {error}")
+        except USERS_MISTAKES as error:
+            self._end(now, running, described(error))
 
     def _end(self, now: Instant, running: Running, failure: str | None) -> None:
         self.running.remove(running)
         if running.coroutine is not None and failure is not None:
-            running.coroutine.close()
+            failure = _closed(running.coroutine, failure)
         if running.handler.wheels:
             self._host.halt()
         self._host.action_ended(now, running, failure)
@@ -248,10 +258,24 @@ class Dispatcher:
                 self.held.remove(running)
                 self._admit(now, running)
         for running in list(self.running):
-            if running in self.running and running.pause.over(now):
+            if running in self.running:
                 self._resume(now, running)
         while self.queue and self.driving is None:
             self._start(now, self.queue.popleft())
+
+
+def described(error: BaseException) -> str:
+    """Return an exception as the reason of a failure."""
+    return f"{type(error).__name__}: {error}"
+
+
+def _closed(coroutine: Generator[Pause, None, None], failure: str) -> str:
+    """Break off a coroutine; return why it failed, and what went wrong on its way out, if anything did."""
+    try:
+        coroutine.close()
+    except USERS_MISTAKES as error:
+        return f"{failure}, then {described(error)}"
+    return failure
 
 
 class RobotHandle:
@@ -281,8 +305,13 @@ class RobotHandle:
             await Pause(condition=condition)
 
     def drive(self, v: float, w: float) -> None:
-        """Drive at `v` m/s, turning at `w` rad/s, until told otherwise. Declare the action with `wheels=True`."""
-        self._node.motion.drive(v, w)
+        """Drive at `v` m/s, turning at `w` rad/s, until told otherwise. Declare the action with `wheels=True`.
+
+        Raises ValueError for what is no finite number.
+        """
+        if not (math.isfinite(v) and math.isfinite(w)):
+            raise ValueError(f"cannot drive at {v} m/s and {w} rad/s")
+        self._node.motion.drive(float(v), float(w))
 
     def stop(self) -> None:
         """Stop the wheels."""
@@ -298,4 +327,4 @@ class RobotHandle:
 
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""
-        self._node.trace(self._now(), "said", text=text)
+        self._node.trace(self._now(), "said", text=str(text))

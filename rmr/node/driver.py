@@ -90,7 +90,7 @@ class Driver:
         for area in self.arena.areas:
             args: tuple[Value, ...] = (Symbol(area.name),)
             was = senses.holds("at", args)
-            if standing_at(area, pose, self.place if area.slotted else None, was):
+            if standing_at(area, pose, self.place if self.place in area.places else None, was):
                 if not was:
                     senses.add(now, "at", args)
                     arrived.append(area)
@@ -122,9 +122,14 @@ class Driver:
     def depart(
         self, now: Instant, goal: Point, peers: Peers, *, heading: float | None, gated: bool, shared: GridPath | None
     ) -> None:
-        """Set out for `goal`, facing `heading` in the end; `gated`: through the bottleneck's gate. Needs a pose."""
+        """Set out for `goal`, facing `heading` in the end; `gated`: through the bottleneck's gate. Needs a pose.
+
+        A robot that sets out for anywhere else gives up its slot.
+        """
         pose = self.localiser.pose
         assert pose is not None
+        if goal != self.place:
+            self.place = None
         self.navigator.go(
             now,
             pose,

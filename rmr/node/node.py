@@ -7,6 +7,7 @@ the source language. The host calls `tick` at `next_wake` and whenever the link 
 """
 
 import heapq
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,11 +16,11 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant, in_seconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
-from rmr.bytecode.program import Anything, Program
+from rmr.bytecode.program import Anything, Kind, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import Send
 from rmr.node import wire
-from rmr.node.actions import ActionFailed, Dispatcher, Handler, RobotHandle, Running, check_handlers
+from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.exchange import Exchange
@@ -27,7 +28,7 @@ from rmr.node.executive import Executive, Task
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import Peers, Percept
 from rmr.node.ports import Confirmed, Ports, Received
-from rmr.node.provided import PROVIDED
+from rmr.node.provided import PROVIDED, NodeHandle
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
 from rmr.node.turn import Phase, Turn
@@ -39,23 +40,8 @@ RESTLESS_CALLS = 60
 """Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
 TRACE_MAX = 4096
 """Trace entries kept for the host; the oldest go first."""
-
-
-class NodeHandle(RobotHandle):
-    """What rmr's own actions may do beyond a user's."""
-
-    def __init__(self, node: "Node", running: Running) -> None:
-        super().__init__(lambda: node.now, node, running)
-        self.node = node
-
-    def outrun(self) -> bool:
-        """Return whether the robot has had a turn since the action was derived."""
-        return self.node.turns.entered_since(self._running.derived)
-
-    @property
-    def turn(self) -> Turn | None:
-        """The turn that the action serves."""
-        return self._running.turn if isinstance(self._running.turn, Turn) else None
+ACTIONS_MAX = 1024
+"""Started actions kept for the report; the oldest go first."""
 
 
 class Node:
@@ -103,10 +89,9 @@ class Node:
         self._next_handle = 0
         self._later: list[tuple[Instant, int, Send]] = []
         self._later_sequence = 0
-        self.action_log: list[tuple[float, str]] = []
+        self.action_log: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
         self.trace_log: list[dict[str, Any]] = []
         self.finish_at: Instant | None = None
-        self.failed_job: int | None = None
         self.next_wake: Instant = 0
 
     # -- life -----------------------------------------------------------------------------------------------
@@ -200,16 +185,14 @@ class Node:
 
     def _runtime(self, now: Instant) -> None:
         self._coordinate(now)
-        self.machine.run(now)
-        for event in self.machine.drain():
-            self._vm_event(now, event)
+        self._reason(now)
         self.actions.step(now)
         self.turns.step(now)
         self._coordinate(now)
         if self.machine.next_wake <= now:
-            self.machine.run(now)
-            for event in self.machine.drain():
-                self._vm_event(now, event)
+            self._reason(now)
+            self._coordinate(now)
+        self.talk.flush()
         self._watch_quiescence(now)
         if self.finish_at is None and self.finished():
             self.finish_at = now
@@ -221,6 +204,16 @@ class Node:
         if self._restless == RESTLESS_CALLS and not self._told_restless:
             self._told_restless = True
             self.trace(now, "restless", firings=self.machine.firings)
+
+    def _reason(self, now: Instant) -> None:
+        self.machine.run(now)
+        missed: int | None = None
+        for event in self.machine.drain():
+            if isinstance(event, ActionDerived):
+                self._derived(now, event, missed)
+            else:
+                self._vm_event(now, event)
+            missed = event.job.assertion if isinstance(event, JobMissed) else None
 
     def _coordinate(self, now: Instant) -> None:
         coordination = self._coordination
@@ -242,8 +235,6 @@ class Node:
 
     def _vm_event(self, now: Instant, event: VmEvent) -> None:
         match event:
-            case ActionDerived():
-                self._derived(now, event)
             case FactSent() | GoalSent():
                 self.talk.send(now, event)
             case JobStarted(job=job):
@@ -254,20 +245,19 @@ class Node:
                 self.turns.finished(now, job)
             case JobMissed(job=job):
                 self.trace(now, "deadline_missed", job=job.text)
-                self.failed_job = job.assertion
             case RuleFired() if self._restless:
                 pass  # a program that spins would push everything else out of the trace
             case _:
                 self.trace(now, type(event).__name__, event=repr(event))
 
-    def _derived(self, now: Instant, event: ActionDerived) -> None:
+    def _derived(self, now: Instant, event: ActionDerived, missed: int | None) -> None:
         if event.executor != self.robot:
             self.talk.send_action(now, event)
             return
         name = self.program.predicates[event.predicate].name
         jobs = self.machine.serves(event.predicate, event.args)
-        turn = self.turns.of(jobs[0]) if jobs else None
-        self.actions.derive(now, Running(event.serial, name, event.args, self._handlers[name], turn, now))
+        turn = self.turns.serving(now, jobs[0]) if jobs else None
+        self.actions.derive(now, Running(event.serial, name, event.args, self._handlers[name], turn, now, missed))
 
     def _telemetry(self, now: Instant) -> None:
         self.talk.telemetry(now)
@@ -282,17 +272,28 @@ class Node:
 
     def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
         """Insert an action's effects."""
+        if failure is None:
+            failure = self._take_effect(now, running)
         self.trace(now, "action_ended", action=running.text(self.robot), failure=failure)
         if isinstance(running.turn, Turn):
             self.turns.action_ended(now, running.turn)
         self.machine.complete(now, running.serial, failure is None)
-        effect = running.handler.effect
-        if failure is None and effect is not None and self._effectless(running.name):
-            self.insert(now, effect, running.args)
 
-    def _effectless(self, name: str) -> bool:
-        index = self.program.index(name)
-        return index is not None and not self.program.predicates[index].effects
+    def _take_effect(self, now: Instant, running: Running) -> str | None:
+        """Insert the effect that the handler names if the program declares none; return why it does not fit.
+
+        As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
+        """
+        name, action = running.handler.effect, self.program.index(running.name)
+        effect = None if name is None else self.program.index(name)
+        if effect is None or action is None or self.program.predicates[action].effects:
+            return None
+        if self.program.predicates[effect].kind is not Kind.SENSED:
+            try:
+                self.machine.insert(now, effect, running.args)
+            except ValueError as error:
+                return f"its effect does not fit: {error}"
+        return None
 
     def halt(self) -> None:
         """Stop the wheels."""
@@ -309,6 +310,10 @@ class Node:
         if self.driver is None:
             raise ActionFailed("the robot has no wheels")
         return self.driver.navigator
+
+    def drives_to_area(self, action: int) -> bool:
+        """Return whether an action drives to the area that it names: it may be gated."""
+        return self._handlers[self.program.predicates[action].name].to_area
 
     def serving(self, turn: Turn) -> Running | None:
         """Return the action that serves `turn`, held or under way."""
@@ -346,22 +351,19 @@ class Node:
         running = self.serving(turn)
         if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
             return
-        if turn.goal.slotted and running in self.actions.running:
+        if turn.goal.slotted and running.handler.to_area and running in self.actions.running:
             self.depart(self.take_place(turn.goal, turn), final_heading=None, turn=turn)
 
-    def leads(self, now: Instant, event: bytes, does: bool) -> None:
-        """State whether the robot leads `event`."""
-        name = self.turns.name_of(event)
-        if name is None:
-            return
+    def leads(self, now: Instant, name: Symbol, does: bool) -> None:
+        """State whether the robot leads an event of assertion `name`."""
         if does:
             self.senses.add(now, "leads", (name,))
         else:
             self.senses.drop(now, "leads", (name,))
 
-    def broadcast_failure(self) -> None:
-        """Tell the others that a deadline was missed."""
-        self.transmit(wire.encode_failure(self.talk.digest, self.failed_job), None)
+    def broadcast_failure(self, assertion: int | None) -> None:
+        """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
+        self.transmit(wire.encode_failure(self.talk.digest, assertion), None)
 
     # -- what hosts ask ---------------------------------------------------------------------------------------
 

@@ -6,22 +6,44 @@ from typing import TYPE_CHECKING
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
-from rmr.node.actions import ActionFailed, Handler, Pause
+from rmr.node.actions import ActionFailed, Handler, Pause, RobotHandle, Running
+from rmr.node.turn import Turn
 
 if TYPE_CHECKING:
-    from rmr.node.node import NodeHandle
+    from rmr.node.node import Node
 
 FAILURE_REPEATS = 3
 """A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
 STUCK_S = 20.0
-"""A drive that has had no way for so long fails."""
+"""A drive that has had no way, or a robot that has not known its place, for so long fails."""
 
 
-async def _drive(robot: "NodeHandle", goal: Point, *, final_heading: float | None = None, gated: bool = False) -> None:
+class NodeHandle(RobotHandle):
+    """What rmr's own actions may do beyond a user's."""
+
+    def __init__(self, node: "Node", running: Running) -> None:
+        super().__init__(lambda: node.now, node, running)
+        self.node = node
+
+    def outrun(self) -> bool:
+        """Return whether the robot has had a turn since the action was derived."""
+        return self.node.turns.entered_since(self._running.derived)
+
+    @property
+    def turn(self) -> Turn | None:
+        """The turn that the action serves."""
+        return self._running.turn if isinstance(self._running.turn, Turn) else None
+
+    @property
+    def missed(self) -> int | None:
+        """The assertion whose missed deadline derived the action."""
+        return self._running.missed
+
+
+async def _drive(robot: NodeHandle, goal: Point, *, final_heading: float | None = None, gated: bool = False) -> None:
     node = robot.node
     navigator = node.motion
-    while node.percept().pose is None:
-        await Pause(condition=lambda: node.percept().pose is not None)
+    await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
     while navigator.status != "arrived":
@@ -34,7 +56,16 @@ async def _drive(robot: "NodeHandle", goal: Point, *, final_heading: float | Non
         await Pause(condition=lambda: True)
 
 
-async def moveto(robot: "NodeHandle", area_name: str) -> None:
+async def _located(robot: NodeHandle) -> None:
+    """Wait until the robot knows where it is. Raises ActionFailed when it does not find out."""
+    node = robot.node
+    if node.percept().pose is None:
+        await Pause(node.now + seconds(STUCK_S), lambda: node.percept().pose is not None)
+    if node.percept().pose is None:
+        raise ActionFailed("the robot does not know where it is")
+
+
+async def moveto(robot: NodeHandle, area_name: str) -> None:
     """Drive to an area: the robot's own place of a slotted one, the middle of a box, the point otherwise."""
     area = robot.node.arena.area(area_name)
     if area is None:
@@ -42,7 +73,7 @@ async def moveto(robot: "NodeHandle", area_name: str) -> None:
     await _drive(robot, robot.node.take_place(area, robot.turn), gated=True)
 
 
-async def lineup(robot: "NodeHandle", area_name: str, place: int) -> None:
+async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     """Drive to the `place`-th place (from 1) of an area's queue and face the way it moves.
 
     A later `lineup` takes over from this one at once: the robot's turn has changed while it was on its way. One that
@@ -69,40 +100,41 @@ def _queue_heading(queue: tuple[Point, ...]) -> float | None:
     return _heading(queue[1], queue[0]) if len(queue) > 1 else None
 
 
-async def goto(robot: "NodeHandle", x: float, y: float) -> None:
+async def goto(robot: NodeHandle, x: float, y: float) -> None:
     """Drive to a point of the floor, metres."""
     await _drive(robot, Point(x, y))
 
 
-async def face(robot: "NodeHandle", degrees: float) -> None:
+async def face(robot: NodeHandle, degrees: float) -> None:
     """Turn to a heading, degrees counter-clockwise from the x axis."""
     navigator = robot.node.motion
-    navigator.face(robot.node.now, math.radians(degrees))
+    await _located(robot)
+    navigator.face(robot.node.now, math.radians(math.fmod(degrees, 360.0)))
     await Pause(condition=lambda: navigator.status == "arrived")
 
 
-async def stop(_robot: "NodeHandle") -> None:
+async def stop(_robot: NodeHandle) -> None:
     """Stop the wheels; the dispatcher has done so already."""
 
 
-async def wait(robot: "NodeHandle", duration_s: float) -> None:
+async def wait(robot: NodeHandle, duration_s: float) -> None:
     """Let time pass, seconds."""
     await robot.sleep(duration_s)
 
 
-async def broadcast(robot: "NodeHandle") -> None:
+async def broadcast(robot: NodeHandle) -> None:
     """Tell every robot in range that a deadline was missed (paper III.E)."""
     for _ in range(FAILURE_REPEATS):
-        robot.node.broadcast_failure()
+        robot.node.broadcast_failure(robot.missed)
         await Pause(robot.node.now + milliseconds(100))
 
 
-async def say(robot: "NodeHandle", text: str) -> None:
+async def say(robot: NodeHandle, text: str) -> None:
     """Write `text` into the trace."""
     robot.say(text)
 
 
-async def light(robot: "NodeHandle", colour: Symbol) -> None:
+async def light(robot: NodeHandle, colour: Symbol) -> None:
     """Show a colour."""
     robot.node.trace(robot.node.now, "light", colour=str(colour))
 
@@ -110,7 +142,7 @@ async def light(robot: "NodeHandle", colour: Symbol) -> None:
 PROVIDED: dict[str, Handler] = {
     handler.name: handler
     for handler in (
-        Handler("moveto", moveto, wheels=True),
+        Handler("moveto", moveto, wheels=True, to_area=True),
         Handler("lineup", lineup, wheels=True, takes_over=True),
         Handler("goto", goto, wheels=True),
         Handler("face", face, wheels=True),

@@ -1,6 +1,7 @@
 """One turn: a job's part in its event, as a value.
 
-A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes back to asking. `rmr.node.turns` moves it.
+A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes back to asking, and so does a
+turn of which the job starts anew, or that an action has used up in vain. `rmr.node.turns` moves it.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from rmr.base.geometry import Pose, distance
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
+from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route
 from rmr.vm.job import Job
@@ -49,8 +51,8 @@ class Turn:
     requested: bool = False
     gated: bool = False
     """Whether the way passes the bottleneck, so that the gate is a place and not the action's beginning."""
-    way: int = 0
-    """Direction through the bottleneck."""
+    way: int = EXCLUSIVE_WAY
+    """Direction through the bottleneck; a turn that is no passage of it excludes all others."""
     approach: Duration = 0
     inside: Duration = UNKNOWN_INSIDE
     headway: Duration = UNKNOWN_INSIDE

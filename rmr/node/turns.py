@@ -7,7 +7,7 @@ the coordination core when the robot is at its gate, opens the gate when enterin
 robot is clear.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
@@ -28,6 +28,7 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
+from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import EXTEND_BEFORE, REVISE_EVERY, UNKNOWN_INSIDE, Phase, Turn, clear_of_bottleneck, known_arguments
 from rmr.vm.job import Job
@@ -39,8 +40,10 @@ READY: Duration = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
 REVISE_FROM: Duration = milliseconds(250)
 """A slot is asked for anew when the robot's own estimate has moved by more than this."""
-EXCLUSIVE_WAYS = 14
-"""Turns that are no passage of the bottleneck exclude each other: robots of different ways never overlap."""
+TRIGGERS_APART: Duration = milliseconds(10)
+"""Two triggers of one robot differ by this at least: the grid of instants in frames."""
+EVENTS_KEPT = 32
+"""Events of which turns that are over, schedules and paths are kept; the oldest go first."""
 
 
 class Turns:
@@ -57,6 +60,7 @@ class Turns:
         """The leader's path by event and way."""
         self.schedules: dict[bytes, ScheduleChanged] = {}
         """The newest schedule of each event."""
+        self._led_events: dict[bytes, None] = {}
 
     @property
     def _navigator(self) -> Navigator | None:
@@ -74,19 +78,41 @@ class Turns:
         if old is not None and old.phase is Phase.INSIDE:
             old.job = job  # started anew on its way through: the passage goes on
             return
-        if old is not None and old.phase is not Phase.LEFT and old.requested:
-            self._coordination.withdraw(now, event)
-        trigger = max(job.start, old.trigger + milliseconds(10) if old else 0)
-        self._turns[event] = Turn(job, event, trigger, self._goal(job), way=2 + self._node.robot % EXCLUSIVE_WAYS)
+        if old is not None and old.phase is not Phase.LEFT:
+            self._ask_again(now, old, job)  # the actions that it holds wait for this very turn
+            return
+        trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
+        self._turns.pop(event, None)  # the newest turn is the last
+        self._turns[event] = Turn(job, event, trigger, self._goal(job))
+        self._forget()
         self._request(now, self._turns[event])
+
+    def _ask_again(self, now: Instant, turn: Turn, job: Job) -> None:
+        """Give back the slot that `turn` has, if any, and ask for another one."""
+        if turn.requested and turn.phase is not Phase.LEFT:
+            self._coordination.withdraw(now, turn.event)
+        turn.job, turn.goal = job, self._goal(job)
+        turn.trigger = max(now, turn.trigger + TRIGGERS_APART)
+        turn.phase, turn.requested = Phase.ASKING, False
+        self._open(turn, None, opened=False)
+        self._request(now, turn)
+
+    def _forget(self) -> None:
+        """Keep memory bounded: drop the oldest turns that are over, with what is known of their events."""
+        over = [event for event, turn in self._turns.items() if turn.phase is Phase.LEFT]
+        for event in over[: max(0, len(self._turns) - EVENTS_KEPT)]:
+            del self._turns[event]
+            self.schedules.pop(event, None)
 
     def event_of(self, job: Job) -> bytes:
         """Return the event's six octets: program, assertion and finish arguments."""
         return stable_hash(f"{self._digest}/{job.assertion}/{job.event}", 6).to_bytes(6, "big")
 
     def _goal(self, job: Job) -> Area | None:
-        """Return the area to which a serving action with known arguments leads."""
+        """Return the area to which a serving action with known arguments drives."""
         for serving in self._node.program.assertions[job.assertion].serving:
+            if not self._node.drives_to_area(serving.action):
+                continue
             for value in known_arguments(serving, job):
                 area = self._node.arena.area(value) if isinstance(value, Symbol) else None
                 if area is not None:
@@ -105,10 +131,26 @@ class Turns:
             if turn.requested:
                 self._coordination.withdraw(now, turn.event)
 
-    def of(self, job: Job) -> Turn | None:
-        """Return the turn of `job`."""
+    def serving(self, now: Instant, job: Job) -> Turn | None:
+        """Return the turn by which an action goes that serves `job`, which has not ended.
+
+        A turn that has been used up without an end of the job, by an action that failed, is asked for again: else
+        the next try would go while others have theirs.
+        """
         turn = self._turns.get(self.event_of(job))
-        return turn if turn is not None and turn.job is job else None
+        if turn is None or turn.job is not job:
+            return None
+        if turn.phase is Phase.LEFT and self._needs_another(now, turn):
+            self._ask_again(now, turn, job)
+        return turn
+
+    def _needs_another(self, now: Instant, turn: Turn) -> bool:
+        """Return whether the next try must wait for a turn: not where the robot has the bottleneck behind it."""
+        if not turn.gated:
+            return True
+        self._estimate(now, turn)
+        passes, turn.gated = turn.gated, True
+        return passes
 
     @property
     def current(self) -> Turn | None:
@@ -166,6 +208,7 @@ class Turns:
             turn.headway = driver.approach.headway(turn.goal)
         else:
             turn.approach, turn.inside, turn.headway = 0, estimate.approach, estimate.approach
+            turn.way = EXCLUSIVE_WAY
         return True
 
     def _revise(self, now: Instant, turn: Turn) -> None:
@@ -230,8 +273,8 @@ class Turns:
         self._node.trace(now, "left", event=turn.job.event)
 
     def action_ended(self, now: Instant, turn: Turn) -> None:
-        """Handle the end of the action that served `turn`."""
-        if turn.phase is Phase.INSIDE and not turn.gated:
+        """Handle the end of an action that served `turn`; where several do, the last one ends it."""
+        if turn.phase is Phase.INSIDE and not turn.gated and self._node.serving(turn) is None:
             self._leave(now, turn)
 
     # -- what the coordination core says ----------------------------------------------------------------------
@@ -240,13 +283,13 @@ class Turns:
         """Take in one event of the coordination core."""
         match event:
             case PathReceived(way=way, path=path):
-                self.shared[event.event, way] = path
+                keep(self.shared, (event.event, way), path)
             case LeadershipBegan():
                 self._led(now, event)
             case LeadershipEnded() | LeaderChanged():
                 self._followed(now, event)
             case ScheduleChanged():
-                self.schedules[event.event] = event
+                keep(self.schedules, event.event, event)
                 self._node.trace(now, "scheduled", leader=event.leader, term=event.term, order=list(event.order))
             case _:
                 self._turn_event(now, event)
@@ -255,6 +298,7 @@ class Turns:
         turn = self._turns.get(event.event)
         if turn is None or turn.phase is Phase.LEFT:
             return
+        self.next_wake = min(self.next_wake, next_tick(now))
         match event:
             case SlotAssigned():
                 self._slotted(now, turn, event)
@@ -296,20 +340,42 @@ class Turns:
         node = self._node
         turn = self._turns.get(event.event)
         node.trace(now, "leads", term=event.term)
-        node.leads(now, event.event, True)
+        self._leads(now, event.event, does=True)
         driver = node.driver
         pose = None if driver is None else driver.localiser.pose
         if turn is None or turn.goal is None or driver is None or pose is None:
             return
         path = driver.navigator.plan_shared(pose, driver.place_of(now, turn.goal, turn.rank, node.peers))
         if path is not None:
-            self.shared[turn.event, turn.way] = path
+            keep(self.shared, (turn.event, turn.way), path)
             self._coordination.offer_path(now, event.event, turn.way, path)
 
     def _followed(self, now: Instant, event: LeadershipEnded | LeaderChanged) -> None:
-        self._node.leads(now, event.event, False)
+        self._leads(now, event.event, does=False)
+
+    def _leads(self, now: Instant, event: bytes, *, does: bool) -> None:
+        """State whether the robot leads events of the assertion behind `event`: it may lead one and follow another."""
+        if does:
+            keep(self._led_events, event, None)
+        else:
+            self._led_events.pop(event, None)
+        name = self.name_of(event)
+        if name is not None:
+            self._node.leads(now, name, any(self.name_of(led) == name for led in self._led_events))
 
     def name_of(self, event: bytes) -> Symbol | None:
         """Return the name of the assertion behind `event`."""
         turn = self._turns.get(event)
         return None if turn is None else Symbol(turn.job.name)
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+def keep(table: dict[K, V], key: K, value: V) -> None:
+    """Put the newest value last in `table`, of which the `EVENTS_KEPT` newest stay."""
+    table.pop(key, None)
+    table[key] = value
+    while len(table) > EVENTS_KEPT:
+        del table[next(iter(table))]

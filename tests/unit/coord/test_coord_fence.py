@@ -4,7 +4,7 @@ from coord_harness import EVENT, ms
 
 from rmr.coord.fence import Claim, Fence
 from rmr.coord.messages import Beacon, Phase, Term
-from rmr.coord.values import Values
+from rmr.coord.values import EXCLUSIVE_WAY, Values
 
 
 def beacon(who: int, phase: Phase, time: float, *, way: int = 0, start: float = 1000, end: float = 4000) -> Beacon:
@@ -37,6 +37,19 @@ def test_an_opposed_robot_inside_closes_it_until_out() -> None:
     assert not made.judge(ms(9000), claim(way=0)).open
     made.note(ms(9000), beacon(2, Phase.OUT, 9000, way=1))
     assert made.judge(ms(9000), claim(way=0)).open
+
+
+def test_an_exclusive_passage_excludes_those_of_its_own_way_too() -> None:
+    made = fence(beacon(2, Phase.IN, 1100, way=EXCLUSIVE_WAY))
+    assert not made.judge(ms(9000), claim(way=EXCLUSIVE_WAY)).open
+    assert not made.judge(ms(9000), claim(way=0)).open
+    made.note(ms(9000), beacon(2, Phase.OUT, 9000, way=EXCLUSIVE_WAY))
+    assert made.judge(ms(9000), claim(way=EXCLUSIVE_WAY)).open
+    assert (
+        fence(beacon(2, Phase.CLAIM, 1900, way=EXCLUSIVE_WAY, start=1000))
+        .judge(ms(1200), claim(3000, EXCLUSIVE_WAY))
+        .lost
+    ), "the windows meet"
 
 
 def test_a_silent_opposed_robot_is_passed_with_caution_after_the_longest_stall() -> None:

@@ -1,7 +1,9 @@
 """Actions: the wheels are used by one at a time, turns hold actions back, failures become else effects."""
 
+import pytest
+
 from rmr.base.time import seconds
-from rmr.node.actions import TAKEN_OVER, ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
+from rmr.node.actions import STOPPED, TAKEN_OVER, ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
 
 
 class Turn:
@@ -128,3 +130,68 @@ def test_a_later_action_may_take_the_wheels_from_an_earlier_one_of_its_name_but_
     node.derive("lineup", 1.0)
     node.step(3.0)
     assert node.ended[2:] == [("b", None)], "b had the wheels and was not disturbed"
+
+
+def broken(on_the_way_out):
+    async def act(robot):
+        try:
+            await robot.sleep(9.0)
+        finally:
+            await on_the_way_out(robot)
+
+    return act
+
+
+async def raise_value_error(robot):
+    raise ValueError("lamp")
+
+
+async def sleep_on(robot):
+    await robot.sleep(1.0)
+
+
+@pytest.mark.parametrize(("way_out", "why"), [(raise_value_error, "ValueError: lamp"), (sleep_on, "RuntimeError")])
+def test_an_action_that_goes_wrong_on_its_way_out_fails_and_no_more(way_out, why):
+    async def stop(robot):
+        pass
+
+    node = FakeNode(a=Handler("a", broken(way_out), wheels=True), stop=Handler("stop", stop, at_once=True))
+    node.derive("a")
+    node.derive("stop")
+    (_, failure), (_, done) = node.ended
+    assert failure.startswith(STOPPED)
+    assert why in failure
+    assert done is None
+
+
+def test_a_condition_that_raises_fails_its_action_and_not_the_robot():
+    async def act(robot):
+        await robot.until(lambda: robot.now() > 1.0 and 1 / 0)
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    node.step(0.5)
+    assert node.ended == []
+    node.step(1.5)
+    assert node.ended == [("a", "ZeroDivisionError: division by zero")]
+
+
+def test_an_action_that_calls_exit_fails_and_the_robot_goes_on():
+    async def act(robot):
+        raise SystemExit(3)
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    assert node.ended == [("a", "SystemExit: 3")]
+
+
+@pytest.mark.parametrize("v", [float("nan"), float("inf"), "fast"])
+def test_what_is_no_finite_number_never_reaches_the_wheels(v):
+    async def act(robot):
+        robot.drive(v, 0.0)
+
+    node = FakeNode(a=Handler("a", act, wheels=True))
+    node.derive("a")
+    ((_, failure),) = node.ended
+    assert failure is not None
+    assert "AttributeError" not in failure, "the navigator, which this host has not, is never asked"

@@ -1,0 +1,130 @@
+"""What actions leave behind: effects that handlers name, failures that are broadcast, places that are taken."""
+
+import pytest
+from lab_maker import small_lab, traced
+
+from rmr_sim.run import prepare
+
+EFFECT = 'from rmr import action\n\n@action("act", effect="{}")\nasync def act(robot, *args): pass\n'
+
+
+@pytest.mark.parametrize(
+    ("effect", "failure"),
+    [
+        ("done", None),
+        ("unheard_of", None),
+        ("pair", "its effect does not fit: pair has 1 arguments without its owner, not 0"),
+        ("act", "its effect does not fit: act is an action, not a fact"),
+    ],
+)
+def test_an_effect_that_a_handler_names_holds_or_fails_its_action(tmp_path, effect, failure):
+    simulation = small_lab(
+        tmp_path,
+        "type action act(robot).\ntype pair(robot, int).\ngo(R).\ngo(R) -o act(R).\ndone(R) -o seen(R).\n",
+        actions=EFFECT.format(effect),
+        duration="1s",
+    )
+    simulation.run()
+    (ended,) = traced(simulation, "action_ended")
+    assert ended["failure"] == failure
+    assert simulation.robots[0].node.machine.facts() == (["seen(@1)"] if effect == "done" else [])
+
+
+def test_a_handlers_effect_on_a_sensed_fact_is_left_to_the_senses(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        "type action act(robot, area).\ngo(R).\ngo(R) -o act(R, box).\nat(R, box) -o there(R).\n",
+        actions=EFFECT.format("at"),
+        duration="1s",
+    )
+    simulation.run()
+    assert simulation.robots[0].node.machine.facts() == []
+
+
+def test_every_copy_of_a_failure_broadcast_names_the_deadline_that_derived_it(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action wait(R: robot, T: float) -o waited(R).
+        type action broadcast(robot).
+        first: watch(begun(R), ended(R), 1, broadcast(R)).
+        second: watch(begun(R), stopped(R), 1.05, broadcast(R)).
+        begun(@1).
+        begun(R), ended(R), stopped(R) -o 1.
+        begun(R), waited(R) -o broadcast(R).
+        go(@1).
+        go(R) -o wait(R, 2).
+        failed(R, B, E) -o knows(R, B, E).
+        """,
+        robots=2,
+        duration="3s",
+    )
+    node, told = simulation.robots[0].node, []
+    send = node.broadcast_failure
+    node.broadcast_failure = lambda assertion: (told.append(assertion), send(assertion))
+    simulation.run()
+    assert told == [0, 1, 0, 1, 0, 1, None, None, None]
+    names = ("broadcast", "first", "second")
+    assert simulation.robots[1].node.machine.facts() == [f"knows(@2, @1, {name})" for name in names]
+
+
+def test_a_heading_of_any_size_is_reached(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        "type action face(R: robot, D: float) -o turned(R).\ngo(R).\ngo(R) -o face(R, 1e300).\n",
+        finish="turned(R)",
+        duration="8s",
+    )
+    assert simulation.run()
+
+
+SLOTTED = """
+lab: two
+program: two.rmr
+arena: {size: [1.5, 1.5], cell: 0.05}
+areas:
+  west: {slots: [[0.3, 1.2], [0.3, 0.9]]}
+  east: {slots: [[1.2, 1.2], [1.2, 0.9]]}
+robots: [{id: 1, pose: [0.3, 0.3, 0deg]}]
+duration: 30s
+"""
+
+
+def two_areas(folder, program, *, lab=""):
+    (folder / "lab.yaml").write_text(SLOTTED + lab)
+    (folder / "two.rmr").write_text(program)
+    return prepare(folder, seed=1)
+
+
+def test_a_robot_on_its_slot_of_one_area_stands_in_no_other(tmp_path):
+    program = "type action moveto(robot, area).\ngo(R).\ngo(R) -o moveto(R, west).\n"
+    simulation = two_areas(tmp_path, program + "at(R, west) -o home(R).\nat(R, east) -o lost(R).\n")
+    simulation.run()
+    assert simulation.robots[0].node.machine.facts() == ["home(@1)"]
+
+
+def test_a_robot_that_drives_away_gives_up_its_slot(tmp_path):
+    simulation = two_areas(
+        tmp_path,
+        """
+        type action moveto(robot, area).
+        type action goto(R: robot, X: float, Y: float) -o away(R).
+        go(R).
+        go(R) -o moveto(R, west).
+        at(R, west) -o goto(R, 0.9, 0.3).
+        """,
+        lab="finish: away(R)\n",
+    )
+    assert simulation.run()
+    assert simulation.robots[0].node.bound_for is None
+
+
+def test_a_drive_of_a_robot_that_never_finds_itself_fails(tmp_path):
+    simulation = two_areas(
+        tmp_path,
+        "type action goto(R: robot, X: float, Y: float) -o there(R) else lost(R).\ngo(R).\ngo(R) -o goto(R, 1, 1).\n",
+        lab="finish: lost(R)\nlocalisation: {beacons: []}\n",
+    )
+    assert simulation.run()
+    (ended,) = traced(simulation, "action_ended")
+    assert ended["failure"] == "the robot does not know where it is"

@@ -1,0 +1,164 @@
+"""Turns under way: jobs that start anew, actions that fail inside, passages that exclude each other."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from lab_maker import small_lab, traced
+
+from rmr_sim.run import prepare
+
+LABS = Path(__file__).parents[2] / "deploy" / "labs"
+
+CHARGE = """
+from rmr import ActionFailed, action
+
+@action("charge")
+async def charge(robot, *left):
+    await robot.sleep(2.0)
+    if left and left[0] > 0:
+        raise ActionFailed("no contact")
+"""
+
+
+def spans(simulation, action):
+    """Return (begin, end, robot) of each time that an action was carried out, in order of the beginnings."""
+    begun = [(e["robot"], e["t"]) for e in traced(simulation, "action") if e["action"].startswith(action)]
+    ended = [(e["robot"], e["t"]) for e in traced(simulation, "action_ended") if e["action"].startswith(action)]
+    pairs = zip(sorted(begun), sorted(ended), strict=True)
+    return sorted((begin, end, robot) for (robot, begin), (_, end) in pairs)
+
+
+def overlaps(found):
+    return [(a, b) for a, b in pairwise(found) if b[0] < a[1]]
+
+
+@pytest.mark.parametrize("again_s", [0.1, 1.5, 2.5])
+def test_a_job_that_starts_anew_keeps_the_action_that_waits_for_its_turn(tmp_path, again_s):
+    simulation = small_lab(
+        tmp_path,
+        f"""
+        type action charge(R: robot) -o charged(R).
+        type action wait(R: robot, T: float) -o waited(R).
+        start(R).
+        start(R) -o need(R), wait(R, {again_s}), once(R).
+        charging: assert(need(R), charged(R), 30, say(R, "late")).
+        need(R), once(R) -o charge(R).
+        waited(R) -o need(R).
+        """,
+        robots=3,
+        actions=CHARGE,
+        finish="charged(R)",
+    )
+    assert simulation.run()
+    found = spans(simulation, "charge")
+    assert sorted(robot for _, _, robot in found) == [1, 2, 3]
+    assert overlaps(found) == []
+
+
+def test_an_action_that_failed_in_its_turn_tries_again_in_another_one(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action charge(R: robot, N: int) -o charged(R) else again(R, N).
+        start(R).
+        start(R) -o need(R).
+        charging: assert(need(R), charged(R), 60, say(R, "late")).
+        need(R) -o charge(R, 2).
+        again(R, N) -o charge(R, N - 1).
+        """,
+        robots=3,
+        actions=CHARGE,
+        finish="charged(R)",
+        duration="60s",
+    )
+    assert simulation.run()
+    found = spans(simulation, "charge")
+    assert len(found) == 9
+    assert overlaps(found) == []
+
+
+def test_a_turn_lasts_until_the_last_action_that_serves_it_has_ended(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action charge(R: robot, N: int) -o charged(R) else gone(R).
+        type action top(R: robot) -o charged(R).
+        start(R).
+        start(R) -o need(R).
+        charging: assert(need(R), charged(R), 60, say(R, "late")).
+        need(R) -o top(R), charge(R, 1).
+        """,
+        robots=2,
+        actions=CHARGE + '\n\n@action("top")\nasync def top(robot):\n    await robot.sleep(3.0)\n',
+        finish="charged(R)",
+        duration="60s",
+    )
+    assert simulation.run()
+    assert overlaps(spans(simulation, "top")) == []
+
+
+def test_exclusive_turns_never_overlap_whatever_the_robots_ids(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action charge(R: robot) -o charged(R).
+        start(R).
+        start(R) -o need(R).
+        charging: assert(need(R), charged(R), 30, say(R, "late")).
+        need(R) -o charge(R).
+        """,
+        robots=2,
+        actions=CHARGE,
+        finish="charged(R)",
+    )
+    lab = simulation.lab.path
+    lab.write_text(lab.read_text().replace("{id: 2,", "{id: 15,"))
+    simulation = prepare(tmp_path, seed=1, actions=tmp_path / "actions.py")
+    assert simulation.run()
+    assert overlaps(spans(simulation, "charge")) == []
+
+
+def test_a_users_action_that_only_names_an_area_waits_for_its_turn_like_any_other(tmp_path):
+    lab = (LABS / "testbed" / "lab.yaml").read_text()
+    lab = lab.replace("testbed.rmr", "looking.rmr").replace("finish: at(R, exit)", "finish: inspected(R, exit)")
+    (tmp_path / "lab.yaml").write_text(lab)
+    (tmp_path / "looking.rmr").write_text(
+        """
+        type !due(robot, float).
+        type action inspect(R: robot, A: area) -o inspected(R, A).
+        start(R).
+        start(R) -o need(R, exit).
+        looking: assert(need(R, A), inspected(R, A), 60, say(R, "late")).
+        need(R, A) -o inspect(R, A).
+        """
+    )
+    (tmp_path / "actions.py").write_text(
+        'from rmr import action\n\n@action("inspect")\nasync def inspect(robot, area):\n    await robot.sleep(2.0)\n'
+    )
+    simulation = prepare(tmp_path, seed=1, robots=3, actions=tmp_path / "actions.py")
+    assert simulation.run()
+    found = spans(simulation, "inspect")
+    assert len(found) == 3
+    assert overlaps(found) == []
+    assert len(traced(simulation, "entered")) == 3
+
+
+def test_what_is_kept_of_actions_and_events_is_bounded(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action wait(R: robot, T: float) -o waited(R).
+        type action light(R: robot, C: colour) -o done(R, 0).
+        type need(robot, int).
+        need(R, 40).
+        lighting: assert(need(R, N), lit(R, N), 9, say(R, "late")).
+        need(R, N), N > 0 -o wait(R, 0.01), next(R, N - 1), lit(R, N).
+        waited(R), next(R, N) -o need(R, N).
+        """,
+        duration="2s",
+    )
+    simulation.run()
+    node = simulation.robots[0].node
+    assert len(node.machine.jobs) > 32
+    assert len(node.turns._turns) <= 32
