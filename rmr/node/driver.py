@@ -5,9 +5,10 @@ another one where somebody else has been faster: places are told in the hellos, 
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from rmr.base.arena import Area, Arena
-from rmr.base.geometry import STILL, Point, Twist
+from rmr.base.geometry import STILL, Point, Twist, distance
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol, Value
@@ -16,11 +17,18 @@ from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import Localiser, Peers, Percept, standing_at
 from rmr.node.ports import Body, SeenBody
 from rmr.node.sensedfacts import SensedFacts
+from rmr.node.wire import Hello
 
 ACT_REFRESH: Duration = milliseconds(100)
 """A moving robot repeats its wheel command at least this often; the body stops after 0.5 s without."""
 HEED_EVERY: Duration = milliseconds(200)
 """How often a driving robot looks at what the others that drive have said."""
+SPOT_GAP_M = 0.06
+"""Between the hulls of two robots that stand in one box."""
+SPOT_INSET_M = 0.03
+"""From a spot to the box's edge, so that localisation noise does not put the robot outside."""
+SPOTS_MAX = 64
+"""Spots of one box that are considered, from its middle outwards."""
 NO_RANK = 1 << 16
 """Robots without a rank come after all that have one."""
 
@@ -35,6 +43,8 @@ class Driver:
         self.approach = Approach(self.navigator)
         self.place: Point | None = None
         """The slot that the robot has taken."""
+        self._chosen: tuple[Area, int] | None = None
+        """The area and the rank by which the place was chosen."""
         self._robot = robot
         self._roster = tuple(roster)
         self._body = body
@@ -101,23 +111,44 @@ class Driver:
     # -- places -----------------------------------------------------------------------------------------------
 
     def place_of(self, now: Instant, area: Area, rank: int, peers: Peers) -> Point:
-        """Return the robot's place in `area`: the K-th for rank K, by the roster without a rank (0)."""
-        if not area.slotted:
-            return area.places[0]
-        mine = (rank or NO_RANK, self._robot)
+        """Return the robot's place in `area`.
+
+        Of slots the K-th for rank K, by the roster without a rank (0); of a box the spot nearest to its middle that
+        is free.
+        """
+        places = spots(self.arena, area)
+        index = 0
+        if area.slotted:
+            index = rank - 1 if rank else self._roster.index(self._robot)
         taken = [
             Point(*hello.goal)
             for robot, hello in peers.claims(now)
-            if hello.goal is not None and (hello.parked or (hello.rank or NO_RANK, robot) < mine)
+            if hello.goal is not None
+            and (hello.parked or (hello.rank or NO_RANK, robot) < (rank or NO_RANK, self._robot))
         ]
-        index = rank - 1 if rank else self._roster.index(self._robot)
-        return nearest_free(area.places, index, taken, self.arena.shape.radius)
+        return nearest_free(places, index, [*taken, *peers.parked(now)], self.arena.shape.radius)
 
     def take_place(self, now: Instant, area: Area, rank: int, peers: Peers) -> Point:
         """Choose the robot's place in `area` and keep it."""
         place = self.place_of(now, area, rank, peers)
-        self.place = place if area.slotted else None
+        self.place = place if area.slotted or area.box is not None else None
+        self._chosen = (area, rank)
         return place
+
+    def choose_again(self, now: Instant, source: int, hello: Hello, peers: Peers) -> Point | None:
+        """Return another place to go to if robot `source` goes first and has taken this one's; None: keep it."""
+        place = self.place
+        if place is None or self._chosen is None or hello.goal is None:
+            return None
+        area, rank = self._chosen
+        apart = distance(*place, *hello.goal) > self.arena.shape.radius
+        if apart or not (hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)):
+            return None
+        other = self.place_of(now, area, rank, peers)
+        if other == place:
+            return None
+        self.place = other
+        return other
 
     def depart(
         self, now: Instant, goal: Point, peers: Peers, *, heading: float | None, gated: bool, shared: GridPath | None
@@ -148,3 +179,23 @@ def nearest_free(places: Sequence[Point], first: int, taken: Sequence[Point], re
         if all((place.x - other.x) ** 2 + (place.y - other.y) ** 2 > reach_m**2 for other in taken):
             return place
     return places[first % len(places)]
+
+
+@lru_cache(maxsize=64)
+def spots(arena: Arena, area: Area) -> tuple[Point, ...]:
+    """Return where robots may stand in `area`: its places, or the spots that fit a box, from its middle outwards."""
+    if area.box is None:
+        return area.places
+    x0, y0, x1, y1 = area.box
+    middle = area.places[0]
+    across, up = _row(x1 - x0, arena.shape.radius), _row(y1 - y0, arena.shape.radius)
+    offsets = sorted((dx * dx + dy * dy, dx, dy) for dx in across for dy in up)[:SPOTS_MAX]
+    points = (Point(middle.x + dx, middle.y + dy) for _, dx, dy in offsets)
+    return tuple(point for point in points if arena.clearance(*point) > arena.shape.radius) or area.places
+
+
+def _row(length_m: float, radius_m: float) -> list[float]:
+    """Return the offsets from the middle of as many robots as stand side by side with their centres in `length_m`."""
+    step = 2 * radius_m + SPOT_GAP_M
+    count = 1 + max(0, int((length_m - 2 * SPOT_INSET_M) / step))
+    return [(i - (count - 1) / 2) * step for i in range(min(count, SPOTS_MAX))]

@@ -33,6 +33,7 @@ from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
 from rmr.node.turn import Phase, Turn
 from rmr.node.turns import Turns
+from rmr.node.wire import Hello
 from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, RuleFired, VmEvent
 from rmr.vm.machine import Machine
 
@@ -336,12 +337,21 @@ class Node:
     def depart(self, goal: Point, *, final_heading: float | None, turn: Turn | None) -> None:
         """Set out for `goal`; with a gated turn through its gate."""
         assert self.driver is not None
-        gated = turn is not None and turn.gated
+        gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
         shared = self.turns.shared.get((turn.event, turn.way)) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
         if turn is not None and gated:
             self.turns.apply_gate(turn)
         self.talk.hello_soon(self.now)
+
+    def heed_claim(self, source: int, hello: Hello) -> None:
+        """Go to another place when a robot that goes first has taken this one's."""
+        running = self.actions.driving
+        if self.driver is None or running is None:
+            return
+        place = self.driver.choose_again(self.now, source, hello, self.peers)
+        if place is not None:
+            self.depart(place, final_heading=None, turn=running.turn if isinstance(running.turn, Turn) else None)
 
     def rank_changed(self, now: Instant, turn: Turn) -> None:
         """Handle a new place in the schedule: tell the program, and take another slot while still outside."""

@@ -66,7 +66,7 @@ async def _located(robot: NodeHandle) -> None:
 
 
 async def moveto(robot: NodeHandle, area_name: str) -> None:
-    """Drive to an area: the robot's own place of a slotted one, the middle of a box, the point otherwise."""
+    """Drive to an area: the robot's own place of a slotted one, a free spot of a box, the point otherwise."""
     area = robot.node.arena.area(area_name)
     if area is None:
         raise ActionFailed(f"no area is called {area_name}")

@@ -122,6 +122,7 @@ class Talk:
         if hello.digest != self.digest and (known is None or known.digest != hello.digest):
             self._node.trace(now, "other_program", source=source)
         self._node.peers.hello(now, source, hello)
+        self._node.heed_claim(source, hello)
 
     def _failure(self, now: Instant, frame: Received) -> None:
         digest, assertion = wire.decode_failure(frame.payload)

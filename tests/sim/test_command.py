@@ -1,6 +1,7 @@
 """`rmr sim`: what it prints, what it leaves, how it says what is wrong."""
 
 import json
+import signal
 from pathlib import Path
 
 import pytest
@@ -146,3 +147,29 @@ def test_faults_that_are_not_injected_yet_are_told(tmp_path, capsys):
     lab = tiny(tmp_path, "done(R).\n", LAB + "faults: [{at: 1s, kill: 1}]\n")
     assert main([str(lab), "--run", str(tmp_path / "run")]) == 0
     assert "faults: not supported yet" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_the_run_in_order_and_the_report_is_written(tmp_path, capsys):
+    lab = tiny(tmp_path, "type action act(R: robot) -o acted(R).\ngo(R).\ngo(R) -o act(R).\n", LAB.replace("2s", "60s"))
+    lab.joinpath("lab.yaml").write_text((lab / "lab.yaml").read_text().replace("done(R)", "go(R)"))
+    actions = tmp_path / "actions.py"
+    actions.write_text(
+        "import os, signal\nfrom rmr import action\n\n"
+        '@action("act")\nasync def act(robot):\n    await robot.sleep(1.0)\n    os.kill(os.getpid(), signal.SIGINT)\n'
+    )
+    assert main([str(lab), "--actions", str(actions), "--run", str(tmp_path / "run")]) == 1
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert report["finished"] is False
+    assert report["time_s"] == pytest.approx(1.0, abs=0.05)
+    assert "interrupted" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_the_trace_begins_at_the_beginning_however_long_the_run(tmp_path, capsys):
+    program = "type action wait(R: robot, T: float) -o go(R).\ngo(R).\ngo(R) -o wait(R, 0.02).\n"
+    lab = tiny(tmp_path, program, LAB.replace("finish: done(R)\n", "").replace("2s", "40s"))
+    trace = tmp_path / "trace.jsonl"
+    assert main([str(lab), "--run", str(tmp_path / "run"), "--trace", str(trace)]) == 0
+    entries = [json.loads(line) for line in trace.read_text().splitlines()]
+    assert entries[0]["t"] == 0.0
+    assert sum(entry["what"] == "action" for entry in entries) > 1500

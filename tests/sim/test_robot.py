@@ -349,3 +349,26 @@ def test_a_program_that_never_becomes_quiet_leaves_its_robot_responsive_and_is_t
     assert simulation.time_s < 8.0
     (told,) = traced(simulation, "restless")
     assert told["firings"] > 1000
+
+
+def test_robots_that_go_to_the_same_box_take_spots_of_their_own(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action moveto(robot, area).
+        go(R).
+        go(R) -o moveto(R, box).
+        at(R, box) -o there(R).
+        """,
+        robots=3,
+        finish="there(R)",
+        duration="60s",
+    )
+    assert simulation.run()
+    assert simulation.world.collisions == 0
+
+
+def test_a_robot_yields_its_place_to_one_that_goes_first_and_has_taken_it_too(tmp_path):
+    simulation = prepare(LABS / "testbed", seed=3097, loss=0.2)
+    assert simulation.run()
+    assert len({robot.node.driver.place for robot in simulation.robots}) == 6
