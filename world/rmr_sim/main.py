@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import signal
 import sys
 import time
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 from rmr import __version__
 from rmr.node.actions import STOPPED, TAKEN_OVER
 from rmr_sim.run import prepare, report_of
+from rmr_sim.simulation import Simulation
 from rmr_world.document import LabError
 from rmr_world.program import ProgramError
 from rmr_world.report import table_text, write
@@ -91,7 +93,7 @@ def _run(arguments: argparse.Namespace) -> int:
     )
     folder = make_run_folder(simulation.lab.name, arguments.run)
     began = time.perf_counter()
-    finished = simulation.run()
+    finished, interrupted = _run_until_interrupted(simulation)
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     written = write(report, folder)
@@ -107,8 +109,25 @@ def _run(arguments: argparse.Namespace) -> int:
         print(table_text(report))
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
     took = f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)"
-    print(f"{took}; the report is {written}", file=sys.stderr)
+    print(f"{'interrupted: ' if interrupted else ''}{took}; the report is {written}", file=sys.stderr)
     return exit_code(report, strict=arguments.strict)
+
+
+def _run_until_interrupted(simulation: Simulation) -> tuple[bool, bool]:
+    """Return whether all robots finished, and whether Ctrl-C ended the run; the second Ctrl-C raises."""
+    interrupted = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupted
+        interrupted = True
+        simulation.stop()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        return simulation.run(), interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def exit_code(report: dict[str, object], *, strict: bool) -> int:

@@ -26,6 +26,8 @@ from rmr_world.terms import parse_fact
 
 IDLE_SAMPLE_TICKS = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
+TRACE_TICKS = 6
+"""How often the robots' notes are fetched; in between a robot has room for what 4000 firings tell."""
 
 
 class SimulatedRobot:
@@ -130,7 +132,8 @@ class Simulation:
         self.radio = RadioConfig(
             radio.tx_power_dbm, radio.sensitivity_dbm, radio.exponent, radio.loss, radio.interference
         )
-        self.finish_at: Instant | None = None
+        self._stopping = False
+        self._trace: list[dict[str, Any]] = []
         facts = tuple((fact.name, fact.owner, fact.args) for fact in map(parse_fact, lab.facts))
         pattern = lab.finish_pattern
         finish = None if pattern is None else (pattern.name, pattern.patterns)
@@ -170,11 +173,16 @@ class Simulation:
             self.kernel.now = now
             self._tick(now, index)
             if self.lab.finish and all(robot.node.finished() for robot in self.robots):
-                self.finish_at = now
                 return True
             if now >= self.lab.duration:
                 return not self.lab.finish
+            if self._stopping:
+                return False
             index += 1
+
+    def stop(self) -> None:
+        """End the run after the present tick; it has not finished then."""
+        self._stopping = True
 
     def _tick(self, now: Instant, index: int) -> None:
         self.world.step(now)
@@ -185,6 +193,14 @@ class Simulation:
                 continue
             robot.sample(now)
             robot.tick(now)
+        if not index % TRACE_TICKS:
+            self._take_traces()
+
+    def _take_traces(self) -> None:
+        """Take over what the robots noted, of which they themselves keep the newest part alone."""
+        for robot in self.robots:
+            self._trace += robot.node.trace_log
+            robot.node.trace_log.clear()
 
     @property
     def now(self) -> Instant:
@@ -209,5 +225,5 @@ class Simulation:
 
     def trace(self) -> list[dict[str, Any]]:
         """Return what the robots noted, in order of time, then of their ids."""
-        entries = [entry for robot in self.robots for entry in robot.node.trace_log]
-        return sorted(entries, key=lambda entry: (entry["t"], entry["robot"]))
+        self._take_traces()
+        return sorted(self._trace, key=lambda entry: (entry["t"], entry["robot"]))
