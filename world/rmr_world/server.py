@@ -242,8 +242,8 @@ class WorldServer:
             log.warning("the world was held up for %.1f s; lab time is set back", (behind - 1) / TICK_HZ)
             self._publish_clock()
             behind = 1
-        self._late += max(0, behind - 1)
         ticks = min(behind, CATCH_UP_MAX)
+        self._late += min(ticks, behind - 1)
         for _ in range(ticks):
             self._tick += 1
             self._physics.step(tick_start(self._tick))
