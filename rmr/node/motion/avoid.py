@@ -15,7 +15,7 @@ hand; where there is no way around, a little way back.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
@@ -170,6 +170,11 @@ class Watch:
     def places(self, now: Instant) -> list[Point]:
         """Return where the bodies around are now, on the floor."""
         return [Point(s.x + s.vx * in_seconds(now - s.at), s.y + s.vy * in_seconds(now - s.at)) for s in self._memory]
+
+
+def with_heard(seen: Sequence[Point], heard: Iterable[Point], radius: float) -> list[Point]:
+    """Return the places `seen` and those `heard` that are none of them: the view is narrow."""
+    return [*seen, *(p for p in heard if all(math.hypot(p.x - q.x, p.y - q.y) > radius for q in seen))]
 
 
 def _in_frame(pose: Pose, cos: float, sin: float, x: float, y: float, vx: float, vy: float) -> SeenBody:

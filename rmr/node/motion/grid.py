@@ -14,12 +14,14 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from rmr.base.arena import Arena, Disc
-from rmr.base.geometry import Point, point_segment_distance
+from rmr.base.geometry import Point, distance, point_segment_distance
 
 MARGIN_M = 0.03
 """Added to the radius on the way, and to two radii around parked robots."""
 TIGHT_MARGIN_M = 0.005
 """Added to the radius (to two radii around parked robots) near start and goal."""
+SAME_PLACE_M = 0.03
+"""A parked robot that is reported this near to where it was has not moved."""
 RELAXED_M = 0.15
 """How near to start or goal the tight margin holds."""
 
@@ -107,6 +109,16 @@ def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Poi
         keep = min(keep, max(0.0, math.hypot(start.x - x, start.y - y) - 1e-6))
         discs.append((x, y, keep))
     return tuple(discs)
+
+
+def off_goal(parked: Sequence[Point], goal: Point, radius: float) -> list[Point]:
+    """Return `parked` without the robots that stand so near to `goal` that nobody else can."""
+    return [p for p in parked if distance(*p, *goal) >= 2.0 * radius + TIGHT_MARGIN_M]
+
+
+def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
+    """Return whether two lists of parked robots mean the same but for the noise of their estimates."""
+    return len(a) == len(b) and all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
 def blocked_cells(grid: Grid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:

@@ -17,18 +17,16 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, seconds
-from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist
+from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist, with_heard
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import START_S, Gate
-from rmr.node.motion.grid import MARGIN_M, discs_around
-from rmr.node.motion.priority import Heard, order_key, share_of_speed
+from rmr.node.motion.grid import MARGIN_M, discs_around, off_goal, same_places
+from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, queue_before, shared_part
 from rmr.node.ports import SeenBody
 
 RETRY_S = 0.5
 """Between two tries to find a way when blocked."""
-SAME_PLACE_M = 0.03
-"""A parked robot that is reported this near to where it was has not moved."""
 FACED = 0.03
 """Heading error that counts as facing, radians."""
 QUEUE_REACH_M = 0.3
@@ -79,6 +77,7 @@ class Navigator:
         "_replan_due",
         "_share",
         "_stand_off",
+        "_standing",
         "_watch",
         "arena",
         "replans",
@@ -107,6 +106,7 @@ class Navigator:
         self._heard: tuple[Heard, ...] = ()
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
+        self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
 
     def go(
@@ -134,7 +134,7 @@ class Navigator:
     def update_parked(self, points: Sequence[Point]) -> None:
         """Tell where robots are parked now; a blocked robot tries again at its next step."""
         parked = tuple(points)
-        if _same(parked, self._parked):
+        if same_places(parked, self._parked):
             return
         self._parked = parked
         self._next_try = 0
@@ -149,7 +149,9 @@ class Navigator:
         """
         self._heard = tuple(others)
         mine = order_key(rank, self.robot)
-        first = [other for other in others if order_key(other.rank, other.robot) < mine]
+        self._standing.update(now, others)
+        stands = self._standing.points
+        first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
         follower = self._follower
         if follower is None or not first or (follower.route.gate_m is not None and not self._gate.cleared):
             self._share = 1.0
@@ -233,7 +235,8 @@ class Navigator:
     def _detour(self, now: Instant, pose: Pose) -> None:
         """Leave a stand-off: around the others, or a little way back."""
         stand_off = self._stand_off
-        stand_off.mark(now, pose, self._watch.places(now), self.arena.shape.radius)
+        radius = self.arena.shape.radius
+        stand_off.mark(now, pose, with_heard(self._watch.places(now), self._standing.points.values(), radius), radius)
         found = self._replan(now, pose, keep=True)
         self._back_until = now + seconds(BACK_S if found and stand_off.tries % 3 else 2.0 * BACK_S)
 
@@ -266,7 +269,10 @@ class Navigator:
         parked = self._parked
         if now < self._stand_off.ghosts_until:
             parked = (*parked, *self._stand_off.ghosts)
-        route = self._route(start, goal, parked, shared, through and not self._gate.passed)
+        through = through and not self._gate.passed
+        route = self._route(start, goal, parked, shared, through)
+        if route is None and keep:  # who stands at the goal may be gone by then
+            route = self._route(start, goal, off_goal(parked, goal, self.arena.shape.radius), shared, through)
         if route is None:
             if not keep:
                 self._follower, self.status = None, "blocked"
@@ -392,8 +398,3 @@ class Navigator:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
         route = self._route(Point(pose.x, pose.y), goal, (), None, True)
         return None if route is None else shared_part(self.arena, route)
-
-
-def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
-    """Return whether two lists of parked robots mean the same but for the noise of their estimates."""
-    return len(a) == len(b) and all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)

@@ -5,6 +5,9 @@ about themselves (where, which way, where to) fills the gap: of two whose ways c
 order keeps clear. It predicts the other as going straight to its goal at full speed, itself along its route, and takes
 the greatest share of its speed that keeps the two apart. This only spaces robots out; what is seen comes after
 it and has the last word.
+
+The right of way is for those that use it: a robot that has not got anywhere for a while (`Standing`) goes before
+nobody, or two robots would wait for each other for good; detours go around it, seen or not.
 """
 
 import math
@@ -24,6 +27,10 @@ SHARES = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
 AGE_MAX_S = 2.0
 """What was heard longer ago says nothing."""
+STOOD_S = 1.5
+"""A robot that has stayed near one place for this long stands, whatever it intends."""
+STOOD_M = 0.1
+"""How near: a little way back and the return from it get a robot nowhere."""
 
 
 class Heard(NamedTuple):
@@ -36,6 +43,32 @@ class Heard(NamedTuple):
     rank: int
     """Its place in the order, from 1; 0: none, after all ranks."""
     at: Instant
+
+
+class Standing:
+    """Notices which of the robots that drive do not get anywhere."""
+
+    __slots__ = ("_since", "points")
+
+    def __init__(self) -> None:
+        self._since: dict[int, tuple[Point, Instant]] = {}
+        self.points: dict[int, Point] = {}
+        """Where those that stand are, by robot."""
+
+    def update(self, now: Instant, others: Sequence[Heard]) -> None:
+        """Take in what was heard; robots that are not among `others` are forgotten."""
+        since = {}
+        for other in others:
+            place, at = self._since.get(other.robot, (None, now))
+            if place is None or math.hypot(other.pose.x - place.x, other.pose.y - place.y) > STOOD_M:
+                place, at = Point(other.pose.x, other.pose.y), now
+            since[other.robot] = place, at
+        self._since = since
+        self.points = {
+            other.robot: Point(other.pose.x, other.pose.y)
+            for other in others
+            if in_seconds(now - since[other.robot][1]) >= STOOD_S and in_seconds(now - other.at) <= AGE_MAX_S
+        }
 
 
 def order_key(rank: int, robot: int) -> tuple[int, int]:
