@@ -17,9 +17,6 @@ from rich.text import Text
 
 from rmr_world.report import COLUMNS, rows, several_jobs
 
-REFRESH_HZ = 8
-"""How often the lines are drawn; statuses come several times a second."""
-
 MEASURED = re.compile(r"-?\d+\.\d+")
 """Values such as seconds and metres, which change all the time."""
 

@@ -84,11 +84,6 @@ class Ekf:
         half = 0.5 * (self._pxx - self._pyy)
         return math.sqrt(mean + math.sqrt(half * half + self._pxy * self._pxy))
 
-    @property
-    def heading_sigma(self) -> float:
-        """Return the standard deviation of the heading, radians."""
-        return math.sqrt(self._ptt)
-
     def predict(self, left_delta_m: float, right_delta_m: float, gyro: float, dt: float) -> None:
         """Move the estimate by what the wheels (metres) and the gyro (rad/s) felt during `dt` seconds."""
         way = 0.5 * (left_delta_m + right_delta_m)

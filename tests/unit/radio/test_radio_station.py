@@ -6,6 +6,7 @@ import sys
 from hashlib import blake2b
 from pathlib import Path
 
+import msgpack
 import pytest
 from radio_ether import MS, US, Ether, station, transmission
 
@@ -289,7 +290,6 @@ def test_a_host_that_calls_late_loses_nothing_but_is_told_so() -> None:
 
 
 def test_an_announcement_survives_the_wire() -> None:
-    msgpack = pytest.importorskip("msgpack")
     announcement = transmission(9, MS, x=2.0, to=3, attempt=2)
     assert Announcement.from_wire(msgpack.unpackb(msgpack.packb(announcement.to_wire()))) == announcement
 
