@@ -109,5 +109,10 @@ FUNCTIONS: tuple[Function, ...] = (
     Function("dist", 4),
     Function("id", 1),
     Function("now", 0),
+    Function("len", 1),
+    Function("nth", 2),
+    Function("member", 2),
+    Function("sort", 1),
+    Function("rest", 2),
 )
-"""Index = operand of CALL. `if` compiles to jumps."""
+"""Index = operand of CALL. `if` compiles to jumps; `rest`, a list without its first items, takes `[H | T]` apart."""

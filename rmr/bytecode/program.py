@@ -60,6 +60,9 @@ class Instruction:
 Code = tuple[Instruction, ...]
 """An expression; it leaves exactly one value."""
 
+SELF: Code = (Instruction(Op.LOAD, SELF_SLOT),)
+"""The robot that runs the rule or executes the action."""
+
 
 class Anything:
     """The pattern of an anonymous variable: matches anything, binds nothing."""
@@ -161,6 +164,10 @@ class DeriveAction:
     args: tuple[Code, ...]
 
 
+Derived = DeriveFact | DeriveGoal | DeriveAction
+"""What a head derives, one item."""
+
+
 @dataclass(frozen=True, slots=True)
 class Comprehension:
     """``{B | edge(A, B) | ready(B, A)}``: for every match of the body, derive the head."""
@@ -168,10 +175,43 @@ class Comprehension:
     slots: tuple[int, ...]
     """The listed (new) variables."""
     body: tuple[Conjunct, ...]
-    head: tuple["Head", ...]
+    head: tuple[Derived, ...]
 
 
-Head = DeriveFact | DeriveGoal | DeriveAction | Comprehension
+class Operator(IntEnum):
+    """What an aggregate makes of its matches."""
+
+    COUNT = 0
+    SUM = 1
+    MIN = 2
+    MAX = 3
+    COLLECT = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Aggregate:
+    """``[min D => V | road(A, B, D) | nearest(A, B, V)]``: one value of all matches of the body, one head."""
+
+    operator: Operator
+    term: Code | None
+    """What is added up, compared or collected, over the rule's slots and the body's; None: COUNT."""
+    result: int
+    """The slot of V, bound in the head only."""
+    slots: tuple[int, ...]
+    """The body's new variables; in the head they are bound for MIN and MAX only, to the winning match."""
+    body: tuple[Conjunct, ...]
+    head: Derived
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """``a(R) then b(R)``: each is derived when the one before it is complete; all arguments are worked out at once."""
+
+    steps: tuple[Derived, ...]
+    """At least two."""
+
+
+Head = Derived | Comprehension | Aggregate | Steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +230,8 @@ class Effect:
 
     predicate: int
     args: tuple[Code, ...]
+    owner: Code = SELF
+    """The robot that gets it: the executor (slot 0) or one that the action names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +257,18 @@ class InitialFact:
     predicate: int
     owner: int | None
     """None: every robot."""
-    args: tuple[Value, ...]
+    args: tuple[Value | Slot, ...]
+    """Slot 0 is the robot itself, the only one that stands here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lead:
+    """A rule whose firing may bring a goal nearer (paper, figure 6)."""
+
+    rule: int
+    """Index into the rules."""
+    rank: int | None
+    """How many further firings lead from it to the goal; None: that depends on the instantiation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +277,11 @@ class InitialGoal:
 
     predicate: int
     owner: int | None
-    args: tuple[Anything | Constant, ...]
+    args: tuple[Pattern, ...]
+    """Slot 0 is the robot itself; any other one is a variable that stands more than once and matches the same."""
+    leads: tuple[Lead, ...] | None = None
+    """What the compiler found by reasoning backwards, in the rules' order; a rule that is missing never leads there.
+    None: not worked out, the virtual machine does it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +295,7 @@ class Serving:
 
 @dataclass(frozen=True, slots=True)
 class Assertion:
-    """``assert(S, F, D, V)``. Slot 0 is the robot; S binds slots 1..; F, D and V are over S's slots."""
+    """``assert(S, F, D, V)``. Slot 0 is S's robot, where the job lives; S binds slots 1..; F, D and V are over them."""
 
     name: str
     """As named, else the predicate of F."""
@@ -251,6 +308,10 @@ class Assertion:
     scheduled: bool
     """False for ``watch``."""
     serving: tuple[Serving, ...] = ()
+    robot: int | None = None
+    """S names this robot, and no other has such jobs; None: every robot has."""
+    finisher: Slot | Constant = Slot(SELF_SLOT)
+    """F's robot, which reports to the job's: a slot that S binds, or a robot."""
 
 
 class Strategy(IntEnum):

@@ -49,12 +49,14 @@ class ActionDerived:
     """An action was derived, by a rule or by a missed deadline."""
 
     serial: int
-    """Names it in `Machine.complete`; 0 if another robot executes it."""
+    """Names it in `Machine.complete`; 0 if another robot executes it and nothing waits for its end."""
     predicate: int
     executor: int
     """The robot that is to carry it out."""
     args: Args
     """Without the executor."""
+    origin: tuple[int, int] | None = None
+    """Another robot derived it and waits for its end: that robot, and the serial to hand to its `complete`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,33 @@ class JobMissed:
     """A deadline passed without the finish fact; the violation action was derived."""
 
     job: Job
+
+
+@dataclass(frozen=True, slots=True)
+class FinishAwaited:
+    """A job waits for a fact of another robot: that robot must be asked to report it (`Machine.await_finish`)."""
+
+    destination: int
+    """The robot of the finish fact."""
+    assertion: int
+    """Index into the program's assertions."""
+    start_args: Args
+    """The start fact's, without the owner: they bind what the finish fact's pattern says."""
+    since: Instant
+    """When the job started; what was inserted before does not count."""
+
+
+@dataclass(frozen=True, slots=True)
+class FinishSeen:
+    """A fact for which another robot's job waits was inserted here: it must be told (`Machine.finish_seen`)."""
+
+    destination: int
+    """The job's robot."""
+    assertion: int
+    args: Args
+    """The finish fact's, without the owner."""
+    at: Instant
+    """When it was inserted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +153,8 @@ VmEvent = (
     | JobStarted
     | JobFinished
     | JobMissed
+    | FinishAwaited
+    | FinishSeen
     | GoalAchieved
     | FactInserted
     | FactRemoved
