@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rmr.base.geometry import Twist
+from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.bytecode.program import Program
@@ -19,7 +20,6 @@ from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
 from rmr.radio.air import Announcement
 from rmr.radio.station import RadioConfig, Station
-from rmr_sim.kernel import RADIO, ROBOT, Alarm, Kernel
 from rmr_world.lab import Lab
 from rmr_world.physics import World
 from rmr_world.terms import parse_fact

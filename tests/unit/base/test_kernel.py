@@ -1,6 +1,6 @@
 """The kernel makes calls in the order of time, priority and request."""
 
-from rmr_sim.kernel import RADIO, ROBOT, Alarm, Kernel
+from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
 
 
 def test_equal_times_break_by_priority_and_then_by_order_of_request():
