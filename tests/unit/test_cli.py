@@ -32,7 +32,7 @@ def program(tmp_path):
 def test_help_and_version_name_every_command():
     result = rmr("--help")
     assert result.exit_code == 0
-    for name in ("check", "compile", "dis", *cli.PROGRAMS):
+    for name in (*cli.COMMANDS, *cli.PROGRAMS):
         assert f"  {name} " in result.stdout
         assert name in cli.PROGRAMS or rmr(name, "--help").exit_code == rmr(name, "--version").exit_code == 0
     assert rmr("--version").stdout == f"rmr {__version__}\n"

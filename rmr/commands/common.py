@@ -1,0 +1,60 @@
+"""What every subcommand shares: exit codes, settings, JSON on stdout, and files written as a whole or not at all."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+
+import click
+
+from rmr import __version__
+
+EXIT_FAILED = 1
+"""It ran and failed."""
+EXIT_USAGE = 2
+"""Wrong usage."""
+EXIT_INVALID = 3
+"""An invalid program, byte-code or lab file."""
+
+PATH = click.Path(path_type=Path)
+SETTINGS = {"help_option_names": ["-h", "--help"]}
+VERSION = click.version_option(__version__, prog_name="rmr", message="%(prog)s %(version)s")
+
+
+def print_json(value: object) -> None:
+    """Print one JSON document on stdout."""
+    click.echo(json.dumps(value, indent=2))
+
+
+def counted(number: object, words: str) -> str:
+    """Return `number` with its `words`, which are in the plural: `1 error`, `2 errors`."""
+    return f"{number} {words}" if number != 1 else f"1 {words[:-1]}"
+
+
+def reason(error: Exception) -> str:
+    """Return why a file could not be read or written."""
+    return getattr(error, "strerror", None) or str(error)
+
+
+def write(target: Path, octets: bytes, mode: int | None = None) -> int:
+    """Write `target` as a whole or not at all, with the permissions `mode` or a new file's; return the exit code."""
+    temporary = ""
+    try:
+        descriptor, temporary = tempfile.mkstemp(prefix=".rmr-", dir=target.parent)
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(octets)
+        os.chmod(temporary, 0o666 & ~_umask() if mode is None else mode)
+        os.replace(temporary, target)
+    except (OSError, ValueError) as error:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+        click.echo(f"{target}: error: {reason(error)}", err=True)
+        return EXIT_FAILED
+    return 0
+
+
+def _umask() -> int:
+    """Return the mask of permissions, which can only be read by setting it."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
