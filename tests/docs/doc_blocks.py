@@ -1,0 +1,73 @@
+"""The fenced blocks of a page, and what its console sessions print.
+
+A block with a file name behind its language (```` ```rmr hello.rmr ````) writes that file; a ``console`` block holds
+commands (``$ rmr eval ...``) and what they print. The blocks of one page share a folder, in the order of the page. A
+line ``...`` of an output stands for any lines. With RMR_REWRITE=1 outputs that do not agree are written anew.
+"""
+
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+from click.testing import CliRunner
+
+from rmr.cli import main
+
+FENCE = re.compile(r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block."""
+
+    language: str
+    words: list[str]
+    text: str
+    start: int
+    """Offset of its text in the page."""
+    line: int
+
+
+def blocks_of(page: str) -> list[Block]:
+    """Return the fenced blocks of a page."""
+    return [
+        Block(m["language"], m["words"].split(), m["text"], m.start("text"), page.count("\n", 0, m.start()) + 1)
+        for m in FENCE.finditer(page)
+    ]
+
+
+def is_file(block: Block) -> bool:
+    """Whether the block is a file to write."""
+    return len(block.words) == 1 and re.fullmatch(r"[\w/-]+\.\w+", block.words[0]) is not None
+
+
+def has_sessions(page: str) -> bool:
+    """Whether a page has console blocks."""
+    return any(block.language == "console" for block in blocks_of(page))
+
+
+def session(text: str) -> list[tuple[str, str]]:
+    """Return the commands of a console block with what the page says they print."""
+    parts = re.split(r"^\$ (.*(?:\\\n.*)*)\n", text, flags=re.MULTILINE)
+    assert parts[0] == "", f"a console block begins with `$ command`: {text!r}"
+    return list(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def printed(command: str) -> str:
+    """Run a command of this package in the present folder; return what it prints."""
+    name, *arguments = shlex.split(command.replace("\\\n", " "))
+    if name == "cat":
+        return "".join(Path(each).read_text("utf-8") for each in arguments)
+    arguments = ["compile", *arguments] if name == "rmrc" else arguments
+    result = CliRunner().invoke(main, arguments)
+    assert result.exception is None or isinstance(result.exception, SystemExit), command
+    return result.output
+
+
+def agrees(shown: str, output: str) -> bool:
+    """Whether `output` is what a page shows, `...` lines aside."""
+    pattern = "".join(
+        r"(?:.*\n)*?" if line.strip() == "..." else re.escape(line) for line in shown.splitlines(keepends=True)
+    )
+    return re.fullmatch(pattern, output) is not None
