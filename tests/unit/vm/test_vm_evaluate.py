@@ -9,7 +9,8 @@ from rmr.base.time import seconds
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Instruction
-from rmr.vm.evaluate import LENGTH_MAX, NoValue, evaluate, same
+from rmr.vm.arithmetic import LENGTH_MAX, NESTING_MAX
+from rmr.vm.evaluate import NoValue, evaluate, same
 
 ENV: list[Value] = [Robot(7), "text"]
 
@@ -102,3 +103,93 @@ def test_functions_agree_with_their_mathematics() -> None:
     assert result(1, "call:sin") == math.sin(1)
     assert result(1, "call:cos") == math.cos(1)
     assert result(2, "call:sqrt") == math.sqrt(2)
+
+
+MIXED = (1, 2.5, "a", Symbol("a"), True, Robot(1), (1,))
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        (((), "call:len"), 0),
+        (((1, "a", (2, 3)), "call:len"), 3),
+        ((V(1), "call:len"), 4),
+        (((5, 6, 7), 0, "call:nth"), 5),
+        (((5, 6, 7), 2, "call:nth"), 7),
+        ((1.0, (0, 1), "call:member"), True),
+        ((Robot(1), (0, 1), "call:member"), False),
+        (((1,), ((2,), (1,)), "call:member"), True),
+        ((1, (), "call:member"), False),
+        (((), "call:sort"), ()),
+        (((3, 1, 2), "call:sort"), (1, 2, 3)),
+        (((Symbol("b"), Symbol("a")), "call:sort"), (Symbol("a"), Symbol("b"))),
+        (((Robot(10), Robot(9)), "call:sort"), (Robot(9), Robot(10))),
+        (((1, 2, 3), 0, "call:rest"), (1, 2, 3)),
+        (((1, 2, 3), 2, "call:rest"), (3,)),
+        (((1, 2, 3), 3, "call:rest"), ()),
+        ((1, V(0), Instruction(Op.LIST, 2), (2,), Op.ADD), (1, Robot(7), 2)),
+        ((Instruction(Op.LIST, 0),), ()),
+    ],
+)
+def test_lists_are_built_taken_apart_and_searched(parts: tuple[object, ...], expected: Value) -> None:
+    value = result(*parts)
+    assert same(value, expected)
+    assert type(value) is type(expected)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        (3, "call:len"),
+        (Symbol("a"), "call:len"),
+        ((1, 2), 2, "call:nth"),
+        ((1, 2), -1, "call:nth"),
+        ((), 0, "call:nth"),
+        ((1, 2), 0.0, "call:nth"),
+        ((1, 2), True, "call:nth"),
+        (V(1), 0, "call:nth"),
+        (1, 1, "call:member"),
+        (1, "call:sort"),
+        ((1, 2), 3, "call:rest"),
+        ((1, 2), -1, "call:rest"),
+        ((1,), 1, Op.ADD),
+    ],
+)
+def test_what_a_list_does_not_have_has_no_value(parts: tuple[object, ...]) -> None:
+    with pytest.raises(NoValue):
+        result(*parts)
+
+
+def test_items_of_different_kinds_and_those_without_an_order_are_not_sorted() -> None:
+    for index, item in enumerate(MIXED):
+        for other in MIXED[index + 1 :]:
+            if not {type(item), type(other)} <= {int, float}:
+                with pytest.raises(NoValue, match="without an order"):
+                    result((item, other), "call:sort")
+    for item in (True, (1,)):
+        with pytest.raises(NoValue, match="without an order"):
+            result((item,), "call:sort")
+
+
+def test_sorting_keeps_the_order_of_equal_numbers() -> None:
+    value = result((2, 1.0, 1, 0.5, 1.0), "call:sort")
+    assert isinstance(value, tuple)
+    assert [(type(item), item) for item in value] == [(float, 0.5), (float, 1.0), (int, 1), (float, 1.0), (int, 2)]
+
+
+def test_lists_in_lists_are_bounded_in_depth_and_in_all() -> None:
+    pair = Instruction(Op.LIST, 2)
+    deep: Value = ()
+    for _ in range(NESTING_MAX - 1):
+        deep = (deep,)
+    assert evaluate((Instruction(Op.LOAD, 0), Instruction(Op.LIST, 0), Instruction(Op.ADD)), [deep], 0) == deep
+    with pytest.raises(NoValue, match="deeper"):
+        evaluate((Instruction(Op.LOAD, 0), Instruction(Op.LIST, 1)), [deep], 0)
+    half: Value = tuple(range(LENGTH_MAX // 2))
+    load = Instruction(Op.LOAD, 0)
+    with pytest.raises(NoValue, match="longer"):
+        evaluate((load, load, pair), [half], 0)
+    with pytest.raises(NoValue, match="longer"):
+        evaluate((load, load, pair), ["x" * (LENGTH_MAX // 2)], 0)
+    with pytest.raises(NoValue, match="longer"):
+        evaluate((load, load, Instruction(Op.ADD)), ["x" * (LENGTH_MAX // 2 + 1)], 0)
