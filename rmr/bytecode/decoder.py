@@ -9,21 +9,27 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 from rmr.base.values import Symbol, Value
+from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.encoder import (
-    ACTION,
+    AGGREGATE,
     BIND,
     COMPREHENSION,
-    FACT,
-    GOAL,
+    FINISHED_ELSEWHERE,
+    FOR_ONE,
     GUARD,
+    HERE,
     KIND_MASK,
     LIST_OF_ANYTHING,
     PROVIDED,
+    SCHEDULED,
+    STEPS,
+    TAGS,
 )
 from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, Layout
 from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
 from rmr.bytecode.program import (
     ANY,
+    Aggregate,
     Anything,
     Assertion,
     Atom,
@@ -35,8 +41,7 @@ from rmr.bytecode.program import (
     Constant,
     Debug,
     DeriveAction,
-    DeriveFact,
-    DeriveGoal,
+    Derived,
     Effect,
     Guard,
     Head,
@@ -44,7 +49,9 @@ from rmr.bytecode.program import (
     InitialGoal,
     Instruction,
     Kind,
+    Lead,
     Mode,
+    Operator,
     Pattern,
     Place,
     Predicate,
@@ -52,14 +59,16 @@ from rmr.bytecode.program import (
     Rule,
     Serving,
     Slot,
+    Steps,
     Strategy,
     Type,
 )
-from rmr.bytecode.wire import NESTING_MAX, Reader
+from rmr.bytecode.wire import Reader
 
 T = TypeVar("T")
 
 OPS = {int(op): op for op in Op}
+DERIVED = {tag: kind for kind, tag in TAGS.items()}
 
 
 class Note(NamedTuple):
@@ -211,8 +220,9 @@ class _Decoder:
         return tuple([self.expression(reader) for _ in self.raw[predicate].types])
 
     def effect(self, reader: Reader) -> Effect:
+        owner = self.expression(reader)
         predicate = self.predicate_index(reader)
-        return Effect(predicate, self.codes_for(reader, predicate))
+        return Effect(predicate, self.codes_for(reader, predicate), owner)
 
     def owner(self, reader: Reader) -> int | None:
         number = reader.varint()
@@ -221,18 +231,31 @@ class _Decoder:
     def fact(self, reader: Reader) -> InitialFact:
         predicate = self.predicate_index(reader)
         owner = self.owner(reader)
-        return InitialFact(predicate, owner, tuple([self.constant(reader) for _ in self.raw[predicate].types]))
+        args: list[Value | Slot] = []
+        for pattern in self.patterns(reader, predicate):
+            if isinstance(pattern, Anything):
+                raise reader.fail("a fact that leaves an argument open")
+            args.append(pattern if isinstance(pattern, Slot) else pattern.value)
+        return InitialFact(predicate, owner, tuple(args))
 
     def goal(self, reader: Reader) -> InitialGoal:
         predicate = self.predicate_index(reader)
         owner = self.owner(reader)
-        patterns = self.patterns(reader, predicate)
-        args: list[Anything | Constant] = []
-        for pattern in patterns:
-            if isinstance(pattern, Slot):
-                raise reader.fail("a variable in a goal that the program states")
-            args.append(pattern)
-        return InitialGoal(predicate, owner, tuple(args))
+        return InitialGoal(predicate, owner, self.patterns(reader, predicate), self.leads(reader))
+
+    @staticmethod
+    def leads(reader: Reader) -> tuple[Lead, ...] | None:
+        count = reader.varint()
+        if count == 0:
+            return None
+        leads: list[Lead] = []
+        rule = 0
+        for _ in range(reader.fits(count - 1)):
+            rule += reader.varint()
+            rank = reader.varint()
+            leads.append(Lead(rule, None if rank == 0 else rank - 1))
+            rule += 1
+        return tuple(leads)
 
     def patterns(self, reader: Reader, predicate: int) -> tuple[Pattern, ...]:
         return tuple([self.pattern(reader) for _ in self.raw[predicate].types])
@@ -249,7 +272,7 @@ class _Decoder:
         return Constant(self.constants[index])
 
     def rule(self, reader: Reader) -> Rule:
-        return Rule(reader.varint(), self.body(reader), self.heads(reader, 0))
+        return Rule(reader.varint(), self.body(reader), tuple([self.head(reader) for _ in range(reader.count())]))
 
     def body(self, reader: Reader) -> tuple[Conjunct, ...]:
         return tuple([self.conjunct(reader) for _ in range(reader.count())])
@@ -268,37 +291,58 @@ class _Decoder:
         predicate = self.predicate_index(reader)
         return Atom(predicate, self.patterns(reader, predicate), Mode(tag))
 
-    def heads(self, reader: Reader, nesting: int) -> tuple[Head, ...]:
-        return tuple([self.head(reader, nesting) for _ in range(reader.count())])
-
-    def head(self, reader: Reader, nesting: int) -> Head:
+    def head(self, reader: Reader) -> Head:
         tag = reader.octet()
         if tag == COMPREHENSION:
-            if nesting:
-                raise reader.fail("a comprehension inside a comprehension")
-            slots = tuple([reader.varint() for _ in range(reader.count())])
-            return Comprehension(slots, self.body(reader), self.heads(reader, nesting + 1))
-        if tag not in (FACT, GOAL, ACTION):
-            raise reader.fail(f"unknown kind of head {tag}")
-        kind = DeriveFact if tag == FACT else DeriveGoal if tag == GOAL else DeriveAction
+            return Comprehension(self.slots(reader), self.body(reader), self.items(reader))
+        if tag == STEPS:
+            return Steps(self.items(reader))
+        if AGGREGATE <= tag < AGGREGATE + len(Operator):
+            return self.aggregate(reader, Operator(tag - AGGREGATE))
+        return self.item(reader, tag)
+
+    def aggregate(self, reader: Reader, operator: Operator) -> Aggregate:
+        term = None if operator is Operator.COUNT else self.expression(reader)
+        result, slots, body = reader.varint(), self.slots(reader), self.body(reader)
+        return Aggregate(operator, term, result, slots, body, self.item(reader, reader.octet()))
+
+    @staticmethod
+    def slots(reader: Reader) -> tuple[int, ...]:
+        return tuple([reader.varint() for _ in range(reader.count())])
+
+    def items(self, reader: Reader) -> tuple[Derived, ...]:
+        return tuple([self.item(reader, reader.octet()) for _ in range(reader.count())])
+
+    def item(self, reader: Reader, tag: int) -> Derived:
+        kind = DERIVED.get(tag)
+        if kind is None:
+            raise reader.fail(f"unknown or misplaced kind of head {tag}")
         owner = self.expression(reader)
         predicate = self.predicate_index(reader)
         return kind(predicate, owner, self.codes_for(reader, predicate))
 
     def assertion(self, reader: Reader) -> Assertion:
         flags = reader.octet()
-        if flags > 1:
-            raise reader.fail(f"unknown kind of assertion {flags}")
+        if flags & ~(SCHEDULED | FOR_ONE | FINISHED_ELSEWHERE):
+            raise reader.fail(f"unknown kind of assertion 0x{flags:02x}")
         return Assertion(
+            robot=reader.varint() if flags & FOR_ONE else None,
+            finisher=self.finisher(reader) if flags & FINISHED_ELSEWHERE else HERE,
             name=self.name(reader),
             slots=reader.varint(),
             start=self.atom(reader, reader.octet()),
             finish=self.atom(reader, reader.octet()),
             deadline=self.expression(reader),
             violation=self.violation(reader),
-            scheduled=flags == 1,
+            scheduled=bool(flags & SCHEDULED),
             serving=tuple([self.serving(reader) for _ in range(reader.count())]),
         )
+
+    def finisher(self, reader: Reader) -> Slot | Constant:
+        pattern = self.pattern(reader)
+        if isinstance(pattern, Anything):
+            raise reader.fail("an assertion that leaves open who finishes it")
+        return pattern
 
     def violation(self, reader: Reader) -> DeriveAction:
         owner = self.expression(reader)

@@ -11,6 +11,7 @@ from rmr.bytecode.decoder import Note, decode_tables
 from rmr.bytecode.layout import CRC_OFFSET, HEADER, TABLES, VERSION, Layout, read_layout
 from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
 from rmr.bytecode.program import (
+    Aggregate,
     Anything,
     Assertion,
     Atom,
@@ -20,7 +21,6 @@ from rmr.bytecode.program import (
     Comprehension,
     Conjunct,
     Debug,
-    DeriveAction,
     DeriveGoal,
     Effect,
     Guard,
@@ -29,6 +29,7 @@ from rmr.bytecode.program import (
     InitialGoal,
     Instruction,
     Kind,
+    Lead,
     Mode,
     Pattern,
     Place,
@@ -36,6 +37,7 @@ from rmr.bytecode.program import (
     Program,
     Rule,
     Slot,
+    Steps,
     Type,
 )
 
@@ -152,11 +154,12 @@ class _Text:
             case Assertion() as assertion:
                 return self.assertion(assertion) + _place(debug.assertions, number)
             case Effect() as effect:
-                return self.term(effect.predicate, "$0", map(code_text, effect.args))
+                return self.effect(effect)
             case InitialFact() as fact:
-                return self.term(fact.predicate, _owner(fact.owner), map(format_value, fact.args))
+                return self.term(fact.predicate, _owner(fact.owner), map(_stated, fact.args))
             case InitialGoal() as goal:
-                return "?" + self.term(goal.predicate, _owner(goal.owner), map(pattern_text, goal.args))
+                text = "?" + self.term(goal.predicate, _owner(goal.owner), map(pattern_text, goal.args))
+                return text + _leads(goal.leads)
             case Debug():
                 return "places in the source"
         if note.table == "predicates":
@@ -175,8 +178,11 @@ class _Text:
         text = f"{_KINDS[predicate.kind]}{predicate.name}({', '.join(['robot', *map(type_text, predicate.types)])})"
         for word, effects in ((" -o ", predicate.effects), (" else ", predicate.else_effects)):
             if effects:
-                text += word + ", ".join(self.term(e.predicate, "$0", map(code_text, e.args)) for e in effects)
+                text += word + ", ".join(map(self.effect, effects))
         return text + (" (provided)" if predicate.provided else "")
+
+    def effect(self, effect: Effect) -> str:
+        return self.term(effect.predicate, code_text(effect.owner), map(code_text, effect.args))
 
     def rule(self, rule: Rule) -> str:
         return f"{self.body(rule.body)} -o {self.heads(rule.head)}  ; {rule.slots} slots"
@@ -193,35 +199,57 @@ class _Text:
             case Bind():
                 return f"${conjunct.slot} = {code_text(conjunct.code)}"
 
-    def atom(self, atom: Atom) -> str:
-        return self.term(atom.predicate, "$0", map(pattern_text, atom.args))
+    def atom(self, atom: Atom, owner: str = "$0") -> str:
+        return self.term(atom.predicate, owner, map(pattern_text, atom.args))
 
     def heads(self, heads: Iterable[Head]) -> str:
         return ", ".join(map(self.head, heads)) or "1"
 
     def head(self, head: Head) -> str:
-        if isinstance(head, Comprehension):
-            slots = ", ".join(f"${slot}" for slot in head.slots)
-            return f"{{{slots} | {self.body(head.body)} | {self.heads(head.head)}}}"
+        match head:
+            case Comprehension():
+                return f"{{{_slots(head.slots)} | {self.body(head.body)} | {self.heads(head.head)}}}"
+            case Steps():
+                return " then ".join(map(self.head, head.steps))
+            case Aggregate():
+                return self.aggregate(head)
         mark = "?" if isinstance(head, DeriveGoal) else ""
         return mark + self.term(head.predicate, code_text(head.owner), map(code_text, head.args))
 
+    def aggregate(self, aggregate: Aggregate) -> str:
+        operator = aggregate.operator.name.lower()
+        term = "" if aggregate.term is None else " " + code_text(aggregate.term)
+        result = f"${aggregate.result}, {_slots(aggregate.slots)}" if aggregate.slots else f"${aggregate.result}"
+        return f"[{operator}{term} => {result} | {self.body(aggregate.body)} | {self.head(aggregate.head)}]"
+
     def assertion(self, assertion: Assertion) -> str:
-        violation: DeriveAction = assertion.violation
-        parts = [
-            self.atom(assertion.start),
-            self.atom(assertion.finish),
-            code_text(assertion.deadline),
-            self.head(violation),
-        ]
+        start = self.atom(assertion.start, _owner(assertion.robot, "$0"))
+        finish = self.atom(assertion.finish, pattern_text(assertion.finisher))
+        parts = [start, finish, code_text(assertion.deadline), self.head(assertion.violation)]
         word = "assert" if assertion.scheduled else "watch"
         text = f"{assertion.name}: {word}({', '.join(parts)})"
         served = [self.term(s.action, "$0", map(pattern_text, s.args)) for s in assertion.serving]
         return text + ("  ; served by " + ", ".join(served) if served else "")
 
 
-def _owner(owner: int | None) -> str:
-    return "_" if owner is None else f"@{owner}"
+def _owner(owner: int | None, everyone: str = "_") -> str:
+    return everyone if owner is None else f"@{owner}"
+
+
+def _stated(arg: Value | Slot) -> str:
+    return pattern_text(arg) if isinstance(arg, Slot) else format_value(arg)
+
+
+def _slots(slots: tuple[int, ...]) -> str:
+    return ", ".join(f"${slot}" for slot in slots)
+
+
+def _leads(leads: tuple[Lead, ...] | None) -> str:
+    """Return the rules that lead to a goal, each with its rank (``_``: it depends)."""
+    if leads is None:
+        return ""
+    ranked = [f"rule {lead.rule} at {'_' if lead.rank is None else lead.rank}" for lead in leads]
+    return "  ; led to by " + (", ".join(ranked) or "no rule")
 
 
 def _place(places: tuple[Place, ...], number: int) -> str:

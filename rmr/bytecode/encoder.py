@@ -5,12 +5,14 @@ owner expression that nearly every head has costs one octet. A pattern is one va
 even a constant. How many arguments an entry has is not written: its predicate says so.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.opcodes import FORMS, Operand
 from rmr.bytecode.program import (
+    SELF_SLOT,
+    Aggregate,
     Anything,
     Assertion,
     Atom,
@@ -18,8 +20,10 @@ from rmr.bytecode.program import (
     Code,
     Comprehension,
     Conjunct,
+    Constant,
     Debug,
     DeriveAction,
+    Derived,
     DeriveFact,
     DeriveGoal,
     Effect,
@@ -29,6 +33,7 @@ from rmr.bytecode.program import (
     InitialGoal,
     Instruction,
     Kind,
+    Lead,
     Pattern,
     Place,
     Predicate,
@@ -36,18 +41,26 @@ from rmr.bytecode.program import (
     Rule,
     Serving,
     Slot,
+    Steps,
     Type,
 )
 from rmr.bytecode.wire import Writer, identity
 
 GUARD, BIND = 4, 5
 """Tags of conjuncts; 0 to 3 are atoms of that mode."""
-FACT, GOAL, ACTION, COMPREHENSION = range(4)
-"""Tags of heads."""
+FACT, GOAL, ACTION, COMPREHENSION, STEPS, AGGREGATE = range(6)
+"""Tags of heads; those of aggregates go on from the last one, one for each operator."""
 LIST_OF_ANYTHING = 8
 """Tag of a list type without an element type; 0 to 7 are the bases."""
 KIND_MASK, PROVIDED = 3, 4
 """Bits of a predicate's first octet."""
+SCHEDULED, FOR_ONE, FINISHED_ELSEWHERE = 1, 2, 4
+"""Bits of an assertion's first octet: the last two say that its robot and the finisher are written."""
+
+HERE = Slot(SELF_SLOT)
+"""The usual finisher: the robot of the job itself."""
+
+TAGS: dict[type[Derived], int] = {DeriveFact: FACT, DeriveGoal: GOAL, DeriveAction: ACTION}
 
 T = TypeVar("T")
 
@@ -174,19 +187,30 @@ class _Encoder:
         if kind.element is not None:
             self.type(writer, kind.element)
 
-    def derived(self, writer: Writer, item: Effect | DeriveFact | DeriveGoal | DeriveAction) -> None:
+    def derived(self, writer: Writer, item: Effect | Derived) -> None:
+        """Write whose it is, what it is, and the arguments."""
+        writer.varint(self.pools.expression(item.owner))
         writer.varint(item.predicate)
         for code in item.args:
             writer.varint(self.pools.expression(code))
 
     def fact(self, writer: Writer, fact: InitialFact) -> None:
         self._owned(writer, fact.predicate, fact.owner)
-        for value in fact.args:
-            writer.varint(self.pools.constant(value))
+        self.patterns(writer, [arg if isinstance(arg, Slot) else Constant(arg) for arg in fact.args])
 
     def goal(self, writer: Writer, goal: InitialGoal) -> None:
         self._owned(writer, goal.predicate, goal.owner)
         self.patterns(writer, goal.args)
+        self.leads(writer, goal.leads)
+
+    def leads(self, writer: Writer, leads: tuple[Lead, ...] | None) -> None:
+        """Write how many there are and one more, 0 if nobody has worked them out; rules as gaps between them."""
+        writer.varint(0 if leads is None else len(leads) + 1)
+        expected = 0
+        for lead in leads or ():
+            writer.varint(lead.rule - expected)
+            writer.varint(0 if lead.rank is None else lead.rank + 1)
+            expected = lead.rule + 1
 
     def _owned(self, writer: Writer, predicate: int, owner: int | None) -> None:
         writer.varint(predicate)
@@ -194,12 +218,15 @@ class _Encoder:
 
     def patterns(self, writer: Writer, patterns: Iterable[Pattern]) -> None:
         for pattern in patterns:
-            if isinstance(pattern, Anything):
-                writer.varint(0)
-            elif isinstance(pattern, Slot):
-                writer.varint(pattern.index * 2 + 1)
-            else:
-                writer.varint(self.pools.constant(pattern.value) * 2 + 2)
+            self.pattern(writer, pattern)
+
+    def pattern(self, writer: Writer, pattern: Pattern) -> None:
+        if isinstance(pattern, Anything):
+            writer.varint(0)
+        elif isinstance(pattern, Slot):
+            writer.varint(pattern.index * 2 + 1)
+        else:
+            writer.varint(self.pools.constant(pattern.value) * 2 + 2)
 
     def rule(self, writer: Writer, rule: Rule) -> None:
         writer.varint(rule.slots)
@@ -224,35 +251,55 @@ class _Encoder:
         writer.varint(atom.predicate)
         self.patterns(writer, atom.args)
 
-    def heads(self, writer: Writer, heads: tuple[Head, ...]) -> None:
+    def heads(self, writer: Writer, heads: Sequence[Head]) -> None:
         writer.varint(len(heads))
         for head in heads:
             self.head(writer, head)
 
     def head(self, writer: Writer, head: Head) -> None:
-        if isinstance(head, Comprehension):
-            writer.octet(COMPREHENSION)
-            writer.varint(len(head.slots))
-            for slot in head.slots:
-                writer.varint(slot)
-            self.body(writer, head.body)
-            self.heads(writer, head.head)
-            return
-        writer.octet(FACT if isinstance(head, DeriveFact) else GOAL if isinstance(head, DeriveGoal) else ACTION)
-        self.violation(writer, head)
+        match head:
+            case Comprehension():
+                writer.octet(COMPREHENSION)
+                self.slots(writer, head.slots)
+                self.body(writer, head.body)
+                self.heads(writer, head.head)
+            case Steps():
+                writer.octet(STEPS)
+                self.heads(writer, head.steps)
+            case Aggregate():
+                self.aggregate(writer, head)
+            case DeriveFact() | DeriveGoal() | DeriveAction():
+                writer.octet(TAGS[type(head)])
+                self.derived(writer, head)
 
-    def violation(self, writer: Writer, head: DeriveFact | DeriveGoal | DeriveAction) -> None:
-        writer.varint(self.pools.expression(head.owner))
-        self.derived(writer, head)
+    def aggregate(self, writer: Writer, head: Aggregate) -> None:
+        writer.octet(AGGREGATE + head.operator)
+        if head.term is not None:
+            writer.varint(self.pools.expression(head.term))
+        writer.varint(head.result)
+        self.slots(writer, head.slots)
+        self.body(writer, head.body)
+        self.head(writer, head.head)
+
+    @staticmethod
+    def slots(writer: Writer, slots: tuple[int, ...]) -> None:
+        writer.varint(len(slots))
+        for slot in slots:
+            writer.varint(slot)
 
     def assertion(self, writer: Writer, assertion: Assertion) -> None:
-        writer.octet(1 if assertion.scheduled else 0)
+        for_one, elsewhere = assertion.robot is not None, assertion.finisher != HERE
+        writer.octet(SCHEDULED * assertion.scheduled | FOR_ONE * for_one | FINISHED_ELSEWHERE * elsewhere)
+        if assertion.robot is not None:
+            writer.varint(assertion.robot)
+        if elsewhere:
+            self.pattern(writer, assertion.finisher)
         writer.varint(self.pools.constant(Symbol(assertion.name)))
         writer.varint(assertion.slots)
         self.atom(writer, assertion.start)
         self.atom(writer, assertion.finish)
         writer.varint(self.pools.expression(assertion.deadline))
-        self.violation(writer, assertion.violation)
+        self.derived(writer, assertion.violation)
         writer.varint(len(assertion.serving))
         for serving in assertion.serving:
             self.serving(writer, serving)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from rmr.bytecode.wire import BytecodeError, Reader, Writer
 
 MAGIC = b"RMR\x1a"
-VERSION = 1
+VERSION = 2
 FLAG_TEXTUAL = 1
 FLAG_DEBUG = 2
 HEADER = struct.Struct("<4sBBII")

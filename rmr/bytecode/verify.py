@@ -3,98 +3,62 @@
 The virtual machine then need not check: every index is in range, every argument list as long as its
 predicate says, every slot bound before it is used, every expression leaves exactly one value and ends
 (jumps go forward only), a body consumes only what can be consumed, constants have the type that the
-predicate declares. What only values decide (division by zero, a type that nothing fixed) stays with the
-evaluation.
+predicate declares, what must be a robot is not certainly something else. What only values decide (division
+by zero, whether the value of an expression has the type that its argument declares) stays with the evaluation.
+
+The work is linear in the size of a file: what its entries share is looked at once.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from math import isfinite
+from collections.abc import Iterator, Sequence
+from itertools import islice, pairwise
 
-from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.base.values import ROBOT_ID_MAX, Robot
+from rmr.bytecode.checks import Checks
+from rmr.bytecode.conform import NESTING_MAX
+from rmr.bytecode.constants import is_name
+from rmr.bytecode.limits import exceeded
 from rmr.bytecode.program import (
+    SELF,
     SELF_SLOT,
-    Anything,
+    Aggregate,
     Assertion,
-    Atom,
     Base,
-    Bind,
-    Code,
     Comprehension,
-    Conjunct,
     Constant,
-    DeriveAction,
-    DeriveFact,
-    DeriveGoal,
-    Guard,
+    Debug,
+    Effect,
     Head,
-    Instruction,
+    InitialGoal,
     Kind,
+    Lead,
     Mode,
+    Operator,
     Pattern,
     Predicate,
     Program,
     Rule,
     Slot,
+    Steps,
     Type,
 )
-from rmr.bytecode.wire import NESTING_MAX
+from rmr.bytecode.provided import is_provided
+from rmr.bytecode.scope import ROBOT, Scope
 
-SLOTS_MAX = 1024
-"""Variables of a rule: a robot holds that many values for each match it looks at."""
+REASONS_MAX = 20
+"""Reasons told: a forged file may be wrong in a million places."""
 
-STACK_MAX = 256
-"""Values on the stack of an expression."""
+RANK_MAX = 65535
+"""Firings between a rule and a goal to which it leads; nobody looks as far."""
 
-NOW = next(i for i, function in enumerate(FUNCTIONS) if function.name == "now")
-JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
-
-_CLASSES: dict[Base, type] = {
-    Base.ROBOT: Robot,
-    Base.INT: int,
-    Base.BOOL: bool,
-    Base.STRING: str,
-    Base.SYMBOL: Symbol,
-}
+PLACE_MAX = (1 << 32) - 1
+"""Lines and columns of a source."""
 
 
 def verify(program: Program) -> list[str]:
-    """Return the reasons for which `program` must not run, in the order of its tables; none if it is sound."""
-    return list(_Verifier(program).reasons())
-
-
-def conforms(value: Value, kind: Type) -> bool:
-    """Tell whether `value` may stand where `kind` is declared (an int is no float)."""
-    return checker(kind)(value)
-
-
-def checker(kind: Type) -> Callable[[Value], bool]:
-    """Return the function that tells whether a value conforms to `kind`."""
-    if kind.base is Base.OPEN:
-        return sound
-    if kind.base is Base.LIST:
-        element = checker(kind.element or Type(Base.OPEN))
-        return lambda value: type(value) is tuple and sound(value) and all(map(element, value))
-    if kind.base is Base.FLOAT:
-        return lambda value: type(value) is float and isfinite(value)
-    wanted = _CLASSES[kind.base]
-    if wanted in (int, Robot):
-        return lambda value: type(value) is wanted and sound(value)
-    return lambda value: type(value) is wanted
-
-
-def sound(value: Value, nesting: int = 0) -> bool:
-    """Tell whether `value` is one that facts may carry: 64-bit, finite, lists not nested without bound."""
-    kind = type(value)
-    if kind is float:
-        return isfinite(value)  # type: ignore[arg-type]
-    if kind is int:
-        return INT_MIN <= value <= INT_MAX  # type: ignore[operator]
-    if kind is Robot:
-        return 0 <= value <= ROBOT_ID_MAX  # type: ignore[operator]
-    if kind is tuple:
-        return nesting < NESTING_MAX and all(sound(item, nesting + 1) for item in value)  # type: ignore[union-attr]
-    return kind in (bool, str, Symbol)
+    """Return why `program` must not run: the first reasons in the order of its tables; none if it is sound."""
+    excess = islice(exceeded(program), REASONS_MAX)
+    too_much = [f"entry {entry} of the {table}: {text}" for table, entry, text in excess]
+    return too_much or list(islice(_Verifier(program).reasons(), REASONS_MAX))
 
 
 class _Verifier:
@@ -102,215 +66,180 @@ class _Verifier:
 
     def __init__(self, program: Program) -> None:
         self.program = program
-        self.predicates = program.predicates
+        self.checks = Checks(program.predicates)
+        self.names: set[str] = set()
 
     def reasons(self) -> Iterator[str]:
-        seen: dict[str, int] = {}
-        for index, predicate in enumerate(self.predicates):
-            where = f"predicate {predicate.name or index}"
-            if not predicate.name or seen.setdefault(predicate.name, index) != index:
-                yield f"{where}: its name is empty or taken"
-            yield from self.predicate(where, predicate)
-        for index, fact in enumerate(self.program.facts):
-            where = f"fact {index}"
-            yield from self.stated(where, fact.predicate, fact.owner, [Constant(value) for value in fact.args])
-        for index, goal in enumerate(self.program.goals):
-            yield from self.stated(f"goal {index}", goal.predicate, goal.owner, goal.args)
-        for index, rule in enumerate(self.program.rules):
-            yield from self.rule(f"rule {index}", rule)
-        for index, assertion in enumerate(self.program.assertions):
-            yield from self.assertion(f"assertion {assertion.name or index}", assertion)
+        program = self.program
+        for index, predicate in enumerate(program.predicates):
+            yield from _of(f"predicate {predicate.name or index}", self.predicate(predicate))
+        for index, fact in enumerate(program.facts):
+            args = [arg if isinstance(arg, Slot) else Constant(arg) for arg in fact.args]
+            yield from _of(f"fact {index}", self.stated(fact.predicate, fact.owner, args, 1))
+        for index, goal in enumerate(program.goals):
+            yield from _of(f"goal {index}", self.goal(goal))
+        for index, rule in enumerate(program.rules):
+            yield from _of(f"rule {index}", self.rule(rule))
+        for index, assertion in enumerate(program.assertions):
+            yield from _of(f"assertion {assertion.name or index}", self.assertion(assertion))
+        yield from _of("debug", _debug(program.debug or Debug(), program))
 
-    def predicate(self, where: str, predicate: Predicate) -> Iterator[str]:
+    def predicate(self, predicate: Predicate) -> Iterator[str]:
+        if not is_name(predicate.name) or predicate.name in self.names:
+            yield "its name is no name or taken"
+        self.names.add(predicate.name)
+        for kind in predicate.types:
+            yield from _type(kind)
+        if predicate.provided and not is_provided(predicate.name, predicate.kind, predicate.types):
+            yield "no robot provides it so"
         effects = (*predicate.effects, *predicate.else_effects)
         if effects and predicate.kind is not Kind.ACTION:
-            yield f"{where}: only an action has effects"
-        bound = set(range(len(predicate.types) + 1))
+            yield "only an action has effects"
+        scope = Scope()
+        for position, kind in enumerate(predicate.types):
+            scope.bind(position + 1, kind)
         for effect in effects:
-            yield from self.derives(where, effect.predicate, effect.args, bound, action=False)
+            yield from self.effect(effect, scope)
 
-    def stated(self, where: str, index: int, owner: int | None, args: Iterable[Pattern]) -> Iterator[str]:
-        if owner is not None and not 0 <= owner <= ROBOT_ID_MAX:
-            yield f"{where}: owner {owner} is no robot"
-        yield from self.patterns(where, index, tuple(args), 0, action=False)
+    def effect(self, effect: Effect, scope: Scope) -> Iterator[str]:
+        wrong = list(self.checks.derived(effect, scope))
+        yield from wrong
+        if not wrong and effect.owner != SELF:
+            affected = self.program.predicates[effect.predicate]
+            if affected.kind is Kind.SENSED:
+                yield f"an effect on what another robot senses, {affected.name}"
 
-    def usable(self, where: str, index: int, arity: int, *, action: bool) -> Iterator[str]:
-        """Check that `index` names a predicate (or an action) with `arity` arguments."""
-        if not 0 <= index < len(self.predicates):
-            yield f"{where}: there is no predicate {index}"
-            return
-        predicate = self.predicates[index]
-        if (predicate.kind is Kind.ACTION) != action:
-            yield f"{where}: {predicate.name} is {'not ' if action else ''}an action"
-        if arity != len(predicate.types):
-            yield f"{where}: {predicate.name} with {arity} arguments instead of {len(predicate.types)}"
-
-    def patterns(self, where: str, index: int, args: tuple[Pattern, ...], slots: int, *, action: bool) -> Iterator[str]:
-        wrong = list(self.usable(where, index, len(args), action=action))
+    def stated(self, index: int, owner: int | None, args: Sequence[Pattern], slots: int) -> Iterator[str]:
+        """Check a fact or goal of the start."""
+        yield from _robot(owner)
+        wrong = list(self.checks.patterns(index, tuple(args), slots))
         yield from wrong
         if wrong:
             return
-        predicate = self.predicates[index]
-        for position, (pattern, kind) in enumerate(zip(args, predicate.types, strict=True)):
-            if isinstance(pattern, Slot):
-                if not 0 <= pattern.index < slots:
-                    yield f"{where}: {predicate.name} uses slot {pattern.index} of {slots}"
-            elif not isinstance(pattern, Anything) and not conforms(pattern.value, kind):
-                yield f"{where}: argument {position + 1} of {predicate.name} has the wrong type"
+        for pattern, kind in zip(args, self.program.predicates[index].types, strict=True):
+            if isinstance(pattern, Slot) and pattern.index == SELF_SLOT and kind.base not in (Base.ROBOT, Base.OPEN):
+                yield "the robot itself where no robot can be"
 
-    def slots(self, where: str, count: int) -> Iterator[str]:
-        if not 1 <= count <= SLOTS_MAX:
-            yield f"{where}: {count} slots, at least 1 and at most {SLOTS_MAX} are possible"
+    def goal(self, goal: InitialGoal) -> Iterator[str]:
+        yield from self.stated(goal.predicate, goal.owner, goal.args, len(goal.args) + 1)
+        yield from self.leads(goal.leads or ())
 
-    def rule(self, where: str, rule: Rule) -> Iterator[str]:
-        yield from self.slots(where, rule.slots)
-        bound = {SELF_SLOT}
-        yield from self.body(where, rule.body, rule.slots, bound)
+    def leads(self, leads: tuple[Lead, ...]) -> Iterator[str]:
+        rules = [lead.rule for lead in leads]
+        if any(not 0 <= rule < len(self.program.rules) for rule in rules):
+            yield "a rule that is not there leads to it"
+        if any(one >= other for one, other in pairwise(rules)):
+            yield "the rules that lead to it are not in order"
+        if any(lead.rank is not None and not 0 <= lead.rank <= RANK_MAX for lead in leads):
+            yield f"a rank beyond {RANK_MAX}"
+
+    def rule(self, rule: Rule) -> Iterator[str]:
+        if rule.slots < 1:
+            yield "no slot for the robot itself"
+        scope = Scope()
+        yield from self.checks.body(rule.body, rule.slots, scope)
         for head in rule.head:
-            yield from self.head(where, head, rule.slots, bound)
+            yield from self.head(head, rule.slots, scope)
 
-    def body(self, where: str, body: tuple[Conjunct, ...], slots: int, bound: set[int]) -> Iterator[str]:
-        """Check a body; `bound` grows by what it binds."""
-        for conjunct in body:
-            if isinstance(conjunct, Atom):
-                yield from self.atom(where, conjunct, slots, bound)
-            elif isinstance(conjunct, Guard):
-                yield from self.code(where, conjunct.code, bound, now=False)
-            else:
-                yield from self.bind(where, conjunct, slots, bound)
+    def head(self, head: Head, slots: int, scope: Scope) -> Iterator[str]:
+        match head:
+            case Comprehension():
+                inner = scope.copy()
+                yield from self.inner(head, slots, scope, inner)
+                for item in head.head:
+                    yield from self.checks.derived(item, inner)
+            case Aggregate():
+                yield from self.aggregate(head, slots, scope)
+            case Steps():
+                if len(head.steps) < 2:
+                    yield "fewer than two steps"
+                for item in head.steps:
+                    yield from self.checks.derived(item, scope)
+            case _:
+                yield from self.checks.derived(head, scope)
 
-    def atom(self, where: str, atom: Atom, slots: int, bound: set[int]) -> Iterator[str]:
-        wrong = list(self.patterns(where, atom.predicate, atom.args, slots, action=False))
-        yield from wrong
-        if wrong:
-            return
-        predicate = self.predicates[atom.predicate]
-        linear = predicate.kind is Kind.TEMPORARY
-        if atom.mode is not Mode.ABSENT and linear != (atom.mode in (Mode.CONSUME, Mode.KEEP)):
-            yield f"{where}: {atom.mode.name} of {predicate.name}, which is {predicate.kind.name}"
-        if atom.mode is not Mode.ABSENT:
-            bound.update(pattern.index for pattern in atom.args if isinstance(pattern, Slot))
+    def inner(self, head: Comprehension | Aggregate, slots: int, outer: Scope, inner: Scope) -> Iterator[str]:
+        """Check the body of a comprehension or aggregate; `inner` grows by what it binds."""
+        listed = set(head.slots)
+        if len(listed) < len(head.slots) or any(outer.has(slot) or not 0 <= slot < slots for slot in listed):
+            yield "a new variable that is listed twice, bound already or none of the rule's"
+        yield from self.checks.body(head.body, slots, inner)
+        if inner.types.keys() - outer.types.keys() - listed:
+            yield "an inner body binds a variable that is not listed"
 
-    def bind(self, where: str, bind: Bind, slots: int, bound: set[int]) -> Iterator[str]:
-        yield from self.code(where, bind.code, bound, now=False)
-        if not 0 <= bind.slot < slots:
-            yield f"{where}: binds slot {bind.slot} of {slots}"
-        elif bind.slot in bound:
-            yield f"{where}: slot {bind.slot} is bound twice"
-        bound.add(bind.slot)
+    def aggregate(self, head: Aggregate, slots: int, scope: Scope) -> Iterator[str]:
+        """Check that the result is new; in the head of min and max the winning match's variables are bound too."""
+        inner = scope.copy()
+        yield from self.inner(head, slots, scope, inner)
+        if (head.term is None) != (head.operator is Operator.COUNT):
+            yield f"{head.operator.name} with a wrong number of terms"
+        if head.term is not None:
+            yield from self.checks.code(head.term, inner)
+        if head.result in inner.types or head.result in head.slots:
+            yield f"slot {head.result} is the result and something else"
+        witness = inner if head.operator in (Operator.MIN, Operator.MAX) else scope.copy()
+        kind = Type(Base.INT if head.operator is Operator.COUNT else Base.OPEN)
+        yield from self.checks.new(head.result, kind, slots, witness)
+        yield from self.checks.derived(head.head, witness)
 
-    def head(self, where: str, head: Head, slots: int, bound: set[int], nested: bool = False) -> Iterator[str]:
-        if isinstance(head, DeriveFact | DeriveGoal | DeriveAction):
-            yield from self.derivation(where, head, bound)
-        elif nested:
-            yield f"{where}: a comprehension inside a comprehension"
-        else:
-            yield from self.comprehension(where, head, slots, bound)
-
-    def derivation(self, where: str, head: DeriveFact | DeriveGoal | DeriveAction, bound: set[int]) -> Iterator[str]:
-        yield from self.code(where, head.owner, bound)
-        yield from self.derives(where, head.predicate, head.args, bound, action=isinstance(head, DeriveAction))
-
-    def derives(
-        self, where: str, index: int, args: tuple[Code, ...], bound: set[int], *, action: bool
-    ) -> Iterator[str]:
-        yield from self.usable(where, index, len(args), action=action)
-        for code in args:
-            yield from self.code(where, code, bound)
-
-    def comprehension(self, where: str, head: Comprehension, slots: int, bound: set[int]) -> Iterator[str]:
-        inner = set(bound)
-        yield from self.body(where, head.body, slots, inner)
-        if bound & set(head.slots):
-            yield f"{where}: a comprehension's new variable is bound already"
-        if inner - bound - set(head.slots):
-            yield f"{where}: a comprehension binds a variable that it does not list"
-        for item in head.head:
-            yield from self.head(where, item, slots, inner, nested=True)
-
-    def assertion(self, where: str, assertion: Assertion) -> Iterator[str]:
-        yield from self.slots(where, assertion.slots)
-        start, finish = assertion.start, assertion.finish
-        yield from self.patterns(where, start.predicate, start.args, assertion.slots, action=False)
-        yield from self.patterns(where, finish.predicate, finish.args, assertion.slots, action=False)
-        bound = {SELF_SLOT, *(pattern.index for pattern in start.args if isinstance(pattern, Slot))}
-        yield from self.code(where, assertion.deadline, bound)
-        yield from self.derivation(where, assertion.violation, bound)
+    def assertion(self, assertion: Assertion) -> Iterator[str]:
+        if not is_name(assertion.name):
+            yield "its name is no name"
+        if assertion.slots < 1:
+            yield "no slot for the robot itself"
+        yield from _robot(assertion.robot)
+        if not {assertion.start.mode, assertion.finish.mode} <= {Mode.KEEP, Mode.READ}:
+            yield "start and finish are only looked at"
+        scope = Scope()
+        yield from self.checks.atom(assertion.start, assertion.slots, scope)
+        yield from self.checks.atom(assertion.finish, assertion.slots, scope.copy())
+        yield from self.finisher(assertion.finisher, scope)
+        yield from self.checks.code(assertion.deadline, scope)
+        yield from self.checks.derived(assertion.violation, scope)
         for serving in assertion.serving:
-            yield from self.patterns(where, serving.action, serving.args, assertion.slots, action=True)
+            yield from self.checks.patterns(serving.action, serving.args, assertion.slots, action=True)
 
-    def code(self, where: str, code: Code, bound: set[int], *, now: bool = True) -> Iterator[str]:
-        """Check one expression: operands, then the balance of the stack along every way through it."""
-        wrong = [reason for instruction in code for reason in _operand(instruction, bound, now)]
-        if not wrong:
-            wrong = list(_balance(code))
-        for reason in wrong:
-            yield f"{where}: {reason}"
-
-
-def _operand(instruction: Instruction, bound: set[int], now: bool) -> Iterator[str]:
-    """Check that the operand is what the opcode table asks for."""
-    op, operand = instruction.op, instruction.operand
-    form = FORMS[op].operand
-    if form is Operand.NONE:
-        if operand is not None:
-            yield f"{op.name} takes no operand"
-    elif operand is None or (form is not Operand.CONSTANT and type(operand) is not int):
-        yield f"{op.name} without a proper operand"
-    elif not sound(operand):
-        yield f"{op.name} with a value out of range"
-    elif form is Operand.SLOT and operand not in bound:
-        yield f"slot {operand} is used before it is bound"
-    elif form in (Operand.COUNT, Operand.SKIP) and operand < 0:  # type: ignore[operator]
-        yield f"{op.name} with the negative operand {operand}"
-    elif form is Operand.FUNCTION:
-        if not 0 <= operand < len(FUNCTIONS):  # type: ignore[operator]
-            yield f"there is no function {operand}"
-        elif operand == NOW and not now:
-            yield "now() in a body: time alone satisfies no rule"
+    @staticmethod
+    def finisher(finisher: Slot | Constant, scope: Scope) -> Iterator[str]:
+        if isinstance(finisher, Slot):
+            if scope.types.get(finisher.index) != ROBOT:
+                yield "who finishes it is no robot that its start names"
+        elif type(finisher.value) is not Robot or not 0 <= finisher.value <= ROBOT_ID_MAX:
+            yield "who finishes it is no robot"
 
 
-def _balance(code: Code) -> Iterator[str]:
-    """Follow the stack's depth; jumps go forward, so one pass sees every way."""
-    depths: list[int | None] = [0] + [None] * len(code)
-    for index, instruction in enumerate(code):
-        depth = depths[index]
-        if depth is None:
-            yield f"instruction {index} is never reached"
+def _of(where: str, reasons: Iterator[str]) -> Iterator[str]:
+    return (f"{where}: {reason}" for reason in reasons)
+
+
+def _robot(number: int | None) -> Iterator[str]:
+    if number is not None and not 0 <= number <= ROBOT_ID_MAX:
+        yield f"owner {number} is no robot"
+
+
+def _type(kind: Type | None) -> Iterator[str]:
+    """Check a declared type: only symbols belong to a set, only lists have elements, and not without end."""
+    for _ in range(NESTING_MAX + 1):
+        if kind is None:
             return
-        pops, pushes = _effect(instruction)
-        if depth < pops or not 0 <= depth - pops + pushes <= STACK_MAX:
-            yield f"instruction {index} ({instruction.op.name}) with {depth} values on the stack"
-            return
-        ways = list(_successors(index, instruction, depth, depth - pops + pushes))
-        for target, after in ways:
-            if not index < target <= len(code):
-                yield f"instruction {index} jumps out of the expression"
-                return
-            if depths[target] not in (None, after):
-                yield f"the ways to instruction {target} leave different numbers of values"
-                return
-            depths[target] = after
-    if depths[len(code)] != 1:
-        yield f"the expression leaves {depths[len(code)] or 0} values instead of one"
+        if kind.name and (kind.base is not Base.SYMBOL or not is_name(kind.name)):
+            yield f"{kind.name!r} names no set of symbols"
+        if kind.element is not None and kind.base is not Base.LIST:
+            yield "a type with elements that is no list"
+        kind = kind.element
+    if kind is not None:
+        yield f"lists nested deeper than {NESTING_MAX}"
 
 
-def _effect(instruction: Instruction) -> tuple[int, int]:
-    """Return how many values an instruction pops and pushes."""
-    form = FORMS[instruction.op]
-    if form.pops >= 0:
-        return form.pops, form.pushes
-    operand = instruction.operand
-    assert isinstance(operand, int)
-    return (FUNCTIONS[operand].arity if form.operand is Operand.FUNCTION else operand), form.pushes
-
-
-def _successors(index: int, instruction: Instruction, before: int, after: int) -> Iterator[tuple[int, int]]:
-    """Return the instructions that may come next, with the stack's depth there."""
-    op = instruction.op
-    if op is not Op.JUMP:
-        yield index + 1, after
-    if op in JUMPS:
-        assert isinstance(instruction.operand, int)
-        kept = before if op in (Op.AND, Op.OR) else after
-        yield index + 1 + instruction.operand, kept
+def _debug(debug: Debug, program: Program) -> Iterator[str]:
+    """Check that all of a table's entries have a place or none."""
+    tables = (
+        (debug.rules, program.rules),
+        (debug.assertions, program.assertions),
+        (debug.predicates, program.predicates),
+    )
+    for places, entries in tables:
+        if places and len(places) != len(entries):
+            yield f"{len(places)} places for {len(entries)} entries"
+        if any(not 1 <= number <= PLACE_MAX for place in places for number in (place.line, place.column)):
+            yield "a place that no source has"

@@ -10,9 +10,7 @@ import math
 import struct
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
-
-NESTING_MAX = 16
-"""Lists in lists, in values and types; deeper ones have no use and could exhaust the reader's stack."""
+from rmr.bytecode.conform import NESTING_MAX
 
 VARINT_OCTETS_MAX = 10
 """Enough for 64 bits."""
@@ -125,7 +123,10 @@ class Reader:
 
     def count(self, limit: int | None = None) -> int:
         """Take the number of entries that follow, each at least one octet long."""
-        number = self.varint()
+        return self.fits(self.varint(), limit)
+
+    def fits(self, number: int, limit: int | None = None) -> int:
+        """Return `number` if so many entries of an octet, or `limit`, are left."""
         bound = self.end - self.position if limit is None else limit
         if number > bound:
             raise self.fail(f"a count of {number} where at most {bound} fit")

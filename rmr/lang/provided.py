@@ -3,31 +3,14 @@
 The types leave out the owner or executor, as everywhere behind the parser.
 """
 
-from rmr.bytecode.program import Base, Kind, Type
+from rmr.bytecode.program import Base, Type
+from rmr.bytecode.provided import EVENT, PREDICATES
 
-EVENT = "event"
-"""The symbol type whose values are the names of time assertions."""
+__all__ = ["ACTIONS", "ARRIVAL", "EVENT", "PREDICATES", "UNSENSED", "declaration_text", "type_text"]
 
 _AREA = Type(Base.SYMBOL, "area")
-_EVENT = Type(Base.SYMBOL, EVENT)
 _FLOAT = Type(Base.FLOAT)
 _INT = Type(Base.INT)
-_ROBOT = Type(Base.ROBOT)
-
-PREDICATES: dict[str, tuple[Kind, tuple[Type, ...]]] = {
-    "at": (Kind.SENSED, (_AREA,)),
-    "pose": (Kind.SENSED, (_FLOAT, _FLOAT, _FLOAT)),
-    "peer": (Kind.SENSED, (_ROBOT,)),
-    "neighbor": (Kind.SENSED, (_ROBOT,)),
-    "range": (Kind.SENSED, (_ROBOT, _FLOAT)),
-    "obstacle": (Kind.SENSED, ()),
-    "battery": (Kind.SENSED, (_FLOAT,)),
-    "failed": (Kind.SENSED, (_ROBOT, _EVENT)),
-    "turn": (Kind.SENSED, (_EVENT, _INT)),
-    "leads": (Kind.SENSED, (_EVENT,)),
-    "id": (Kind.PERSISTENT, (_INT,)),
-}
-"""Facts that a robot keeps up to date by itself, unless the program means something else by the name."""
 
 UNSENSED = ("battery",)
 """Of these the ones that no robot senses yet."""

@@ -8,8 +8,8 @@ a float is declared is converted; everything else that does not fit is the calle
 from collections.abc import Sequence
 
 from rmr.base.values import Value
+from rmr.bytecode.conform import checker, conforms
 from rmr.bytecode.program import ANY, Anything, Base, Constant, Kind, Pattern, Predicate, Slot, Type
-from rmr.bytecode.verify import checker, conforms
 from rmr.vm.store import Args
 
 

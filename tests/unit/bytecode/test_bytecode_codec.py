@@ -8,10 +8,11 @@ from vm_hand import AREA, INT, Hand, V
 
 from rmr.base.values import Symbol
 from rmr.bytecode.codec import VERSION, BytecodeError, decode, digest, encode
+from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.layout import SIZE_MAX, checksum, read_layout
 from rmr.bytecode.program import Base, Debug, InitialFact, Kind, Place, Predicate, Program, Strategy, Type
-from rmr.bytecode.wire import NESTING_MAX, Reader, Writer
+from rmr.bytecode.wire import Reader, Writer
 
 
 def sample() -> Program:

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from rmr.bytecode.codec import encode
+from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLES, VERSION
+from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
 from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
-from rmr.bytecode.verify import SLOTS_MAX, STACK_MAX
-from rmr.bytecode.wire import NESTING_MAX
 from rmr.lang import provided
 from rmr.lang.build import RESERVED
 from rmr.lang.compiler import compile_source

@@ -1,0 +1,140 @@
+"""What must hold of the parts of an entry: atoms and patterns, expressions and what they derive, whole bodies.
+
+Each check yields reasons, none if all is well; what an expression or a constant is by itself is found out once
+for all entries that share it.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from rmr.bytecode.constants import Constants
+from rmr.bytecode.expressions import Examined, examine
+from rmr.bytecode.program import (
+    Anything,
+    Atom,
+    Base,
+    Bind,
+    Code,
+    Conjunct,
+    DeriveAction,
+    Derived,
+    DeriveFact,
+    Effect,
+    Guard,
+    Kind,
+    Mode,
+    Pattern,
+    Predicate,
+    Slot,
+    Type,
+)
+from rmr.bytecode.scope import Scope, literal
+
+
+class Checks:
+    """The checks of one program's parts; it remembers what entries share."""
+
+    def __init__(self, predicates: tuple[Predicate, ...]) -> None:
+        self.predicates = predicates
+        self.constants = Constants()
+        self._examined: dict[int, Examined] = {}
+
+    def usable(self, index: int, arity: int, *, action: bool) -> Iterator[str]:
+        """Check that `index` names a predicate (or an action) with `arity` arguments."""
+        if not 0 <= index < len(self.predicates):
+            yield f"there is no predicate {index}"
+            return
+        predicate = self.predicates[index]
+        if (predicate.kind is Kind.ACTION) != action:
+            yield f"{predicate.name} is {'not ' if action else ''}an action"
+        if arity != len(predicate.types):
+            yield f"{predicate.name} with {arity} arguments instead of {len(predicate.types)}"
+
+    def patterns(self, index: int, args: tuple[Pattern, ...], slots: int, *, action: bool = False) -> Iterator[str]:
+        """Check the arguments of an atom of a rule or assertion with `slots` slots."""
+        wrong = list(self.usable(index, len(args), action=action))
+        yield from wrong
+        if wrong:
+            return
+        predicate = self.predicates[index]
+        for position, (pattern, kind) in enumerate(zip(args, predicate.types, strict=True)):
+            if isinstance(pattern, Slot):
+                if not 0 <= pattern.index < slots:
+                    yield f"{predicate.name} uses slot {pattern.index} of {slots}"
+            elif not isinstance(pattern, Anything) and not self.constants.conforms(pattern.value, kind):
+                yield f"argument {position + 1} of {predicate.name} has the wrong type"
+
+    def body(self, body: Iterable[Conjunct], slots: int, scope: Scope) -> Iterator[str]:
+        """Check a body; `scope` grows by what it binds."""
+        for conjunct in body:
+            match conjunct:
+                case Atom():
+                    yield from self.atom(conjunct, slots, scope)
+                case Guard(code=code):
+                    yield from self.code(code, scope, now=False)
+                case Bind():
+                    yield from self._bind(conjunct, slots, scope)
+
+    def atom(self, atom: Atom, slots: int, scope: Scope) -> Iterator[str]:
+        """Check an atom; `scope` grows by what it binds."""
+        wrong = list(self.patterns(atom.predicate, atom.args, slots))
+        yield from wrong
+        if wrong:
+            return
+        predicate = self.predicates[atom.predicate]
+        linear = predicate.kind is Kind.TEMPORARY
+        if atom.mode is not Mode.ABSENT and linear != (atom.mode in (Mode.CONSUME, Mode.KEEP)):
+            yield f"{atom.mode.name} of {predicate.name}, which is {predicate.kind.name}"
+        scope.match(atom, predicate)
+
+    def _bind(self, bind: Bind, slots: int, scope: Scope) -> Iterator[str]:
+        yield from self.code(bind.code, scope, now=False)
+        yield from self.new(bind.slot, scope.type_of(bind.code), slots, scope)
+
+    @staticmethod
+    def new(slot: int, kind: Type, slots: int, scope: Scope) -> Iterator[str]:
+        """Check that `slot` exists and has no value yet; `scope` grows by it."""
+        if not 0 <= slot < slots:
+            yield f"binds slot {slot} of {slots}"
+        elif scope.has(slot):
+            yield f"slot {slot} is bound twice"
+        else:
+            scope.bind(slot, kind)
+
+    def derived(self, item: Derived | Effect, scope: Scope) -> Iterator[str]:
+        """Check what a head, an assertion or the end of an action derives."""
+        yield from self.robot(item.owner, scope)
+        wrong = list(self.usable(item.predicate, len(item.args), action=isinstance(item, DeriveAction)))
+        yield from wrong
+        for code in item.args:
+            yield from self.code(code, scope)
+        if wrong:
+            return
+        predicate = self.predicates[item.predicate]
+        if isinstance(item, DeriveFact) and predicate.kind is Kind.SENSED:
+            yield f"{predicate.name} is sensed, no rule derives it"
+        for position, (code, kind) in enumerate(zip(item.args, predicate.types, strict=True)):
+            value = literal(code)
+            if value is not None and not self.constants.conforms(value, kind):
+                yield f"argument {position + 1} of {predicate.name} has the wrong type"
+
+    def robot(self, code: Code, scope: Scope) -> Iterator[str]:
+        """Check an owner's or executor's expression: it is not certainly anything but a robot."""
+        wrong = list(self.code(code, scope))
+        yield from wrong
+        value = literal(code)
+        known = scope.type_of(code).base
+        if not wrong and (known not in (Base.ROBOT, Base.OPEN) or type(value) is tuple):
+            yield "an owner or executor that is no robot"
+
+    def code(self, code: Code, scope: Scope, *, now: bool = True) -> Iterator[str]:
+        """Check one expression where the slots of `scope` have a value."""
+        known = self._examined.get(id(code))
+        if known is None:
+            known = self._examined[id(code)] = examine(code, self.constants)
+        unbound = known.slots & ~scope.bound
+        if known.wrong:
+            yield known.wrong
+        elif unbound:
+            yield f"slot {unbound.bit_length() - 1} is used before it is bound"
+        elif known.timed and not now:
+            yield "now() in a body: time alone satisfies no rule"

@@ -1,0 +1,99 @@
+"""Which values there are, and which of them a type takes.
+
+The one place that says so: the verifier asks it about a program's constants, the virtual machine about what
+comes from outside and about what an expression yields. A value is bounded in every direction: 64 bits, finite,
+texts that can be written in UTF-8, lists neither too deep nor, counted with all that is in them, too long.
+"""
+
+from collections.abc import Callable
+from math import isfinite
+
+from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
+from rmr.bytecode.program import Base, Type
+
+NESTING_MAX = 16
+"""Lists in lists, in values and types; deeper ones have no use and could exhaust a reader's stack."""
+
+LENGTH_MAX = 65536
+"""Characters of a text; items of a list, with the characters and items of its items: a robot has a small memory."""
+
+_CLASSES: dict[Base, type] = {
+    Base.ROBOT: Robot,
+    Base.INT: int,
+    Base.FLOAT: float,
+    Base.BOOL: bool,
+    Base.STRING: str,
+    Base.SYMBOL: Symbol,
+}
+
+
+def sound(value: Value) -> bool:
+    """Tell whether `value` is one that facts may carry."""
+    return weight(value) <= LENGTH_MAX
+
+
+def weight(value: Value, nesting: int = 0) -> int:
+    """Return how many characters and items `value` holds, 1 at least; more than LENGTH_MAX if it is not sound."""
+    kind = type(value)
+    if kind is tuple:
+        return _list_weight(value, nesting)  # type: ignore[arg-type]
+    if kind is str or kind is Symbol:
+        return len(value) or 1 if _is_text(value) else LENGTH_MAX + 1  # type: ignore[arg-type]
+    return 1 if _in_range(value) else LENGTH_MAX + 1
+
+
+def _list_weight(items: tuple[Value, ...], nesting: int) -> int:
+    """Add up; stop at once when it is too much, for the same list may stand in a list many times."""
+    total = 1
+    if nesting >= NESTING_MAX:
+        return LENGTH_MAX + 1
+    for item in items:
+        total += weight(item, nesting + 1)
+        if total > LENGTH_MAX:
+            break
+    return total
+
+
+def _is_text(text: str) -> bool:
+    """Tell whether UTF-8 has octets for `text`: it has none for half of a surrogate pair."""
+    return text.isascii() or not any("\ud800" <= each <= "\udfff" for each in text)
+
+
+def _in_range(value: Value) -> bool:
+    kind = type(value)
+    if kind is float:
+        return isfinite(value)  # type: ignore[arg-type]
+    if kind is int:
+        return INT_MIN <= value <= INT_MAX  # type: ignore[operator]
+    if kind is Robot:
+        return 0 <= value <= ROBOT_ID_MAX  # type: ignore[operator]
+    return kind is bool
+
+
+def conforms(value: Value, kind: Type) -> bool:
+    """Tell whether `value` may stand where `kind` is declared (an int is no float)."""
+    return checker(kind)(value)
+
+
+def checker(kind: Type) -> Callable[[Value], bool]:
+    """Return the function that tells whether a value conforms to `kind`."""
+    if kind.base is Base.OPEN:
+        return sound
+    if kind.base is Base.LIST:
+        element = checker(kind.element or Type(Base.OPEN))
+        return lambda value: type(value) is tuple and sound(value) and all(map(element, value))
+    wanted = _CLASSES[kind.base]
+    if wanted is bool:
+        return lambda value: type(value) is wanted
+    return lambda value: type(value) is wanted and sound(value)
+
+
+def fits(kind: Type, wanted: Type) -> bool:
+    """Tell whether every value of `kind` is one of `wanted`; the names of symbol sets make no difference."""
+    if wanted.base is Base.OPEN:
+        return True
+    if kind.base is not wanted.base:
+        return False
+    if kind.base is not Base.LIST or wanted.element is None:
+        return True
+    return kind.element is not None and fits(kind.element, wanted.element)

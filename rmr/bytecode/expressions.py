@@ -1,0 +1,100 @@
+"""What must hold of an expression by itself, whatever uses it.
+
+Its operands are in range, jumps stay inside and go forward, every instruction is reached, the stack holds
+what is popped on every way, and exactly one value is left. That is found out once for each expression,
+however many entries share it; what is left to the place that uses it is whether its slots are bound there.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rmr.bytecode.constants import Constants
+from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
+from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.program import Code, Instruction
+
+NOW = next(i for i, function in enumerate(FUNCTIONS) if function.name == "now")
+JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """What is known about an expression."""
+
+    wrong: str
+    """Why it cannot be run; empty if it can."""
+    slots: int
+    """The slots that it reads, a bit each."""
+    timed: bool
+    """Whether it asks for the time."""
+
+
+def examine(code: Code, constants: Constants) -> Examined:
+    """Return what is known about `code`; only its first mistake is told."""
+    wrong = next((reason for each in code for reason in _operand(each, constants)), "") or _unbalanced(code)
+    if wrong:
+        return Examined(wrong, 0, False)
+    slots = 0
+    for slot in {i.operand: None for i in code if i.op is Op.LOAD}:
+        assert isinstance(slot, int)
+        slots |= 1 << slot
+    return Examined("", slots, any(i.op is Op.CALL and i.operand == NOW for i in code))
+
+
+def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:
+    """Check that the operand is what the opcode table asks for."""
+    op, operand = instruction.op, instruction.operand
+    form = FORMS[op].operand
+    if form is Operand.NONE:
+        if operand is not None:
+            yield f"{op.name} takes no operand"
+    elif operand is None or (form is not Operand.CONSTANT and type(operand) is not int):
+        yield f"{op.name} without a proper operand"
+    elif not constants.proper(operand):
+        yield f"{op.name} with a value out of range"
+    elif form is Operand.SLOT and not 0 <= operand < SLOTS_MAX:  # type: ignore[operator]
+        yield f"there is no slot {operand}"
+    elif form in (Operand.COUNT, Operand.SKIP) and operand < 0:  # type: ignore[operator]
+        yield f"{op.name} with the negative operand {operand}"
+    elif form is Operand.FUNCTION and not 0 <= operand < len(FUNCTIONS):  # type: ignore[operator]
+        yield f"there is no function {operand}"
+
+
+def _unbalanced(code: Code) -> str:
+    """Follow the stack's depth; jumps go forward, so one pass sees every way. Return what is wrong, if anything."""
+    depths: list[int | None] = [0] + [None] * len(code)
+    for index, instruction in enumerate(code):
+        depth = depths[index]
+        if depth is None:
+            return f"instruction {index} is never reached"
+        pops, pushes = _effect(instruction)
+        if depth < pops or depth - pops + pushes > STACK_MAX:
+            return f"instruction {index} ({instruction.op.name}) with {depth} values on the stack"
+        for target, after in _successors(index, instruction, depth, depth - pops + pushes):
+            if not index < target <= len(code):
+                return f"instruction {index} jumps out of the expression"
+            if depths[target] not in (None, after):
+                return f"the ways to instruction {target} leave different numbers of values"
+            depths[target] = after
+    return "" if depths[-1] == 1 else f"the expression leaves {depths[-1] or 0} values instead of one"
+
+
+def _effect(instruction: Instruction) -> tuple[int, int]:
+    """Return how many values an instruction pops and pushes."""
+    form = FORMS[instruction.op]
+    if form.pops >= 0:
+        return form.pops, form.pushes
+    operand = instruction.operand
+    assert isinstance(operand, int)
+    return (FUNCTIONS[operand].arity if form.operand is Operand.FUNCTION else operand), form.pushes
+
+
+def _successors(index: int, instruction: Instruction, before: int, after: int) -> Iterator[tuple[int, int]]:
+    """Return the instructions that may come next, with the stack's depth there."""
+    op = instruction.op
+    if op is not Op.JUMP:
+        yield index + 1, after
+    if op in JUMPS:
+        assert isinstance(instruction.operand, int)
+        kept = before if op in (Op.AND, Op.OR) else after
+        yield index + 1 + instruction.operand, kept

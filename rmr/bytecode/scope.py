@@ -1,0 +1,71 @@
+"""The slots that have a value at some point of a rule, and of what type it is as far as the text tells.
+
+A slot has the type of the argument that binds it first; a constant its own; of every other expression nothing
+is known. Nothing known is ``Base.OPEN``.
+"""
+
+from rmr.base.values import Robot, Symbol, Value
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import SELF_SLOT, Atom, Base, Code, Mode, Predicate, Slot, Type
+
+UNKNOWN = Type(Base.OPEN)
+ROBOT = Type(Base.ROBOT)
+
+_BASES: dict[type, Base] = {
+    Robot: Base.ROBOT,
+    int: Base.INT,
+    float: Base.FLOAT,
+    bool: Base.BOOL,
+    str: Base.STRING,
+    Symbol: Base.SYMBOL,
+}
+
+
+def literal(code: Code) -> Value | None:
+    """Return the constant that is all of `code`, or None."""
+    return code[0].operand if len(code) == 1 and code[0].op in (Op.CONST, Op.INT) else None
+
+
+class Scope:
+    """Grows conjunct by conjunct; at first only the robot itself has a slot with a value."""
+
+    __slots__ = ("bound", "types")
+
+    def __init__(self) -> None:
+        self.bound = 1 << SELF_SLOT
+        """A bit for each slot."""
+        self.types: dict[int, Type] = {SELF_SLOT: ROBOT}
+
+    def copy(self) -> "Scope":
+        """Return a scope that grows by itself from here on."""
+        other = Scope()
+        other.bound, other.types = self.bound, self.types.copy()
+        return other
+
+    def has(self, slot: int) -> bool:
+        """Tell whether `slot` has a value."""
+        return slot in self.types
+
+    def bind(self, slot: int, kind: Type) -> None:
+        """Note that `slot` has a value from here on."""
+        if slot not in self.types:
+            self.types[slot] = kind
+            self.bound |= 1 << slot
+
+    def match(self, atom: Atom, predicate: Predicate) -> None:
+        """Note what an atom binds."""
+        if atom.mode is Mode.ABSENT:
+            return
+        for pattern, kind in zip(atom.args, predicate.types, strict=True):
+            if isinstance(pattern, Slot):
+                self.bind(pattern.index, kind)
+
+    def type_of(self, code: Code) -> Type:
+        """Return the type of all values that `code` can have."""
+        if len(code) != 1:
+            return UNKNOWN
+        value = literal(code)
+        if value is not None:
+            return Type(_BASES[type(value)]) if type(value) in _BASES else UNKNOWN
+        operand = code[0].operand
+        return self.types.get(operand, UNKNOWN) if code[0].op is Op.LOAD and isinstance(operand, int) else UNKNOWN
