@@ -70,11 +70,16 @@ def read_source(path: Path) -> Source:
         raise SourceError("this is a directory, not a program", usage=True) from None
     except (OSError, ValueError) as error:
         raise SourceError(f"cannot read it: {getattr(error, 'strerror', None) or error}", usage=True) from None
+    return to_source(str(path), octets)
+
+
+def to_source(file: str, octets: bytes) -> Source:
+    """Return the text that `octets` are; raise SourceError when they are too many, byte-code or not UTF-8."""
     if len(octets) > SOURCE_OCTETS_MAX:
         raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 10} KiB")
     if octets.startswith(b"RMR\x1a"):
         raise SourceError("this is byte-code, not source", hint="`rmr dis` shows byte-code as text")
     try:
-        return Source(str(path), octets.decode("utf-8"))
+        return Source(file, octets.decode("utf-8"))
     except UnicodeDecodeError as error:
         raise SourceError(f"not UTF-8 at octet {error.start}", hint="save it as UTF-8") from None
