@@ -26,6 +26,16 @@ class Kernel:
         self._sequence += 1
         heapq.heappush(self._heap, (max(when, self.now), priority, self._sequence, call))
 
+    @property
+    def due(self) -> Instant:
+        """When the next call is due; NEVER if there is none."""
+        return self._heap[0][0] if self._heap else NEVER
+
+    def step(self) -> None:
+        """Make the next call, of which there must be one."""
+        self.now, _, _, call = heapq.heappop(self._heap)
+        call(self.now)
+
     def run_until(self, limit: Instant) -> None:
         """Make every call due before or at `limit`."""
         heap = self._heap

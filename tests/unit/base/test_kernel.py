@@ -1,6 +1,7 @@
 """The kernel makes calls in the order of time, priority and request."""
 
 from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
+from rmr.base.time import NEVER
 
 
 def test_equal_times_break_by_priority_and_then_by_order_of_request():
@@ -34,3 +35,13 @@ def test_an_alarm_rings_once_at_the_time_set_last():
     alarm.set(8)
     kernel.run_until(20)
     assert rung == [8]
+
+
+def test_calls_may_be_made_one_by_one():
+    kernel, made = Kernel(), []
+    assert kernel.due == NEVER
+    for when in (7, 3):
+        kernel.at(when, ROBOT, made.append)
+    assert kernel.due == 3
+    kernel.step()
+    assert (made, kernel.now, kernel.due) == ([3], 3, 7)
