@@ -47,7 +47,7 @@ class Op(IntEnum):
     GE = 0x25
     NOT = 0x28
     FLOAT = 0x29
-    """Convert the int on top of the stack to float (a float predicate's argument); a float stays."""
+    """Convert the int on top of the stack to float (a float predicate's argument), a list's items so; a float stays."""
     CALL = 0x30
     LIST = 0x31
     """Make a list of COUNT values."""

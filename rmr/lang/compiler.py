@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from rmr.bytecode.limits import exceeded
 from rmr.bytecode.program import Debug, Place, Program, Strategy
 from rmr.lang.check import Checked, check
 from rmr.lang.diagnostic import Diagnostic, Diagnostics, Severity
 from rmr.lang.emit import Emitter
+from rmr.lang.names import NOTHING_GIVEN, Given
 from rmr.lang.parser import parse
 from rmr.lang.serve import with_serving
 from rmr.lang.source import Source, SourceError, Span, read_source
@@ -31,15 +33,18 @@ class Compilation:
         return [each for each in self.diagnostics if each.severity is Severity.ERROR]
 
 
-def compile_file(path: Path) -> Compilation:
-    """Compile the program in `path`; a file that cannot be read is a diagnostic as well."""
+def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
+    """Compile the program in `path`; a file that cannot be read is a diagnostic as well.
+
+    Facts of the predicates in `given` come from outside: nobody doubts that they will.
+    """
     try:
         source = read_source(path)
     except SourceError as error:
         span = Span(str(path), 0, 0)
         diagnostic = Diagnostic("E003", str(error), span, error.hint)
         return Compilation(Source(str(path), ""), None, [diagnostic], error.usage)
-    return compile_text(source)
+    return compile_text(source, given)
 
 
 def compile_source(text: str, file: str = "<string>") -> Compilation:
@@ -47,15 +52,28 @@ def compile_source(text: str, file: str = "<string>") -> Compilation:
     return compile_text(Source(file, text))
 
 
-def compile_text(source: Source) -> Compilation:
-    """Compile a source."""
+def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
+    """Compile a source; `given` as in `compile_file`."""
     found = Diagnostics()
     module = parse(source, found)
     if not module.items and not found.failed:
         found.report("W107", "the program is empty: robots will do nothing", Span(source.file, 0, 0))
-    checked = check(module, found)
+    checked = check(module, found, given)
     program = None if found.failed else emit(checked, source)
-    return Compilation(source, program, found.in_order())
+    if program is not None:
+        _report_excess(program, checked, found)
+    return Compilation(source, None if found.failed else program, found.in_order())
+
+
+def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> None:
+    """Report what is too much for a robot."""
+    places = {
+        "predicates": [each.place for each in checked.names.signatures.values()],
+        "rules": [each.rule.span for each in checked.rules],
+        "assertions": [each.item.span for each in checked.assertions],
+    }
+    for excess in exceeded(program):
+        found.report("E008", f"this has {excess.text}", places[excess.table][excess.index])
 
 
 def emit(checked: Checked, source: Source) -> Program:

@@ -26,7 +26,6 @@ class Severity(Enum):
 
 CODES: dict[str, str] = {
     "E001": "syntax error",
-    "E002": "not supported yet",
     "E003": "unreadable source",
     "E004": "nested too deeply",
     "E005": "value out of range",
@@ -48,6 +47,7 @@ CODES: dict[str, str] = {
     "E032": "a body without facts",
     "E033": "facts of another robot",
     "E034": "now() outside a head",
+    "E035": "a join of several robots' facts",
     "W101": "a variable that may be meant as a constant",
     "W102": "a rule that can never fire",
     "W103": "a goal that no rule can reach",

@@ -4,14 +4,18 @@ Nothing can fail here: what reaches this module has no errors. Values are conver
 arguments that they are given to, constants now, expressions when they run.
 """
 
+from collections import Counter
+from collections.abc import Sequence
+
 from rmr.base.values import Robot, Value
 from rmr.bytecode import program as form
 from rmr.bytecode.opcodes import FUNCTIONS, Op
-from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Type
+from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Slot, Type
 from rmr.lang import provided
 from rmr.lang.names import Names, Signature
+from rmr.lang.project import OPERATORS
 from rmr.lang.source import Span
-from rmr.lang.steps import SELF, Decide, Derivation, Environment, Let, Match, Projected, Step
+from rmr.lang.steps import SELF, Decide, Derivation, Derived, Environment, Gathering, Let, Match, Projected, Step
 from rmr.lang.syntax import (
     Assertion,
     Binary,
@@ -20,8 +24,10 @@ from rmr.lang.syntax import (
     Fact,
     FactItem,
     GoalItem,
+    ListTerm,
     Literal,
     Mark,
+    Steps,
     TypeDeclaration,
     Unary,
     Variable,
@@ -45,9 +51,11 @@ _FUNCTIONS = {function.name: index for index, function in enumerate(FUNCTIONS)}
 
 
 def converted(value: Value, kind: Type) -> Value:
-    """Return `value` as an argument of type `kind` holds it: an int given to a float becomes one."""
+    """Return `value` as an argument of type `kind` holds it: an int given to a float becomes one, in a list too."""
     if kind.base is Base.FLOAT and type(value) is int:
         return float(value)
+    if kind.element is not None and isinstance(value, tuple):
+        return tuple(converted(each, kind.element) for each in value)
     return value
 
 
@@ -85,7 +93,8 @@ class Emitter:
         return form.Predicate(signature.name, signature.kind, types, signature.provided, effects, otherwise)
 
     def _effect(self, fact: Fact, environment: Environment) -> form.Effect:
-        return form.Effect(self._at(fact), self._arguments(fact, environment))
+        owner = self._code(fact.arguments[0], environment)
+        return form.Effect(self._at(fact), self._arguments(fact, environment), owner)
 
     def _arrival(self, types: tuple[Type, ...]) -> tuple[form.Effect, ...]:
         """Return the effect of `moveto` in figure 5 of the paper, if the program knows the fact."""
@@ -99,26 +108,37 @@ class Emitter:
     # ---- initial facts and goals
 
     def fact(self, item: FactItem) -> form.InitialFact:
-        """Return a fact of the program's start."""
+        """Return a fact of the program's start; a variable among its arguments is the robot itself."""
         arguments = zip(item.fact.arguments[1:], self._types_of(item.fact), strict=True)
-        values = tuple(converted(_value(argument), kind) for argument, kind in arguments)
+        values = tuple(
+            Slot(SELF_SLOT) if isinstance(argument, Variable) else converted(_value(argument), kind)
+            for argument, kind in arguments
+        )
         return form.InitialFact(self._at(item.fact), _owner(item.fact), values)
 
     def goal(self, item: GoalItem) -> form.InitialGoal:
-        """Return a goal of the program's start."""
-        arguments = zip(item.fact.arguments[1:], self._types_of(item.fact), strict=True)
-        patterns = tuple(
-            ANY if isinstance(argument, Variable) else form.Constant(converted(_value(argument), kind))
-            for argument, kind in arguments
-        )
-        return form.InitialGoal(self._at(item.fact), _owner(item.fact), patterns)
+        """Return a goal of the program's start; a variable that stands once matches anything."""
+        owner, *others = item.fact.arguments
+        counts = Counter(each.name for each in others if isinstance(each, Variable) and not each.anonymous)
+        environment = Environment()
+        if isinstance(owner, Variable) and not owner.anonymous:
+            environment.slots[owner.name] = SELF_SLOT
+        patterns: list[form.Pattern] = []
+        for argument, kind in zip(others, self._types_of(item.fact), strict=True):
+            if not isinstance(argument, Variable):
+                patterns.append(form.Constant(converted(_value(argument), kind)))
+            elif argument.name in environment.slots or counts[argument.name] > 1:
+                patterns.append(Slot(environment.slot(argument.name)))
+            else:
+                patterns.append(ANY)
+        return form.InitialGoal(self._at(item.fact), _owner(item.fact), tuple(patterns))
 
     # ---- rules
 
     def rule(self, projected: Projected) -> form.Rule:
         """Return a rule of one robot."""
         environment = projected.environment
-        body = tuple(self._step(step, environment) for step in projected.body)
+        body = self._steps(projected.body, environment)
         head = tuple(self._head(part, environment) for part in projected.head)
         return form.Rule(environment.count, body, head)
 
@@ -131,12 +151,31 @@ class Emitter:
             case Decide(expression=expression):
                 return form.Guard(self._code(expression, environment))
 
-    def _head(self, part: Fact | Derivation, environment: Environment) -> form.Head:
-        if isinstance(part, Fact):
-            return self.derived(part, environment)
-        body = tuple(self._step(step, part.environment) for step in part.body)
-        head = tuple(self.derived(fact, part.environment) for fact in part.head)
-        return form.Comprehension(part.slots, body, head)
+    def _steps(self, steps: tuple[Step, ...], environment: Environment) -> tuple[form.Conjunct, ...]:
+        return tuple(self._step(step, environment) for step in steps)
+
+    def _head(self, part: Derived, environment: Environment) -> form.Head:
+        match part:
+            case Fact():
+                return self.derived(part, environment)
+            case Steps(derived=derived):
+                return form.Steps(tuple(self.derived(fact, environment) for fact in derived))
+            case Derivation(slots=slots, body=steps, head=facts, environment=inner):
+                head = tuple(self.derived(fact, inner) for fact in facts)
+                return form.Comprehension(slots, self._steps(steps, inner), head)
+            case Gathering():
+                return self._aggregate(part)
+
+    def _aggregate(self, part: Gathering) -> form.Aggregate:
+        item, inner = part.item, part.environment
+        return form.Aggregate(
+            operator=OPERATORS[item.operator.text],
+            term=None if item.term is None else self._code(item.term, inner),
+            result=part.result,
+            slots=part.slots,
+            body=self._steps(part.body, inner),
+            head=self.derived(item.head, part.head_environment),
+        )
 
     def atom(
         self, fact: Fact, arguments: tuple[Variable | Literal, ...], mode: Mode, environment: Environment
@@ -155,9 +194,9 @@ class Emitter:
         constant = environment.constants.get(argument.name)
         if constant is not None:
             return form.Constant(converted(constant.value, kind))
-        return form.Slot(environment.slots[argument.name])
+        return Slot(environment.slots[argument.name])
 
-    def derived(self, fact: Fact, environment: Environment) -> form.DeriveFact | form.DeriveGoal | form.DeriveAction:
+    def derived(self, fact: Fact, environment: Environment) -> form.Derived:
         """Return what a head derives."""
         predicate, owner = self._at(fact), self._code(fact.arguments[0], environment)
         arguments = self._arguments(fact, environment)
@@ -177,7 +216,7 @@ class Emitter:
         if isinstance(argument, Literal):
             return (_constant(converted(argument.value, kind)),)
         code = self._code(argument, environment)
-        if kind.base is Base.FLOAT and not self._types.certainly_float(argument):
+        if _innermost(kind).base is Base.FLOAT and not self._types.certainly_float(argument):
             return (*code, Instruction(Op.FLOAT))
         return code
 
@@ -198,6 +237,8 @@ class Emitter:
             deadline=self._code(item.deadline, environment),
             violation=violation,
             scheduled=item.scheduled,
+            robot=_owner(item.start),
+            finisher=_finisher(item, environment),
         )
 
     def _watching(self, fact: Fact) -> Mode:
@@ -222,8 +263,9 @@ class Emitter:
                 return (*one, *other, Instruction(_BINARY[operator]))
             case Call():
                 return self._call(expression, environment)
-            case _:
-                raise AssertionError(expression)
+            case ListTerm(items=items, rest=rest):
+                codes = [self._code(item, environment) for item in items]
+                return _list(codes, () if rest is None else self._code(rest, environment))
 
     def _call(self, call: Call, environment: Environment) -> Code:
         codes = [self._code(argument, environment) for argument in call.arguments]
@@ -261,9 +303,31 @@ def _constant(value: Value) -> Instruction:
     return Instruction(Op.CONST, value)
 
 
+def _list(items: Sequence[Code], rest: Code) -> Code:
+    """Return the code that makes a list of `items`, and joins it with `rest` unless that is empty."""
+    made = (*(each for code in items for each in code), Instruction(Op.LIST, len(items)))
+    return (*made, *rest, Instruction(Op.ADD)) if rest else made
+
+
+def _innermost(kind: Type) -> Type:
+    """Return the type of a list's items, of lists in lists that of the innermost; else the type itself."""
+    while kind.element is not None:
+        kind = kind.element
+    return kind
+
+
 def _owner(fact: Fact) -> int | None:
     owner = fact.arguments[0]
     return int(owner.value) if isinstance(owner, Literal) and isinstance(owner.value, Robot) else None
+
+
+def _finisher(item: Assertion, environment: Environment) -> Slot | form.Constant:
+    """Return the finish fact's robot as the job's robot knows it."""
+    owner = item.finish.arguments[0]
+    if isinstance(owner, Variable):
+        return Slot(environment.slots[owner.name])
+    home = _owner(item.start)
+    return Slot(SELF_SLOT) if home is not None and home == _owner(item.finish) else form.Constant(_value(owner))
 
 
 def _value(expression: Expression) -> Value:

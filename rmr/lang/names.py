@@ -5,10 +5,11 @@ persistent, a name that every robot provides is sensed unless the program states
 is temporary. Every use is then held against that.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum, auto
+from types import MappingProxyType
 
 from rmr.bytecode.program import Base, Kind, Type
 from rmr.lang import provided
@@ -40,6 +41,12 @@ CANDIDATES_MAX = 500
 
 LETTERS_OFF = 2
 """How much longer or shorter a misspelt name may be."""
+
+
+Given = Mapping[str, bool]
+"""Predicates of which whoever runs the program inserts facts; true: persistent ones, so that an undeclared one is."""
+
+NOTHING_GIVEN: Given = MappingProxyType({})
 
 
 class Role(Enum):
@@ -90,6 +97,7 @@ class Names:
 
     signatures: dict[str, Signature] = field(default_factory=dict)
     uses: list[Use] = field(default_factory=list)
+    given: Given = field(default_factory=lambda: NOTHING_GIVEN)
 
     def of(self, fact: Fact) -> Signature:
         """Return what `fact` names; every fact of the program names something."""
@@ -184,14 +192,14 @@ def declared_type(name: TypeName) -> Type:
     return Type(base) if base is not None else Type(Base.SYMBOL, name.name)
 
 
-def collect(module: Module, found: Diagnostics) -> Names:
+def collect(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Names:
     """Return the names of `module`, and report what contradicts itself."""
-    names = Names(uses=[use for item in module.items for use in uses(item)])
+    names = Names(uses=[use for item in module.items for use in uses(item)], given=given)
     for item in module.items:
         if isinstance(item, TypeDeclaration):
             _declare(item, names, found)
     for name, group in _undeclared(names).items():
-        names.signatures[name] = _infer(name, group)
+        names.signatures[name] = _infer(name, group, given.get(name, False))
     for use in names.uses:
         if use.fact.name.text not in module.broken or names.of(use.fact).declaration is not None:
             _check_use(use, names.of(use.fact), found)
@@ -213,8 +221,6 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
     signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
     signature.provided = _is_provided(signature)
     names.signatures[name] = signature
-    if signature.provided:
-        _unsensed(name, item.name.span, found)
     if item.kind is Declared.ACTION and name in provided.ACTIONS and not _same_shape(types, provided.ACTIONS[name]):
         message = f"the action `{name}` is provided with other arguments"
         hint = provided.declaration_text(name, provided.ACTIONS[name], "action ")
@@ -238,7 +244,7 @@ def _undeclared(names: Names) -> dict[str, list[Use]]:
     return groups
 
 
-def _infer(name: str, group: list[Use]) -> Signature:
+def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
     first = group[0].fact
     arity = max(1, len(first.arguments))
     roles = {use.role for use in group}
@@ -252,7 +258,8 @@ def _infer(name: str, group: list[Use]) -> Signature:
     if name in provided.PREDICATES and not own:
         kind, types = provided.PREDICATES[name]
         return Signature(name, kind, 1 + len(types), first.span, provided=True, types=types)
-    kind = Kind.PERSISTENT if any(use.fact.mark is Mark.BANG for use in group) else Kind.TEMPORARY
+    banged = persistent or any(use.fact.mark is Mark.BANG for use in group)
+    kind = Kind.PERSISTENT if banged else Kind.TEMPORARY
     return Signature(name, kind, arity, first.span, types=_open(arity))
 
 
@@ -263,16 +270,8 @@ def _open(arity: int) -> tuple[Type, ...]:
 # ---- uses held against signatures
 
 
-def _unsensed(name: str, span: Span, found: Diagnostics) -> None:
-    if name in provided.UNSENSED:
-        hint = f"under another name, or as `type {name}(...)`, it is a fact of the program's own"
-        found.report("E002", f"the sensed fact `{name}` is not supported yet", span, hint=hint)
-
-
 def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
     fact, name = use.fact, use.fact.name.text
-    if signature.provided and signature.declaration is None:
-        _unsensed(name, fact.span, found)
     notes = () if signature.place == fact.span else (Note(signature.place, _said(signature)),)
     given = len(fact.arguments)
     if given == 0:

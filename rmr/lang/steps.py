@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from rmr.bytecode.program import SELF_SLOT, Mode
+from rmr.lang import syntax
 from rmr.lang.syntax import Expression, Fact, Literal, Rule, Variable
 
 SELF = "@"
@@ -56,6 +57,10 @@ class Environment:
         """Whether `name` has a value already."""
         return name in self.slots or name in self.constants
 
+    def inner(self) -> "Environment":
+        """Return the same for a body within the rule; what it adds is its own."""
+        return Environment(dict(self.slots), dict(self.constants), self.count)
+
 
 @dataclass(frozen=True, slots=True)
 class Derivation:
@@ -68,10 +73,27 @@ class Derivation:
 
 
 @dataclass(frozen=True, slots=True)
+class Gathering:
+    """An aggregate of one robot."""
+
+    item: syntax.Aggregate
+    result: int
+    slots: tuple[int, ...]
+    body: tuple[Step, ...]
+    environment: Environment
+    """Of the body and the term."""
+    head_environment: Environment
+    """The rule's and the result; the body's too if one match wins."""
+
+
+Derived = Fact | syntax.Steps | Derivation | Gathering
+
+
+@dataclass(frozen=True, slots=True)
 class Projected:
     """A rule of one robot."""
 
     rule: Rule
     environment: Environment
     body: tuple[Step, ...]
-    head: tuple[Fact | Derivation, ...]
+    head: tuple[Derived, ...]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 
-from rmr.base.values import Robot, Symbol
+from rmr.base.values import Value
 from rmr.lang.source import Span
 
 
@@ -34,9 +34,9 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """A constant: ``3``, ``2.5``, ``500ms``, ``@4``, ``"text"``, ``true``, or the symbol ``middle``."""
+    """A constant: ``3``, ``2.5``, ``500ms``, ``@4``, ``"text"``, ``true``, the symbol ``middle``, or a list of them."""
 
-    value: bool | int | float | str | Symbol | Robot
+    value: Value
     span: Span
 
 
@@ -280,6 +280,11 @@ def _children(kind: type) -> tuple[str, ...]:
         names = [part.name for part in fields(kind) if part.name != "span"] if is_dataclass(kind) else []
         _CHILDREN[kind] = tuple(reversed(names))
     return _CHILDREN[kind]
+
+
+def children(node: object) -> Iterator[object]:
+    """Yield what stands right below `node`: the parts of a tuple, the fields of a node."""
+    yield from node if isinstance(node, tuple) else [getattr(node, name) for name in reversed(_children(type(node)))]
 
 
 def walk(root: object) -> Iterator[object]:

@@ -132,7 +132,11 @@ class _Doubts:
             return
         signature = self._names.of(fact)
         what = "rule cannot fire" if use.role is Role.BODY else "assertion never starts a job"
-        if signature.provided:
+        absent = name in provided.UNSENSED and signature.declaration is None and name not in self._arriving
+        if signature.provided and absent:
+            hint = f"declare it if something does: `{provided.declaration_text(name, signature.types, 'sensor ')}`"
+            self._found.report("W102", f"no robot senses `{name}`, the {what}", fact.span, hint=hint)
+        elif signature.provided:
             self._unknown_event(fact, what)
         elif signature.declaration is None and name not in self._derived and name not in self._arriving:
             if name in self._doubted:
@@ -154,11 +158,12 @@ class _Doubts:
     # ---- facts that nobody derives or reads
 
     @property
-    def _arriving(self) -> tuple[str, ...]:
-        """What `moveto` inserts on arrival when its declaration does not say."""
+    def _arriving(self) -> frozenset[str]:
+        """What comes from outside, and what `moveto` inserts on arrival when its declaration does not say."""
         moveto = self._names.signatures.get("moveto")
         declared = moveto.declaration if moveto is not None else None
-        return (provided.ARRIVAL,) if declared is not None and not declared.effects else ()
+        arrival = (provided.ARRIVAL,) if declared is not None and not declared.effects else ()
+        return frozenset((*arrival, *self._names.given))
 
     def _reachable(self, fact: Fact) -> bool:
         name = fact.name.text

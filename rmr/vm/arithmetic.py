@@ -152,6 +152,9 @@ def _negate(value: Value) -> Value:
 
 
 def _float(value: Value) -> Value:
+    """Return a number as a float, a list with its items so; the nesting of values is bounded."""
+    if type(value) is tuple:
+        return tuple(map(_float, value))
     (number,) = numbers("float", value)
     return float(number)
 

@@ -80,33 +80,93 @@ def test_a_mistake_has_its_code_and_its_place(text, code, place):
     assert (code, place) in places(text)
 
 
+def test_a_join_of_several_robots_facts_is_refused_with_the_whole_rule_and_a_fact_of_each():
+    rule = "waiting(A, L), free(B, L), not done(A), !edge(A, B) -o go(A, L), go(B, X)."
+    compilation = compile_source(f"p(R).\n{rule}\n")
+    text = compilation.source.text
+    [joined] = [each for each in compilation.errors if each.code == "E035"]
+    assert text[joined.span.start : joined.span.end] == rule
+    assert [text[note.span.start : note.span.end] for note in joined.notes] == ["waiting(A, L)", "free(B, L)"]
+    assert ("E030", "X") in places(text)
+
+
+# ---- lists
+
+
 @pytest.mark.parametrize(
-    ("text", "place"),
+    ("text", "code", "place"),
     [
-        ("waiting(A, L), free(B, L) -o go(A, L).", "free(B, L)"),
-        ('include "x.rmr".', 'include "x.rmr".'),
-        ("p(R) -o a(R) then b(R).", "a(R) then b(R)"),
-        ("p(R) -o [sum X => V | q(R, X) | r(R, V)].", "[sum X => V | q(R, X) | r(R, V)]"),
-        ("p(R, [1, 2]).", "[1, 2]"),
-        ("p(R, X), X = [H | T] -o 1.", "[H | T]"),
-        ("type p(robot, list int).", "list int"),
-        ("p(R, X), len(X) > 2 -o 1.", "len(X)"),
-        ("assert(p(R), q(B), 1, v(R)). p(R) -o q(R).", "q(B)"),
-        ("assert(p(R, B), q(R), 1, v(B)). p(R, B) -o q(R).", "v(B)"),
-        ("type action a(R: robot, B: robot) -o p(B).", "B"),
-        ("?p(R, X, X). q(R) -o p(R, 1, 1).", "X"),
-        ("p(R), battery(R, V) -o q(R, V).", "battery(R, V)"),
-        ("p(R), not battery(R, _) -o q(R).", "not battery(R, _)"),
-        ("?battery(R, 1).", "battery(R, 1)"),
-        ("type sensor battery(robot, float).", "battery"),
-        ("p(R, R).", "R"),
+        ("p(R, X), not q(R, [X, Y]) -o 1.", "E030", "Y"),
+        ("p(R, X), not q(R, [X, _]) -o 1.", "E030", "_"),
+        ("p(R, X), Y = [X | T] -o 1.", "E030", "T"),
+        ("p(R, X), Y = [X, _] -o q(R, Y).", "E030", "_"),
+        ("p(R, X), [A, 1] = [X, B] -o q(R, A).", "E030", "A"),
+        ("p(R, [X + 1]) -o q(R, 1).", "E030", "X"),
+        ("p(R, X) -o q(R, [X | T]).", "E030", "T"),
+        ("p(R, [R]).", "E023", "[R]"),
+        ("?p(R, [X]).", "E023", "[X]"),
+        ("p(R, L), X = rest(L, 1) -o q(R, X).", "E015", "rest"),
     ],
 )
-def test_what_waits_for_later_is_refused_by_name_with_its_place(text, place):
-    compilation = compile_source(text)
-    later = [each for each in compilation.diagnostics if each.code == "E002"]
-    assert [text[each.span.start : each.span.end] for each in later[:1]] == [place]
-    assert "not supported yet" in later[0].message
+def test_a_list_with_unknown_parts_is_an_error_where_it_cannot_be_taken_apart(text, code, place):
+    assert (code, place) in places(text)
+
+
+def test_lists_nested_in_long_lists_are_bounded():
+    deep = "X"
+    for _ in range(40):
+        deep = f"[{', '.join('1' * 40)}, {deep}]"
+    assert errors(f"p(R, X) -o q(R, {deep}).") == ["E008"]
+    assert errors("p(R, X) -o q(R, [" + ", ".join("X" * 300) + "]).") == ["E008"]
+    assert errors("p(R, [" + ", ".join(f"X{k}" for k in range(240)) + "]) -o 1.") == ["E008"]
+
+
+# ---- aggregates
+
+
+@pytest.mark.parametrize(
+    ("head", "code", "place"),
+    [
+        ("[cuont => N | q(R, X) | r(R, N)]", "E015", "cuont"),
+        ("[count X => N | q(R, X) | r(R, N)]", "E011", "X"),
+        ("[sum => N | q(R, X) | r(R, N)]", "E011", "sum"),
+        ("[sum X => V | q(R, X) | r(R, X)]", "E030", "X"),
+        ("[collect Z => V | q(R, X) | r(R, V)]", "E030", "Z"),
+        ("[sum X => V | q(R, X) | r(R, V, Y)]", "E030", "Y"),
+        ("[sum X => A | q(R, X) | r(R, A)]", "E031", "A"),
+        ("[sum X => X | q(R, X) | r(R, X)]", "E031", "X"),
+        ("[sum X => V | q(B, X) | r(R, V)]", "E033", "q(B, X)"),
+        ("[sum X => V | q(R, X), now() > 3 | r(R, V)]", "E034", "now()"),
+        ("[sum X => V | q(R, X) | r(R, _)]", "E030", "_"),
+    ],
+)
+def test_a_mistake_in_an_aggregate_has_its_code_and_its_place(head, code, place):
+    assert (code, place) in places(f"p(R, A) -o {head}.")
+
+
+# ---- what names other robots
+
+
+def test_an_effect_on_what_another_robot_senses_is_an_error():
+    text = "type sensor s(robot). type action a(R: robot, B: robot) -o s({})."
+    assert errors(text.format("R")) == []
+    assert places(text.format("B")) == [("E012", "B")]
+    assert places(text.format("@3")) == [("E012", "@3")]
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "place"),
+    [
+        ("assert(p(A), q(B), 1, v(A)).", "E030", "B"),
+        ("assert(p(A), q(A), 1, v(B)).", "E030", "B"),
+        ("assert(p(A), q(_), 1, v(A)).", "E030", "_"),
+        ("assert(p(_), q(@1), 1, v(_)).", "E030", "_"),
+        ("assert(p(A, N), q(N + 1), 1, v(A)).", "E021", "N + 1"),
+        ("p(A, 3). assert(p(A, N), q(N), 1, v(A)).", "E021", "N"),
+    ],
+)
+def test_the_robots_of_an_assertion_are_named_or_bound_by_its_start(text, code, place):
+    assert (code, place) in places(text)
 
 
 def test_the_second_place_of_a_contradiction_is_shown():
@@ -199,6 +259,12 @@ def test_an_assertions_violation_need_not_be_declared():
     text = "assert(p(R), q(R), 1, alarm(R, 3)). p(R) -o q(R)."
     assert predicate(text, "alarm").kind is Kind.ACTION
     assert predicate(text, "alarm").types == (Type(Base.INT),)
+
+
+def test_a_battery_is_doubted_unless_the_program_says_that_something_senses_it():
+    rule = "battery(R, V), V < 0.2 -o 1."
+    assert places(rule) == [("W102", "battery(R, V)")]
+    assert codes(f"type sensor battery(robot, float). {rule}") == []
 
 
 @pytest.mark.parametrize("text", ["type battery(robot, float). p(R), battery(R, V) -o q(R, V).", "battery(R, 3)."])

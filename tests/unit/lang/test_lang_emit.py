@@ -18,12 +18,17 @@ from rmr.bytecode.program import (
     Instruction,
     Kind,
     Mode,
+    Operator,
     Serving,
     Slot,
+    Steps,
     Strategy,
 )
 
 SELF = (Instruction(Op.LOAD, 0),)
+LEN, NTH, REST = (
+    next(index for index, function in enumerate(FUNCTIONS) if function.name == name) for name in ("len", "nth", "rest")
+)
 
 
 def rule(text):
@@ -130,6 +135,85 @@ def test_heads_derive_facts_goals_and_actions():
     assert [type(each) for each in head] == [DeriveFact, DeriveGoal, DeriveAction, DeriveFact]
 
 
+# ---- lists
+
+
+def taken(text):
+    """Return the steps that a body takes, each expression as its operations."""
+    return [
+        each if isinstance(each, Atom) else (type(each).__name__, [name for name, _ in ops(each.code)])
+        for each in rule(text).body
+    ]
+
+
+def test_a_list_in_a_fact_is_taken_apart_behind_it():
+    body = rule("p(R, [H, _ | T]) -o q(R, H, T).").body
+    assert body[0] == Atom(0, (Slot(1),), Mode.CONSUME)
+    assert isinstance(body[1], Guard)
+    assert ops(body[1].code) == [("LOAD", 1), ("CALL", LEN), ("INT", 2), ("GE", None)]
+    assert [(each.slot, ops(each.code)) for each in body[2:]] == [
+        (2, [("LOAD", 1), ("INT", 0), ("CALL", NTH)]),
+        (3, [("LOAD", 1), ("INT", 2), ("CALL", REST)]),
+    ]
+
+
+def test_a_list_without_a_rest_has_exactly_its_items():
+    body = rule("p(R, [A, A]) -o q(R, A).").body
+    assert ops(body[1].code)[-1] == ("EQ", None)
+    assert [type(each) for each in body[2:]] == [Bind, Guard]
+
+
+def test_lists_in_lists_are_taken_apart_too():
+    assert [kind for kind, _ in taken("p(R, L), L = [[A, 1] | [B | T]] -o q(R, A, B, T).")[1:]] == [
+        *["Guard", "Bind", "Guard", "Bind", "Guard"],
+        *["Bind", "Guard", "Bind", "Bind"],
+    ]
+
+
+def test_a_part_that_another_fact_binds_is_held_against_it():
+    body = rule("p(R, [H | _]), q(R, H) -o 1.").body
+    assert [type(each) for each in body] == [Atom, Guard, Atom, Guard]
+
+
+def test_not_waits_for_what_a_list_binds():
+    body = rule("not q(R, H), p(R, L), [H | _] = L -o 1.").body
+    assert [type(each) for each in body] == [Atom, Guard, Bind, Atom]
+    assert body[-1].mode is Mode.ABSENT
+
+
+def test_a_list_of_known_parts_is_built():
+    head = rule("p(R, X, T) -o q(R, [X, 1 | T]), q(R, [X]).").head
+    assert ops(head[0].args[0]) == [("LOAD", 1), ("INT", 1), ("LIST", 2), ("LOAD", 2), ("ADD", None)]
+    assert ops(head[1].args[0]) == [("LOAD", 1), ("LIST", 1)]
+
+
+# ---- aggregates and steps
+
+
+def test_a_sum_has_slots_of_its_own_and_one_for_its_result():
+    [total] = rule("p(R, A) -o [sum X * A => V | q(R, X, Y), Y > A | r(R, V)].").head
+    assert (total.operator, total.result, total.slots) == (Operator.SUM, 4, (2, 3))
+    assert ops(total.term) == [("LOAD", 2), ("LOAD", 1), ("MUL", None)]
+    assert [type(each) for each in total.body] == [Atom, Guard]
+    assert total.head == DeriveFact(2, SELF, ((Instruction(Op.LOAD, 4),),))
+
+
+def test_a_count_has_no_term_and_the_winner_of_min_and_max_may_stand_in_the_head():
+    text = "go(R) -o [count => N | $road(R, B, _) | degree(R, N)], [min D => V | road(R, B, D) | nearest(R, B, V)]."
+    count, least = rule(text).head
+    assert (count.operator, count.term, count.body[0].mode) == (Operator.COUNT, None, Mode.KEEP)
+    assert (least.operator, least.slots, least.result) == (Operator.MIN, (3, 4), 5)
+    assert least.head.args == ((Instruction(Op.LOAD, 3),), (Instruction(Op.LOAD, 5),))
+    assert rule(text).slots == 6
+
+
+def test_steps_are_derived_in_their_order():
+    [steps] = rule("type action go(robot, robot). p(R, B) -o go(R, B) then q(B, 1) then ?r(R).").head
+    assert isinstance(steps, Steps)
+    assert [type(each) for each in steps.steps] == [DeriveAction, DeriveFact, DeriveGoal]
+    assert steps.steps[1].owner == (Instruction(Op.LOAD, 1),)
+
+
 # ---- values
 
 
@@ -152,6 +236,13 @@ def test_a_facts_variable_owner_is_every_robot():
     program = compiled("p(R, 1). p(@7, 2). ?p(R, X). ?p(@8, 3).")
     assert [each.owner for each in program.facts] == [None, 7]
     assert [(each.owner, each.args) for each in program.goals] == [(None, (ANY,)), (8, (Constant(3),))]
+
+
+def test_the_owner_as_a_value_of_a_stated_fact_is_the_robot_itself():
+    program = compiled("p(R, R, 1). ?q(R, R, X, Y, X). r(R) -o q(R, R, 1, 2, 1).")
+    assert program.facts[0].args == (Slot(0), 1)
+    first, other, anything, again = program.goals[0].args
+    assert (first, other, anything, again) == (Slot(0), Slot(1), ANY, Slot(1))
 
 
 @pytest.mark.parametrize(
@@ -184,10 +275,11 @@ def test_and_or_and_if_decide_lazily_by_jumps_that_fit():
     assert conditional[7] == ("JUMP", 1)
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda each: each.name)
+@pytest.mark.parametrize("function", [each for each in FUNCTIONS if each.name != "rest"], ids=lambda each: each.name)
 def test_every_function_of_the_machine_can_be_called(function):
-    arguments = ", ".join(["R" if function.name == "id" else "1.5"] * function.arity)
-    code = rule(f"p(R) -o q(R, {function.name}({arguments})).").head[0].args[0]
+    arguments = {"id": "R", "len": "L", "nth": "L, 1", "member": "1, L", "sort": "L"}
+    given = arguments.get(function.name, ", ".join(["1.5"] * function.arity))
+    code = rule(f"p(R, L) -o q(R, {function.name}({given})).").head[0].args[0]
     assert FUNCTIONS[code[-1].operand] == function
 
 
@@ -235,7 +327,33 @@ def test_a_bang_at_an_effect_that_is_declared_temporary_is_an_error():
     assert errors(text) == ["E012"]
 
 
+def test_an_effect_may_be_another_robots():
+    text = "type action give(R: robot, B: robot, N: int) -o has(B, N), told(@3) else has(R, N)."
+    give = compiled(text).predicates[0]
+    assert [each.owner for each in give.effects] == [
+        (Instruction(Op.LOAD, 1),),
+        (Instruction(Op.CONST, Robot(3)),),
+    ]
+    assert give.effects[0].args == ((Instruction(Op.LOAD, 2),),)
+    assert give.else_effects[0].owner == SELF
+
+
 # ---- time assertions
+
+
+def test_a_job_may_end_on_a_robot_that_its_start_names():
+    text = "sent(@1, @2). got(@2, @1). x: assert(sent(A, B), got(B, A), 10, warn(B, A))."
+    [assertion] = compiled(text).assertions
+    assert (assertion.robot, assertion.finisher) == (None, Slot(1))
+    assert assertion.finish.args == (Slot(0),)
+    assert assertion.violation.owner == (Instruction(Op.LOAD, 1),)
+
+
+@pytest.mark.parametrize(("finish", "finisher"), [("@1", Slot(0)), ("@2", Constant(Robot(2))), ("B", Slot(1))])
+def test_an_assertion_may_be_one_robots(finish, finisher):
+    text = f"p(@1, @3). q(R). x: assert(p(@1, B), q({finish}), 10, v(@1))."
+    [assertion] = compiled(text).assertions
+    assert (assertion.robot, assertion.finisher) == (1, finisher)
 
 
 def test_an_assertion_binds_by_its_start_fact():
