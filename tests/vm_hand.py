@@ -7,6 +7,7 @@ from rmr.base.values import Symbol, Value
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import (
     ANY,
+    Aggregate,
     Anything,
     Assertion,
     Atom,
@@ -17,6 +18,7 @@ from rmr.bytecode.program import (
     Conjunct,
     Constant,
     DeriveAction,
+    Derived,
     DeriveFact,
     DeriveGoal,
     Effect,
@@ -27,12 +29,14 @@ from rmr.bytecode.program import (
     Instruction,
     Kind,
     Mode,
+    Operator,
     Pattern,
     Predicate,
     Program,
     Rule,
     Serving,
     Slot,
+    Steps,
     Strategy,
     Type,
 )
@@ -150,8 +154,18 @@ class Hand:
     def want(self, predicate: int, *args: object, to: object = V(0)) -> DeriveGoal:
         return DeriveGoal(predicate, as_code(to), tuple(map(as_code, args)))
 
-    def each(self, variables: list[V], body: list[Conjunct], head: list[Head]) -> Comprehension:
+    def each(self, variables: list[V], body: list[Conjunct], head: list[Derived]) -> Comprehension:
         return Comprehension(tuple(v.slot for v in variables), tuple(body), tuple(head))
+
+    def fold(
+        self, operator: Operator, term: object, result: V, body: list[Conjunct], head: Derived, *variables: V
+    ) -> Aggregate:
+        """``[operator term => result | body | head]``; `term`: None for COUNT; `variables`: the body's new ones."""
+        code = None if term is None else as_code(term)
+        return Aggregate(operator, code, result.slot, tuple(v.slot for v in variables), tuple(body), head)
+
+    def then(self, *steps: Derived) -> Steps:
+        return Steps(steps)
 
     def rule(self, body: list[Conjunct], head: list[Head], slots: int = 8) -> None:
         self.rules.append(Rule(slots, tuple(body), tuple(head)))

@@ -1,19 +1,21 @@
 """What a match derives (paper III.D), worked out without changing anything.
 
-The head's own facts, goals and actions are evaluated with the match's bindings. Each comprehension, left to
-right, is matched against the facts as they stand after the body and the comprehensions before it have
-consumed theirs; each of its matches takes its temporary facts, the oldest first, so that none serves two.
-What an expression without value would derive is left out: of a comprehension the one match, else the firing.
+The head's own facts, goals and actions are evaluated with the match's bindings; so are all the steps of
+``a(R) then b(R)``. Each comprehension and aggregate, left to right, is matched against the facts as they stand
+after the body and those before it have consumed theirs; each of its matches takes its temporary facts, the
+oldest first, so that none serves two. What an expression without value would derive is left out: of a
+comprehension the one match, of an aggregate the one match whose term it is, else the firing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import (
     SELF_SLOT,
+    Aggregate,
     Atom,
     Bind,
     Comprehension,
@@ -22,19 +24,25 @@ from rmr.bytecode.program import (
     DeriveFact,
     DeriveGoal,
     Mode,
+    Operator,
     Predicate,
     Rule,
     Slot,
+    Steps,
 )
+from rmr.bytecode.program import Derived as Item
+from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.match import Env, Found, Plan, matches, plan
+from rmr.vm.match import Env, Found, Plan, consumed_places, matches, plan
 from rmr.vm.store import Fact, Store
 
 OnFailure = Callable[[tuple[int, ...], str], None]
 """Told (what failed: part, step, serials of the facts matched; reason)."""
 
 HEAD_PART = -1
-"""The part of a rule that the head's own expressions are; comprehensions have their place in the head."""
+"""The part of a rule that the head's own expressions are; comprehensions and aggregates have their place in it."""
+
+T = TypeVar("T")
 
 
 class Role(IntEnum):
@@ -55,25 +63,32 @@ class Derived(NamedTuple):
     args: tuple[Value, ...]
 
 
+Chain = tuple[Derived, ...]
+"""Items of which each is derived when the one before it is complete; mostly it is one."""
+
+
 class Derivation(NamedTuple):
     """All that a firing does."""
 
     consumed: list[Fact]
-    derived: list[Derived]
-    """In textual order; a comprehension's at its place."""
+    derived: list[Chain]
+    """In textual order; a comprehension's or aggregate's at its place."""
 
 
-Simple = DeriveFact | DeriveGoal | DeriveAction
 _ROLES: dict[type, Role] = {DeriveFact: Role.FACT, DeriveGoal: Role.GOAL, DeriveAction: Role.ACTION}
 
 
-class PlannedComprehension(NamedTuple):
-    """A comprehension with its body planned."""
+class Inner(NamedTuple):
+    """A comprehension or aggregate with its body planned."""
 
+    head: Comprehension | Aggregate
     steps: Plan
     taken: tuple[int, ...]
     """Which of a match's facts are consumed."""
-    head: tuple[Simple, ...]
+
+
+def _inner(head: Comprehension | Aggregate, steps: Plan) -> Inner:
+    return Inner(head, steps, consumed_places(steps))
 
 
 class PlannedRule:
@@ -84,79 +99,95 @@ class PlannedRule:
     def __init__(self, rule: Rule, predicates: tuple[Predicate, ...]) -> None:
         self.slots = rule.slots
         self.steps = plan(rule.body, predicates)
-        self.taken = consumed_places(rule.body)
+        self.taken = consumed_places(self.steps)
         bound = bound_slots(rule.body)
         self.head = tuple(
-            PlannedComprehension(
-                plan(item.body, predicates, bound),
-                consumed_places(item.body),
-                tuple(inner for inner in item.head if not isinstance(inner, Comprehension)),
-            )
-            if isinstance(item, Comprehension)
-            else item
+            _inner(item, plan(item.body, predicates, bound)) if isinstance(item, Comprehension | Aggregate) else item
             for item in rule.head
         )
 
     def derive(self, store: Store, env: Env, found: Found, now: Instant, on_failure: OnFailure) -> Derivation | None:
         """Return what the match `found` with `env` derives; None if an expression of the head has no value."""
-        result = Derivation([found[place] for place in self.taken], [])
+        firing = _Firing(store, env, found, now, on_failure, self.taken)
         for part, item in enumerate(self.head):
-            if isinstance(item, PlannedComprehension):
-                _comprehend(item, part, store, env, found, now, on_failure, result)
-                continue
             try:
-                result.derived.append(_item(item, env, now))
+                firing.add(part, item)
             except NoValue as reason:
                 on_failure((HEAD_PART, part, *(fact.serial for fact in found)), str(reason))
                 return None
-        return result
+        return firing.result
 
 
-def _comprehend(
-    item: PlannedComprehension,
-    part: int,
-    store: Store,
-    outer: Env,
-    outer_found: Found,
-    now: Instant,
-    on_failure: OnFailure,
-    result: Derivation,
-) -> None:
-    """Add to `result` what a comprehension derives and consumes."""
-    env = outer.copy()
-    gone = {fact.serial for fact in result.consumed}
-    taken: set[int] = set()
+class _Firing:
+    """What one match derives, in the making."""
 
-    def failed(step: int, found: Found, reason: str) -> None:
-        serials = [fact.serial for fact in (*outer_found, *found)]
-        on_failure((part, step, *serials), reason)
+    def __init__(
+        self, store: Store, env: Env, found: Found, now: Instant, on_failure: OnFailure, taken: tuple[int, ...]
+    ) -> None:
+        self.result = Derivation([found[place] for place in taken], [])
+        self._store = store
+        self._env = env
+        self._found = found
+        self._now = now
+        self._on_failure = on_failure
 
-    for found in matches(item.steps, store, env, now, failed, gone):
-        facts = [found[place] for place in item.taken]
-        if any(fact.serial in taken for fact in facts):
-            continue
-        try:
-            derived = [_item(head, env, now) for head in item.head]
-        except NoValue as reason:
-            failed(HEAD_PART, found, str(reason))
-            continue
-        taken.update(fact.serial for fact in facts)
-        result.consumed.extend(facts)
-        result.derived.extend(derived)
+    def add(self, part: int, item: Item | Steps | Inner) -> None:
+        """Add what the head says at its place `part`. Raises NoValue."""
+        if not isinstance(item, Inner):
+            steps = item.steps if isinstance(item, Steps) else (item,)
+            self.result.derived.append(tuple([self._value(step, self._env) for step in steps]))
+        elif isinstance(item.head, Comprehension):
+            heads = item.head.head
+            for _, derived in self._each(part, item, lambda env: [(self._value(head, env),) for head in heads]):
+                self.result.derived.extend(derived)
+        else:
+            env = self._aggregated(part, item, item.head)
+            if env is not None:
+                self.result.derived.append((self._value(item.head.head, env),))
 
+    def _aggregated(self, part: int, inner: Inner, aggregate: Aggregate) -> Env | None:
+        """Return the slots for an aggregate's head, or None if it derives nothing."""
+        term, result = aggregate.term, aggregate.result
+        values = self._each(part, inner, lambda env: evaluate(term, env, self._now) if term is not None else 1)
+        if aggregate.operator in (Operator.MIN, Operator.MAX):
+            best: Env | None = None
+            for env, value in values:
+                if better(aggregate.operator, value, None if best is None else best[result]):
+                    best = env.copy()
+                    best[result] = value
+            return best
+        outer = self._env.copy()
+        outer[result] = FOLDS[aggregate.operator]([value for _, value in values])
+        return outer
 
-def _item(head: Simple, env: Env, now: Instant) -> Derived:
-    """Return a head item's value. Raises NoValue."""
-    owner = evaluate(head.owner, env, now)
-    if type(owner) is not Robot:
-        raise NoValue("an owner that is no robot")
-    return Derived(_ROLES[type(head)], head.predicate, owner, tuple([evaluate(code, env, now) for code in head.args]))
+    def _each(self, part: int, inner: Inner, work: Callable[[Env], T]) -> Iterator[tuple[Env, T]]:
+        """Yield what `work` makes of each match of an inner body; the match's temporary facts are taken for it."""
+        env = self._env.copy()
+        consumed = self.result.consumed
+        gone = {fact.serial for fact in consumed}
+        taken: set[int] = set()
 
+        def failed(step: int, found: Found, reason: str) -> None:
+            self._on_failure((part, step, *(fact.serial for fact in (*self._found, *found))), reason)
 
-def consumed_places(body: tuple[Conjunct, ...]) -> tuple[int, ...]:
-    """Return which of a match's facts the body consumes."""
-    positive = [item for item in body if isinstance(item, Atom) and item.mode is not Mode.ABSENT]
-    return tuple(place for place, atom in enumerate(positive) if atom.mode is Mode.CONSUME)
+        for found in matches(inner.steps, self._store, env, self._now, failed, gone, taken):
+            try:
+                value = work(env)
+            except NoValue as reason:
+                failed(HEAD_PART, found, str(reason))
+                continue
+            facts = [found[place] for place in inner.taken]
+            taken.update([fact.serial for fact in facts])
+            consumed.extend(facts)
+            yield env, value
+
+    def _value(self, item: Item, env: Env) -> Derived:
+        """Return an item of the head, evaluated. Raises NoValue."""
+        owner = evaluate(item.owner, env, self._now)
+        if type(owner) is not Robot:
+            raise NoValue("an owner that is no robot")
+        args = tuple([evaluate(code, env, self._now) for code in item.args])
+        return Derived(_ROLES[type(item)], item.predicate, owner, args)
 
 
 def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:

@@ -145,6 +145,17 @@ class ExpressionFailed:
     at: Instant
 
 
+@dataclass(frozen=True, slots=True)
+class BoundReached:
+    """More than the robot keeps was to be kept, for the first time; what does not fit is dropped and counted."""
+
+    what: str
+    """``facts``, ``goals``, ``actions``, ``chains``, ``jobs``, ``failures``, ``matches``, ``watches``."""
+    bound: int
+    """How many are kept."""
+    at: Instant
+
+
 VmEvent = (
     RuleFired
     | FactSent
@@ -159,4 +170,5 @@ VmEvent = (
     | FactInserted
     | FactRemoved
     | ExpressionFailed
+    | BoundReached
 )

@@ -71,7 +71,7 @@ def _sort(value: Value) -> Value:
     kinds = {type(item) for item in items}
     if not any(kinds <= sortable for sortable in SORTABLE):
         raise NoValue("sort of items without an order")
-    return tuple(sorted(items))  # type: ignore[type-var]
+    return tuple(sorted(items))
 
 
 def _rest(value: Value, count: Value) -> Value:

@@ -14,7 +14,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Anything, Constant, Program
 from rmr.bytecode.wire import identity
 from rmr.vm.assertions import goal_text
-from rmr.vm.derive import Derived, Role
+from rmr.vm.derive import Chain, Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import GoalAchieved
 from rmr.vm.match import pattern_agrees
@@ -84,10 +84,11 @@ class Goals:
         """Return the predicates from which rules may lead to a goal of `predicate`."""
         return self._ranks.leading(predicate)
 
-    def rank(self, derived: list[Derived], now: Instant) -> int | None:
+    def rank(self, derived: list[Chain], now: Instant) -> int | None:
         """Return how many firings lie between this one and an open goal: 0 if it derives one, None if none follows."""
         distances = self._ranks.nearest(self._open)
-        facts = [fact for item in derived for fact in self._facts(item, now) if fact[0] in distances]
+        items = [item for chain in derived for item in chain]
+        facts = [fact for item in items for fact in self._facts(item, now) if fact[0] in distances]
         return self._ranks.of(facts, self._wanted()) if facts else None
 
     def _wanted(self) -> Iterator[tuple[int, GoalArgs]]:

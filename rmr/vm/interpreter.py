@@ -16,20 +16,9 @@ from random import Random
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot
+from rmr.bytecode.heads import bodies, codes, items
 from rmr.bytecode.opcodes import FUNCTIONS, Op
-from rmr.bytecode.program import (
-    Atom,
-    Code,
-    Comprehension,
-    Conjunct,
-    DeriveAction,
-    DeriveFact,
-    Head,
-    Mode,
-    Program,
-    Rule,
-    Strategy,
-)
+from rmr.bytecode.program import Atom, Code, DeriveAction, DeriveFact, Head, Mode, Program, Rule, Strategy
 from rmr.vm.derive import Derivation, PlannedRule
 from rmr.vm.events import ExpressionFailed, VmEvent
 from rmr.vm.goals import Goals
@@ -67,7 +56,7 @@ class RuleState:
         self.consumes = bool(self.planned.taken)
         self.negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
         self.derives = tuple(dict.fromkeys(derivable(rule.head, program)))
-        self.timed = any(uses_now(code) for code in head_codes(rule.head))
+        self.timed = any(uses_now(code) for code in codes(rule.head))
         self.fired: set[Key] = set()
         self.candidate: Candidate | None = None
         self.stale = False
@@ -216,9 +205,7 @@ class Interpreter:
 
 def mentioned(rule: Rule) -> Iterator[int]:
     """Yield the predicates on which it depends whether the rule is satisfied and what it does."""
-    bodies: list[tuple[Conjunct, ...]] = [rule.body]
-    bodies.extend(item.body for item in rule.head if isinstance(item, Comprehension))
-    for body in bodies:
+    for body in bodies(rule):
         for conjunct in body:
             if isinstance(conjunct, Atom):
                 yield conjunct.predicate
@@ -226,22 +213,11 @@ def mentioned(rule: Rule) -> Iterator[int]:
 
 def derivable(heads: tuple[Head, ...], program: Program) -> Iterator[int]:
     """Yield the predicates of which a head may bring facts, its actions' declared effects included."""
-    for head in heads:
-        if isinstance(head, Comprehension):
-            yield from derivable(head.head, program)
-        elif isinstance(head, DeriveAction):
-            yield from (effect.predicate for effect in program.predicates[head.predicate].effects)
-        elif isinstance(head, DeriveFact):
-            yield head.predicate
-
-
-def head_codes(heads: tuple[Head, ...]) -> Iterator[Code]:
-    """Yield the expressions of a head."""
-    for head in heads:
-        if isinstance(head, Comprehension):
-            yield from head_codes(head.head)
-        else:
-            yield from (head.owner, *head.args)
+    for item in items(heads):
+        if isinstance(item, DeriveAction):
+            yield from (effect.predicate for effect in program.predicates[item.predicate].effects)
+        elif isinstance(item, DeriveFact):
+            yield item.predicate
 
 
 def uses_now(code: Code) -> bool:

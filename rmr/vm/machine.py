@@ -15,9 +15,10 @@ from random import Random
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value, format_fact
-from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
+from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program, Slot
 from rmr.vm.assertions import Assertions
-from rmr.vm.derive import Derivation, Derived, Role
+from rmr.vm.bounds import Dropped
+from rmr.vm.derive import Chain, Derivation, Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
     ActionDerived,
@@ -36,12 +37,10 @@ from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
 from rmr.vm.outside import Gate
 from rmr.vm.store import Args, Fact, Store
+from rmr.vm.underway import UnderWay
 
 FIRING_BUDGET = 500
 """Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
-
-ACTIONS_MAX = 1024
-"""Actions under way of which the end is awaited; beyond that the oldest are forgotten."""
 
 ROBOT_NUMBER = "id"
 """The provided persistent predicate ``!id(R, N)``."""
@@ -67,8 +66,8 @@ class Machine:
         self._now: Instant = 0
         self._events: list[VmEvent] = []
         self._failures = 0
-        self._serial = 0
-        self._actions: dict[int, tuple[int, Args]] = {}
+        self._dropped = Dropped(self._events)
+        self._under_way = UnderWay(self.robot, self._dropped)
         self._gate = Gate(program.predicates)
         self._store = Store(program.predicates)
         self._goals = Goals(program, self.robot, self._store)
@@ -84,7 +83,8 @@ class Machine:
             self.insert(now, number, (int(self.robot),))
         for fact in self.program.facts:
             if fact.owner is None or fact.owner == self.robot:
-                self._insert(now, fact.predicate, fact.args)
+                args = tuple([self.robot if isinstance(arg, Slot) else arg for arg in fact.args])
+                self._insert(now, fact.predicate, args)
         for goal in self.program.goals:
             if goal.owner is None or goal.owner == self.robot:
                 self._want(now, goal.predicate, goal.args)
@@ -118,28 +118,36 @@ class Machine:
         if fact is not None:
             self._remove(now, fact)
 
-    def derive_action(self, now: Instant, predicate: int, args: Args) -> None:
+    def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
         """Take up an action that another robot derived for this one.
+
+        `origin` is the robot that waits for its end, and the serial by which it knows the action.
 
         Raises:
             ValueError: `args` (without the executor) are not what the action declares.
         """
         self._arrive(now)
-        self._act(Derived(Role.ACTION, predicate, self.robot, self._gate.action(predicate, args)))
+        self._act(now, Derived(Role.ACTION, predicate, self.robot, self._gate.action(predicate, args)), (), origin)
 
-    def complete(self, now: Instant, serial: int, ok: bool) -> bool:
-        """End an action: insert its effects, or the else effects; False if no such action is under way.
+    def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
+        """End an action: insert its effects, or the else effects, then derive the step behind it unless it failed.
 
-        Effects on sensed predicates are left to the senses.
+        Of an action that another robot executed the effects are that robot's; `executor` says who reports the end
+        (None: whoever executes it). False if it is not under way, or not there. Effects on sensed predicates are
+        left to the senses.
         """
         self._arrive(now)
-        action = self._actions.pop(serial, None)
-        if action is None:
+        awaited = self._under_way.end(serial, executor)
+        if awaited is None:
             return False
-        predicate = self.program.predicates[action[0]]
-        for effect in predicate.effects if ok else predicate.else_effects:
-            if self.program.predicates[effect.predicate].kind is not Kind.SENSED:
-                self._take_effect(now, predicate.name, effect, action[1])
+        action, then = awaited
+        if action.owner == self.robot:
+            predicate = self.program.predicates[action.predicate]
+            for effect in predicate.effects if ok else predicate.else_effects:
+                if self.program.predicates[effect.predicate].kind is not Kind.SENSED:
+                    self._take_effect(now, predicate.name, effect, action.args)
+        if ok:
+            self._follow(now, then)
         return True
 
     def run(self, now: Instant) -> None:
@@ -179,14 +187,24 @@ class Machine:
         """How often an expression without value left something out."""
         return self._failures + self._interpreter.failures + self._assertions.failures
 
+    @property
+    def dropped(self) -> dict[str, int]:
+        """What was dropped because a bound was reached, by kind; empty as a rule."""
+        return dict(self._dropped.counts)
+
     def drain(self) -> list[VmEvent]:
         """Return what happened since the last call, in order."""
-        events, self._events = self._events, []
+        events = self._events.copy()
+        self._events.clear()
         return events
 
     def serves(self, predicate: int, args: Args) -> list[Job]:
         """Return the scheduled jobs without finish that this action of the robot serves, first due first."""
         return self._assertions.serving(predicate, args)
+
+    def held(self, predicate: int) -> list[Args]:
+        """Return the arguments of the facts of `predicate` that hold, oldest first."""
+        return [fact.args for fact in self._store.tables[predicate].facts.values()]
 
     def holds(self, predicate: int, args: tuple[Pattern, ...]) -> bool:
         """Tell whether a fact that matches `args` holds; slots stand for anything."""
@@ -232,10 +250,16 @@ class Machine:
         self._events.append(RuleFired(rule, now))
         for fact in derivation.consumed:
             self._remove(now, fact)
-        for item in derivation.derived:
+        for chain in derivation.derived:
+            self._follow(now, chain)
+
+    def _follow(self, now: Instant, chain: Chain) -> None:
+        """Derive steps up to the first action; what stands behind it waits for its end."""
+        for place, item in enumerate(chain):
             if item.role is Role.ACTION:
-                self._act(item)
-            elif item.owner != self.robot:
+                self._act(now, item, chain[place + 1 :])
+                return
+            if item.owner != self.robot:
                 event = FactSent if item.role is Role.FACT else GoalSent
                 self._events.append(event(item.owner, item.predicate, item.args))
             elif item.role is Role.FACT:
@@ -267,16 +291,10 @@ class Machine:
         self._events += self._goals.want(now, predicate, args)
         self._interpreter.touch_goal(predicate)
 
-    def _act(self, item: Derived) -> None:
-        """Report an action; its end is awaited if this robot executes it."""
-        serial = 0
-        if item.owner == self.robot:
-            self._serial += 1
-            serial = self._serial
-            if len(self._actions) >= ACTIONS_MAX:
-                del self._actions[next(iter(self._actions))]
-            self._actions[serial] = (item.predicate, item.args)
-        self._events.append(ActionDerived(serial, item.predicate, item.owner, item.args))
+    def _act(self, now: Instant, item: Derived, then: Chain = (), origin: tuple[int, int] | None = None) -> None:
+        """Report an action; its end is awaited if this robot executes it, or if steps follow."""
+        serial = self._under_way.begin(now, item, then)
+        self._events.append(ActionDerived(serial, item.predicate, item.owner, item.args, origin))
 
     def _take_effect(self, now: Instant, name: str, effect: Effect, args: Args) -> None:
         env: list[Value] = [self.robot, *args]
@@ -301,7 +319,7 @@ class Machine:
             except NoValue as reason:
                 self._fail(f"violation of assertion {job.name}", reason, job.deadline)
                 continue
-            self._act(Derived(Role.ACTION, violation.predicate, owner, args))
+            self._act(job.deadline, Derived(Role.ACTION, violation.predicate, owner, args))
 
     def _fail(self, where: str, reason: NoValue, now: Instant) -> None:
         self._failures += 1

@@ -4,7 +4,8 @@ The conjuncts are tried in their order, and for each atom the facts oldest first
 order in which the language wants them: conjunct by conjunct, the oldest facts go first (paper III.D gives
 the conjunction, figure 6 the choice). Two conjuncts never match the same temporary fact. Nothing changes
 while matches are being looked for; a comprehension looks at the facts as they will stand when the rule's
-own have been taken: `gone`.
+own have been taken: `gone`. What its earlier matches have consumed is still there for ``not`` and ``$``, but no
+later match consumes it again: `taken`.
 
 Which slots are bound when an atom is reached is known beforehand, so each atom is planned once: constants to
 test, bound slots to compare with, slots to bind.
@@ -149,23 +150,43 @@ def candidates(step: AtomStep, store: Store, env: Env) -> Iterable[Fact]:
 
 
 def matches(
-    steps: Plan, store: Store, env: Env, now: int, on_failure: OnFailure, gone: Collection[int] = ()
+    steps: Plan,
+    store: Store,
+    env: Env,
+    now: int,
+    on_failure: OnFailure,
+    gone: Collection[int] = (),
+    taken: set[int] | None = None,
 ) -> Iterator[Found]:
     """Yield the facts of each match, one for each atom that is not ABSENT, with their values in `env`.
 
-    Both lists are reused: whoever keeps them copies them. Facts whose serials are `gone` are not seen.
+    Both lists are reused: whoever keeps them copies them. Facts whose serials are `gone` are not seen, those
+    whose serials are `taken`, which may grow between two matches, are not consumed.
     """
-    search = _Search(steps, store, env, now, on_failure, gone)
+    search = _Search(steps, store, env, now, on_failure, gone, taken)
     return search.extend(0)
+
+
+def consumed_places(steps: Plan) -> tuple[int, ...]:
+    """Return which of a match's facts are consumed."""
+    modes = [step.mode for step in steps if isinstance(step, AtomStep) and step.mode is not Mode.ABSENT]
+    return tuple(place for place, mode in enumerate(modes) if mode is Mode.CONSUME)
 
 
 class _Search:
     """One depth-first search."""
 
-    __slots__ = ("env", "found", "gone", "now", "on_failure", "steps", "store")
+    __slots__ = ("env", "found", "gone", "now", "on_failure", "places", "steps", "store", "taken")
 
     def __init__(
-        self, steps: Plan, store: Store, env: Env, now: int, on_failure: OnFailure, gone: Collection[int]
+        self,
+        steps: Plan,
+        store: Store,
+        env: Env,
+        now: int,
+        on_failure: OnFailure,
+        gone: Collection[int],
+        taken: set[int] | None,
     ) -> None:
         self.steps = steps
         self.store = store
@@ -173,6 +194,8 @@ class _Search:
         self.now = now
         self.on_failure = on_failure
         self.gone = gone
+        self.taken = taken
+        self.places = consumed_places(steps) if taken is not None else ()
         self.found: Found = []
 
     def extend(self, index: int) -> Iterator[Found]:
@@ -193,10 +216,11 @@ class _Search:
     def take(self, step: AtomStep, index: int) -> Iterator[Found]:
         """Yield the ways with each fact that the atom can take."""
         linear = step.mode is not Mode.READ
+        taken = self.taken if step.mode is Mode.CONSUME else None
         last = index + 1 == len(self.steps)
         env, found = self.env, self.found
         for fact in self.facts(step):
-            if linear and fact in found:
+            if linear and (fact in found or (taken and fact.serial in taken)):
                 continue
             for position, slot in step.binds:
                 env[slot] = fact.args[position]
@@ -206,6 +230,13 @@ class _Search:
             else:
                 yield from self.extend(index + 1)
             found.pop()
+            if self.taken and self.spent():
+                return
+
+    def spent(self) -> bool:
+        """Tell whether a fact found before has been taken, so that nothing more can come of it."""
+        found, taken = self.found, self.taken
+        return taken is not None and any(found[p].serial in taken for p in self.places if p < len(found))
 
     def facts(self, step: AtomStep) -> Iterator[Fact]:
         """Yield the facts that match the atom alone, oldest first."""

@@ -1,0 +1,23 @@
+"""What does not fit: all that a robot keeps is bounded by name; what comes beyond is dropped, counted, told once.
+
+A program that makes ever more facts, goals or chains thus costs one robot some of its own program, and never
+its memory or its pace. Each bound stands with what it bounds.
+"""
+
+from rmr.base.time import Instant
+from rmr.vm.events import BoundReached, VmEvent
+
+
+class Dropped:
+    """Counts what was dropped, by kind: ``facts``, ``goals``, ``actions``, ``chains``, ..."""
+
+    def __init__(self, events: list[VmEvent]) -> None:
+        """Report the first drop of each kind to `events`."""
+        self.counts: dict[str, int] = {}
+        self._events = events
+
+    def add(self, what: str, bound: int, now: Instant) -> None:
+        """Note that one more did not fit."""
+        if what not in self.counts:
+            self._events.append(BoundReached(what, bound, now))
+        self.counts[what] = self.counts.get(what, 0) + 1

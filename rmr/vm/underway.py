@@ -1,0 +1,72 @@
+"""Actions under way, and the chains of steps that wait for their ends (``a(R) then b(R)``).
+
+The robot awaits the end of each action that it executes, for its effects, and of each that a step follows,
+whoever executes it. An action has a serial by which its end is reported; one of another robot has it on the
+robot that derived it, and its executor learns it as the action's origin. Both tables are bounded: an end that
+never comes, because the executor is gone, costs the place of one entry and no more.
+"""
+
+from typing import NamedTuple
+
+from rmr.base.time import Instant
+from rmr.base.values import Robot
+from rmr.vm.bounds import Dropped
+from rmr.vm.derive import Chain, Derived
+
+ACTIONS_MAX = 1024
+"""Actions of which the end is awaited; beyond that the oldest are forgotten."""
+
+CHAINS_MAX = 256
+"""Chains that wait for an action's end; beyond that the oldest is dropped. Each holds up to a whole head."""
+
+
+class Awaited(NamedTuple):
+    """An action of which the end is awaited."""
+
+    action: Derived
+    then: Chain
+    """The steps behind it."""
+
+
+class UnderWay:
+    """The actions that one robot awaits."""
+
+    def __init__(self, robot: Robot, dropped: Dropped) -> None:
+        self._robot = robot
+        self._dropped = dropped
+        self._serial = 0
+        self._actions: dict[int, Derived] = {}
+        self._chains: dict[int, Chain] = {}
+
+    def begin(self, now: Instant, action: Derived, then: Chain) -> int:
+        """Return an action's serial; 0 if nothing waits for its end."""
+        if action.owner != self._robot and not then:
+            return 0
+        self._make_room(now, bool(then))
+        self._serial += 1
+        self._actions[self._serial] = action
+        if then:
+            self._chains[self._serial] = then
+        return self._serial
+
+    def end(self, serial: int, executor: int | None) -> Awaited | None:
+        """Take out an action that has ended; None if it is not awaited, or not from `executor` (None: anybody)."""
+        action = self._actions.get(serial)
+        if action is None or executor not in (None, action.owner):
+            return None
+        del self._actions[serial]
+        return Awaited(action, self._chains.pop(serial, ()))
+
+    def _make_room(self, now: Instant, chained: bool) -> None:
+        """Forget the oldest action, or drop the oldest chain, where another one would be too many."""
+        if len(self._actions) >= ACTIONS_MAX:
+            oldest = next(iter(self._actions))
+            del self._actions[oldest]
+            self._chains.pop(oldest, None)
+            self._dropped.add("actions", ACTIONS_MAX, now)
+        if chained and len(self._chains) >= CHAINS_MAX:
+            oldest = next(iter(self._chains))
+            del self._chains[oldest]
+            self._dropped.add("chains", CHAINS_MAX, now)
+            if self._actions[oldest].owner != self._robot:
+                del self._actions[oldest]  # awaited for nothing else
