@@ -11,11 +11,8 @@ import math
 from collections.abc import Callable
 
 from rmr.base.values import INT_MAX, INT_MIN, Value
+from rmr.bytecode.conform import LENGTH_MAX, sound
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.wire import NESTING_MAX
-
-LENGTH_MAX = 65536
-"""Characters of a string, and values and characters within a list, that an expression may build."""
 
 
 class NoValue(Exception):  # noqa: N818  (an outcome, not a fault)
@@ -73,25 +70,10 @@ def less(left: Value, right: Value) -> bool:
 
 
 def built(items: tuple[Value, ...]) -> Value:
-    """Return a list that an expression has built. Raises NoValue if it is too large or too deep."""
-    if _size(items, 1) > LENGTH_MAX:
-        raise NoValue(f"longer than {LENGTH_MAX}")
+    """Return a list that an expression has built. Raises NoValue if facts may not carry it."""
+    if not sound(items):
+        raise NoValue("a list that is too long or nested too deep")
     return items
-
-
-def _size(items: tuple[Value, ...], depth: int) -> int:
-    """Return how many values and characters a list holds, as far as that is needed to know it is too large."""
-    if depth > NESTING_MAX:
-        raise NoValue(f"lists nested deeper than {NESTING_MAX}")
-    size = len(items)
-    for item in items:
-        if size > LENGTH_MAX:
-            break
-        if type(item) is tuple:
-            size += _size(item, depth + 1)
-        elif isinstance(item, str):
-            size += len(item)
-    return size
 
 
 def _add(left: Value, right: Value) -> Value:
@@ -100,7 +82,7 @@ def _add(left: Value, right: Value) -> Value:
         return built(left + right)
     if type(left) is str and type(right) is str:
         if len(left) + len(right) > LENGTH_MAX:
-            raise NoValue(f"longer than {LENGTH_MAX}")
+            raise NoValue("a string that is too long")
         return left + right
     a, b = numbers("+", left, right)
     return checked(a + b)

@@ -7,9 +7,9 @@ from vm_hand import V, code
 
 from rmr.base.time import seconds
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
+from rmr.bytecode.conform import LENGTH_MAX, NESTING_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Instruction
-from rmr.vm.arithmetic import LENGTH_MAX, NESTING_MAX
 from rmr.vm.evaluate import NoValue, evaluate, same
 
 ENV: list[Value] = [Robot(7), "text"]
@@ -73,7 +73,7 @@ def test_what_is_out_of_range_or_of_the_wrong_type_has_no_value(parts: tuple[obj
 
 
 def test_joined_lists_are_bounded() -> None:
-    with pytest.raises(NoValue, match="longer"):
+    with pytest.raises(NoValue, match="too long"):
         result(tuple(range(LENGTH_MAX)), Instruction(Op.INT, 1), Instruction(Op.LIST, 1), Op.ADD)
 
 
@@ -183,13 +183,13 @@ def test_lists_in_lists_are_bounded_in_depth_and_in_all() -> None:
     for _ in range(NESTING_MAX - 1):
         deep = (deep,)
     assert evaluate((Instruction(Op.LOAD, 0), Instruction(Op.LIST, 0), Instruction(Op.ADD)), [deep], 0) == deep
-    with pytest.raises(NoValue, match="deeper"):
+    with pytest.raises(NoValue, match="too deep"):
         evaluate((Instruction(Op.LOAD, 0), Instruction(Op.LIST, 1)), [deep], 0)
     half: Value = tuple(range(LENGTH_MAX // 2))
     load = Instruction(Op.LOAD, 0)
-    with pytest.raises(NoValue, match="longer"):
+    with pytest.raises(NoValue, match="too long"):
         evaluate((load, load, pair), [half], 0)
-    with pytest.raises(NoValue, match="longer"):
+    with pytest.raises(NoValue, match="too long"):
         evaluate((load, load, pair), ["x" * (LENGTH_MAX // 2)], 0)
-    with pytest.raises(NoValue, match="longer"):
+    with pytest.raises(NoValue, match="too long"):
         evaluate((load, load, Instruction(Op.ADD)), ["x" * (LENGTH_MAX // 2 + 1)], 0)
