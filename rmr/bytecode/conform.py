@@ -29,28 +29,28 @@ _CLASSES: dict[Base, type] = {
 
 def sound(value: Value) -> bool:
     """Tell whether `value` is one that facts may carry."""
-    return weight(value) <= LENGTH_MAX
+    return length(value) <= LENGTH_MAX
 
 
-def weight(value: Value, nesting: int = 0) -> int:
-    """Return how many characters and items `value` holds, 1 at least; more than LENGTH_MAX if it is not sound."""
+def length(value: Value, nesting: int = 0) -> int:
+    """Return how many characters and items `value` holds; more than LENGTH_MAX if it is not sound."""
     kind = type(value)
     if kind is tuple:
-        return _list_weight(value, nesting)  # type: ignore[arg-type]
+        return _list_length(value, nesting)  # type: ignore[arg-type]
     if kind is str or kind is Symbol:
-        return len(value) or 1 if _is_text(value) else LENGTH_MAX + 1  # type: ignore[arg-type]
-    return 1 if _in_range(value) else LENGTH_MAX + 1
+        return len(value) if _is_text(value) else LENGTH_MAX + 1  # type: ignore[arg-type]
+    return 0 if _in_range(value) else LENGTH_MAX + 1
 
 
-def _list_weight(items: tuple[Value, ...], nesting: int) -> int:
+def _list_length(items: tuple[Value, ...], nesting: int) -> int:
     """Add up; stop at once when it is too much, for the same list may stand in a list many times."""
-    total = 1
     if nesting >= NESTING_MAX:
         return LENGTH_MAX + 1
+    total = len(items)
     for item in items:
-        total += weight(item, nesting + 1)
         if total > LENGTH_MAX:
             break
+        total += length(item, nesting + 1)
     return total
 
 

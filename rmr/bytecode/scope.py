@@ -29,27 +29,23 @@ def literal(code: Code) -> Value | None:
 class Scope:
     """Grows conjunct by conjunct; at first only the robot itself has a slot with a value."""
 
-    __slots__ = ("bound", "types")
+    __slots__ = ("_outer", "_types", "bound")
 
-    def __init__(self) -> None:
-        self.bound = 1 << SELF_SLOT
+    def __init__(self, outer: "Scope | None" = None) -> None:
+        """Begin with what is bound in `outer`, which grows no more."""
+        self._outer = outer
+        self._types: dict[int, Type] = {} if outer else {SELF_SLOT: ROBOT}
+        self.bound: int = outer.bound if outer else 1 << SELF_SLOT
         """A bit for each slot."""
-        self.types: dict[int, Type] = {SELF_SLOT: ROBOT}
-
-    def copy(self) -> "Scope":
-        """Return a scope that grows by itself from here on."""
-        other = Scope()
-        other.bound, other.types = self.bound, self.types.copy()
-        return other
 
     def has(self, slot: int) -> bool:
         """Tell whether `slot` has a value."""
-        return slot in self.types
+        return bool(self.bound >> slot & 1)
 
     def bind(self, slot: int, kind: Type) -> None:
         """Note that `slot` has a value from here on."""
-        if slot not in self.types:
-            self.types[slot] = kind
+        if not self.has(slot):
+            self._types[slot] = kind
             self.bound |= 1 << slot
 
     def match(self, atom: Atom, predicate: Predicate) -> None:
@@ -60,6 +56,13 @@ class Scope:
             if isinstance(pattern, Slot):
                 self.bind(pattern.index, kind)
 
+    def type_at(self, slot: int) -> Type | None:
+        """Return the type of what is in `slot`; None if it has no value."""
+        scope: Scope | None = self
+        while scope is not None and slot not in scope._types:
+            scope = scope._outer
+        return None if scope is None else scope._types[slot]
+
     def type_of(self, code: Code) -> Type:
         """Return the type of all values that `code` can have."""
         if len(code) != 1:
@@ -68,4 +71,5 @@ class Scope:
         if value is not None:
             return Type(_BASES[type(value)]) if type(value) in _BASES else UNKNOWN
         operand = code[0].operand
-        return self.types.get(operand, UNKNOWN) if code[0].op is Op.LOAD and isinstance(operand, int) else UNKNOWN
+        known = self.type_at(operand) if code[0].op is Op.LOAD and isinstance(operand, int) else None
+        return UNKNOWN if known is None else known

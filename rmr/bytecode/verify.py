@@ -42,7 +42,7 @@ from rmr.bytecode.program import (
     Type,
 )
 from rmr.bytecode.provided import is_provided
-from rmr.bytecode.scope import ROBOT, Scope
+from rmr.bytecode.scope import ROBOT, UNKNOWN, Scope
 
 REASONS_MAX = 20
 """Reasons told: a forged file may be wrong in a million places."""
@@ -144,7 +144,7 @@ class _Verifier:
     def head(self, head: Head, slots: int, scope: Scope) -> Iterator[str]:
         match head:
             case Comprehension():
-                inner = scope.copy()
+                inner = Scope(scope)
                 yield from self.inner(head, slots, scope, inner)
                 for item in head.head:
                     yield from self.checks.derived(item, inner)
@@ -160,25 +160,25 @@ class _Verifier:
 
     def inner(self, head: Comprehension | Aggregate, slots: int, outer: Scope, inner: Scope) -> Iterator[str]:
         """Check the body of a comprehension or aggregate; `inner` grows by what it binds."""
-        listed = set(head.slots)
-        if len(listed) < len(head.slots) or any(outer.has(slot) or not 0 <= slot < slots for slot in listed):
-            yield "a new variable that is listed twice, bound already or none of the rule's"
+        listed = Scope(outer)
+        for slot in head.slots:
+            yield from self.checks.new(slot, UNKNOWN, slots, listed)
         yield from self.checks.body(head.body, slots, inner)
-        if inner.types.keys() - outer.types.keys() - listed:
+        if inner.bound & ~listed.bound:
             yield "an inner body binds a variable that is not listed"
 
     def aggregate(self, head: Aggregate, slots: int, scope: Scope) -> Iterator[str]:
         """Check that the result is new; in the head of min and max the winning match's variables are bound too."""
-        inner = scope.copy()
+        inner = Scope(scope)
         yield from self.inner(head, slots, scope, inner)
         if (head.term is None) != (head.operator is Operator.COUNT):
             yield f"{head.operator.name} with a wrong number of terms"
         if head.term is not None:
             yield from self.checks.code(head.term, inner)
-        if head.result in inner.types or head.result in head.slots:
-            yield f"slot {head.result} is the result and something else"
-        witness = inner if head.operator in (Operator.MIN, Operator.MAX) else scope.copy()
-        kind = Type(Base.INT if head.operator is Operator.COUNT else Base.OPEN)
+        if head.result in head.slots:
+            yield f"slot {head.result} is the result and a variable of the matches"
+        witness = inner if head.operator in (Operator.MIN, Operator.MAX) else Scope(scope)
+        kind = Type(Base.INT) if head.operator is Operator.COUNT else UNKNOWN
         yield from self.checks.new(head.result, kind, slots, witness)
         yield from self.checks.derived(head.head, witness)
 
@@ -192,7 +192,7 @@ class _Verifier:
             yield "start and finish are only looked at"
         scope = Scope()
         yield from self.checks.atom(assertion.start, assertion.slots, scope)
-        yield from self.checks.atom(assertion.finish, assertion.slots, scope.copy())
+        yield from self.checks.atom(assertion.finish, assertion.slots, Scope(scope))
         yield from self.finisher(assertion.finisher, scope)
         yield from self.checks.code(assertion.deadline, scope)
         yield from self.checks.derived(assertion.violation, scope)
@@ -202,7 +202,7 @@ class _Verifier:
     @staticmethod
     def finisher(finisher: Slot | Constant, scope: Scope) -> Iterator[str]:
         if isinstance(finisher, Slot):
-            if scope.types.get(finisher.index) != ROBOT:
+            if scope.type_at(finisher.index) != ROBOT:
                 yield "who finishes it is no robot that its start names"
         elif type(finisher.value) is not Robot or not 0 <= finisher.value <= ROBOT_ID_MAX:
             yield "who finishes it is no robot"

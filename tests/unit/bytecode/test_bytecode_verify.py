@@ -62,7 +62,7 @@ RULES = {
     ),
     "wrong type": lambda h, p, q, go: h.rule([h.atom(q, "one")], []),
     "now() in a body": lambda h, p, q, go: h.rule([guard("call:now", 1, Op.LT)], []),
-    "bound already": lambda h, p, q, go: h.rule([h.atom(p, V(1))], [Comprehension((1,), (), ())]),
+    "bound twice": lambda h, p, q, go: h.rule([h.atom(p, V(1))], [Comprehension((1,), (), ())]),
     "is not listed": lambda h, p, q, go: h.rule([], [h.each([], [h.atom(p, V(1))], [])]),
     "is no robot": lambda h, p, q, go: h.facts.append(InitialFact(q, 65534, (1,))),
     "has the wrong type": lambda h, p, q, go: h.facts.append(InitialFact(q, None, (1.0,))),
