@@ -1,0 +1,256 @@
+"""The run: the nodes of all robots over one ether, in virtual time, until nothing is left to do.
+
+Nobody is called without need: the heap of calls holds frames under way, events from outside, and for each robot the
+one instant at which it wants to be called. The run is quiescent when every robot is idle (`Node.idle`: no rule
+satisfied, nothing under way from it, no action, no deadline ahead), no frame that matters is in the air and no event
+from outside is outstanding. A robot's idleness changes only when it is called, so it is looked at only then.
+
+What happened last is what a robot noted, a firing or an event from outside. News of what was said long before
+(acknowledgements, repeats) and the coming and going of schedules are no such thing.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rmr.base.arena import NOWHERE
+from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
+from rmr.base.streams import stream
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import InitialFact, Kind, Program
+from rmr.eval.ether import Ether, frame_text
+from rmr.eval.given import Given, facts_by_owner, values
+from rmr.eval.topology import Topology
+from rmr.node.actions import Handler, RobotHandle
+from rmr.node.config import GivenFact, NodeConfig
+from rmr.node.node import Node
+from rmr.node.ports import Ports
+from rmr.node.provided import FAILURE_REPEATS, NodeHandle
+
+FIRINGS_MAX = 2_000_000
+"""Firings of one run. A robot that never becomes quiet fires 30,000 times in a second, and a minute of that is enough
+to see that it goes on; real computations stay below."""
+LATENCY: Duration = milliseconds(5)
+TURN_MIN: Duration = milliseconds(10)
+"""A slot has a length even if actions take no time: the grid of instants in schedules."""
+LOOK_EVERY = 256
+"""Calls between two looks at whether the run is to stop, and at how it is getting on."""
+UNDELIVERED_MAX = 64
+"""Kinds of things that could not be delivered of which the run keeps the names; the report counts them all."""
+RANGE_M = 1.0
+"""What `range(R, B, D)` says of every robot in range: robots without bodies are nowhere."""
+
+ABOUT_SCHEDULES = frozenset({"asks", "slotted", "slot_lost", "entered", "left", "scheduled", "leads"})
+ABOUT_FRAMES = frozenset({"repeated", "delivered", "malformed", "other_program"})
+"""Notes that tell of no event of the program."""
+
+Note = dict[str, Any]
+Sink = Callable[[Sequence[Note]], None]
+"""Takes what was noted, in order of time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Under which the robots run."""
+
+    robots: Mapping[int, None]
+    """Their ids, ascending."""
+    topology: Topology
+    seed: int = 0
+    loss: float = 0.0
+    latency: Duration = LATENCY
+    action_time: Duration = 0
+
+
+class Hosted:
+    """A node with its link and its place in the heap of calls."""
+
+    def __init__(self, ensemble: "Ensemble", robot: int) -> None:
+        self.robot = robot
+        self._ensemble = ensemble
+        self._alarm = Alarm(ensemble.kernel, ROBOT, self._tick)
+        self.node = ensemble.make_node(robot, ensemble.ether.link(robot, self._alarm.set))
+        self.idle = False
+        self.firings = 0
+        self.last_rule: str | None = None
+        """Where the rule stands that was seen to fire last."""
+
+    def start(self, now: Instant) -> None:
+        """Give the node its facts and have it called."""
+        self.node.start(now)
+        self._alarm.set(now)
+
+    def insert(self, now: Instant, name: str, args: tuple[Value, ...]) -> None:
+        """Let a fact come from outside."""
+        self.node.insert(now, name, args)
+        self._ensemble.looked_at(self)
+        self._alarm.set(now)
+
+    def _tick(self, now: Instant) -> None:
+        self.node.tick(now)
+        self._ensemble.looked_at(self)
+        self._alarm.set(max(self.node.next_wake, now + 1))
+
+
+class Ensemble:
+    """All robots of one evaluation."""
+
+    def __init__(self, program: Program, given: Given, conditions: Conditions, sink: Sink | None = None) -> None:
+        """`sink` gets what the robots note, if somebody wants it."""
+        self.program = program
+        self.conditions = conditions
+        self.kernel = Kernel()
+        self.firings = 0
+        self.happened: Instant = 0
+        """When the last thing happened."""
+        self.outstanding = list(given.insertions)
+        """Events from outside that are yet to come."""
+        self.undelivered: dict[tuple[int, int, str, str], None] = {}
+        """(source, destination, predicate, why) of what could not be delivered."""
+        self._digest = given.digest
+        self._sink = sink
+        self._stopping = False
+        self._handlers = handlers(program, conditions.action_time)
+        self._facts = facts_by_owner(given.facts)
+        self._edges = None if given.edges is None else program.predicates[given.edges].name
+        self.ether = Ether(
+            self.kernel,
+            conditions.topology,
+            stream(f"{conditions.seed}/ether"),
+            loss=conditions.loss,
+            latency=conditions.latency,
+            lost=None if sink is None else self._lost,
+        )
+        self.robots = {robot: Hosted(self, robot) for robot in conditions.robots}
+        self.busy = len(self.robots)
+        """Robots that are not idle."""
+
+    def make_node(self, robot: int, link: Any) -> Node:
+        """Return the node of `robot`."""
+        conditions = self.conditions
+        config = NodeConfig(
+            robot,
+            conditions.robots.keys(),
+            NOWHERE,
+            conditions.seed,
+            facts=tuple(self._facts_of(robot)),
+            turn=max(conditions.action_time, TURN_MIN),
+        )
+        ports = Ports(link, None, neighbors=_Neighbors(conditions.topology, robot))
+        return Node(config, self.program, ports, self._handlers, self._digest)
+
+    def _facts_of(self, robot: int) -> Iterable[GivenFact]:
+        for fact in (*self._facts.get(None, ()), *self._facts.get(robot, ())):
+            yield self.program.predicates[fact.predicate].name, robot, values(fact, robot)
+        if self._edges is not None:
+            for other in self.conditions.topology.neighbors(robot):
+                yield self._edges, robot, (Robot(other),)
+
+    # ---- the run
+
+    @property
+    def quiescent(self) -> bool:
+        """Whether nothing is left to do."""
+        return not (self.busy or self.ether.pending or self.outstanding)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the run has used up its firings."""
+        return self.firings >= FIRINGS_MAX
+
+    def run(self, until: Instant, look: Callable[[], None] = lambda: None) -> bool:
+        """Run to quiescence, or to `until` (included) at the latest; return whether it became quiescent.
+
+        `look` is called now and then. `stop`, and a run that fires without end, end it earlier.
+        """
+        for insertion in self.outstanding:
+            self.kernel.at(insertion.at, RADIO, partial(self._insert, insertion.fact))
+        for robot in self.robots.values():
+            robot.start(0)
+        calls = 0
+        while not self.quiescent:
+            if self.kernel.due > until or self.exhausted or self._stopping:
+                return False
+            self.kernel.step()
+            calls += 1
+            if calls % LOOK_EVERY == 0:
+                look()
+        return True
+
+    def stop(self) -> None:
+        """End the run after the present call."""
+        self._stopping = True
+
+    def _insert(self, fact: InitialFact, now: Instant) -> None:
+        del self.outstanding[0]
+        self.happened = now
+        name = self.program.predicates[fact.predicate].name
+        for robot in self.robots if fact.owner is None else (fact.owner,):
+            if robot in self.robots:
+                self.robots[robot].insert(now, name, values(fact, robot))
+
+    def looked_at(self, hosted: Hosted) -> None:
+        """Take over what a robot has noted and done, and whether it is idle now."""
+        node = hosted.node
+        idle = not node.outstanding
+        if idle != hosted.idle:
+            self.busy += -1 if idle else 1
+            hosted.idle = idle
+        fired = node.machine.firings - hosted.firings
+        if fired:
+            self.firings += fired
+            hosted.firings += fired
+            self.happened = self.kernel.now
+        if node.trace_log:
+            self._take_notes(hosted, node.trace_log)
+            node.trace_log.clear()
+
+    def _take_notes(self, hosted: Hosted, notes: list[Note]) -> None:
+        for note in notes:
+            what = note["what"]
+            if what == "fired":
+                hosted.last_rule = note["rule"]
+            elif what == "undelivered" and len(self.undelivered) < UNDELIVERED_MAX:
+                key = (hosted.robot, note["destination"], note["predicate"], note["why"])
+                self.undelivered[key] = None
+            if what not in ABOUT_SCHEDULES and what not in ABOUT_FRAMES:
+                self.happened = self.kernel.now
+        if self._sink is not None:
+            self._sink(notes)
+
+    def _lost(self, now: Instant, source: int, destination: int, payload: bytes) -> None:
+        assert self._sink is not None
+        note = {"what": "lost", "destination": destination, "frame": frame_text(payload)}
+        self._sink([{"t": round(in_seconds(now), 4), "robot": source, **note}])
+
+
+class _Neighbors:
+    """(robot, metres) of those in range of one robot, worked out when somebody asks."""
+
+    def __init__(self, topology: Topology, robot: int) -> None:
+        self._topology = topology
+        self._robot = robot
+        self._known: list[tuple[int, float]] | None = None
+
+    def __call__(self) -> Sequence[tuple[int, float]]:
+        if self._known is None:
+            self._known = [(other, RANGE_M) for other in self._topology.neighbors(self._robot)]
+        return self._known
+
+
+def handlers(program: Program, action_time: Duration) -> dict[str, Handler]:
+    """Return what carries out each action of `program`: time passes, and it is done."""
+
+    async def perform(robot: RobotHandle, *_: Value) -> None:
+        if action_time:
+            await robot.sleep(in_seconds(action_time))
+
+    async def broadcast(robot: NodeHandle, *_: Value) -> None:
+        for _copy in range(FAILURE_REPEATS):
+            robot.node.broadcast_failure(robot.missed)
+        await perform(robot)
+
+    actions = [each.name for each in program.predicates if each.kind is Kind.ACTION]
+    return {name: Handler(name, broadcast if name == "broadcast" else perform) for name in actions}

@@ -1,0 +1,215 @@
+"""The air of an evaluation: ideal or lossy, with a latency, among robots that are in range of each other.
+
+It stands where the radio stands on a robot, without medium access, collisions or repeats of its own: a frame is with
+everybody it is for after the latency, or it is lost, for each of them by itself. Acknowledgements are frames like any
+other. Who is out of range gets nothing; there is no way around.
+
+Frames of one instant may answer each other without end if the latency is 0. So a robot receives only so many in one
+instant; what comes beyond waits for the next tick, and time moves on.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+
+from rmr.base.kernel import RADIO, Kernel
+from rmr.base.time import Duration, Instant, next_tick
+from rmr.eval.topology import Topology
+from rmr.node import wire
+from rmr.node.ports import Confirmed, Received
+from rmr.node.wire import Kind
+
+RECEIVED_AT_ONCE_MAX = 1000
+"""Frames that one robot receives in one instant: far more than neighbours send it in one step of a computation."""
+REPEATS_KNOWN = 16
+"""Frames without a number that are remembered per robot: such repeats follow each other within half a second."""
+RSSI_DBM, LQI = -40.0, 255
+"""How a frame of the ideal air is received."""
+
+COORDINATION_LAST = 0x0F
+"""First octets up to this belong to coordination (`rmr.node.wire`)."""
+
+Lost = Callable[[Instant, int, int, bytes], None]
+"""Told of every lost frame: when it was sent, its source, whom it did not reach, its payload."""
+
+
+@dataclass(slots=True)
+class Messages:
+    """Frames that are no acknowledgements, counted for each robot that they were for."""
+
+    sent: int = 0
+    delivered: int = 0
+    lost: int = 0
+    repeated: int = 0
+    """Of those sent: how many repeat an earlier one."""
+    octets: int = 0
+    """Payload of those sent."""
+
+
+class EtherLink:
+    """One robot's end of it: the `rmr.node.ports.Link` of its node."""
+
+    def __init__(self, ether: "Ether", robot: int, wake: Callable[[Instant], None]) -> None:
+        self.robot = robot
+        self.wake = wake
+        self._ether = ether
+        self._received: list[Received] = []
+        self._confirmed: list[Confirmed] = []
+        self._newest: dict[int, tuple[int, int]] = {}
+        """Per destination: sequence and part of the newest frame of the exchange."""
+        self._said: deque[tuple[int | None, bytes]] = deque(maxlen=REPEATS_KNOWN)
+        self._instant: Instant = -1
+        self._at_once = 0
+
+    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
+        """Send a frame; only of coordination's unicasts the outcome is told, for nobody else asks for it."""
+        self._ether.send(self, payload, destination, handle)
+
+    def receive(self) -> list[Received]:
+        """Return what has arrived since the last call."""
+        received, self._received = self._received, []
+        return received
+
+    def confirmations(self) -> list[Confirmed]:
+        """Return the outcomes that have become known."""
+        confirmed, self._confirmed = self._confirmed, []
+        return confirmed
+
+    def has_room(self, now: Instant) -> bool:
+        """Return whether the robot takes in another frame at this instant, and count it."""
+        if now != self._instant:
+            self._instant, self._at_once = now, 0
+        self._at_once += 1
+        return self._at_once <= RECEIVED_AT_ONCE_MAX
+
+    def take(self, now: Instant, frame: Received) -> None:
+        """Receive a frame."""
+        self._received.append(frame)
+        self.wake(now)
+
+    def confirm(self, now: Instant, handle: int, status: str) -> None:
+        """Learn what became of a unicast."""
+        self._confirmed.append(Confirmed(handle, status))
+        self.wake(now)
+
+    def repeats(self, payload: bytes, destination: int | None) -> bool:
+        """Return whether a frame that leaves repeats an earlier one, and remember it."""
+        if destination is not None and payload[0] in (Kind.FACT, Kind.FRAGMENT):
+            return self._repeats_numbered(payload, destination)
+        known = (destination, payload) in self._said
+        if not known:
+            self._said.append((destination, payload))
+        return known
+
+    def _repeats_numbered(self, payload: bytes, destination: int) -> bool:
+        """Numbers of first copies only rise (modulo 2**16), and the parts of one number follow each other."""
+        frame = wire.decode_fact_frame(payload)
+        newest = self._newest.get(destination)
+        if newest is not None:
+            ahead = (frame.sequence - newest[0]) & 0xFFFF
+            if ahead >= 1 << 15 or (ahead == 0 and frame.part <= newest[1]):
+                return True
+        self._newest[destination] = (frame.sequence, frame.part)
+        return False
+
+
+class Ether:
+    """Carries frames between the links of all robots."""
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        topology: Topology,
+        rng: Random,
+        *,
+        loss: float,
+        latency: Duration,
+        lost: Lost | None = None,
+    ) -> None:
+        self.messages = Messages()
+        self.pending = 0
+        """Frames under way that are neither acknowledgements nor coordination: something is yet to happen."""
+        self._kernel = kernel
+        self._topology = topology
+        self._rng = rng
+        self._loss = loss
+        self._latency = latency
+        self._lost = lost
+        self._links: dict[int, EtherLink] = {}
+
+    def link(self, robot: int, wake: Callable[[Instant], None]) -> EtherLink:
+        """Return the link of `robot`; `wake` is called when there is something new for it."""
+        link = self._links[robot] = EtherLink(self, robot, wake)
+        return link
+
+    def send(self, link: EtherLink, payload: bytes, destination: int | None, handle: int) -> None:
+        """Send a frame, to all in range or (whether it is in range or not) to one."""
+        if destination is None:
+            wanted = reached = self._topology.neighbors(link.robot)
+        else:
+            wanted = (destination,)
+            reached = wanted if self._topology.adjacent(link.robot, destination) else ()
+        arriving = [robot for robot in reached if not self._drops()]
+        self._count(link, payload, destination, wanted, arriving)
+        if arriving:
+            self._carry(link.robot, payload, destination is not None, arriving)
+        if destination is not None and payload[0] <= COORDINATION_LAST:
+            status = "ok" if arriving and not self._drops() else "no_ack"
+            later = self._kernel.now + 2 * self._latency
+            self._kernel.at(later, RADIO, lambda now: link.confirm(now, handle, status))
+
+    def _drops(self) -> bool:
+        return self._loss > 0.0 and self._rng.random() < self._loss
+
+    def _count(
+        self, link: EtherLink, payload: bytes, destination: int | None, wanted: Iterable[int], arriving: list[int]
+    ) -> None:
+        count = len(list(wanted))
+        if self._lost is not None and len(arriving) < count:
+            for robot in wanted:
+                if robot not in arriving:
+                    self._lost(self._kernel.now, link.robot, robot, payload)
+        if payload[0] == Kind.FACT_ACK:
+            return
+        messages = self.messages
+        messages.sent += count
+        messages.lost += count - len(arriving)
+        messages.octets += count * len(payload)
+        if link.repeats(payload, destination):
+            messages.repeated += count
+
+    def _carry(self, source: int, payload: bytes, unicast: bool, arriving: list[int]) -> None:
+        if _awaited(payload):
+            self.pending += len(arriving)
+        self._kernel.at(
+            self._kernel.now + self._latency, RADIO, partial(self._arrive, source, payload, unicast, arriving)
+        )
+
+    def _arrive(self, source: int, payload: bytes, unicast: bool, receivers: list[int], now: Instant) -> None:
+        late: list[int] = []
+        for robot in receivers:
+            link = self._links[robot]
+            if link.has_room(now):
+                link.take(now, Received(payload, source, unicast, RSSI_DBM, LQI, now))
+            else:
+                late.append(robot)
+        if late:
+            self._kernel.at(next_tick(now), RADIO, partial(self._arrive, source, payload, unicast, late))
+        arrived = len(receivers) - len(late)
+        if payload[0] != Kind.FACT_ACK:
+            self.messages.delivered += arrived
+        if _awaited(payload):
+            self.pending -= arrived
+
+
+def _awaited(payload: bytes) -> bool:
+    return payload[0] > COORDINATION_LAST and payload[0] != Kind.FACT_ACK
+
+
+def frame_text(payload: bytes) -> str:
+    """Return what kind of frame a payload is: ``fact``, ``acknowledgement``, ``coordination``, ..."""
+    if payload[0] <= COORDINATION_LAST:
+        return "coordination"
+    return {Kind.FACT_ACK: "acknowledgement"}.get(Kind(payload[0]), Kind(payload[0]).name.lower())

@@ -1,0 +1,262 @@
+"""What an evaluation is given: the program, and facts from outside of it.
+
+Facts come from outside in three ways: a file of facts, `--edges` (who is in range of whom), and `--insert` (events at
+their instants). The compiler is told of their predicates beforehand, for that decides what an undeclared one is; their
+values are checked against the finished program, source or byte-code alike. What is wrong with a file is a diagnostic
+as in a program; what is wrong with an option is an `OptionError`.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rmr.base.time import Instant
+from rmr.base.values import Robot, Value
+from rmr.bytecode import codec
+from rmr.bytecode.codec import BytecodeError
+from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Program, Slot
+from rmr.eval.options import OptionError, outside_event, shown
+from rmr.eval.topology import Topology
+from rmr.lang.compiler import Compilation, compile_file
+from rmr.lang.diagnostic import Diagnostic, Diagnostics
+from rmr.lang.facts import FactError, read_fact, stated
+from rmr.lang.names import meant
+from rmr.lang.parser import parse
+from rmr.lang.source import Source, SourceError, Span, read_source
+from rmr.lang.syntax import Fact, FactItem, Mark
+
+BYTECODE_OCTETS_MAX = 1 << 24
+"""A larger file is no byte-code."""
+EDGE_FACTS_MAX = 1_000_000
+"""Facts about who is in range of whom, or who is there at all; more cost gigabytes and minutes before anything runs."""
+
+_MAGIC = b"RMR\x1a"
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
+
+
+class InvalidBytecodeError(Exception):
+    """The file is no valid byte-code; the message says which and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Insertion:
+    """A fact that comes from outside during the run."""
+
+    at: Instant
+    fact: InitialFact
+    text: str
+    """As the option says it."""
+
+
+@dataclass(frozen=True, slots=True)
+class FactsFile:
+    """A parsed file of facts."""
+
+    source: Source
+    facts: tuple[Fact, ...] = ()
+    problems: tuple[Diagnostic, ...] = ()
+    unreadable: bool = False
+
+
+NO_FACTS = FactsFile(Source("", ""))
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What the command line asks for, as far as the program must be known to judge it."""
+
+    program: Path
+    facts: Path | None = None
+    edges: str | None = None
+    inserts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What robots run and what they are given."""
+
+    program: Program | None
+    """None if there are errors."""
+    digest: int
+    """Identity of the program in messages between robots."""
+    facts: tuple[InitialFact, ...]
+    edges: int | None
+    """The predicate that says who is in range of whom."""
+    insertions: tuple[Insertion, ...]
+    """In order of time, then as they were given."""
+    checked: tuple[Compilation, ...]
+    """What there is to say of program and facts; errors and warnings."""
+
+
+def read_given(wanted: Wanted) -> Given:
+    """Read and check all that `wanted` names.
+
+    Raises:
+        OptionError: an option is wrong, or does not fit the program.
+        InvalidBytecodeError: the program is byte-code and cannot be run.
+    """
+    inserted = [_inserted(text) for text in wanted.inserts]
+    file = NO_FACTS if wanted.facts is None else _read_facts(wanted.facts)
+    edges = {wanted.edges: True} if wanted.edges is not None else {}
+    if wanted.edges is not None and _NAME.fullmatch(wanted.edges) is None:
+        raise OptionError(f"--edges: {shown(wanted.edges)} is no name of a predicate; write a name such as edge")
+    compilation = _compile(wanted.program, {**_arriving((*file.facts, *(fact for _, fact, _ in inserted))), **edges})
+    program = compilation.program
+    if program is None:
+        return Given(None, 0, (), None, (), (compilation, _as_compilation(file)))
+    facts, checked = _check_file(file, program)
+    insertions = sorted((_insertion(each, program) for each in inserted), key=lambda each: each.at)
+    predicate = None if wanted.edges is None else _edges(wanted.edges, program)
+    failed = bool(compilation.errors or checked.errors)
+    digest = 0 if failed else codec.digest(codec.encode(program, debug=False))
+    told = (compilation, checked)
+    return Given(None if failed else program, digest, facts, predicate, tuple(insertions), told)
+
+
+# ---- the program
+
+
+def _compile(path: Path, given: dict[str, bool]) -> Compilation:
+    """Return the program in `path`, source or byte-code, as a compilation."""
+    octets = _bytecode(path)
+    if octets is None:
+        return compile_file(path, given)
+    try:
+        if len(octets) > BYTECODE_OCTETS_MAX:
+            raise BytecodeError(f"larger than {BYTECODE_OCTETS_MAX >> 20} MiB")
+        return Compilation(Source(str(path), ""), codec.decode(octets), [])
+    except BytecodeError as error:
+        raise InvalidBytecodeError(f"{path}: error: this is no valid byte-code: {error}") from None
+
+
+def _bytecode(path: Path) -> bytes | None:
+    """Return the octets of `path` if it is to be byte-code, by its name or its first octets; else None."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(len(_MAGIC))
+            if path.suffix != ".rbc" and head != _MAGIC:
+                return None
+            return head + stream.read(BYTECODE_OCTETS_MAX + 1)
+    except (OSError, ValueError):
+        return None  # the compiler says what is the matter with the file
+
+
+def _arriving(facts: Sequence[Fact]) -> dict[str, bool]:
+    """Return the predicates of `facts`, true for those that a bang makes persistent."""
+    names: dict[str, bool] = {}
+    for fact in facts:
+        names[fact.name.text] = names.get(fact.name.text, False) or fact.mark is Mark.BANG
+    return names
+
+
+# ---- a file of facts
+
+
+def _read_facts(path: Path) -> FactsFile:
+    try:
+        source = read_source(path)
+    except SourceError as error:
+        problem = Diagnostic("E003", str(error), Span(str(path), 0, 0), error.hint)
+        return FactsFile(Source(str(path), ""), (), (problem,), error.usage)
+    found = Diagnostics()
+    module = parse(source, found)
+    facts: list[Fact] = []
+    for item in module.items:
+        if isinstance(item, FactItem):
+            facts.append(item.fact)
+        else:
+            hint = "goals, rules and declarations stand in the program"
+            found.report("E012", "a file of facts holds facts alone, such as `due(@1, 25).`", item.span, hint=hint)
+    return FactsFile(source, tuple(facts), tuple(found.in_order()))
+
+
+def _check_file(file: FactsFile, program: Program) -> tuple[tuple[InitialFact, ...], Compilation]:
+    """Return the file's facts, and what is wrong with them as facts of `program`."""
+    found = Diagnostics()
+    facts: list[InitialFact] = []
+    for fact in file.facts:
+        try:
+            facts.append(stated(fact, program))
+        except FactError as error:
+            found.report(error.code, str(error), fact.span)
+    problems = sorted((*file.problems, *found.in_order()), key=lambda each: each.span.start)
+    return tuple(facts), _as_compilation(replace(file, problems=tuple(problems)))
+
+
+def _as_compilation(file: FactsFile) -> Compilation:
+    return Compilation(file.source, None, list(file.problems), file.unreadable)
+
+
+# ---- options that speak of the program
+
+
+def _inserted(text: str) -> tuple[Instant, Fact, str]:
+    try:
+        at, fact = outside_event(text)
+        return at, read_fact(fact), text
+    except (OptionError, FactError) as error:
+        raise OptionError(f"--insert {shown(text)}: {error}") from None
+
+
+def _insertion(inserted: tuple[Instant, Fact, str], program: Program) -> Insertion:
+    at, fact, text = inserted
+    try:
+        return Insertion(at, stated(fact, program), text.strip())
+    except FactError as error:
+        raise OptionError(f"--insert {shown(text)}: {error}") from None
+
+
+def _edges(name: str, program: Program) -> int:
+    """Return the predicate `name`, which must be a persistent one of two robots. Raises OptionError."""
+    index = program.index(name)
+    if index is None:
+        hint = meant(name, [each.name for each in program.predicates if each.kind is not Kind.ACTION])
+        raise OptionError(f"--edges: the program knows no fact `{name}`" + (f"; {hint}" if hint else ""))
+    predicate = program.predicates[index]
+    if predicate.kind is not Kind.PERSISTENT:
+        what = "an action" if predicate.kind is Kind.ACTION else f"a {predicate.kind.name.lower()} fact"
+        raise OptionError(f"--edges: `{name}` is {what}; declare `type !{name}(robot, robot).`")
+    if len(predicate.types) != 1 or predicate.types[0].base not in (Base.ROBOT, Base.OPEN):
+        raise OptionError(f"--edges: `{name}` does not take two robots; declare `type !{name}(robot, robot).`")
+    return index
+
+
+# ---- who gets what
+
+
+def check_size(given: Given, program: Program, topology: Topology, robots: Collection[int]) -> None:
+    """Raise OptionError if the robots would be told of each other in more facts than fit."""
+    in_range = sum(topology.degree(robot) for robot in robots)
+    there = len(robots) * (len(robots) - 1)
+    named = {"neighbor": in_range, "range": in_range, "peer": there}
+    counts = {each.name: named[each.name] for each in program.predicates if each.provided and each.name in named}
+    if given.edges is not None:
+        counts[program.predicates[given.edges].name] = in_range
+    for name, count in counts.items():
+        if count > EDGE_FACTS_MAX:
+            less = "take fewer robots" if count == there else "take fewer robots or another --topology"
+            raise OptionError(f"{count} facts `{name}` are more than {EDGE_FACTS_MAX}; {less}")
+
+
+def facts_by_owner(facts: Sequence[InitialFact]) -> dict[int | None, list[InitialFact]]:
+    """Return `facts` by owner; None: every robot's."""
+    owned: dict[int | None, list[InitialFact]] = {}
+    for fact in facts:
+        owned.setdefault(fact.owner, []).append(fact)
+    return owned
+
+
+def values(fact: InitialFact, robot: int) -> tuple[Value, ...]:
+    """Return the arguments of `fact` as `robot` holds it: a variable is the robot itself."""
+    return tuple([Robot(robot) if isinstance(arg, Slot) else arg for arg in fact.args])
+
+
+def strangers(given: Given, program: Program, robots: Collection[int]) -> Iterator[tuple[str, int]]:
+    """Yield (predicate, robot) of what is stated for robots that are not there, each once."""
+    stated_items: list[InitialFact | InitialGoal] = [*program.facts, *program.goals, *given.facts]
+    stated_items += [insertion.fact for insertion in given.insertions]
+    found = {(program.predicates[each.predicate].name, each.owner): None for each in stated_items}
+    for name, owner in found:
+        if owner is not None and owner not in robots:
+            yield name, owner

@@ -1,0 +1,91 @@
+"""The values of the command's options: numbers of robots, durations, shares, outside events.
+
+A value that is none is the caller's mistake: `OptionError` says what was found and what to write instead.
+"""
+
+import re
+
+from rmr.base.time import Duration, Instant, seconds
+from rmr.base.values import ROBOT_ID_MAX
+
+DURATION_S_MAX = 1e8
+"""Three years: more is a slip of the finger, and nanoseconds of it are far from `NEVER`."""
+_SHOWN_MAX = 40
+"""Characters of a wrong value that a message repeats."""
+
+_SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
+_DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)(ms|s|min|)", re.ASCII)
+_RANGE = re.compile(r"([0-9]{1,6})(?:-([0-9]{1,6}))?", re.ASCII)
+
+
+class OptionError(ValueError):
+    """An option's value cannot be used; the message says what is wrong and what to write."""
+
+
+def shown(text: str) -> str:
+    """Return `text` as a message quotes it."""
+    return repr(text if len(text) <= _SHOWN_MAX else text[: _SHOWN_MAX - 3] + "...")
+
+
+def robots(text: str) -> tuple[int, ...]:
+    """Return the robots' ids, ascending: of ``4`` they are 1 to 4, of ``0-5,9`` those listed. Raises OptionError."""
+    text = text.strip()
+    if text.isdecimal() and text.isascii():
+        return _counted(text)
+    ids: dict[int, None] = {}
+    for part in text.split(","):
+        for robot in _listed(part.strip()):
+            if robot in ids:
+                raise OptionError(f"robot {robot} is listed twice")
+            ids[robot] = None
+    return tuple(sorted(ids))
+
+
+def _counted(text: str) -> tuple[int, ...]:
+    number = int(text[:6])
+    if len(text) > 6 or not 1 <= number <= ROBOT_ID_MAX:
+        raise OptionError(f"1 to {ROBOT_ID_MAX} robots, not {shown(text)}; write 0-0 for robot 0 alone")
+    return tuple(range(1, number + 1))
+
+
+def _listed(part: str) -> range:
+    match = _RANGE.fullmatch(part)
+    if match is None:
+        raise OptionError(f"{shown(part)} is no id and no range of ids; write a number of robots, or ids such as 0-5,9")
+    first = int(match[1])
+    last = first if match[2] is None else int(match[2])
+    if max(first, last) > ROBOT_ID_MAX:
+        raise OptionError(f"there is no robot {max(first, last)}: ids are 0 to {ROBOT_ID_MAX}")
+    if last < first:
+        raise OptionError(f"the range {part} ends before it begins; write {last}-{first}")
+    return range(first, last + 1)
+
+
+def duration(text: str) -> Duration:
+    """Return a duration: ``500ms``, ``2s``, ``1.5min``, or a plain number of seconds. Raises OptionError."""
+    match = _DURATION.fullmatch(text.strip())
+    if match is None:
+        raise OptionError(f"{shown(text)} is no duration; write 500ms, 2s, 1.5min, or a number of seconds")
+    value = float(match[1]) * _SECONDS[match[2]]
+    if value > DURATION_S_MAX:
+        raise OptionError(f"{shown(text)} is too long: at most {DURATION_S_MAX:.0f} seconds")
+    return seconds(value)
+
+
+def share(text: str) -> float:
+    """Return a share from 0 to 1, both included. Raises OptionError."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise OptionError(f"a share from 0 to 1, not {shown(text)}; 0.1 loses one frame in ten")
+    return value
+
+
+def outside_event(text: str) -> tuple[Instant, str]:
+    """Return when, and the fact's text: ``2.5s: online(@3, l1)``. Raises OptionError."""
+    when, colon, fact = text.partition(":")
+    if not colon or not fact.strip():
+        raise OptionError(f"{shown(text)} is no time and fact; write '2.5s: online(@3, l1)'")
+    return duration(when), fact.strip()
