@@ -253,15 +253,22 @@ def premises(
     wanted: Patterns, derivation: Derivation, robot: Robot | None = None, sure: bool = False
 ) -> Iterator[Wanted]:
     """Yield what is wanted for `derivation` to derive what is `wanted` on `robot` (None: any); nothing if it cannot."""
+    known = unifier(wanted, derivation, robot, sure)
+    if known is not None:
+        for predicate, args in derivation.premises:
+            yield predicate, numbered([resolved(arg, known) for arg in args])
+
+
+def unifier(wanted: Patterns, derivation: Derivation, robot: Robot | None = None, sure: bool = False) -> Unifier | None:
+    """Return what the rule's slots are if `derivation` derives what is `wanted`; None if it cannot."""
     known: Unifier = {} if robot is None else {SELF_SLOT: Constant(robot)}
     if not unified(HOME, derivation.home, known, sure):
-        return
+        return None
     for one, other in zip(wanted, derivation.derives, strict=True):
         apart = Slot(one.index + APART) if isinstance(one, Slot) and one.index > 0 else one
         if not unified(apart, other, known, sure):
-            return
-    for predicate, args in derivation.premises:
-        yield predicate, numbered([resolved(arg, known) for arg in args])
+            return None
+    return known
 
 
 def numbered(terms: Iterable[Pattern]) -> Patterns:

@@ -16,9 +16,9 @@ from random import Random
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot
-from rmr.bytecode.heads import bodies, codes, items
+from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.opcodes import FUNCTIONS, Op
-from rmr.bytecode.program import Atom, Code, DeriveAction, DeriveFact, Head, Mode, Program, Rule, Strategy
+from rmr.bytecode.program import Atom, Code, Mode, Program, Rule, Strategy
 from rmr.vm.derive import Derivation, PlannedRule
 from rmr.vm.events import ExpressionFailed, VmEvent
 from rmr.vm.goals import Goals
@@ -48,14 +48,13 @@ class Candidate:
 class RuleState:
     """What one robot knows about one of its rules."""
 
-    __slots__ = ("candidate", "consumes", "derives", "fired", "index", "negative", "planned", "stale", "timed")
+    __slots__ = ("candidate", "consumes", "fired", "index", "negative", "planned", "stale", "timed")
 
     def __init__(self, index: int, rule: Rule, program: Program) -> None:
         self.index = index
         self.planned = PlannedRule(rule, program.predicates)
         self.consumes = bool(self.planned.taken)
         self.negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
-        self.derives = tuple(dict.fromkeys(derivable(rule.head, program)))
         self.timed = any(uses_now(code) for code in codes(rule.head))
         self.fired: set[Key] = set()
         self.candidate: Candidate | None = None
@@ -80,7 +79,6 @@ class Interpreter:
         self._states = [RuleState(index, rule, program) for index, rule in enumerate(program.rules)]
         self._stale: list[RuleState] = []
         self._readers: list[list[RuleState]] = [[] for _ in program.predicates]
-        self._rankers: dict[int, list[RuleState]] = {}
         self._known_failures: dict[Key, None] = {}
         for state, rule in zip(self._states, program.rules, strict=True):
             for predicate in dict.fromkeys(mentioned(rule)):
@@ -94,12 +92,8 @@ class Interpreter:
 
     def touch_goal(self, predicate: int) -> None:
         """Note that the goals of `predicate` have changed."""
-        rankers = self._rankers.get(predicate)
-        if rankers is None:
-            leading = self._goals.leading(predicate)
-            rankers = [state for state in self._states if any(each in leading for each in state.derives)]
-            self._rankers[predicate] = rankers
-        for state in rankers:
+        for rule in self._goals.leading(predicate):
+            state = self._states[rule]
             if state.candidate is not None:
                 self._mark(state)
 
@@ -150,7 +144,7 @@ class Interpreter:
     def _refresh(self, state: RuleState, now: Instant) -> None:
         """Look for the match with which a rule would fire: the best rank, then the oldest facts."""
         state.candidate = None
-        nearest = self._goals.nearest(state.derives)
+        nearest = self._goals.nearest(state.index)
         whole = state.negative and not state.consumes
         seen: set[Key] = set()
         for key, env, found in self._matches(state, now):
@@ -185,7 +179,7 @@ class Interpreter:
         )
         if derivation is None:
             return best
-        rank = self._goals.rank(derivation.derived, now) if nearest is not None else None
+        rank = self._goals.rank(state.index, derivation.derived, now) if nearest is not None else None
         number = UNRANKED if rank is None else rank
         if best is None or number < best.rank:
             state.candidate = best = Candidate(key, derivation, number)
@@ -209,15 +203,6 @@ def mentioned(rule: Rule) -> Iterator[int]:
         for conjunct in body:
             if isinstance(conjunct, Atom):
                 yield conjunct.predicate
-
-
-def derivable(heads: tuple[Head, ...], program: Program) -> Iterator[int]:
-    """Yield the predicates of which a head may bring facts, its actions' declared effects included."""
-    for item in items(heads):
-        if isinstance(item, DeriveAction):
-            yield from (effect.predicate for effect in program.predicates[item.predicate].effects)
-        elif isinstance(item, DeriveFact):
-            yield item.predicate
 
 
 def uses_now(code: Code) -> bool:

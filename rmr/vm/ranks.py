@@ -1,127 +1,150 @@
-"""Ranks: how many further firings lead from a fact to an open goal (paper III.B, figure 6).
+"""Ranks: how many further firings lead from a firing to an open goal (paper III.B, figure 6).
 
-What is wanted at level 0 are the open goals; at level k + 1 the premises of the derivations of what is wanted
-at level k. A fact has the lowest level at which it is wanted, and a firing the lowest of the facts that it
-derives, the declared effects of its actions among them. So the levels are a breadth-first search backwards
-from the goals over patterns, and a loop among rules ends where it comes upon a pattern again.
-
-A level is worked out when a fact is asked for that is wanted at no lower one, and kept until the goals
-change. Facts of predicates from which no rules lead to a goal are never looked for.
+The compiler has worked out, for the goals that the program states, which rules lead there and how far they are
+where every firing of a rule is equally far (`InitialGoal.leads`). While only such goals are open, a rule that
+is not among them has no rank, and one whose rank is known costs nothing. In every other case the facts that a
+firing brings about are looked for backwards from all open goals (levels.py), until the goals change. Both say
+the same: the compiler is silent where the search might be cut short.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
+from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
+from rmr.bytecode.backwards import HOME, Backwards, Patterns, Wanted
+from rmr.bytecode.levels import Levels
 from rmr.bytecode.program import Constant, Program
-from rmr.vm.backwards import Backwards, Patterns, Wanted, premises, value_key
-from rmr.vm.match import pattern_agrees
+from rmr.bytecode.wire import identity
 from rmr.vm.store import Args
 
-STEPS_MAX = 10_000
-"""Derivations and premises looked at for one set of goals, the nearest first; what lies beyond has no rank."""
+GoalKey = tuple[int, tuple[object, ...]]
+RuleRanks = dict[int, int]
+"""By rule: its rank, or SEARCH. A rule that is missing has none."""
+
+SEARCH = -1
+"""In the place of a rank: it depends on the firing."""
+
+reading = ByIdentity(Backwards)
+"""A program read backwards; all robots share it."""
+
+
+def stated(program: Program, robot: Robot) -> dict[GoalKey, RuleRanks]:
+    """Return what the compiler has worked out for the goals of `robot`."""
+    return {
+        goal_key(goal.predicate, here(goal.args, robot)): {
+            lead.rule: SEARCH if lead.rank is None else lead.rank for lead in goal.leads
+        }
+        for goal in program.goals
+        if goal.leads is not None and goal.owner in (None, robot)
+    }
+
+
+def merged(leads: Iterable[RuleRanks]) -> RuleRanks:
+    """Return the ranks of rules, given those for each goal."""
+    ranks: RuleRanks = {}
+    for each in leads:
+        for rule, rank in each.items():
+            ranks[rule] = nearer(ranks.get(rule, rank), rank)
+    return ranks
+
+
+def nearer(one: int, other: int) -> int:
+    """Return the nearer rank; nothing is nearer than 0."""
+    return min(one, other) if SEARCH not in (one, other) or 0 not in (one, other) else 0
+
+
+def goal_key(predicate: int, args: Patterns) -> GoalKey:
+    """Return a key that two goals share if they are written the same."""
+    return predicate, tuple([identity(arg.value) if isinstance(arg, Constant) else repr(arg) for arg in args])
+
+
+def here(args: Patterns, robot: Robot) -> Patterns:
+    """Return a goal's arguments with `robot` in the place of the robot itself."""
+    return tuple([Constant(robot) if arg == HOME else arg for arg in args])
 
 
 class Ranks:
-    """The ranks of one robot's facts; costs nothing before the first goal."""
+    """The ranks of one robot's firings; nothing is read backwards before it has to be."""
 
-    def __init__(self, program: Program, robot: Robot) -> None:
+    def __init__(self, program: Program, robot: Robot, goals: Callable[[], Iterable[Wanted]]) -> None:
+        """`goals` returns the open ones."""
         self._program = program
         self._robot = robot
-        self._backwards: Backwards | None = None
-        self._levels: Levels | None = None
+        self._goals = goals
+        self._stated = stated(program, robot)
+        self._unstated = False
+        """A goal has been open of which the compiler says nothing."""
+        self._leading: dict[int, list[int]] = {}
+        self._ranks: RuleRanks | None = None
         self._nearest: dict[int, int] | None = None
+        self._levels: Levels | None = None
+        self._stale = True
 
-    def forget(self) -> None:
-        """Note that the goals have changed."""
-        self._levels = None
-        self._nearest = None
+    def change(self, predicate: int, args: Patterns) -> None:
+        """Note that a goal has been opened or discharged."""
+        self._stale = True
+        if not self._unstated and goal_key(predicate, args) not in self._stated:
+            self._unstated = True
+            self._leading.clear()
 
-    def nearest(self, goals: Iterable[int]) -> dict[int, int]:
-        """Return for each predicate from which rules lead to one of `goals` (predicates) the lowest rank possible."""
+    def leading(self, predicate: int) -> list[int]:
+        """Return the rules whose firings may get another rank when the goals of `predicate` change."""
+        rules = self._leading.get(predicate)
+        if rules is None:
+            rules = self._leading[predicate] = list(self._lead(predicate))
+        return rules
+
+    def nearest(self, rule: int) -> int | None:
+        """Return the lowest rank that a firing of `rule` can have; None if no open goal follows from any."""
+        rank = self._known(rule)
+        if rank != SEARCH:
+            return rank
+        distances = self._distances()
+        return min([distances[each] for each in self._reading.brought[rule] if each in distances], default=None)
+
+    def of(self, rule: int, facts: Iterable[tuple[int, Args]]) -> int | None:
+        """Return the rank of a firing of `rule` that brings about `facts`; None if no open goal follows."""
+        rank = self._known(rule)
+        if rank != SEARCH:
+            return rank
+        distances = self._distances()
+        near = [fact for fact in facts if fact[0] in distances]
+        if not near:
+            return None
+        if self._levels is None:
+            self._levels = Levels(self._reading, self._goals(), self._robot)
+        return self._levels.lowest(near)
+
+    def _known(self, rule: int) -> int | None:
+        """Return the rank of all firings of a rule, given the open goals; SEARCH if nobody has worked it out."""
+        if self._stale:
+            self._stale = False
+            self._nearest = self._levels = None
+            leads = [self._stated.get(goal_key(*goal)) for goal in self._goals()]
+            known = [each for each in leads if each is not None]
+            self._ranks = merged(known) if len(known) == len(leads) else None
+        return SEARCH if self._ranks is None else self._ranks.get(rule)
+
+    def _lead(self, predicate: int) -> Iterator[int]:
+        """Yield the rules from which something leads, or seems to lead, to a goal of `predicate`."""
+        if not self._unstated:
+            ranks = merged(each for (goal, _), each in self._stated.items() if goal == predicate)
+            yield from sorted(ranks)
+            return
+        distances = self._reading.distances(predicate)
+        for rule, brought in enumerate(self._reading.brought):
+            if any(each in distances for each in brought):
+                yield rule
+
+    def _distances(self) -> dict[int, int]:
+        """Return for each predicate from which rules lead to an open goal the lowest rank possible."""
         if self._nearest is None:
             self._nearest = {}
-            for goal in goals:
-                for predicate, distance in self.leading(goal).items():
+            for goal in dict.fromkeys(predicate for predicate, _ in self._goals()):
+                for predicate, distance in self._reading.distances(goal).items():
                     self._nearest[predicate] = min(distance, self._nearest.get(predicate, distance))
         return self._nearest
 
-    def leading(self, predicate: int) -> dict[int, int]:
-        """Return the predicates from which rules lead to `predicate`, with how many at least."""
-        return self._reading.distances(predicate)
-
-    def of(self, facts: list[tuple[int, Args]], goals: Iterable[Wanted]) -> int | None:
-        """Return the lowest rank among `facts`, given all open goals; None if no goal follows from any."""
-        if self._levels is None:
-            self._levels = Levels(self._reading, goals)
-        return self._levels.lowest(facts)
-
     @property
     def _reading(self) -> Backwards:
-        if self._backwards is None:
-            self._backwards = Backwards(self._program, self._robot)
-        return self._backwards
-
-
-class Levels:
-    """What is wanted at each level, worked out as far as anybody has asked."""
-
-    def __init__(self, backwards: Backwards, goals: Iterable[Wanted]) -> None:
-        self._backwards = backwards
-        self._steps = 0
-        self._depth = 0
-        self._exact: dict[int, dict[tuple[object, ...], int]] = {}
-        self._open: dict[int, dict[tuple[object, ...], tuple[int, Patterns]]] = {}
-        self._frontier: list[Wanted] = []
-        for predicate, args in goals:
-            self._add(predicate, args, self._frontier)
-
-    def lowest(self, facts: list[tuple[int, Args]]) -> int | None:
-        """Return the lowest level at which one of `facts` is wanted."""
-        while True:
-            found = [level for predicate, args in facts if (level := self._level(predicate, args)) is not None]
-            if found:
-                return min(found)
-            if not self._frontier:
-                return None
-            self._deepen()
-
-    def _level(self, predicate: int, args: Args) -> int | None:
-        """Return the lowest level so far at which a fact is wanted."""
-        exact = self._exact.get(predicate)
-        lowest = exact.get(tuple([value_key(value) for value in args])) if exact else None
-        for level, patterns in self._open.get(predicate, {}).values():
-            if lowest is not None and level >= lowest:
-                return lowest
-            if pattern_agrees(patterns, args):
-                return level
-        return lowest
-
-    def _deepen(self) -> None:
-        """Work out the next level."""
-        frontier, self._frontier = self._frontier, []
-        self._depth += 1
-        for predicate, args in frontier:
-            for derivation in self._backwards.deriving(predicate, args):
-                self._steps += 1 + len(derivation.premises)
-                if self._steps > STEPS_MAX:
-                    self._frontier.clear()
-                    return
-                for earlier in premises(args, derivation):
-                    self._add(*earlier, self._frontier)
-
-    def _add(self, predicate: int, args: Patterns, frontier: list[Wanted]) -> None:
-        """Note what is wanted at the present depth, unless it has been wanted before."""
-        constants = [each.value for each in args if isinstance(each, Constant)]
-        if len(constants) == len(args):
-            key = tuple([value_key(value) for value in constants])
-            known = self._exact.setdefault(predicate, {})
-            if key in known:
-                return
-            known[key] = self._depth
-        else:
-            key = tuple([value_key(each.value) if isinstance(each, Constant) else (repr(each),) for each in args])
-            patterns = self._open.setdefault(predicate, {})
-            if key in patterns:
-                return
-            patterns[key] = (self._depth, args)
-        frontier.append((predicate, args))
+        return reading(self._program)

@@ -6,13 +6,14 @@ import pytest
 from vm_hand import INT, Hand, V, actions, code, fired, guard
 
 from rmr.base.values import Robot, Symbol
+from rmr.bytecode import levels
+from rmr.bytecode.backwards import Backwards
+from rmr.bytecode.levels import Levels
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Program
 from rmr.lang.compiler import compile_source
 from rmr.vm import ranks
-from rmr.vm.backwards import Backwards
 from rmr.vm.machine import Machine
-from rmr.vm.ranks import Levels
 
 SEEDS = range(20)
 
@@ -41,8 +42,8 @@ def level(text: str, fact: str, *args: object, robot: int = 1) -> int | None:
     index = program.index(fact)
     assert index is not None
     goals = [(goal.predicate, goal.args) for goal in program.goals]
-    levels = Levels(Backwards(program, Robot(robot)), goals)
-    return levels.lowest([(index, tuple(Symbol(a) if type(a) is str else a for a in args))])  # type: ignore[misc]
+    ranked = Levels(Backwards(program), goals, Robot(robot))
+    return ranked.lowest([(index, tuple(Symbol(a) if type(a) is str else a for a in args))])  # type: ignore[misc]
 
 
 TWO_WAYS = "?g(R). a(R). a(R) -o b(R). a(R) -o c(R). b(R) -o g(R). c(R) -o d(R)."
@@ -243,8 +244,8 @@ def test_conditions_in_code_made_by_hand_are_kept() -> None:
     hand.rule([hand.atom(a, V(1)), guard(3, 4, Op.EQ)], [hand.head(g)])
     hand.rule([hand.atom(a, V(1)), guard(V(1), 9, Op.EQ)], [hand.head(b, to=code(V(0)))])
     hand.rule([hand.atom(b)], [hand.head(g)])
-    levels = Levels(Backwards(hand.program(), Robot(1)), [(g, ())])
-    assert [levels.lowest([(a, (number,))]) for number in (3, 4, 9)] == [2, None, 2]
+    ranked = Levels(Backwards(hand.program()), [(g, ())], Robot(1))
+    assert [ranked.lowest([(a, (number,))]) for number in (3, 4, 9)] == [2, None, 2]
 
 
 def grid(size: int) -> str:
@@ -267,7 +268,7 @@ def test_the_way_through_a_grid_of_rules_is_the_shortest() -> None:
 
 
 def test_how_far_is_looked_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ranks, "STEPS_MAX", 20)
+    monkeypatch.setattr(levels, "STEPS_MAX", 20)
     text = "?p(R, 9, 9). " + " ".join(f"p(R, {n}, X) -o p(R, {n + 1}, X)." for n in range(30))
     assert level(text, "p", 8, 9) == 1
     text = text.replace("?p(R, 9, 9)", "?p(R, 30, 9)")
@@ -279,12 +280,12 @@ def test_machines_without_goals_do_not_read_backwards(monkeypatch: pytest.Monkey
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(ranks, "Backwards", never)
+    monkeypatch.setattr(ranks, "reading", never)
     assert len(way(TWO_WAYS.removeprefix("?g(R)."))) == 2
 
 
 def test_a_goal_for_anything_is_met_by_any_way() -> None:
     program = compiled("type g(robot, int). a(R). a(R) -o g(R, 3).")
-    levels = Levels(Backwards(program, Robot(1)), [(0, (ANY,)), (0, (Constant(3),))])
-    assert levels.lowest([(0, (5,))]) == 0
-    assert levels.lowest([(0, (3,))]) == 0
+    ranked = Levels(Backwards(program), [(0, (ANY,)), (0, (Constant(3),))], Robot(1))
+    assert ranked.lowest([(0, (5,))]) == 0
+    assert ranked.lowest([(0, (3,))]) == 0
