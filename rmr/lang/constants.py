@@ -8,10 +8,25 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from rmr.base.values import Robot, Symbol
+from rmr.bytecode.conform import sound
+from rmr.bytecode.program import Base, Type
 from rmr.lang.build import in_range
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.source import Span
-from rmr.lang.syntax import Binary, Constant, Expression, Fact, FactItem, GoalItem, Literal, Module, Name, Unary
+from rmr.lang.syntax import (
+    Binary,
+    Constant,
+    Expression,
+    Fact,
+    FactItem,
+    GoalItem,
+    ListTerm,
+    Literal,
+    Module,
+    Name,
+    Unary,
+)
+from rmr.lang.types import compatible, value_type
 
 
 def fold(expression: Expression) -> Literal | None:
@@ -19,6 +34,8 @@ def fold(expression: Expression) -> Literal | None:
     match expression:
         case Literal():
             return expression
+        case ListTerm():
+            return _list(expression)
         case Unary(operator="-", operand=operand):
             inner = fold(operand)
             if inner is None or not _is_number(inner.value):
@@ -34,6 +51,18 @@ def fold(expression: Expression) -> Literal | None:
             return _arithmetic(operator, one.value, other.value, expression.span)
         case _:
             return None
+
+
+def _list(term: ListTerm) -> Literal | None:
+    rest = Literal((), term.span) if term.rest is None else fold(term.rest)
+    items = [fold(item) for item in term.items]
+    values = tuple(item.value for item in items if item is not None)
+    if rest is None or not isinstance(rest.value, tuple) or len(values) < len(items):
+        return None
+    value = (*values, *rest.value)
+    kind = value_type(value)
+    agree = all(compatible(Type(Base.LIST, element=value_type(each)), kind) for each in value)
+    return Literal(value, term.span) if agree and sound(value) else None
 
 
 def _is_number(value: object) -> bool:

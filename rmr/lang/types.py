@@ -1,11 +1,14 @@
 """Types: the narrow lattice in which they are inferred, and what functions take and give.
 
-Open, then int, then float; a symbol of no particular set, then of a set. Everything else stands by itself.
+Open, then int, then float; a symbol of no particular set, then of a set; lists as their items. Everything else
+stands by itself.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import reduce
 
-from rmr.base.values import Robot, Symbol
+from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Base, Type
 from rmr.lang.provided import type_text
 from rmr.lang.source import Span
@@ -16,8 +19,9 @@ ROBOT = Type(Base.ROBOT)
 BOOL = Type(Base.BOOL)
 INT = Type(Base.INT)
 FLOAT = Type(Base.FLOAT)
-
 SYMBOL = Type(Base.SYMBOL)
+LIST = Type(Base.LIST)
+"""Of whatever items."""
 
 NUMBERS = {Base.INT, Base.FLOAT}
 ORDERED = {Base.INT, Base.FLOAT, Base.STRING, Base.OPEN}
@@ -28,19 +32,47 @@ ORDERED = {Base.INT, Base.FLOAT, Base.STRING, Base.OPEN}
 class Cell:
     """The type of one argument, variable or expression."""
 
-    type: Type
+    kind: Type
+    """Of a list without that of its items."""
     origin: Span | None
     """Where it got its type."""
     fixed: bool = False
     mixed: bool = False
     """A float that may be an int when the program runs."""
+    items: "Cell | None" = None
+    """Of a list: the type of its items."""
+    depth: int = 0
+    """In how many lists it stands."""
     targets: "list[Cell]" = field(default_factory=list)
     """Its type flows there."""
     fallbacks: "list[Cell]" = field(default_factory=list)
     """These take its type if nothing else gives them one."""
 
+    @property
+    def type(self) -> Type:
+        """The whole type; of items that nothing fixes it is open."""
+        if self.kind.base is not Base.LIST:
+            return self.kind
+        return Type(Base.LIST, element=OPEN if self.items is None else self.items.type)
 
-Scope = dict[str, Cell]
+    @property
+    def innermost(self) -> "Cell":
+        """Of a list: the items' cell, of lists in lists the innermost; else the cell itself."""
+        cell = self
+        while cell.kind.base is Base.LIST and cell.items is not None:
+            cell = cell.items
+        return cell
+
+
+def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool = False) -> Cell:
+    """Return a cell of type `kind`, with cells for the items of lists."""
+    whole = cell = Cell(kind, origin, fixed)
+    while kind.base is Base.LIST:
+        cell.kind, kind = LIST, kind.element or OPEN
+        cell.items = Cell(kind, origin, fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
+        cell = cell.items
+    cell.mixed = mixed
+    return whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,14 +96,19 @@ FUNCTIONS: dict[str, FunctionType] = {
     "id": FunctionType((ROBOT,), INT),
     "now": FunctionType((), FLOAT),
 }
-LATER = ("len", "nth", "member", "sort")
-"""Functions of lists."""
+LIST_FUNCTIONS = {"len": 1, "nth": 2, "member": 2, "sort": 1}
+"""Functions of lists, with the number of their arguments."""
+
+SORTED = {Base.INT, Base.FLOAT, Base.STRING, Base.SYMBOL, Base.ROBOT, Base.OPEN}
+"""What the items of a list are that `sort` takes."""
 
 
 def join(one: Type, other: Type) -> Type:
     """Return the narrowest type that holds both; of a contradiction, the first."""
     if one.base is Base.OPEN:
         return other
+    if one.base is Base.LIST and other.base is Base.LIST:
+        return one if other.element is None else Type(Base.LIST, element=join(one.element or OPEN, other.element))
     if one.base in NUMBERS and other.base in NUMBERS:
         return FLOAT if Base.FLOAT in {one.base, other.base} else INT
     if one.base is Base.SYMBOL and other.base is Base.SYMBOL and not one.name:
@@ -85,17 +122,28 @@ def compatible(one: Type, other: Type) -> bool:
         return True
     if one.base is Base.SYMBOL and other.base is Base.SYMBOL:
         return not one.name or not other.name or one.name == other.name
+    if one.base is Base.LIST and other.base is Base.LIST:
+        return compatible(one.element or OPEN, other.element or OPEN)
     return one.base is other.base
 
 
 def fits(value: Type, target: Type) -> bool:
     """Whether a value of the one type can be given to the other; a float is no int."""
+    if value.base is Base.LIST and target.base is Base.LIST:
+        return fits(value.element or OPEN, target.element or OPEN)
     return compatible(value, target) and not (value.base is Base.FLOAT and target.base is Base.INT)
 
 
 def literal_type(literal: Literal) -> Type:
-    """Return the type of a constant."""
-    match literal.value:
+    """Return the type of a constant; of a list's items the narrowest that holds all."""
+    return value_type(literal.value)
+
+
+def value_type(value: Value) -> Type:
+    """Return the type of a value."""
+    match value:
+        case tuple():
+            return Type(Base.LIST, element=reduce(join, map(value_type, value), OPEN))
         case bool():
             return BOOL
         case Robot():
@@ -142,14 +190,34 @@ def equation_of(conjunct: Conjunct) -> tuple[str, Literal] | None:
             return None
 
 
+def literal_cell(literal: Literal) -> Cell:
+    """Return a constant's cell."""
+    kind = literal_type(literal)
+    mixed = isinstance(literal.value, tuple) and any(type(each) is int for each in _leaves(literal.value))
+    return cell_of(kind, literal.span, mixed=mixed and innermost(kind).base is Base.FLOAT)
+
+
+def _leaves(value: Value) -> Iterator[Value]:
+    if not isinstance(value, tuple):
+        yield value
+        return
+    for item in value:
+        yield from _leaves(item)
+
+
+def innermost(kind: Type) -> Type:
+    """Return the type of a list's items, of lists in lists that of the innermost; else the type itself."""
+    while kind.base is Base.LIST and kind.element is not None:
+        kind = kind.element
+    return kind
+
+
 @dataclass(slots=True)
 class Types:
     """What inference found out."""
 
     positions: dict[str, list[Cell]] = field(default_factory=dict)
     """By predicate: its arguments' cells, the owner's first."""
-    scopes: dict[Span, Scope] = field(default_factory=dict)
-    """By rule, comprehension and assertion: its variables' cells."""
     expressions: dict[Span, Cell] = field(default_factory=dict)
 
     def arguments(self, name: str) -> tuple[Type, ...]:
@@ -157,14 +225,24 @@ class Types:
         return tuple(cell.type for cell in self.positions[name][1:])
 
     def certainly_float(self, expression: Expression) -> bool:
-        """Whether the expression's value needs no conversion to float."""
+        """Whether the expression's value, of a list its items, needs no conversion to float."""
         cell = self.expressions.get(expression.span)
-        return cell is not None and cell.type.base is Base.FLOAT and not cell.mixed
+        return cell is not None and cell.innermost.kind.base is Base.FLOAT and not cell.innermost.mixed
 
 
 def described(kind: Type) -> str:
-    """Return `kind` as a sentence says it: an int, a symbol of `area`."""
+    """Return `kind` as a sentence says it: an int, a symbol of `area`, a list of ints."""
     text = type_text(kind)
     if kind.base is Base.SYMBOL:
         return f"a symbol of `{text}`" if kind.name else "a symbol"
+    if kind.base is Base.LIST:
+        items = kind.element or OPEN
+        return "a list" if items.base is Base.OPEN else f"a list of {several(items)}"
     return ("an " if text[0] in "aeiou" else "a ") + text
+
+
+def several(kind: Type) -> str:
+    """Return what several values of type `kind` are called: ints, symbols of `area`, lists of ints."""
+    one = described(kind).removeprefix("an ").removeprefix("a ")
+    first, *rest = one.split(" ", 1)
+    return " ".join([f"{first}s", *rest])

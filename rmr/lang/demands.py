@@ -1,0 +1,99 @@
+"""What types must be, looked at when all of them are known.
+
+So each contradiction is reported once, against the final types and with the places that they come from.
+"""
+
+from collections.abc import Callable
+
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Base
+from rmr.lang.diagnostic import Diagnostics, Note
+from rmr.lang.provided import type_text
+from rmr.lang.source import Span
+from rmr.lang.syntax import Expression, Literal
+from rmr.lang.types import BOOL, NUMBERS, ORDERED, ROBOT, Cell, compatible, described
+
+
+def notes(span: Span, *cells: Cell) -> tuple[Note, ...]:
+    """Return the places from which `cells` have their types, as far as they are not `span`."""
+    found: list[Note] = []
+    for cell in cells:
+        inner = cell.innermost
+        origin = cell.origin if inner.origin is None or inner.kind.base is Base.OPEN else inner.origin
+        if origin is not None and origin != span and all(note.span != origin for note in found):
+            found.append(Note(origin, f"{type_text(cell.type)} because of this"))
+    return tuple(found)
+
+
+class Demands:
+    """What must hold of the types of one program."""
+
+    def __init__(self, found: Diagnostics) -> None:
+        self._found = found
+        self._checks: list[Callable[[], None]] = []
+
+    def later(self, check: Callable[[], None]) -> None:
+        """Run `check` when all types are known."""
+        self._checks.append(check)
+
+    def check(self) -> None:
+        """Report what contradicts itself, now that all types are known."""
+        for check in self._checks:
+            check()
+
+    def contradiction(
+        self, message: str, span: Span, *cells: Cell, code: str = "E020", hint: str | None = None
+    ) -> None:
+        """Report that types contradict each other, with the places that `cells` have theirs from."""
+        self._found.report(code, message, span, hint=hint, notes=notes(span, *cells))
+
+    def wrong(
+        self, message: str, expression: Expression, cell: Cell, *, code: str = "E020", hint: str | None = None
+    ) -> None:
+        """Report that `expression` is not what `message` says it must be."""
+        self.contradiction(f"{message}, this is {described(cell.type)}", expression.span, cell, code=code, hint=hint)
+
+    # ---- what an expression must be
+
+    def robot(self, expression: Expression, cell: Cell, message: str) -> None:
+        """Demand a robot."""
+
+        def check() -> None:
+            if not compatible(cell.type, ROBOT):
+                self.wrong(message, expression, cell, code="E021")
+
+        self.later(check)
+
+    def truth(self, expression: Expression, cell: Cell, message: str) -> None:
+        """Demand a Boolean."""
+
+        def check() -> None:
+            if compatible(cell.type, BOOL):
+                return
+            hint = None
+            if isinstance(expression, Literal) and isinstance(expression.value, Symbol):
+                hint = f"a fact names its owner: `{expression.value}(R)`"
+            self.wrong(message, expression, cell, code="E022", hint=hint)
+
+        self.later(check)
+
+    def number(self, expression: Expression, cell: Cell, message: str, hint: str | None = None) -> None:
+        """Demand a number."""
+
+        self.later(lambda: self.number_now(expression, cell, message, hint))
+
+    def number_now(self, expression: Expression, cell: Cell, message: str, hint: str | None = None) -> None:
+        """Demand a number, when all types are known."""
+        if cell.kind.base not in NUMBERS | {Base.OPEN}:
+            self.wrong(message, expression, cell, hint=hint)
+
+    def order_now(self, what: str, example: str, *sides: tuple[Expression, Cell]) -> None:
+        """Demand values that have an order, when all types are known; the first of `sides` without one is reported.
+
+        `example` says how to order robots.
+        """
+        for side, cell in sides:
+            if cell.kind.base not in ORDERED:
+                hint = f"robots have no order, their numbers do: `{example}`" if cell.kind == ROBOT else None
+                self.wrong(f"{what} needs numbers or strings", side, cell, hint=hint)
+                return
