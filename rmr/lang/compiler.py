@@ -1,5 +1,6 @@
 """The compiler as a whole: a file in, one robot's program or diagnostics out."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,11 +9,15 @@ from rmr.bytecode.program import Debug, Place, Program, Strategy
 from rmr.lang.check import Checked, check
 from rmr.lang.diagnostic import Diagnostic, Diagnostics, Severity
 from rmr.lang.emit import Emitter
+from rmr.lang.include import Loader
 from rmr.lang.names import NOTHING_GIVEN, Given
-from rmr.lang.parser import parse
+from rmr.lang.reach import with_leads
 from rmr.lang.serve import with_serving
 from rmr.lang.source import Source, SourceError, Span, read_source
 from rmr.lang.syntax import FactItem, GoalItem
+
+DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
+"""Errors that the declarations of a file which could not be read might disprove, as they might any warning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +31,13 @@ class Compilation:
     """Errors and warnings in source order."""
     unreadable: bool = False
     """The file is missing or is no file: the command line is wrong, not the program."""
+    included: tuple[Source, ...] = ()
+    """The other files of the program."""
+
+    @property
+    def sources(self) -> dict[str, Source]:
+        """All texts by the name that diagnostics use."""
+        return {each.file: each for each in (self.source, *self.included)}
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -55,14 +67,19 @@ def compile_source(text: str, file: str = "<string>") -> Compilation:
 def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
     """Compile a source; `given` as in `compile_file`."""
     found = Diagnostics()
-    module = parse(source, found)
+    loader = Loader(found)
+    module = loader.module(source)
     if not module.items and not found.failed:
         found.report("W107", "the program is empty: robots will do nothing", Span(source.file, 0, 0))
     checked = check(module, found, given)
-    program = None if found.failed else emit(checked, source)
+    program = None if found.failed else emit(checked, loader.sources)
     if program is not None:
         _report_excess(program, checked, found)
-    return Compilation(source, None if found.failed else program, found.in_order())
+    diagnostics = found.in_order(loader.sources)
+    if loader.incomplete:
+        diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in DOUBTFUL]
+    _, *included = loader.sources.values()
+    return Compilation(source, None if found.failed else program, diagnostics, included=tuple(included))
 
 
 def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> None:
@@ -72,11 +89,11 @@ def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> No
         "rules": [each.rule.span for each in checked.rules],
         "assertions": [each.item.span for each in checked.assertions],
     }
-    for excess in exceeded(program):
-        found.report("E008", f"this has {excess.text}", places[excess.table][excess.index])
+    for table, index, text in exceeded(program):
+        found.report("E008", f"this has {text}", places[table][index])
 
 
-def emit(checked: Checked, source: Source) -> Program:
+def emit(checked: Checked, sources: Mapping[str, Source]) -> Program:
     """Return the program of a module without errors."""
     emitter = Emitter(checked.names, checked.types)
     items = checked.module.items
@@ -87,14 +104,14 @@ def emit(checked: Checked, source: Source) -> Program:
         rules=tuple(emitter.rule(projected) for projected in checked.rules),
         assertions=tuple(emitter.assertion(each.item, each.environment, each.finish) for each in checked.assertions),
         strategy=Strategy.TEXTUAL if checked.textual else Strategy.RANDOM,
-        debug=_debug(checked, source),
+        debug=_debug(checked, sources),
     )
-    return with_serving(program)
+    return with_leads(with_serving(program))
 
 
-def _debug(checked: Checked, source: Source) -> Debug:
+def _debug(checked: Checked, sources: Mapping[str, Source]) -> Debug:
     def place(span: Span) -> Place:
-        return Place(span.file, *source.position(span.start))
+        return Place(span.file, *sources[span.file].position(span.start))
 
     return Debug(
         rules=tuple(place(projected.rule.span) for projected in checked.rules),

@@ -4,6 +4,7 @@ A diagnostic answers three questions: what is wrong, where, and what to do. It i
 rendered elsewhere (render.py). Codes are stable: one that is no longer used is not given out again.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -32,6 +33,7 @@ CODES: dict[str, str] = {
     "E006": "reserved word",
     "E007": "too many errors",
     "E008": "too large",
+    "E009": "a circle of includes",
     "E010": "declared twice",
     "E011": "wrong number of arguments",
     "E012": "wrong kind",
@@ -131,10 +133,11 @@ class Diagnostics:
         """Whether there is an error among them."""
         return bool(self._found[Severity.ERROR])
 
-    def in_order(self) -> list[Diagnostic]:
-        """Return them in source order, and at the end how many are left out."""
+    def in_order(self, files: Iterable[str] = ()) -> list[Diagnostic]:
+        """Return them in source order, `files` one after the other, and at the end how many are left out."""
+        rank = {file: index for index, file in enumerate(files)}
         every = [each for found in self._found.values() for each in found.values()]
-        every.sort(key=lambda each: (each.span.file, each.span.start, each.code))
+        every.sort(key=lambda each: (rank.get(each.span.file, 0), each.span.start, each.code))
         for severity, code in ((Severity.ERROR, "E007"), (Severity.WARNING, "W109")):
             if dropped := self._dropped[severity]:
                 every.append(Diagnostic(code, f"{dropped} more {severity.value}s are not shown", every[-1].span))

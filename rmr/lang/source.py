@@ -4,11 +4,12 @@ A place is a span of character offsets; lines and columns are worked out only wh
 file never raises: what is wrong with it is a diagnostic like any other.
 """
 
+import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
 
-SOURCE_OCTETS_MAX = 1 << 18
+SOURCE_OCTETS_MAX = 1 << 22
 """Programs are written by hand; a larger file is taken for a mistake before it costs time and memory."""
 
 
@@ -31,12 +32,15 @@ class Source:
 
     file: str
     text: str
-    starts: tuple[int, ...] = field(init=False, repr=False)
+    _starts: list[int] = field(default_factory=list, init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        starts = [0]
-        starts.extend(i + 1 for i, character in enumerate(self.text) if character == "\n")
-        object.__setattr__(self, "starts", tuple(starts))
+    @property
+    def starts(self) -> list[int]:
+        """The offset of each line's first character, found when it is first asked for."""
+        if not self._starts:
+            self._starts.append(0)
+            self._starts.extend(match.end() for match in re.finditer("\n", self.text))
+        return self._starts
 
     def position(self, offset: int) -> tuple[int, int]:
         """Return line and column of `offset`, both from 1, in characters."""
@@ -76,10 +80,10 @@ def read_source(path: Path) -> Source:
 def to_source(file: str, octets: bytes) -> Source:
     """Return the text that `octets` are; raise SourceError when they are too many, byte-code or not UTF-8."""
     if len(octets) > SOURCE_OCTETS_MAX:
-        raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 10} KiB")
+        raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB")
     if octets.startswith(b"RMR\x1a"):
         raise SourceError("this is byte-code, not source", hint="`rmr dis` shows byte-code as text")
     try:
-        return Source(file, octets.decode("utf-8"))
+        return Source(file, octets.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise SourceError(f"not UTF-8 at octet {error.start}", hint="save it as UTF-8") from None

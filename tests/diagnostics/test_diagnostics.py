@@ -27,7 +27,7 @@ def pages():
 def test_the_output_is_the_one_on_the_page(page):
     source, _, expected = page.read_text(encoding="utf-8").partition(RULER)
     compilation = compile_source(source, page.stem + ".rmr")
-    found = render_text(compilation.diagnostics, {compilation.source.file: compilation.source}, color=False)
+    found = render_text(compilation.diagnostics, compilation.sources, color=False)
     if os.environ.get("RMR_REWRITE"):
         page.write_text(source + RULER + found, encoding="utf-8")
     else:

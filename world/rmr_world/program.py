@@ -42,7 +42,7 @@ def load_program(path: Path, *, color: bool = False) -> LoadedProgram:
     if path.suffix == ".rbc":
         return _load_bytecode(path)
     compilation = compile_file(path)
-    text = render_text(compilation.diagnostics, {compilation.source.file: compilation.source}, color)
+    text = render_text(compilation.diagnostics, compilation.sources, color)
     if compilation.program is None:
         raise ProgramError(text)
     octets = codec.encode(compilation.program, debug=True)

@@ -63,7 +63,7 @@ def test_json_has_the_keys_that_the_contract_names():
 
 def test_a_file_that_cannot_be_read_is_a_diagnostic(tmp_path):
     (tmp_path / "latin.rmr").write_bytes(b"p(R, \xe9).")
-    (tmp_path / "huge.rmr").write_bytes(b"// \n" * 100_000)
+    (tmp_path / "huge.rmr").write_bytes(b"// \n" * 1_100_000)
     (tmp_path / "code.rmr").write_bytes(b"RMR\x1a\x01")
     for name, unreadable in (("missing", True), ("", True), ("latin", False), ("huge", False), ("code", False)):
         compilation = compile_file(tmp_path / f"{name}.rmr" if name else tmp_path)
