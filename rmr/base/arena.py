@@ -108,6 +108,10 @@ class Arena:
         return max(0.0, min([walls, *(obstacle.distance(x, y) for obstacle in self.obstacles)]))
 
 
+NOWHERE = Arena(1.0, 1.0, 0.05)
+"""The arena of robots without bodies: a floor that nobody stands on."""
+
+
 def to_data(arena: Arena) -> dict[str, Any]:
     """Return `arena` as plain dicts, lists and numbers (what msgpack carries)."""
     return {

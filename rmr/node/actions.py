@@ -20,8 +20,8 @@ from rmr.base.time import NEVER, Instant, in_seconds, seconds
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 
-RUNNING_MAX = 64
-"""Actions under way or waiting at one robot; a program that derives more has run away."""
+RUNNING_MAX = 1024
+"""Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
 
 
 STOPPED = "stopped"
@@ -123,7 +123,7 @@ class Turn(Protocol):
         """Return whether the action may begin."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Running:
     """One derived action, waiting or under way."""
 
@@ -135,9 +135,12 @@ class Running:
     derived: Instant = 0
     missed: int | None = None
     """The assertion whose missed deadline derived it."""
+    origin: tuple[int, int] | None = None
+    """Another robot waits for its end: that robot, and the number by which it knows the action."""
     started: Instant | None = None
     coroutine: Generator[Pause, None, None] | None = None
     pause: Pause = field(default_factory=lambda: Pause(0))
+    over: bool = False
 
     def text(self, robot: int) -> str:
         """Return the action in program syntax."""
@@ -160,15 +163,23 @@ class Host(Protocol):
 class Dispatcher:
     """Runs one robot's actions."""
 
-    def __init__(self, host: Host, handlers: Mapping[str, Handler]) -> None:
+    def __init__(self, host: Host) -> None:
         self._host = host
-        self._handlers = handlers
         self.held: list[Running] = []
         """Waiting for their turn."""
         self.queue: deque[Running] = deque()
         """Waiting for the wheels."""
         self.running: list[Running] = []
         self.refused = 0
+
+    @property
+    def idle(self) -> bool:
+        """Whether no action is under way or waits."""
+        return not (self.held or self.queue or self.running)
+
+    def released(self, now: Instant) -> bool:
+        """Return whether an action that waited for its turn may begin."""
+        return any(running.turn.released(now) for running in self.held)
 
     @property
     def polling(self) -> bool:
@@ -242,6 +253,7 @@ class Dispatcher:
 
     def _end(self, now: Instant, running: Running, failure: str | None) -> None:
         self.running.remove(running)
+        running.over = True
         if running.coroutine is not None and failure is not None:
             failure = _closed(running.coroutine, failure)
         if running.handler.wheels:
@@ -257,11 +269,15 @@ class Dispatcher:
             for running in [held for held in self.held if held.turn.released(now)]:
                 self.held.remove(running)
                 self._admit(now, running)
-        for running in list(self.running):
-            if running in self.running:
-                self._resume(now, running)
+        self.resume(now)
         while self.queue and self.driving is None:
             self._start(now, self.queue.popleft())
+
+    def resume(self, now: Instant) -> None:
+        """Go on with the actions whose pauses are over."""
+        for running in list(self.running):
+            if not running.over:  # `stop` may have ended it meanwhile
+                self._resume(now, running)
 
 
 def described(error: BaseException) -> str:

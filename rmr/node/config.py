@@ -1,10 +1,14 @@
 """What a robot is told before it starts: who it is, where it is, what it is to finish."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from rmr.base.arena import Arena
+from rmr.base.time import Duration
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
+from rmr.node.trace import Level
+from rmr.node.turn import UNKNOWN_INSIDE
 from rmr.radio.phy import RadioConfig
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
@@ -16,8 +20,8 @@ class NodeConfig:
     """One robot's configuration."""
 
     robot: int
-    roster: tuple[int, ...]
-    """Ids of all robots of the lab, this one's too."""
+    roster: Collection[int]
+    """Ids of all robots of the lab, this one's too; where they are many, what answers ``in`` at once (a dict)."""
     arena: Arena
     seed: int
     radio: RadioConfig = field(default_factory=RadioConfig)
@@ -28,3 +32,7 @@ class NodeConfig:
     """Predicate and patterns (without the owner) of the fact that ends the robot's part."""
     epoch: int = 0
     """How often the robot was started before; tells its messages from those of an earlier life."""
+    trace: Level = Level.NOTES
+    """How much the robot notes for whoever watches it."""
+    turn: Duration = UNKNOWN_INSIDE
+    """How long a turn is expected to last where no drive tells; extended while its action lasts longer."""

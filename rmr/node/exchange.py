@@ -2,14 +2,16 @@
 
 Each delivery has (sender, epoch, sequence). The sender repeats it, with back-off, until the receiving node
 acknowledges; the receiver acknowledges every copy and hands on only the first. Fragments are acknowledged as
-a whole. A delivery that outlives its time comes back as `Undelivered`: nothing vanishes.
+a whole. A delivery that outlives its time comes back as `Outcome.UNDELIVERED`: nothing vanishes.
 
 It does not know what a fact means and it does not know the radio: frames leave through `outbox`.
 """
 
 from collections import OrderedDict, deque
 from dataclasses import dataclass, field
+from enum import Enum
 from random import Random
+from typing import NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node import wire
@@ -17,7 +19,8 @@ from rmr.node.wire import Delivery, WireError
 
 RETRY_FIRST: Duration = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
-RETRY_MAX: Duration = seconds(2)
+RETRY_MAX: Duration = seconds(1)
+"""Some 25 tries in a delivery's time: at 50 % loss both ways 1 in 1000 is given up."""
 TIME_TO_LIVE: Duration = seconds(30)
 """After that a delivery is given up and reported."""
 IN_FLIGHT_MAX = 8
@@ -30,6 +33,25 @@ that a repeat of the oldest is always known as one."""
 SENDERS_MAX = 1024
 PARTIAL_MAX = 32
 """Deliveries in fragments that may be incomplete at one time."""
+
+
+class Outcome(Enum):
+    """What became of a delivery."""
+
+    DELIVERED = "delivered"
+    """The other node has acknowledged it."""
+    REPEATED = "repeated"
+    """It was sent again."""
+    UNDELIVERED = "undelivered"
+    """It was given up; the other robot may have got it all the same, if all its acknowledgements were lost."""
+
+
+class News(NamedTuple):
+    """An outcome."""
+
+    outcome: Outcome
+    destination: int
+    delivery: Delivery
 
 
 @dataclass(slots=True)
@@ -67,12 +89,18 @@ class Exchange:
         self._seen: OrderedDict[int, _Seen] = OrderedDict()
         self._partial: OrderedDict[tuple[int, int, int, int], dict[int, bytes]] = OrderedDict()
         self.outbox: list[tuple[bytes, int]] = []
-        """(payload, destination), to be handed to the link."""
-        self.undelivered: list[tuple[int, Delivery]] = []
-        """(destination, delivery) given up since the last look; the owner clears it."""
+        """(payload, destination), to be handed to the link; the owner clears it."""
+        self.news: list[News] = []
+        """What became of deliveries since the last look; the owner clears it."""
         self.next_wake: Instant = NEVER
         self.sent = 0
+        """Deliveries begun."""
+        self.delivered = 0
+        """Deliveries of others that have arrived here, repeats not counted."""
         self.repeated = 0
+        """Deliveries sent again."""
+        self.octets = 0
+        """Payload octets handed to the link, acknowledgements too."""
         self.duplicates = 0
         self.foreign = 0
         """Frames of another program, dropped."""
@@ -101,13 +129,21 @@ class Exchange:
                 return
             outgoing = peer.waiting.popleft()
             if outgoing.expires <= now:
-                self.undelivered.append((outgoing.destination, outgoing.delivery))
+                self._tell(Outcome.UNDELIVERED, outgoing)
                 continue
             peer.in_flight[outgoing.sequence] = outgoing
             self._transmit(now, outgoing)
 
+    def _tell(self, outcome: Outcome, outgoing: _Outgoing) -> None:
+        self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
+
+    def _put(self, payload: bytes, destination: int) -> None:
+        self.outbox.append((payload, destination))
+        self.octets += len(payload)
+
     def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
-        self.outbox += [(frame, outgoing.destination) for frame in outgoing.frames]
+        for frame in outgoing.frames:
+            self._put(frame, outgoing.destination)
         outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
         outgoing.wait = min(outgoing.wait * 2, RETRY_MAX)
         self.next_wake = min(self.next_wake, outgoing.next_send)
@@ -121,9 +157,10 @@ class Exchange:
             for outgoing in list(peer.in_flight.values()):
                 if outgoing.expires <= now:
                     del peer.in_flight[outgoing.sequence]
-                    self.undelivered.append((outgoing.destination, outgoing.delivery))
+                    self._tell(Outcome.UNDELIVERED, outgoing)
                 elif outgoing.next_send <= now:
                     self.repeated += 1
+                    self._tell(Outcome.REPEATED, outgoing)
                     self._transmit(now, outgoing)
                 else:
                     self.next_wake = min(self.next_wake, outgoing.next_send)
@@ -135,7 +172,7 @@ class Exchange:
         peer = self._peers.get(source)
         if peer is None or epoch != self._epoch or sequence not in peer.in_flight:
             return
-        del peer.in_flight[sequence]
+        self._tell(Outcome.DELIVERED, peer.in_flight.pop(sequence))
         self._fill(now, peer)
         if not any(other.in_flight for other in self._peers.values()):
             self.next_wake = NEVER
@@ -148,13 +185,14 @@ class Exchange:
             return None
         if self._is_repeat(source, frame):
             self.duplicates += 1
-            self.outbox.append((wire.encode_ack(frame.epoch, frame.sequence), source))
+            self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
             return None
         body = frame.piece if frame.parts == 1 else self._join(source, frame)
         if body is None:
             return None
         self._remember(source, frame)
-        self.outbox.append((wire.encode_ack(frame.epoch, frame.sequence), source))
+        self.delivered += 1
+        self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
         return body
 
     def _is_repeat(self, source: int, frame: wire.FactFrame) -> bool:

@@ -1,4 +1,4 @@
-"""One robot's mind: the same object in a robot process and in the simulator.
+"""One robot's mind: the same object in a robot process, in the simulator and in `rmr eval`.
 
 It joins the virtual machine, the coordination core, the exchange of facts, localisation and the navigator, and
 runs them as the executive's tasks in the order of the paper's priorities: motor control with stop-if-dangerous,
@@ -6,7 +6,6 @@ radio, localisation, runtime system, telemetry. It reads no clock, opens nothing
 the source language. The host calls `tick` at `next_wake` and whenever the link or the body has something new.
 """
 
-import heapq
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,32 +15,31 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant, in_seconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
-from rmr.bytecode.program import Anything, Kind, Program
+from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
-from rmr.coord.events import Send
 from rmr.node import wire
 from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
 from rmr.node.config import NodeConfig
+from rmr.node.coordlink import CoordLink
 from rmr.node.driver import Driver
 from rmr.node.exchange import Exchange
 from rmr.node.executive import Executive, Task
+from rmr.node.mind import Mind
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import Peers, Percept
-from rmr.node.ports import Confirmed, Ports, Received
+from rmr.node.ports import Ports, Received
 from rmr.node.provided import PROVIDED, NodeHandle
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
+from rmr.node.trace import Level, Trace
 from rmr.node.turn import Phase, Turn
 from rmr.node.turns import Turns
 from rmr.node.wire import Hello
-from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobFinished, JobMissed, JobStarted, RuleFired, VmEvent
 from rmr.vm.machine import Machine
 
-RESTLESS_CALLS = 60
-"""Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
-TRACE_MAX = 4096
-"""Trace entries kept for the host; the oldest go first."""
-ACTIONS_MAX = 1024
+ROUNDS_MAX = 64
+"""How often one call runs the machine again because actions have ended at once; the rest waits for the next frame."""
+ACTIONS_MAX = 10_000
 """Started actions kept for the report; the oldest go first."""
 
 
@@ -57,22 +55,24 @@ class Node:
         self.program = program
         self.arena = config.arena
         self.now: Instant = 0
+        self.notes = Trace(config.robot, config.trace)
         self._ports = ports
-        known = {**PROVIDED, **handlers}
-        check_handlers(program, known)
+        self._handlers = handlers
+        check_handlers(program, {**PROVIDED, **handlers})
         name = f"{config.seed}/robot{config.robot}"
-        self.machine = Machine(program, config.robot, stream(f"{name}/vm"))
+        self.machine = Machine(program, config.robot, stream(f"{name}/vm"), trace=config.trace is Level.FACTS)
         self.senses = SensedFacts(program, self.machine)
         self.peers = Peers()
         self.driver: Driver | None = None
         """None: a robot without a body."""
         if ports.body is not None:
-            self.driver = Driver(config.robot, config.roster, config.arena, ports.body)
-        self._coordination = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1))
-        self.turns = Turns(self, self._coordination, digest)
+            self.driver = Driver(config.robot, tuple(config.roster), config.arena, ports.body)
+        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1))
+        self.turns = Turns(self, core, digest)
+        self._coordination = CoordLink(core, self.transmit, self.turns.handle)
         self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange")), digest)
-        self.actions = Dispatcher(self, known)
-        self._handlers = known
+        self.actions = Dispatcher(self)
+        self.mind = Mind(self)
         self.executive = Executive(
             [
                 Task("motor", self._motor, periodic=True),
@@ -84,14 +84,10 @@ class Node:
             ports.spent,
         )
         self._started = False
-        self._restless = 0
-        self._told_restless = False
-        self._coord_handles: dict[int, int] = {}
-        self._next_handle = 0
-        self._later: list[tuple[Instant, int, Send]] = []
-        self._later_sequence = 0
+        self._frames_sent = 0
+        self._near: Sequence[tuple[int, float]] | None = None
+        """The neighbors that the host offered last."""
         self.action_log: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
-        self.trace_log: list[dict[str, Any]] = []
         self.finish_at: Instant | None = None
         self.next_wake: Instant = 0
 
@@ -103,9 +99,8 @@ class Node:
         self._started = True
         self.machine.start(now)
         robot = self.robot
-        for other in self.config.roster:
-            if other != robot:
-                self.senses.add(now, "peer", (Robot(other),))
+        if self.senses.used("peer"):
+            self.senses.replace(now, "peer", [(Robot(other),) for other in self.config.roster if other != robot])
         for name, owner, args in self.config.facts:
             if owner is None or owner == robot:
                 self.insert(now, name, args)
@@ -118,6 +113,7 @@ class Node:
         if index is None:
             raise ValueError(f"the program knows no predicate {name}")
         self.machine.insert(now, index, tuple(args))
+        self.next_wake = min(self.next_wake, now)
 
     def tick(self, now: Instant) -> None:
         """Run all that is due at `now`."""
@@ -133,7 +129,6 @@ class Node:
             self.actions.next_wake,
             self.talk.next_wake,
             self.turns.next_wake,
-            self._later[0][0] if self._later else NEVER,
         )
 
     def _busy(self) -> bool:
@@ -150,115 +145,62 @@ class Node:
         for frame in self._ports.link.receive():
             self._receive(now, frame)
         for outcome in self._ports.link.confirmations():
-            self._confirm(now, outcome)
+            self._coordination.confirm(now, outcome)
         self.talk.wake(now)
 
     def _receive(self, now: Instant, frame: Received) -> None:
         self.peers.heard(now, frame.source, frame.rssi_dbm)
         if not frame.payload:
-            self.talk.malformed += 1
-        elif frame.payload[0] < 0x10:
+            self.talk.drop(now, frame.source, "a frame without content")
+        elif frame.payload[0] < wire.Kind.FACT:
             self._coordination.receive(now, frame.payload, frame.source)
         else:
             self.talk.receive(now, frame)
 
-    def _confirm(self, now: Instant, outcome: Confirmed) -> None:
-        handle = self._coord_handles.pop(outcome.handle, None)
-        if handle is not None:
-            self._coordination.confirmed(now, handle, outcome.status)
-
-    def transmit(self, payload: bytes, destination: int | None, coord_handle: int | None = None) -> None:
-        """Hand a payload to the radio."""
-        self._next_handle += 1
-        if coord_handle is not None:
-            self._coord_handles[self._next_handle] = coord_handle
-        self._ports.link.transmit(payload, destination, self._next_handle)
+    def transmit(self, payload: bytes, destination: int | None) -> int:
+        """Hand a payload to the radio; return the handle by which it will tell the outcome."""
+        self._frames_sent += 1
+        self._ports.link.transmit(payload, destination, self._frames_sent)
+        return self._frames_sent
 
     def _localise(self, now: Instant) -> None:
-        senses = self.senses
         if self.driver is not None:
-            for area in self.driver.state(now, senses):
+            for area in self.driver.state(now, self.senses):
                 self.trace(now, "at", area=area.name)
-        if senses.used("neighbor"):
+        self._meet(now)
+
+    def _meet(self, now: Instant) -> None:
+        """State who is near, and how far away, as the host offers it or as frames tell."""
+        senses = self.senses
+        if not (senses.used("neighbor") or senses.used("range")):
+            return
+        if self._ports.neighbors is None:
             senses.replace(now, "neighbor", [(Robot(other),) for other in self.peers.neighbors(now)])
-        if senses.used("range"):
             senses.replace(now, "range", self.talk.ranges(now))
+            return
+        near = self._ports.neighbors()
+        if near is not self._near:
+            self._near = near
+            senses.replace(now, "neighbor", [(Robot(other),) for other, _ in near])
+            senses.replace(now, "range", [(Robot(other), metres) for other, metres in near])
 
     def _runtime(self, now: Instant) -> None:
-        self._coordinate(now)
-        self._reason(now)
-        self.actions.step(now)
-        self.turns.step(now)
-        self._coordinate(now)
-        if self.machine.next_wake <= now:
-            self._reason(now)
-            self._coordinate(now)
-        self.talk.flush()
-        self._watch_quiescence(now)
+        """Let rules fire and actions go on until nothing more happens at this instant."""
+        for _ in range(ROUNDS_MAX):
+            self._coordination.run(now)
+            if self.machine.due == now:
+                self.actions.resume(now)  # what ends at the very instant of a deadline is in time
+            self.mind.run(now)
+            self.actions.step(now)
+            self.turns.step(now)
+            self._coordination.run(now)
+            self.talk.flush(now)
+            if not (self.mind.settle(now) or self.mind.due(now) or self.actions.released(now)):
+                break
+        self.mind.watch_quiescence(now)
         if self.finish_at is None and self.finished():
             self.finish_at = now
             self.trace(now, "finished")
-
-    def _watch_quiescence(self, now: Instant) -> None:
-        """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""
-        self._restless = 0 if self.machine.quiescent else self._restless + 1
-        if self._restless == RESTLESS_CALLS and not self._told_restless:
-            self._told_restless = True
-            self.trace(now, "restless", firings=self.machine.firings)
-
-    def _reason(self, now: Instant) -> None:
-        self.machine.run(now)
-        missed: int | None = None
-        for event in self.machine.drain():
-            if isinstance(event, ActionDerived):
-                self._derived(now, event, missed)
-            else:
-                self._vm_event(now, event)
-            missed = event.job.assertion if isinstance(event, JobMissed) else None
-
-    def _coordinate(self, now: Instant) -> None:
-        coordination = self._coordination
-        if coordination.next_wake <= now:
-            coordination.wake(now)
-        for out in coordination.drain():
-            if not isinstance(out, Send):
-                self.turns.handle(now, out)
-            elif out.at > now:
-                self._later_sequence += 1
-                heapq.heappush(self._later, (out.at, self._later_sequence, out))
-            else:
-                self._send(out)
-        while self._later and self._later[0][0] <= now:
-            self._send(heapq.heappop(self._later)[2])
-
-    def _send(self, out: Send) -> None:
-        self.transmit(out.payload, out.destination, out.handle or None)
-
-    def _vm_event(self, now: Instant, event: VmEvent) -> None:
-        match event:
-            case FactSent() | GoalSent():
-                self.talk.send(now, event)
-            case JobStarted(job=job):
-                self.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
-                self.turns.started(now, job)
-            case JobFinished(job=job):
-                self.trace(now, "job_finished", job=job.text)
-                self.turns.finished(now, job)
-            case JobMissed(job=job):
-                self.trace(now, "deadline_missed", job=job.text)
-            case RuleFired() if self._restless:
-                pass  # a program that spins would push everything else out of the trace
-            case _:
-                self.trace(now, type(event).__name__, event=repr(event))
-
-    def _derived(self, now: Instant, event: ActionDerived, missed: int | None) -> None:
-        if event.executor != self.robot:
-            self.talk.send_action(now, event)
-            return
-        name = self.program.predicates[event.predicate].name
-        jobs = self.machine.serves(event.predicate, event.args)
-        turn = self.turns.serving(now, jobs[0]) if jobs else None
-        self.actions.derive(now, Running(event.serial, name, event.args, self._handlers[name], turn, now, missed))
 
     def _telemetry(self, now: Instant) -> None:
         self.talk.telemetry(now)
@@ -272,29 +214,12 @@ class Node:
         return NodeHandle(self, running)
 
     def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
-        """Insert an action's effects."""
-        if failure is None:
-            failure = self._take_effect(now, running)
-        self.trace(now, "action_ended", action=running.text(self.robot), failure=failure)
-        if isinstance(running.turn, Turn):
-            self.turns.action_ended(now, running.turn)
-        self.machine.complete(now, running.serial, failure is None)
+        """Handle the end of an action."""
+        self.mind.ended(now, running, failure)
 
-    def _take_effect(self, now: Instant, running: Running) -> str | None:
-        """Insert the effect that the handler names if the program declares none; return why it does not fit.
-
-        As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
-        """
-        name, action = running.handler.effect, self.program.index(running.name)
-        effect = None if name is None else self.program.index(name)
-        if effect is None or action is None or self.program.predicates[action].effects:
-            return None
-        if self.program.predicates[effect].kind is not Kind.SENSED:
-            try:
-                self.machine.insert(now, effect, running.args)
-            except ValueError as error:
-                return f"its effect does not fit: {error}"
-        return None
+    def handler(self, action: str) -> Handler:
+        """Return what carries out an action; the host's own handlers go before the provided ones."""
+        return self._handlers.get(action) or PROVIDED[action]
 
     def halt(self) -> None:
         """Stop the wheels."""
@@ -314,7 +239,7 @@ class Node:
 
     def drives_to_area(self, action: int) -> bool:
         """Return whether an action drives to the area that it names: it may be gated."""
-        return self._handlers[self.program.predicates[action].name].to_area
+        return self.handler(self.program.predicates[action].name).to_area
 
     def serving(self, turn: Turn) -> Running | None:
         """Return the action that serves `turn`, held or under way."""
@@ -388,8 +313,23 @@ class Node:
         index = self.program.index(name)
         return index is not None and self.machine.holds(index, patterns)
 
+    @property
+    def outstanding(self) -> tuple[str, ...]:
+        """What goes on or is waited for, in words; schedules, beacons and hellos do not count."""
+        machine, talk = self.machine, self.talk
+        checks = (
+            ("a satisfied rule", not machine.quiescent),
+            ("a fact under way", not talk.exchange.idle),
+            ("an action", not self.actions.idle),
+            ("a deadline", machine.quiescent and machine.next_wake < NEVER),
+        )
+        return tuple([words for words, holds in checks if holds])
+
+    @property
+    def trace_log(self) -> list[dict[str, Any]]:
+        """What the robot has noted since the host last cleared it."""
+        return self.notes.entries
+
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note something for whoever watches the robot."""
-        if len(self.trace_log) >= TRACE_MAX:
-            del self.trace_log[: TRACE_MAX // 2]
-        self.trace_log.append({"t": round(in_seconds(now), 4), "robot": self.robot, "what": what, **fields})
+        """Note something for whoever watches the robot (`rmr.node.trace`)."""
+        self.notes.note(now, what, **fields)

@@ -4,7 +4,7 @@ Inputs are values that the host hands over, outputs are values that it takes awa
 polls or reads a clock.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -82,6 +82,10 @@ class Ports:
 
     link: Link
     body: Body | None
-    """None: a robot without a body (logic only)."""
+    """None: a robot without a body (logic only). It says no hellos, having no place to tell, and no sense of its own
+    finds out what an action has done: what the action's effects say of sensed predicates holds when it ends."""
     spent: Callable[[], Duration] = _nothing_spent
     """Processor time used since the current call of `tick` began; virtual time uses none."""
+    neighbors: Callable[[], Sequence[tuple[int, float]]] | None = None
+    """(robot, metres) of those in range, where the host knows; the same object while nothing has changed. None: the
+    robot goes by the frames that it hears."""

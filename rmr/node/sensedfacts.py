@@ -54,9 +54,9 @@ class SensedFacts:
 
     def replace(self, now: Instant, name: str, facts: Iterable[Args]) -> None:
         """State that exactly `facts` hold of `name`."""
-        wanted = list(facts)
+        wanted = dict.fromkeys(facts)
         held = self._held.get(name, {})
-        if list(held) == wanted:
+        if list(held) == list(wanted):
             return
         for args in list(held):
             if args not in wanted:

@@ -62,6 +62,8 @@ class Turn:
     end: Instant = 0
     entered_at: Instant = 0
     revised_at: Instant = 0
+    notice: Duration = EXTEND_BEFORE
+    """How long before its end the turn is extended; none where its length is known, as it is without a drive."""
     passage: Route | None = None
     """The way by which the robot entered the bottleneck."""
 
@@ -81,7 +83,7 @@ class Turn:
         if self.phase is Phase.LEFT:
             return NEVER
         if self.phase is Phase.INSIDE:
-            return self.end - EXTEND_BEFORE
+            return self.end - self.notice
         look = self.revised_at + REVISE_EVERY
         return min(look, self._leaves_at) if self.phase is Phase.SLOTTED and self._leaves_at > self.revised_at else look
 

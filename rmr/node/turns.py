@@ -194,7 +194,11 @@ class Turns:
         """Work out approach, inside and way; False while the robot does not know where it is."""
         node = self._node
         driver = node.driver
-        if turn.goal is None or driver is None:
+        if driver is None:
+            turn.inside = turn.headway = node.config.turn
+            turn.notice = 0
+            return True
+        if turn.goal is None:
             return True
         pose = driver.localiser.pose
         if pose is None:
@@ -253,7 +257,7 @@ class Turns:
         if not turn.gated or navigator is None:
             if turn.job.finish is not None:
                 self._leave(now, turn)
-            elif turn.end < now + EXTEND_BEFORE:
+            elif turn.end < now + turn.notice:
                 self._until(now, turn, now + UNKNOWN_INSIDE)
             return
         if clear_of_bottleneck(turn, navigator, self._node.percept().pose):

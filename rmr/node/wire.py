@@ -1,12 +1,13 @@
 """What robots say to each other besides coordination: facts, their acknowledgements, hellos and failures.
 
-One table of kinds; the first octet of a frame's payload is the kind (0x01-0x0F belong to `rmr.coord`). All
-numbers are big-endian; a value is one tag octet and its body, and a symbol that the program knows travels as
-its index. A frame that does not parse is the sender's mistake: `WireError`, counted and dropped by the node.
+One table of kinds; the first octet of a frame's payload is the kind (0x01-0x0F belong to `rmr.coord`). The body of
+a fact frame is a delivery, whose role says what it is, so that everything that must arrive once travels the same way.
+All numbers are big-endian; a value is one tag octet and its body, and a symbol that the program knows travels as
+its number. A frame that does not parse is the sender's mistake: `WireError`, counted and dropped by the node.
 """
 
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -44,20 +45,37 @@ class Kind(IntEnum):
 
 
 class Role(IntEnum):
-    """What a derivation for another robot is."""
+    """What a delivery is: role 1 (upper half), index 2, arguments 1, of some roles a number 8, then the arguments."""
 
     FACT = 0
     GOAL = 1
     ACTION = 2
+    """To be carried out. Number: by which its sender knows it, 0 if nobody waits for its end."""
+    COMPLETED = 3
+    """The end of an action, to the robot that derived it. Number: the action's."""
+    FAILED = 4
+    """Likewise; it failed, or nobody carries it out."""
+    FINISH_AWAITED = 5
+    """A job waits for a fact of the receiver. Index: the assertion; arguments: S's. Number: the job's start."""
+    FINISH_SEEN = 6
+    """Such a fact was inserted. Index: the assertion; arguments: F's. Number: when."""
+
+
+NUMBERED = frozenset({Role.ACTION, Role.COMPLETED, Role.FAILED, Role.FINISH_AWAITED, Role.FINISH_SEEN})
+"""Roles that carry a number."""
 
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """A fact, goal or action for another robot."""
+    """What one robot tells another reliably."""
 
     role: Role
-    predicate: int
+    index: int
+    """Of the predicate; of the assertion where the role says so."""
     args: tuple[Value, ...]
+    """Without the owner."""
+    number: int = 0
+    """An instant, or what names an action; 64 bits unsigned, 0 where the role has none."""
 
 
 class Hello(NamedTuple):
@@ -198,12 +216,14 @@ class _Tag(IntEnum):
     LIST = 9
 
 
-def encode_delivery(delivery: Delivery, symbols: dict[str, int]) -> bytes:
-    """Return the body of a delivery; `symbols` gives the program's symbols their index.
+def encode_delivery(delivery: Delivery, symbols: Mapping[str, int]) -> bytes:
+    """Return the body of a delivery; `symbols` gives the program's symbols their numbers, 16 bits each.
 
     Raises WireError when a value is too long, or nested too deep, to be told.
     """
-    out = bytearray((delivery.role << 4, *_length(delivery.predicate), len(delivery.args)))
+    out = bytearray((delivery.role << 4, *_length(delivery.index), len(delivery.args)))
+    if delivery.role in NUMBERED:
+        out += struct.pack(">Q", delivery.number)
     for arg in delivery.args:
         _encode_value(out, arg, symbols, 0)
     return bytes(out)
@@ -215,7 +235,7 @@ def _length(value: int) -> bytes:
     return struct.pack(">H", value)
 
 
-def _encode_value(out: bytearray, value: Value, symbols: dict[str, int], depth: int) -> None:
+def _encode_value(out: bytearray, value: Value, symbols: Mapping[str, int], depth: int) -> None:
     if isinstance(value, bool):
         out.append(_Tag.TRUE if value else _Tag.FALSE)
     elif isinstance(value, Robot):
@@ -234,26 +254,30 @@ def _encode_value(out: bytearray, value: Value, symbols: dict[str, int], depth: 
             _encode_value(out, item, symbols, depth + 1)
 
 
-def _encode_text(out: bytearray, value: str, symbols: dict[str, int]) -> None:
+def _encode_text(out: bytearray, value: str, symbols: Mapping[str, int]) -> None:
     if isinstance(value, Symbol) and value in symbols:
         out += bytes((_Tag.SYMBOL_INDEX,)) + _length(symbols[value])
         return
-    octets = value.encode()
+    try:
+        octets = value.encode()
+    except UnicodeEncodeError as error:
+        raise WireError(f"a text that is no Unicode: {error.reason}") from error
     out += bytes((_Tag.SYMBOL if isinstance(value, Symbol) else _Tag.STRING,)) + _length(len(octets)) + octets
 
 
 def decode_delivery(body: bytes, symbols: Sequence[str]) -> Delivery:
     """Return the delivery in `body`. Raises WireError."""
     try:
-        head, predicate, count = struct.unpack_from(">BHB", body)
-        reader = _Reader(body, 4, symbols)
-        args = tuple(reader.value(0) for _ in range(count))
+        head, index, count = struct.unpack_from(">BHB", body)
         role = Role(head >> 4)
+        reader = _Reader(body, 4, symbols)
+        number = reader.number() if role in NUMBERED else 0
+        args = tuple(reader.value(0) for _ in range(count))
     except (struct.error, IndexError, ValueError, UnicodeDecodeError) as error:
         raise WireError(f"fact: {error}") from error
-    if reader.offset != len(body):
-        raise WireError("fact: octets left over")
-    return Delivery(role, predicate, args)
+    if head & 0x0F or reader.offset != len(body):
+        raise WireError("fact: bits that mean nothing")
+    return Delivery(role, index, args, number)
 
 
 class _Reader:
@@ -267,7 +291,12 @@ class _Reader:
         self.offset += struct.calcsize(form)
         return value
 
+    def number(self) -> int:
+        """Read a delivery's number."""
+        return int(self._take(">Q"))
+
     def value(self, depth: int) -> Value:
+        """Read one value, so many lists deep."""
         tag = _Tag(int(self._take(">B")))
         match tag:
             case _Tag.FALSE | _Tag.TRUE:
@@ -296,8 +325,3 @@ class _Reader:
             raise WireError("text cut short")
         self.offset += length
         return Symbol(octets.decode()) if tag is _Tag.SYMBOL else octets.decode()
-
-
-def program_symbols(values: Iterable[Value]) -> tuple[str, ...]:
-    """Return the symbols among `values`, each once, in order of first appearance."""
-    return tuple(dict.fromkeys(str(value) for value in values if isinstance(value, Symbol)))

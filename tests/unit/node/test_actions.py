@@ -22,7 +22,8 @@ class FakeNode:
         self.ended: list[tuple[str, str | None]] = []
         self.halts = 0
         self.log: list[str] = []
-        self.dispatcher = Dispatcher(self, handlers)
+        self.dispatcher = Dispatcher(self)
+        self.handlers = handlers
         self.serial = 0
 
     def action_ended(self, now, running, failure):
@@ -36,7 +37,7 @@ class FakeNode:
 
     def derive(self, name: str, *args, turn=None) -> None:
         self.serial += 1
-        handler = self.dispatcher._handlers[name]
+        handler = self.handlers[name]
         self.dispatcher.derive(self.now, Running(self.serial, name, args, handler, turn))
 
     def step(self, at_s: float) -> None:

@@ -1,0 +1,70 @@
+"""What the coordination core says and hears: its frames to the radio, in their time, and its events to the turns.
+
+The core dates each frame, so that robots that tick on one grid do not all speak at once; a frame that is not due
+yet waits here.
+"""
+
+import heapq
+from collections.abc import Callable
+
+from rmr.base.time import NEVER, Instant
+from rmr.coord.coordination import Coordination
+from rmr.coord.events import CoordEvent, Send
+from rmr.node.ports import Confirmed
+
+UNCONFIRMED_MAX = 256
+"""Frames whose outcome the radio still owes; beyond that the oldest are forgotten."""
+
+Transmit = Callable[[bytes, int | None], int]
+"""Hands a payload for a destination (None: everybody) to the radio and returns the radio's handle."""
+
+
+class CoordLink:
+    """Joins one coordination core to the radio."""
+
+    def __init__(self, core: Coordination, transmit: Transmit, handle: Callable[[Instant, CoordEvent], None]) -> None:
+        """`handle` is told what the core reports upward."""
+        self._core = core
+        self._transmit = transmit
+        self._handle = handle
+        self._handles: dict[int, int] = {}
+        """The radio's handle -> the core's."""
+        self._later: list[tuple[Instant, int, Send]] = []
+        self._sequence = 0
+
+    @property
+    def next_wake(self) -> Instant:
+        """When the core or a frame is due."""
+        return min(self._core.next_wake, self._later[0][0] if self._later else NEVER)
+
+    def run(self, now: Instant) -> None:
+        """Let the core do what is due, and see to what it says."""
+        if self._core.next_wake <= now:
+            self._core.wake(now)
+        for out in self._core.drain():
+            if not isinstance(out, Send):
+                self._handle(now, out)
+            elif out.at > now:
+                self._sequence += 1
+                heapq.heappush(self._later, (out.at, self._sequence, out))
+            else:
+                self._send(out)
+        while self._later and self._later[0][0] <= now:
+            self._send(heapq.heappop(self._later)[2])
+
+    def _send(self, out: Send) -> None:
+        handle = self._transmit(out.payload, out.destination)
+        if out.handle:
+            self._handles[handle] = out.handle
+            if len(self._handles) > UNCONFIRMED_MAX:
+                del self._handles[next(iter(self._handles))]
+
+    def receive(self, now: Instant, payload: bytes, source: int) -> None:
+        """Hand the core a frame of another robot."""
+        self._core.receive(now, payload, source)
+
+    def confirm(self, now: Instant, outcome: Confirmed) -> None:
+        """Hand the core the outcome of a frame, if it is one of its own."""
+        handle = self._handles.pop(outcome.handle, None)
+        if handle is not None:
+            self._core.confirmed(now, handle, outcome.status)

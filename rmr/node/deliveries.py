@@ -1,0 +1,189 @@
+"""Deliveries: what the robots' machines say to each other reliably, and what comes of it on arrival.
+
+A fact or goal is taken up. An action is carried out, and its end reported to the robot that derived it if a chain
+of steps waits there. A job that waits for another robot's fact asks that robot, which tells it when the fact comes.
+What cannot be delivered is noted, comes back as the fact `undelivered(A, B, what)` where the program declares it,
+and fails the step that waits for it: nothing vanishes and no chain waits for ever.
+"""
+
+from typing import TYPE_CHECKING
+
+from rmr.base.time import Instant
+from rmr.base.values import Robot, Symbol, Value, format_fact
+from rmr.bytecode.program import Kind
+from rmr.node import wire
+from rmr.node.exchange import Exchange, News, Outcome
+from rmr.node.symbols import symbols_of
+from rmr.node.trace import Level, fact_text
+from rmr.node.wire import Delivery, Role, WireError
+from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
+
+if TYPE_CHECKING:
+    from rmr.node.node import Node
+
+UNDELIVERED = "undelivered"
+"""The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
+did not get it, `what` is the predicate's name; the last argument may be left out."""
+NO_SUCH_ROBOT = "no such robot"
+_SERIAL_BITS = 56
+"""An action's number on the wire is its serial, and above these bits the sender's start count: a report that was meant
+for an earlier life of the robot must not end an action of this one."""
+ABOUT_JOBS = frozenset({Role.FINISH_AWAITED, Role.FINISH_SEEN})
+"""Roles whose index is an assertion's."""
+ITEMS = frozenset({Role.FACT, Role.GOAL, Role.ACTION})
+"""Roles of what a program derives; the others are news of it."""
+
+Origin = tuple[int, int]
+"""Who waits for an action's end: a robot, and the number by which it knows the action."""
+
+
+class Deliveries:
+    """What one robot tells others and is told."""
+
+    def __init__(self, node: "Node", exchange: Exchange) -> None:
+        self._node = node
+        self._exchange = exchange
+        self._symbols = symbols_of(node.program)
+        self._life = (node.config.epoch & 0xFF) << _SERIAL_BITS
+        self.undelivered = 0
+
+    # -- what leaves ------------------------------------------------------------------------------------------
+
+    def send(self, now: Instant, event: FactSent | GoalSent | FinishAwaited | FinishSeen) -> None:
+        """Send what the machine has for another robot."""
+        match event:
+            case FactSent():
+                delivery = Delivery(Role.FACT, event.predicate, event.args)
+            case GoalSent():
+                delivery = Delivery(Role.GOAL, event.predicate, event.args)
+            case FinishAwaited():
+                delivery = Delivery(Role.FINISH_AWAITED, event.assertion, event.start_args, event.since)
+            case FinishSeen():
+                delivery = Delivery(Role.FINISH_SEEN, event.assertion, event.args, event.at)
+        self._send(now, event.destination, delivery)
+
+    def send_action(self, now: Instant, event: ActionDerived) -> None:
+        """Send an action to its executor, with its number if a chain waits for its end."""
+        number = self._life | event.serial if event.serial else 0
+        self._send(now, event.executor, Delivery(Role.ACTION, event.predicate, event.args, number))
+
+    def report_end(self, now: Instant, origin: Origin, predicate: int, *, ok: bool) -> None:
+        """Tell the robot that derived an action how it ended."""
+        robot, number = origin
+        self._send(now, robot, Delivery(Role.COMPLETED if ok else Role.FAILED, predicate, (), number))
+
+    def _send(self, now: Instant, destination: int, delivery: Delivery) -> None:
+        if destination not in self._node.config.roster:
+            self._give_up(now, destination, delivery, NO_SUCH_ROBOT)
+            return
+        try:
+            body = wire.encode_delivery(delivery, self._symbols.numbers)
+            self._exchange.send(now, destination, delivery, body)
+        except WireError as error:
+            self._give_up(now, destination, delivery, str(error))
+            return
+        self._note(now, "sent", destination, delivery)
+
+    # -- what became of it ------------------------------------------------------------------------------------
+
+    def look(self, now: Instant) -> None:
+        """Take in what became of deliveries."""
+        news = self._exchange.news
+        if news:
+            self._exchange.news = []
+            for each in news:
+                self._outcome(now, each)
+
+    def _outcome(self, now: Instant, news: News) -> None:
+        if news.outcome is Outcome.UNDELIVERED:
+            self._give_up(now, news.destination, news.delivery, "no acknowledgement")
+        else:
+            self._note(now, news.outcome.value, news.destination, news.delivery)
+
+    def _give_up(self, now: Instant, destination: int, delivery: Delivery, why: str) -> None:
+        """Note what cannot be delivered, and let nobody wait for it."""
+        self.undelivered += 1
+        name = self._name(delivery)
+        self._node.trace(now, "undelivered", destination=destination, predicate=name, why=why)
+        if delivery.role in ITEMS:
+            self._tell_program(now, destination, name)
+        if delivery.role is Role.ACTION and delivery.number:
+            self._node.machine.complete(now, delivery.number ^ self._life, ok=False)
+
+    def _tell_program(self, now: Instant, destination: int, name: str) -> None:
+        """Insert the fact that something was not delivered, if the program declares it so that it fits."""
+        program = self._node.program
+        index = program.index(UNDELIVERED)
+        if index is None or program.predicates[index].kind is Kind.ACTION:
+            return
+        args: tuple[Value, ...] = (Robot(destination), Symbol(name))[: len(program.predicates[index].types)]
+        try:
+            self._node.machine.insert(now, index, args)
+        except ValueError as error:
+            self._node.trace(now, "malformed", source=self._node.robot, why=f"{UNDELIVERED}: {error}")
+
+    # -- what arrives -----------------------------------------------------------------------------------------
+
+    def arrived(self, now: Instant, body: bytes, source: int) -> None:
+        """Take up a delivery. Raises WireError for one that no robot of this program sends."""
+        delivery = wire.decode_delivery(body, self._symbols.names)
+        try:
+            name = self._name(delivery)
+        except IndexError:
+            raise WireError(f"the program has no number {delivery.index} of that kind") from None
+        try:
+            self._take(now, delivery, source)
+        except ValueError as error:
+            if delivery.role is Role.ACTION and delivery.number:
+                self.report_end(now, (source, delivery.number), delivery.index, ok=False)
+            raise WireError(str(error)) from error
+        node = self._node
+        if node.notes.level is not Level.NOTHING:
+            node.trace(now, "received", source=source, predicate=name, fact=self._text(delivery, source, node.robot))
+
+    def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
+        machine, index, args = self._node.machine, delivery.index, delivery.args
+        match delivery.role:
+            case Role.FACT:
+                machine.insert(now, index, args)
+            case Role.GOAL:
+                machine.want(now, index, args)
+            case Role.ACTION:
+                machine.derive_action(now, index, args, (source, delivery.number) if delivery.number else None)
+            case Role.COMPLETED | Role.FAILED:
+                completed = delivery.role is Role.COMPLETED
+                machine.complete(now, delivery.number ^ self._life, completed, executor=source)
+            case Role.FINISH_AWAITED:
+                machine.await_finish(now, source, index, args, delivery.number)
+            case Role.FINISH_SEEN:
+                machine.finish_seen(now, source, index, args, delivery.number)
+
+    # -- words ------------------------------------------------------------------------------------------------
+
+    def _name(self, delivery: Delivery) -> str:
+        """Return the name of a delivery's predicate or assertion. Raises IndexError."""
+        program = self._node.program
+        named = program.assertions if delivery.role in ABOUT_JOBS else program.predicates
+        return named[delivery.index].name
+
+    def _note(self, now: Instant, what: str, destination: int, delivery: Delivery) -> None:
+        node = self._node
+        if node.notes.level is not Level.NOTHING:
+            node.trace(now, what, destination=destination, fact=self._text(delivery, node.robot, destination))
+
+    def _text(self, delivery: Delivery, source: int, destination: int) -> str:
+        """Return a delivery in program syntax; of news the subject with it."""
+        program, index, args = self._node.program, delivery.index, delivery.args
+        match delivery.role:
+            case Role.FACT | Role.ACTION:
+                return fact_text(program, index, destination, args)
+            case Role.GOAL:
+                return format_fact(program.predicates[index].name, (Robot(destination), *args), "?")
+            case Role.COMPLETED | Role.FAILED:
+                return f"{program.predicates[index].name} {delivery.role.name.lower()}"
+            case Role.FINISH_AWAITED:
+                assertion = program.assertions[index]
+                return f"{assertion.name} since {fact_text(program, assertion.start.predicate, source, args)}"
+            case Role.FINISH_SEEN:
+                assertion = program.assertions[index]
+                return f"{assertion.name} by {fact_text(program, assertion.finish.predicate, source, args)}"

@@ -1,0 +1,46 @@
+"""When a robot says where it stands: every 0.4 s while it moves, once a second while parked, at once on a change.
+
+Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
+"""
+
+from rmr.base.streams import stream
+from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
+
+PERIOD_MOVING: Duration = milliseconds(400)
+PERIOD_PARKED: Duration = seconds(1)
+FIRST_AFTER: Duration = milliseconds(200)
+FIRST_SPREAD: Duration = milliseconds(100)
+"""The first hellos are spread over this much per robot of the roster, at most one second."""
+CHANGE_SPREAD: Duration = milliseconds(20)
+"""A change is told within this: something that matters to several often changes for several at once."""
+
+
+class HelloClock:
+    """Says when the next hello is due; it does not know what a hello says."""
+
+    def __init__(self, name: str, robots: int) -> None:
+        """`name` is that of the random stream."""
+        self._rng = stream(name)
+        self._robots = robots
+        self.due: Instant = NEVER
+        self.parked = True
+
+    def start(self, now: Instant) -> None:
+        """Plan the first hello."""
+        spread = min(FIRST_SPREAD * self._robots, seconds(1))
+        self.due = now + FIRST_AFTER + round(self._rng.random() * spread)
+
+    def soon(self, now: Instant) -> None:
+        """Something that matters to the others has changed."""
+        self.due = min(self.due, now + round(self._rng.random() * CHANGE_SPREAD))
+
+    def look(self, now: Instant, *, parked: bool) -> None:
+        """Notice a change between parked and moving."""
+        if parked != self.parked:
+            self.parked = parked
+            self.soon(now)
+
+    def rewind(self, now: Instant) -> None:
+        """Plan the hello after the one that is said now."""
+        period = PERIOD_PARKED if self.parked else PERIOD_MOVING
+        self.due = now + round(period * self._rng.uniform(0.9, 1.1))

@@ -1,0 +1,183 @@
+"""The runtime system's part of a robot: it runs the machine and sees that whatever the machine reports happens.
+
+Facts, goals and news for other robots go to the deliveries, actions to the dispatcher or to their executors, jobs to
+the turns, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
+waits for it, and is reported to the robot that derived it.
+"""
+
+from typing import TYPE_CHECKING
+
+from rmr.base.time import Instant, in_seconds
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import Effect, Kind
+from rmr.node.actions import Running
+from rmr.node.trace import fact_text, goal_text, rule_text
+from rmr.node.turn import Turn
+from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.events import (
+    ActionDerived,
+    BoundReached,
+    ExpressionFailed,
+    FactInserted,
+    FactRemoved,
+    FactSent,
+    FinishAwaited,
+    FinishSeen,
+    GoalAchieved,
+    GoalSent,
+    JobFinished,
+    JobMissed,
+    JobStarted,
+    RuleFired,
+    VmEvent,
+)
+from rmr.vm.store import Args
+
+if TYPE_CHECKING:
+    from rmr.node.node import Node
+
+RESTLESS_CALLS = 60
+"""Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
+
+
+class Mind:
+    """One robot's reasoning and acting."""
+
+    def __init__(self, node: "Node") -> None:
+        self._node = node
+        self._machine = node.machine
+        self._overrun = False
+        """The last run used up its budget of firings: the rest waits for the next frame."""
+        self._restless = 0
+        self._told_restless = False
+        self.expression_failures = 0
+        """Supposed effects without value."""
+
+    def run(self, now: Instant) -> None:
+        """Let the machine deal with what is due, and what it reports happen."""
+        if self._machine.next_wake <= now:
+            self._machine.run(now)
+            self._overrun = not self._machine.quiescent
+        self.settle(now)
+
+    def settle(self, now: Instant) -> bool:
+        """Let happen what the machine has reported since; return whether it had anything to report."""
+        had_news = False
+        while events := self._machine.drain():
+            had_news = True
+            missed: int | None = None
+            for event in events:
+                if isinstance(event, ActionDerived):
+                    self._derived(now, event, missed)
+                else:
+                    self._happened(now, event)
+                missed = event.job.assertion if isinstance(event, JobMissed) else None
+        return had_news
+
+    def due(self, now: Instant) -> bool:
+        """Return whether another `run` at this very instant has something to do."""
+        return not self._overrun and self._machine.next_wake <= now
+
+    def watch_quiescence(self, now: Instant) -> None:
+        """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""
+        self._restless = 0 if self._machine.quiescent else self._restless + 1
+        if self._restless == RESTLESS_CALLS and not self._told_restless:
+            self._told_restless = True
+            self._node.trace(now, "restless", firings=self._machine.firings)
+
+    # -- what the machine reports -----------------------------------------------------------------------------
+
+    def _happened(self, now: Instant, event: VmEvent) -> None:
+        node = self._node
+        match event:
+            case RuleFired(rule=rule):
+                if not self._restless:  # a program that spins would push everything else out of the trace
+                    node.trace(now, "fired", rule=rule_text(node.program, rule))
+            case FactSent() | GoalSent() | FinishAwaited() | FinishSeen():
+                node.talk.deliveries.send(now, event)
+            case JobStarted(job=job):
+                node.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
+                node.turns.started(now, job)
+            case JobFinished(job=job):
+                node.trace(now, "job_finished", job=job.text)
+                node.turns.finished(now, job)
+            case JobMissed(job=job):
+                node.trace(now, "deadline_missed", job=job.text)
+            case GoalAchieved(predicate=predicate, args=args):
+                node.trace(now, "achieved", goal=goal_text(node.program, predicate, node.robot, args))
+            case FactInserted(predicate=predicate, args=args):
+                node.trace(now, "inserted", fact=fact_text(node.program, predicate, node.robot, args))
+            case FactRemoved(predicate=predicate, args=args):
+                node.trace(now, "removed", fact=fact_text(node.program, predicate, node.robot, args))
+            case ExpressionFailed(where=where, reason=reason):
+                node.trace(now, "expression_failed", where=where, reason=reason)
+            case BoundReached(what=what, bound=bound):
+                node.trace(now, "bound_reached", kept=what, bound=bound)
+
+    def _derived(self, now: Instant, event: ActionDerived, missed: int | None) -> None:
+        node = self._node
+        if event.executor != node.robot:
+            node.talk.deliveries.send_action(now, event)
+            return
+        name = node.program.predicates[event.predicate].name
+        jobs = self._machine.serves(event.predicate, event.args)
+        turn = node.turns.serving(now, jobs[0]) if jobs else None
+        handler = node.handler(name)
+        node.actions.derive(now, Running(event.serial, name, event.args, handler, turn, now, missed, event.origin))
+
+    # -- what becomes of actions ------------------------------------------------------------------------------
+
+    def ended(self, now: Instant, running: Running, failure: str | None) -> None:
+        """Let an action's end have its effects, and tell those who wait for it."""
+        node = self._node
+        action = node.program.index(running.name)
+        assert action is not None, running.name
+        if failure is None:
+            failure = self._handlers_effect(now, running, action)
+        node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
+        if isinstance(running.turn, Turn):
+            node.turns.action_ended(now, running.turn)
+        if node.driver is None:
+            predicate = node.program.predicates[action]
+            self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)
+        self._machine.complete(now, running.serial, failure is None)
+        if running.origin is not None:
+            node.talk.deliveries.report_end(now, running.origin, action, ok=failure is None)
+
+    def _handlers_effect(self, now: Instant, running: Running, action: int) -> str | None:
+        """Insert the effect that the handler names if the program declares none; return why it does not fit.
+
+        As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
+        """
+        program, name = self._node.program, running.handler.effect
+        effect = None if name is None else program.index(name)
+        if effect is None or program.predicates[action].effects:
+            return None
+        if program.predicates[effect].kind is not Kind.SENSED:
+            try:
+                self._machine.insert(now, effect, running.args)
+            except ValueError as error:
+                return f"its effect does not fit: {error}"
+        return None
+
+    def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
+        """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
+        env: list[Value] = [Robot(self._node.robot), *args]
+        supposed: dict[int, list[Args]] = {}
+        for effect in effects:
+            predicate = self._node.program.predicates[effect.predicate]
+            if predicate.kind is Kind.SENSED:
+                try:
+                    values = tuple([evaluate(code, env, now) for code in effect.args])
+                except NoValue as reason:
+                    self.expression_failures += 1
+                    where = f"effect on {predicate.name}"
+                    self._node.trace(now, "expression_failed", where=where, reason=str(reason))
+                else:
+                    supposed.setdefault(effect.predicate, []).append(values)
+        for index, wanted in supposed.items():
+            for held in self._machine.held(index):
+                if held not in wanted:
+                    self._machine.withdraw(now, index, held)
+            for values in wanted:
+                self._machine.insert(now, index, values)

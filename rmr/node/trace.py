@@ -1,0 +1,108 @@
+"""What a robot notes for whoever watches it, one vocabulary for processes, the simulator and `rmr eval`.
+
+An entry is a dict: `t` (seconds of lab time), `robot`, `what` (a name of `EVENTS`), and what belongs to it. Facts,
+goals and actions stand in program syntax. The host takes the entries away; a robot whose host does not keeps the
+newest alone. A robot that nobody watches notes nothing, and then notes cost nothing.
+"""
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from rmr.base.time import Instant, in_seconds
+from rmr.base.values import Robot, Value, format_fact, format_value
+from rmr.bytecode.program import ANY, Kind, Program
+
+ENTRIES_MAX = 4096
+"""Entries kept for the host; the oldest half goes first."""
+
+
+class Level(IntEnum):
+    """How much a robot notes."""
+
+    NOTHING = 0
+    NOTES = 1
+    """Everything but the comings and goings of its facts."""
+    FACTS = 2
+    """Those too."""
+
+
+class Event(NamedTuple):
+    """One word of the vocabulary."""
+
+    fields: tuple[str, ...]
+    """What an entry holds beside `t`, `robot` and `what`."""
+    meaning: str
+
+
+EVENTS: dict[str, Event] = {
+    "fired": Event(("rule",), "a rule was applied: its place in the source, or its number in the byte-code"),
+    "expression_failed": Event(("where", "reason"), "an expression has no value; what needed it was left out"),
+    "bound_reached": Event(("kept", "bound"), "more came than the robot keeps; the rest is dropped; told once"),
+    "restless": Event(("firings",), "the program has had satisfied rules for 60 calls in a row; told once"),
+    "inserted": Event(("fact",), "a fact of the robot now holds; only where facts are traced"),
+    "removed": Event(("fact",), "a fact was consumed or withdrawn; only where facts are traced"),
+    "achieved": Event(("goal",), "a goal was discharged"),
+    "finished": Event((), "the lab's finish fact holds"),
+    "action": Event(("action",), "an action has begun"),
+    "action_ended": Event(("action", "failure"), "an action is over: why it failed, or null"),
+    "said": Event(("text",), "the action `say`"),
+    "light": Event(("colour",), "the action `light`"),
+    "at": Event(("area",), "the robot has arrived at an area"),
+    "job_started": Event(("job", "deadline_s"), "a time assertion's job has started, or started anew"),
+    "job_finished": Event(("job",), "its finish fact was inserted, in time or late"),
+    "deadline_missed": Event(("job",), "its deadline passed without the finish fact"),
+    "sent": Event(("destination", "fact"), "a fact, goal or action, or news of one, set out for another robot"),
+    "repeated": Event(("destination", "fact"), "it was sent again, for want of an acknowledgement"),
+    "delivered": Event(("destination", "fact"), "the other robot has acknowledged it"),
+    "undelivered": Event(("destination", "predicate", "why"), "it was given up"),
+    "received": Event(("source", "predicate", "fact"), "it has arrived here, the first time"),
+    "malformed": Event(("source", "why"), "a frame that no robot of this program sends was dropped"),
+    "other_program": Event(("source",), "another robot runs another program"),
+    "asks": Event(("approach_s", "inside_s", "way"), "the robot asks for a turn"),
+    "slotted": Event(("rank", "start_s", "end_s"), "it has a slot"),
+    "slot_lost": Event(("event", "missed"), "its slot is gone; whether it let it pass"),
+    "entered": Event(("event", "cautious"), "its turn has begun; cautious: it cannot know that nobody else is inside"),
+    "left": Event(("event",), "its turn is over"),
+    "scheduled": Event(("leader", "term", "order"), "a new schedule of an event was heard or made"),
+    "leads": Event(("term",), "the robot leads an event's schedule"),
+}
+"""Every word, with the fields of its entries."""
+
+
+class Trace:
+    """One robot's notes."""
+
+    __slots__ = ("_robot", "entries", "level")
+
+    def __init__(self, robot: int, level: Level) -> None:
+        self.level = level
+        self.entries: list[dict[str, Any]] = []
+        self._robot = robot
+
+    def note(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note that `what`, a word of `EVENTS`, has happened."""
+        assert tuple(fields) == EVENTS[what].fields, (what, *fields)
+        if self.level is Level.NOTHING:
+            return
+        if len(self.entries) >= ENTRIES_MAX:
+            del self.entries[: ENTRIES_MAX // 2]
+        self.entries.append({"t": round(in_seconds(now), 6), "robot": self._robot, "what": what, **fields})
+
+
+def fact_text(program: Program, predicate: int, owner: int, args: tuple[Value, ...]) -> str:
+    """Return a fact or an action in program syntax."""
+    declared = program.predicates[predicate]
+    mark = "!" if declared.kind is Kind.PERSISTENT else ""
+    return format_fact(declared.name, (Robot(owner), *args), mark)
+
+
+def goal_text(program: Program, predicate: int, owner: int, args: tuple[object, ...]) -> str:
+    """Return a goal in program syntax; what is ANY in it is ``_``."""
+    texts = [format_value(Robot(owner)), *("_" if arg is ANY else format_value(arg) for arg in args)]  # type: ignore
+    return f"{program.predicates[predicate].name}({', '.join(texts)})"
+
+
+def rule_text(program: Program, rule: int) -> str:
+    """Return where a rule stands, ``corridor.rmr:12``; without the debug section ``rule 0``."""
+    places = program.debug.rules if program.debug is not None else ()
+    return f"{places[rule].file}:{places[rule].line}" if rule < len(places) else f"rule {rule}"
