@@ -246,16 +246,21 @@ class Progress:
 
 def _conclude(ensemble: "Ensemble", until: int, interrupted: bool) -> None:
     """Say on stderr what did not arrive, and what still went on if the run did not become quiescent."""
+    from rmr.eval.ether import LATENCY
     from rmr.eval.report import reasons, undelivered
 
     _warn(undelivered(ensemble))
+    if ensemble.ether.slowed_at is not None:
+        since, least = ensemble.ether.slowed_at / 1e9, LATENCY / 1e6
+        _warn([f"robots answer each other without end; from {since:g} s on every frame takes {least:g} ms"])
     if ensemble.quiescent:
         return
     at = f"{(ensemble.kernel.now if interrupted or ensemble.exhausted else until) / 1e9:g} s"
     if interrupted:
         why = f"interrupted at {at}"
     elif ensemble.exhausted:
-        why = f"stopped at {at}, after {ensemble.firings} firings"
+        frames = counted(ensemble.ether.carried, "frames")
+        why = f"stopped at {at}, after {counted(ensemble.firings, 'firings')} and {frames} without an end in sight"
     else:
         why = f"not quiescent at {at}"
     click.echo(f"rmr eval: {why}:", err=True)

@@ -20,7 +20,7 @@ from rmr.base.streams import stream
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Kind, Program
-from rmr.eval.ether import Ether, frame_text
+from rmr.eval.ether import LATENCY, Ether, frame_text
 from rmr.eval.given import Given, facts_by_owner, values
 from rmr.eval.topology import Topology
 from rmr.node.actions import Handler, RobotHandle
@@ -30,9 +30,10 @@ from rmr.node.ports import Ports
 from rmr.node.provided import FAILURE_REPEATS, NodeHandle
 
 FIRINGS_MAX = 2_000_000
-"""Firings of one run. A robot that never becomes quiet fires 30,000 times in a second, and a minute of that is enough
-to see that it goes on; real computations stay below."""
-LATENCY: Duration = milliseconds(5)
+"""Firings of one run, and as many hundredths more as there are robots. One that never becomes quiet fires 30,000 times
+in a second; a minute of that shows that it goes on."""
+FRAMES_MAX = 200_000
+"""Likewise frames that carry facts, goals, actions or news of them: each costs as much as ten firings."""
 TURN_MIN: Duration = milliseconds(10)
 """A slot has a length even if actions take no time: the grid of instants in schedules."""
 LOOK_EVERY = 256
@@ -157,8 +158,9 @@ class Ensemble:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the run has used up its firings."""
-        return self.firings >= FIRINGS_MAX
+        """Whether the run has used up its firings or frames."""
+        hundredths = 100 + len(self.robots)
+        return self.firings * 100 >= FIRINGS_MAX * hundredths or self.ether.carried * 100 >= FRAMES_MAX * hundredths
 
     def run(self, until: Instant, look: Callable[[], None] = lambda: None) -> bool:
         """Run to quiescence, or to `until` (included) at the latest; return whether it became quiescent.

@@ -4,8 +4,8 @@ It stands where the radio stands on a robot, without medium access, collisions o
 everybody it is for after the latency, or it is lost, for each of them by itself. Acknowledgements are frames like any
 other. Who is out of range gets nothing; there is no way around.
 
-Frames of one instant may answer each other without end if the latency is 0. So a robot receives only so many in one
-instant; what comes beyond waits for the next tick, and time moves on.
+Frames of one instant may answer each other without end if the latency is 0. So a chain of answers within one instant
+has only so many links; then no frame is faster than the usual latency any more, and time moves on.
 """
 
 from collections import deque
@@ -15,14 +15,16 @@ from functools import partial
 from random import Random
 
 from rmr.base.kernel import RADIO, Kernel
-from rmr.base.time import Duration, Instant, next_tick
+from rmr.base.time import Duration, Instant, milliseconds
 from rmr.eval.topology import Topology
 from rmr.node import wire
 from rmr.node.ports import Confirmed, Received
 from rmr.node.wire import Kind
 
-RECEIVED_AT_ONCE_MAX = 1000
-"""Frames that one robot receives in one instant: far more than neighbours send it in one step of a computation."""
+HOPS_AT_ONCE_MAX = 1000
+"""Frames of one instant of which each answers the one before: a flood through a thousand robots in a line."""
+LATENCY: Duration = milliseconds(5)
+"""The usual latency, also the least one once the robots have answered each other without end."""
 REPEATS_KNOWN = 16
 """Frames without a number that are remembered per robot: such repeats follow each other within half a second."""
 RSSI_DBM, LQI = -40.0, 255
@@ -61,7 +63,7 @@ class EtherLink:
         """Per destination: sequence and part of the newest frame of the exchange."""
         self._said: deque[tuple[int | None, bytes]] = deque(maxlen=REPEATS_KNOWN)
         self._instant: Instant = -1
-        self._at_once = 0
+        self._hops = 0
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Send a frame; only of coordination's unicasts the outcome is told, for nobody else asks for it."""
@@ -77,15 +79,14 @@ class EtherLink:
         confirmed, self._confirmed = self._confirmed, []
         return confirmed
 
-    def has_room(self, now: Instant) -> bool:
-        """Return whether the robot takes in another frame at this instant, and count it."""
-        if now != self._instant:
-            self._instant, self._at_once = now, 0
-        self._at_once += 1
-        return self._at_once <= RECEIVED_AT_ONCE_MAX
+    def hops(self, now: Instant) -> int:
+        """Return how many frames of this instant led to what the robot sends now."""
+        return self._hops if now == self._instant else 0
 
-    def take(self, now: Instant, frame: Received) -> None:
-        """Receive a frame."""
+    def take(self, now: Instant, frame: Received, hops: int) -> None:
+        """Receive a frame, the last of a chain of `hops` within one instant."""
+        self._hops = max(hops, self.hops(now))
+        self._instant = now
         self._received.append(frame)
         self.wake(now)
 
@@ -131,6 +132,10 @@ class Ether:
         self.messages = Messages()
         self.pending = 0
         """Frames under way that are neither acknowledgements nor coordination: something is yet to happen."""
+        self.carried = 0
+        """Such frames so far."""
+        self.slowed_at: Instant | None = None
+        """When the robots were found to answer each other without end."""
         self._kernel = kernel
         self._topology = topology
         self._rng = rng
@@ -168,8 +173,9 @@ class Ether:
     ) -> None:
         count = len(list(wanted))
         if self._lost is not None and len(arriving) < count:
+            there = dict.fromkeys(arriving)
             for robot in wanted:
-                if robot not in arriving:
+                if robot not in there:
                     self._lost(self._kernel.now, link.robot, robot, payload)
         if payload[0] == Kind.FACT_ACK:
             return
@@ -181,27 +187,24 @@ class Ether:
             messages.repeated += count
 
     def _carry(self, source: int, payload: bytes, unicast: bool, arriving: list[int]) -> None:
+        now = self._kernel.now
+        hops = 1 + self._links[source].hops(now)
+        if hops > HOPS_AT_ONCE_MAX and self._latency < LATENCY:
+            self.slowed_at, self._latency = now, LATENCY
         if _awaited(payload):
             self.pending += len(arriving)
-        self._kernel.at(
-            self._kernel.now + self._latency, RADIO, partial(self._arrive, source, payload, unicast, arriving)
-        )
+            self.carried += len(arriving)
+        arrive = partial(self._arrive, Received(payload, source, unicast, RSSI_DBM, LQI, now), hops, arriving)
+        self._kernel.at(now + self._latency, RADIO, arrive)
 
-    def _arrive(self, source: int, payload: bytes, unicast: bool, receivers: list[int], now: Instant) -> None:
-        late: list[int] = []
+    def _arrive(self, frame: Received, hops: int, receivers: list[int], now: Instant) -> None:
+        frame = frame._replace(stamp=now)
         for robot in receivers:
-            link = self._links[robot]
-            if link.has_room(now):
-                link.take(now, Received(payload, source, unicast, RSSI_DBM, LQI, now))
-            else:
-                late.append(robot)
-        if late:
-            self._kernel.at(next_tick(now), RADIO, partial(self._arrive, source, payload, unicast, late))
-        arrived = len(receivers) - len(late)
-        if payload[0] != Kind.FACT_ACK:
-            self.messages.delivered += arrived
-        if _awaited(payload):
-            self.pending -= arrived
+            self._links[robot].take(now, frame, hops)
+        if frame.payload[0] != Kind.FACT_ACK:
+            self.messages.delivered += len(receivers)
+        if _awaited(frame.payload):
+            self.pending -= len(receivers)
 
 
 def _awaited(payload: bytes) -> bool:
