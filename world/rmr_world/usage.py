@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from itertools import count
 
 from rmr.base.values import Robot, Symbol, Value
+from rmr.bytecode.heads import items
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
+    Aggregate,
     Assertion,
     Atom,
     Base,
@@ -202,8 +204,7 @@ class _Walker:
         found = self._program.predicates[predicate]
         queue = found.kind is Kind.ACTION and found.name == QUEUES
         for wanted, value in zip(found.types, args, strict=False):
-            if wanted.base is Base.SYMBOL and wanted.name == AREA and isinstance(value, Symbol):
-                yield _Use(str(value), where, place, queue)
+            yield from (_Use(area, where, place, queue) for area in _members(wanted, value))
 
     def codes(self, predicate: int, codes: Iterable[Code], where: str, place: Place | None) -> Iterator[_Use]:
         """Yield the areas among arguments that are a single constant."""
@@ -230,14 +231,12 @@ class _Walker:
         yield from self.codes(assertion.violation.predicate, assertion.violation.args, where, place)
 
     def _head(self, head: Head, slots: set[int], where: str, place: Place | None) -> Iterator[_Use]:
-        if isinstance(head, Comprehension):
+        if isinstance(head, Comprehension | Aggregate):
             inner = self._area_slots(head.body, slots)
             yield from self._body(head.body, inner, where, place)
-            for part in head.head:
-                yield from self._head(part, inner, where, place)
-        else:
-            what = f"in a goal {where}" if isinstance(head, DeriveGoal) else where
-            yield from self.codes(head.predicate, head.args, what, place)
+        for item in items((head,)):
+            what = f"in a goal {where}" if isinstance(item, DeriveGoal) else where
+            yield from self.codes(item.predicate, item.args, what, place)
 
     def _body(self, body: Iterable[Conjunct], slots: set[int], where: str, place: Place | None) -> Iterator[_Use]:
         for conjunct in body:
@@ -258,6 +257,15 @@ class _Walker:
                     if isinstance(arg, Slot) and wanted.base is Base.SYMBOL and wanted.name == AREA:
                         slots.add(arg.index)
         return slots
+
+
+def _members(wanted: Type, value: object) -> Iterator[str]:
+    """Yield the areas that `value`, of type `wanted`, names: itself or, in a list, its items."""
+    if wanted.base is Base.LIST and wanted.element is not None and isinstance(value, tuple):
+        for item in value:
+            yield from _members(wanted.element, item)
+    elif wanted.base is Base.SYMBOL and wanted.name == AREA and isinstance(value, Symbol):
+        yield str(value)
 
 
 def _compared(code: Code, slots: set[int]) -> Iterator[str]:

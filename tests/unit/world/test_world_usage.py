@@ -15,7 +15,7 @@ type action lineup(robot, area, int).
 type action shout(robot).
 type sensor at(robot, area).
 type !due(robot, float).
-type place(robot, area).
+type place(robot, area). type spot(robot, area, int). type round(robot, list area).
 start(R).
 """
 
@@ -48,6 +48,11 @@ def test_the_labs_fit_their_programs(name):
         ("start(R), place(R, A), A = gat -o shout(R).", "in rule 1"),
         ("start(R), place(R, A), gat != A -o shout(R).", "in rule 1"),
         ("start(R) -o {A | place(R, A) | place(R, gat)}.", "in rule 1"),
+        ("start(R) -o [count => N | place(R, gat) | seen(R, N)].", "in rule 1"),
+        ("start(R) -o [max D => N | spot(R, A, D), A = gat | seen(R, N)].", "in rule 1"),
+        ("start(R) -o [collect A => L | place(R, A) | moveto(R, gat)].", "in rule 1"),
+        ("start(R) -o moveto(R, gate) then place(R, gat).", "in rule 1"),
+        ("start(R) -o shout(R) then ?place(R, gat).", "in a goal in rule 1"),
         ("start(R) -o ?place(R, gat).", "in a goal in rule 1"),
         ("assert(place(R, gat), at(R, gate), 10, shout(R)).", "in the time assertion at"),
         ("assert(start(R), at(R, gat), 10, shout(R)).", "in the time assertion at"),
@@ -64,6 +69,7 @@ def test_an_undefined_area_is_named_where_the_program_uses_it(tmp_path, source, 
     ("source", "where"),
     [
         ("place(R, gat).", "in a fact"),
+        ("round(R, [gate, gat]).", "in a fact"),
         ("?at(R, gat).", "in a goal"),
         ("type action hop(R: robot) -o place(R, gat).", "in an effect of hop"),
     ],
