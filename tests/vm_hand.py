@@ -130,8 +130,9 @@ class Hand:
     def action(self, name: str, *types: Type, effects: tuple[Effect, ...] = (), failed: tuple[Effect, ...] = ()) -> int:
         return self.predicate(name, Kind.ACTION, *types, effects=effects, else_effects=failed)
 
-    def fact(self, predicate: int, *args: Value, owner: int | None = None) -> None:
-        self.facts.append(InitialFact(predicate, owner, tuple(map(value, args))))
+    def fact(self, predicate: int, *args: Value | V, owner: int | None = None) -> None:
+        stated = tuple(Slot(arg.slot) if isinstance(arg, V) else value(arg) for arg in args)
+        self.facts.append(InitialFact(predicate, owner, stated))
 
     def goal(self, predicate: int, *args: object, owner: int | None = None) -> None:
         self.goals.append(InitialGoal(predicate, owner, tuple(map(pattern, args))))  # type: ignore[arg-type]
@@ -180,10 +181,15 @@ class Hand:
         name: str = "",
         serving: tuple[Serving, ...] = (),
         scheduled: bool = True,
+        robot: int | None = None,
+        finisher: object = V(0),
     ) -> None:
         assert isinstance(violation, DeriveAction)
-        label = name or self.predicates[finish.predicate].name
-        self.assertions.append(Assertion(label, 8, start, finish, as_code(deadline), violation, scheduled, serving))
+        label, by = name or self.predicates[finish.predicate].name, pattern(finisher)
+        assert not isinstance(by, Anything)
+        self.assertions.append(
+            Assertion(label, 8, start, finish, as_code(deadline), violation, scheduled, serving, robot, by)
+        )
 
     def program(self) -> Program:
         return Program(

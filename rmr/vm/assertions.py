@@ -5,6 +5,9 @@ job anew, with its own D: the paper measures "since the last time". Once its dea
 missed for ever; a late F still fills in its finish, but an S after the miss opens a new job, to which that F
 then belongs. The queue is sorted by deadline, then serial; entries of jobs that have ended or started anew are
 recognised and dropped when they come up.
+
+If F is another robot's, that robot is asked to report it (its side is watches.py), and the job ends by the news,
+as of the instant at which F was inserted there. News that comes after the deadline does not undo the miss.
 """
 
 from collections import deque
@@ -12,16 +15,15 @@ from collections.abc import Iterator
 from heapq import heapify, heappop, heappush
 
 from rmr.base.time import NEVER, NS_PER_S, Instant
-from rmr.base.values import Robot, Value, format_value
-from rmr.bytecode.program import SELF_SLOT, Anything, Assertion, Constant, Kind, Pattern, Program, Slot
-from rmr.bytecode.wire import identity
+from rmr.base.values import Robot, format_value
+from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
+from rmr.vm.bounds import Dropped
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import ExpressionFailed, JobFinished, JobStarted, VmEvent
+from rmr.vm.events import ExpressionFailed, FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
+from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
 from rmr.vm.store import Args, Store
-
-__all__ = ["JOBS_MAX", "LIVE_MAX", "Assertions", "Job"]
 
 JOBS_MAX = 1024
 """Jobs remembered for the report; beyond that the oldest are forgotten."""
@@ -29,8 +31,8 @@ JOBS_MAX = 1024
 LIVE_MAX = 256
 """Jobs that wait for their finish fact; beyond that the oldest is given up and counted."""
 
-Key = tuple[int, object]
-"""An assertion and its finish fact's arguments."""
+Key = tuple[int, Robot, object]
+"""An assertion, its finish fact's robot and arguments."""
 
 Entry = tuple[Instant, int, int, Job]
 """Of the queue: deadline, the job's serial, the number of the entry, the job."""
@@ -39,23 +41,23 @@ Entry = tuple[Instant, int, int, Job]
 class Assertions:
     """The jobs of one robot."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store) -> None:
+    def __init__(self, program: Program, robot: Robot, store: Store, dropped: Dropped) -> None:
         self.jobs: deque[Job] = deque(maxlen=JOBS_MAX)
-        self.given_up = 0
-        """Jobs forgotten because too many waited."""
         self.failures = 0
-        """Starts without a job because D had no value."""
+        """Starts without a job because D had no value, or F no robot."""
         self.due: Instant = NEVER
         """The next deadline."""
         self._program = program
         self._robot = robot
         self._store = store
+        self._dropped = dropped
         self._live: dict[Key, Job] = {}
         self._queue: list[Entry] = []
         self._serial = 0
         self._pushed = 0
-        self._concerned = {a.start.predicate for a in program.assertions}
-        self._concerned |= {a.finish.predicate for a in program.assertions}
+        self._mine = [(i, each) for i, each in enumerate(program.assertions) if each.robot in (None, robot)]
+        self._concerned = {each.start.predicate for _, each in self._mine}
+        self._concerned |= {each.finish.predicate for _, each in self._mine}
 
     def concerns(self, predicate: int) -> bool:
         """Tell whether inserting a fact of `predicate` may start or end a job."""
@@ -63,18 +65,35 @@ class Assertions:
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> list[VmEvent]:
         """Return what a fact's insertion brought about: it ends jobs before it starts one."""
-        events: list[VmEvent] = []
-        for key, job in list(self._live.items()):
-            finish = self._program.assertions[job.assertion].finish
-            if finish.predicate == predicate and pattern_agrees(finish.args, args, job.bindings):
-                events.append(self._finish(now, key))
-        for index, assertion in enumerate(self._program.assertions):
+        ended = [key for key, job in self._live.items() if not job.remote and self._ends(job, predicate, args)]
+        events: list[VmEvent] = [self._finish(now, key) for key in ended]
+        for index, assertion in self._mine:
             start = assertion.start
             if start.predicate == predicate:
                 bindings = bind(assertion.slots, start.args, args, self._robot)
                 if bindings is not None:
-                    events.extend(self._start(now, index, assertion, bindings))
+                    events.extend(self._start(now, index, assertion, bindings, args))
         return events
+
+    def seen(self, source: int, index: int, args: Args, at: Instant) -> list[VmEvent]:
+        """Return what the news of another robot's finish fact, inserted at `at`, brought about.
+
+        It belongs to the job that ran at the time; none may have, or it has started anew since.
+        """
+        predicate = self._program.assertions[index].finish.predicate
+
+        def waited(job: Job) -> bool:
+            wanted = job.assertion == index and job.finisher == source and job.finish is None and job.start <= at
+            return wanted and self._ends(job, predicate, args)
+
+        ended = [key for key, job in self._live.items() if waited(job)]
+        if ended:
+            return [self._finish(at, key) for key in ended]
+        missed = next((job for job in reversed(self.jobs) if waited(job)), None)
+        if missed is None:
+            return []
+        missed.finish = at
+        return [JobFinished(missed)]
 
     def overdue(self, until: Instant) -> list[Job]:
         """Return the jobs that miss a deadline at or before `until`, first due first, each once."""
@@ -98,32 +117,41 @@ class Assertions:
             for serving in assertion.serving
         )
 
+    def _ends(self, job: Job, predicate: int, args: Args) -> bool:
+        """Tell whether a fact of the right robot is the one for which a job waits."""
+        finish = self._program.assertions[job.assertion].finish
+        return finish.predicate == predicate and pattern_agrees(finish.args, args, job.bindings)
+
     def _start(
-        self, now: Instant, index: int, assertion: Assertion, bindings: tuple[Value | None, ...]
+        self, now: Instant, index: int, assertion: Assertion, bindings: Bindings, args: Args
     ) -> Iterator[VmEvent]:
         """Start a job, or start anew the one that waits for the same fact."""
         try:
             deadline = due_at(now, assertion, bindings)
+            finisher = robot_of(assertion.finisher, bindings)
+            if finisher is None:
+                raise NoValue("a finish fact of something that is no robot")
         except NoValue as reason:
             self.failures += 1
             yield ExpressionFailed(f"deadline of assertion {assertion.name}", str(reason), now)
             return
-        finish = tuple(instantiate(pattern, bindings) for pattern in assertion.finish.args)
-        key = (index, tuple(identity(p.value) if isinstance(p, Constant) else repr(p) for p in finish))
+        finish = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
+        key = (index, finisher, key_of(finish))
         job = self._live.get(key)
         if job is None or job.missed:
-            job = self._open(now, key, index, finish, bindings)
+            job = self._open(now, key, finish, bindings)
         job.start, job.deadline, job.bindings = now, deadline, bindings
         self._pushed += 1
         heappush(self._queue, (deadline, job.serial, self._pushed, job))
         self._settle()
         yield JobStarted(job)
-        if self._holds(assertion, bindings):
+        if job.remote:
+            yield FinishAwaited(finisher, index, args, now)
+        elif self._holds(assertion, bindings):
             yield self._finish(now, key)
 
-    def _open(
-        self, now: Instant, key: Key, index: int, finish: tuple[Pattern, ...], bindings: tuple[Value | None, ...]
-    ) -> Job:
+    def _open(self, now: Instant, key: Key, finish: tuple[Pattern, ...], bindings: Bindings) -> Job:
+        index, finisher, _ = key
         assertion = self._program.assertions[index]
         predicate = self._program.predicates[assertion.finish.predicate]
         mark = "!" if predicate.kind is Kind.PERSISTENT else ""
@@ -134,26 +162,27 @@ class Assertions:
             assertion=index,
             name=assertion.name,
             event=f"{assertion.name}({', '.join(texts)})",
-            text=f"{mark}{predicate.name}({', '.join([format_value(self._robot), *texts])})",
+            text=f"{mark}{predicate.name}({', '.join([format_value(finisher), *texts])})",
             start=now,
             deadline=now,
             bindings=bindings,
+            finisher=finisher,
         )
         self._live.pop(key, None)
         if len(self._live) >= LIVE_MAX:
             del self._live[next(iter(self._live))]
-            self.given_up += 1
+            self._dropped.add("jobs", LIVE_MAX, now)
         self._live[key] = job
         self.jobs.append(job)
         return job
 
-    def _finish(self, now: Instant, key: Key) -> VmEvent:
+    def _finish(self, at: Instant, key: Key) -> VmEvent:
         job = self._live.pop(key)
-        job.finish = now
+        job.finish = at
         self._settle()
         return JobFinished(job)
 
-    def _holds(self, assertion: Assertion, bindings: tuple[Value | None, ...]) -> bool:
+    def _holds(self, assertion: Assertion, bindings: Bindings) -> bool:
         """Tell whether F is persistent or sensed and holds."""
         table = self._store.tables[assertion.finish.predicate]
         return not table.linear and any(
@@ -177,37 +206,17 @@ def _waits(entry: Entry) -> bool:
     return job.finish is None and not job.missed and job.deadline == deadline
 
 
-def bind(slots: int, patterns: tuple[Pattern, ...], args: Args, robot: Robot) -> tuple[Value | None, ...] | None:
-    """Return the slots as `args` bind them through `patterns`, or None if they do not match."""
-    bindings: list[Value | None] = [None] * slots
-    bindings[SELF_SLOT] = robot
-    if not pattern_agrees(patterns, args, tuple(bindings)):
-        return None
-    for pattern, value in zip(patterns, args, strict=True):
-        if isinstance(pattern, Slot):
-            bindings[pattern.index] = value
-    return tuple(bindings)
-
-
-def instantiate(pattern: Pattern, bindings: tuple[Value | None, ...]) -> Pattern:
-    """Return `pattern` with its variable replaced by what it is bound to."""
-    if isinstance(pattern, Slot):
-        value = bindings[pattern.index]
-        return pattern if value is None else Constant(value)
-    return pattern
-
-
 def pattern_text(pattern: Pattern) -> str:
     """Return a pattern in program syntax; what is free is ``_``."""
     return format_value(pattern.value) if isinstance(pattern, Constant) else "_"
 
 
-def goal_text(name: str, robot: Robot, args: tuple[Anything | Constant, ...]) -> str:
+def goal_text(name: str, robot: Robot, args: tuple[Pattern, ...]) -> str:
     """Return a fact with free arguments in program syntax."""
     return f"{name}({', '.join([format_value(robot), *map(pattern_text, args)])})"
 
 
-def due_at(now: Instant, assertion: Assertion, bindings: tuple[Value | None, ...]) -> Instant:
+def due_at(now: Instant, assertion: Assertion, bindings: Bindings) -> Instant:
     """Return the deadline of a job that starts now; a negative D is due at once.
 
     Raises:

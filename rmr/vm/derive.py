@@ -7,7 +7,7 @@ oldest first, so that none serves two. What an expression without value would de
 comprehension the one match, of an aggregate the one match whose term it is, else the firing.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from typing import NamedTuple, TypeVar
 
@@ -23,6 +23,7 @@ from rmr.bytecode.program import (
     DeriveAction,
     DeriveFact,
     DeriveGoal,
+    Effect,
     Mode,
     Operator,
     Predicate,
@@ -75,7 +76,12 @@ class Derivation(NamedTuple):
     """In textual order; a comprehension's or aggregate's at its place."""
 
 
-_ROLES: dict[type, Role] = {DeriveFact: Role.FACT, DeriveGoal: Role.GOAL, DeriveAction: Role.ACTION}
+_ROLES: dict[type, Role] = {
+    DeriveFact: Role.FACT,
+    DeriveGoal: Role.GOAL,
+    DeriveAction: Role.ACTION,
+    Effect: Role.FACT,
+}
 
 
 class Inner(NamedTuple):
@@ -182,12 +188,16 @@ class _Firing:
             yield env, value
 
     def _value(self, item: Item, env: Env) -> Derived:
-        """Return an item of the head, evaluated. Raises NoValue."""
-        owner = evaluate(item.owner, env, self._now)
-        if type(owner) is not Robot:
-            raise NoValue("an owner that is no robot")
-        args = tuple([evaluate(code, env, self._now) for code in item.args])
-        return Derived(_ROLES[type(item)], item.predicate, owner, args)
+        return evaluated(item, env, self._now)
+
+
+def evaluated(item: Item | Effect, env: Sequence[Value], now: Instant) -> Derived:
+    """Return an item of a head, or what an action's end brings about, evaluated. Raises NoValue."""
+    owner = evaluate(item.owner, env, now)
+    if type(owner) is not Robot:
+        raise NoValue("an owner that is no robot")
+    args = tuple([evaluate(code, env, now) for code in item.args])
+    return Derived(_ROLES[type(item)], item.predicate, owner, args)
 
 
 def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:

@@ -18,8 +18,8 @@ from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program, Slot
 from rmr.vm.assertions import Assertions
 from rmr.vm.bounds import Dropped
-from rmr.vm.derive import Chain, Derivation, Derived, Role
-from rmr.vm.evaluate import NoValue, evaluate
+from rmr.vm.derive import Chain, Derivation, Derived, Role, evaluated
+from rmr.vm.evaluate import NoValue
 from rmr.vm.events import (
     ActionDerived,
     ExpressionFailed,
@@ -38,6 +38,10 @@ from rmr.vm.match import pattern_agrees
 from rmr.vm.outside import Gate
 from rmr.vm.store import Args, Fact, Store
 from rmr.vm.underway import UnderWay
+from rmr.vm.watches import Watches
+
+FACTS_MAX = 100_000
+"""Facts of one robot, of all kinds; what would be one more is not inserted. They take some 50 MB at most as a rule."""
 
 FIRING_BUDGET = 500
 """Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
@@ -71,7 +75,8 @@ class Machine:
         self._gate = Gate(program.predicates)
         self._store = Store(program.predicates)
         self._goals = Goals(program, self.robot, self._store)
-        self._assertions = Assertions(program, self.robot, self._store)
+        self._assertions = Assertions(program, self.robot, self._store, self._dropped)
+        self._watches = Watches(program, self.robot, self._store, self._gate, self._dropped)
         self._interpreter = Interpreter(program, self.robot, self._store, self._goals, rng)
 
     # What the host hands in
@@ -145,10 +150,37 @@ class Machine:
             predicate = self.program.predicates[action.predicate]
             for effect in predicate.effects if ok else predicate.else_effects:
                 if self.program.predicates[effect.predicate].kind is not Kind.SENSED:
-                    self._take_effect(now, predicate.name, effect, action.args)
+                    self._take_effect(now, f"effect of {predicate.name}", effect, action)
         if ok:
             self._follow(now, then)
         return True
+
+    def await_finish(self, now: Instant, watcher: int, assertion: int, start_args: Args, since: Instant) -> None:
+        """Watch for a finish fact of this robot: a job of `watcher` waits for it since a start fact was inserted there.
+
+        The news is a `FinishSeen`, at once if the fact has been inserted since, or holds and is not temporary.
+
+        Raises:
+            ValueError: `watcher` can have no such job, or the fact is not this robot's.
+        """
+        self._arrive(now)
+        seen = self._watches.ask(now, watcher, assertion, start_args, since)
+        if seen is not None:
+            self._events.append(seen)
+
+    def finish_seen(self, now: Instant, source: int, assertion: int, args: Args, at: Instant) -> bool:
+        """End the jobs that wait for a fact which `source` says was inserted there; False if none does (any longer).
+
+        Raises:
+            ValueError: there is no such assertion, or `args` are not what its finish fact declares.
+        """
+        self._arrive(now)
+        if not 0 <= assertion < len(self.program.assertions):
+            raise ValueError(f"there is no assertion {assertion}")
+        args = self._gate.fact(self.program.assertions[assertion].finish.predicate, args)
+        events = self._assertions.seen(source, assertion, args, min(at, now))
+        self._events += events
+        return bool(events)
 
     def run(self, now: Instant) -> None:
         """Deal with the deadlines that are due and fire rules until quiescence, or until the budget is used."""
@@ -173,6 +205,11 @@ class Machine:
         return self._now if self._interpreter.busy else self._assertions.due
 
     @property
+    def due(self) -> Instant:
+        """The next deadline of a job; NEVER."""
+        return self._assertions.due
+
+    @property
     def jobs(self) -> list[Job]:
         """The jobs of all time assertions, in the order of their first start (the last `JOBS_MAX`)."""
         return list(self._assertions.jobs)
@@ -180,7 +217,7 @@ class Machine:
     @property
     def jobs_given_up(self) -> int:
         """How many jobs were forgotten because too many waited at once."""
-        return self._assertions.given_up
+        return self._dropped.counts.get("jobs", 0)
 
     @property
     def expression_failures(self) -> int:
@@ -259,17 +296,25 @@ class Machine:
             if item.role is Role.ACTION:
                 self._act(now, item, chain[place + 1 :])
                 return
-            if item.owner != self.robot:
-                event = FactSent if item.role is Role.FACT else GoalSent
-                self._events.append(event(item.owner, item.predicate, item.args))
-            elif item.role is Role.FACT:
-                self._insert(now, item.predicate, item.args)
-            else:
-                self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
+            self._give(now, item)
+
+    def _give(self, now: Instant, item: Derived) -> None:
+        """Insert a fact or open a goal, here or at the robot that owns it."""
+        if item.owner != self.robot:
+            event = FactSent if item.role is Role.FACT else GoalSent
+            self._events.append(event(item.owner, item.predicate, item.args))
+        elif item.role is Role.FACT:
+            self._insert(now, item.predicate, item.args)
+        else:
+            self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
 
     def _insert(self, now: Instant, predicate: int, args: Args) -> None:
-        if self._store.insert(predicate, args) is None:
+        if self._store.has(predicate, args):
             return
+        if self._store.count >= FACTS_MAX:
+            self._dropped.add("facts", FACTS_MAX, now)
+            return
+        self._store.insert(predicate, args, now)
         if self._trace:
             self._events.append(FactInserted(predicate, args, now))
         self._interpreter.touch(predicate)
@@ -278,12 +323,16 @@ class Machine:
             if achieved:
                 self._events += achieved
                 self._interpreter.touch_goal(predicate)
+        if self._watches.concerns(predicate):
+            self._events += self._watches.inserted(now, predicate, args)
         if self._assertions.concerns(predicate):
             self._events += self._assertions.inserted(now, predicate, args)
 
     def _remove(self, now: Instant, fact: Fact) -> None:
         self._store.remove(fact)
         self._interpreter.touch(fact.predicate)
+        if self._watches.concerns(fact.predicate):
+            self._watches.removed(now, fact)
         if self._trace:
             self._events.append(FactRemoved(fact.predicate, fact.args, now))
 
@@ -296,30 +345,25 @@ class Machine:
         serial = self._under_way.begin(now, item, then)
         self._events.append(ActionDerived(serial, item.predicate, item.owner, item.args, origin))
 
-    def _take_effect(self, now: Instant, name: str, effect: Effect, args: Args) -> None:
-        env: list[Value] = [self.robot, *args]
+    def _take_effect(self, now: Instant, where: str, effect: Effect, action: Derived) -> None:
         try:
-            values = tuple([evaluate(code, env, now) for code in effect.args])
+            fact = evaluated(effect, [self.robot, *action.args], now)
         except NoValue as reason:
-            self._fail(f"effect of {name}", reason, now)
+            self._fail(where, reason, now)
             return
-        self._insert(now, effect.predicate, values)
+        self._give(now, fact)
 
     def _miss(self, until: Instant) -> None:
         """Derive the violations of the deadlines up to `until`, each as of its own instant."""
         for job in self._assertions.overdue(until):
             self._events.append(JobMissed(job))
-            violation = self.program.assertions[job.assertion].violation
             env: list[Value] = job.bindings  # type: ignore[assignment]
             try:
-                owner = evaluate(violation.owner, env, job.deadline)
-                args = tuple([evaluate(code, env, job.deadline) for code in violation.args])
-                if type(owner) is not Robot:
-                    raise NoValue("an executor that is no robot")
+                violation = evaluated(self.program.assertions[job.assertion].violation, env, job.deadline)
             except NoValue as reason:
                 self._fail(f"violation of assertion {job.name}", reason, job.deadline)
                 continue
-            self._act(job.deadline, Derived(Role.ACTION, violation.predicate, owner, args))
+            self._act(job.deadline, violation)
 
     def _fail(self, where: str, reason: NoValue, now: Instant) -> None:
         self._failures += 1

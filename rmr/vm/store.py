@@ -1,14 +1,15 @@
 """The facts of one robot: the paper's tiny database (V.B.3), insert, delete, query.
 
 Temporary facts are linear resources: a multiset, each insertion a fact of its own. Persistent and sensed
-facts are sets. Every fact has a serial number, so that "oldest first" is insertion order; a fact that is
-withdrawn and comes back is a new one. A table indexes an argument once somebody probes it in a table that is
-worth it. Values that Python calls equal but the language does not (1 and @1) meet only where no type is
-fixed; the matcher compares those strictly.
+facts are sets. Every fact has a serial number, so that "oldest first" is insertion order, and the instant of its
+insertion; a fact that is withdrawn and comes back is a new one. A table indexes an argument once somebody probes
+it in a table that is worth it. Values that Python calls equal but the language does not (1 and @1) meet only
+where no type is fixed; the matcher compares those strictly.
 """
 
 from collections.abc import Iterable, Sequence
 
+from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Base, Kind, Predicate, Type
 from rmr.bytecode.wire import identity
@@ -22,12 +23,13 @@ Args = tuple[Value, ...]
 class Fact:
     """One fact; compared by identity."""
 
-    __slots__ = ("args", "predicate", "serial")
+    __slots__ = ("args", "at", "predicate", "serial")
 
-    def __init__(self, predicate: int, args: Args, serial: int) -> None:
+    def __init__(self, predicate: int, args: Args, serial: int, at: Instant) -> None:
         self.predicate = predicate
         self.args = args
         self.serial = serial
+        self.at = at
 
 
 class Table:
@@ -81,25 +83,31 @@ class Table:
 class Store:
     """All facts of one robot."""
 
-    __slots__ = ("_serial", "tables")
+    __slots__ = ("_serial", "count", "tables")
 
     def __init__(self, predicates: Sequence[Predicate]) -> None:
         self.tables = [Table(predicate) for predicate in predicates]
+        self.count = 0
+        """How many facts there are."""
         self._serial = 0
 
-    def insert(self, predicate: int, args: Args) -> Fact | None:
-        """Insert a fact; None if it is one of a set and holds already."""
+    def has(self, predicate: int, args: Args) -> bool:
+        """Tell whether inserting the fact would be none: it is one of a set and holds already."""
         table = self.tables[predicate]
-        if not table.linear and table.find(args) is not None:
-            return None
+        return not table.linear and table.find(args) is not None
+
+    def insert(self, predicate: int, args: Args, now: Instant) -> Fact:
+        """Insert a fact, which is no member of a set that holds already."""
         self._serial += 1
-        fact = Fact(predicate, args, self._serial)
-        table.add(fact)
+        self.count += 1
+        fact = Fact(predicate, args, self._serial, now)
+        self.tables[predicate].add(fact)
         return fact
 
     def remove(self, fact: Fact) -> None:
         """Remove a fact that is there."""
         self.tables[fact.predicate].remove(fact)
+        self.count -= 1
 
 
 def is_open(kind: Type) -> bool:

@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from vm_hand import AREA, FLOAT, INT, Hand, V, _, actions, code
+from vm_hand import AREA, FLOAT, INT, OPEN, ROBOT, Hand, V, _, actions, code, fired, sent
 
 from rmr.base.time import NEVER, seconds
 from rmr.base.values import Robot, Symbol, Value
@@ -95,6 +95,71 @@ def test_failure_inserts_the_else_effects_that_have_a_value() -> None:
     machine.complete(1, action.serial, False)
     assert machine.facts() == ["stuck(@1, 7)"]
     assert machine.expression_failures == 1
+
+
+def giving() -> tuple[Hand, int, int]:
+    """``give(R, B, N) -o has(B, N) else lost(B, N), kept(R, N)``, and goals for what it brings."""
+    hand = Hand()
+    has, lost, kept = hand.temporary("has", INT), hand.temporary("lost", INT), hand.temporary("kept", INT)
+    effects = (Effect(has, (code(V(2)),), code(V(1))),)
+    failed = (Effect(lost, (code(V(2)),), code(V(1))), Effect(kept, (code(V(2)),)))
+    return hand, hand.action("give", OPEN, INT, effects=effects, failed=failed), has
+
+
+def test_the_effect_on_another_robot_is_sent_to_it() -> None:
+    hand, give, has = giving()
+    machine = hand.machine()
+    for number, ok in ((7, True), (8, False)):
+        machine.derive_action(0, give, (Robot(4), number))
+        machine.complete(1, actions(machine.drain())[0].serial, ok)
+        assert sent(machine.drain()) == [(4, has if ok else has + 1, (number,))]
+    assert machine.facts() == ["kept(@1, 8)"]
+
+
+def test_an_effect_whose_robot_is_the_executor_stays_and_one_that_names_no_robot_is_left_out() -> None:
+    hand, give, _has = giving()
+    machine = hand.machine()
+    for taker in (Robot(1), 5):
+        machine.derive_action(0, give, (taker, 7))
+        assert machine.complete(1, actions(machine.drain())[0].serial, True)
+    assert machine.facts() == ["has(@1, 7)"]
+    assert sent(machine.drain()) == []
+    assert machine.expression_failures == 1
+
+
+def test_an_action_of_another_robot_that_brings_a_fact_here_leads_to_the_goal() -> None:
+    hand, give, has = giving()
+    token = hand.temporary("token")
+    hand.fact(token)
+    hand.goal(has, 3)
+    for number, taker in ((1, V(0)), (3, Robot(9)), (3, V(0)), (2, V(0))):
+        hand.rule([hand.atom(token)], [hand.head(give, taker, number, to=Robot(4))])
+    for seed in range(20):
+        assert fired(hand.machine(seed=seed).drain()) == [2]
+
+
+def test_the_robot_itself_may_stand_in_stated_facts_and_goals() -> None:
+    hand = Hand()
+    knows = hand.temporary("knows", ROBOT, ROBOT)
+    hand.fact(knows, V(0), Robot(5))
+    hand.goal(knows, V(0), Robot(6))
+    machine = hand.machine(robot=3)
+    assert machine.facts() == ["knows(@3, @3, @5)"]
+    machine.insert(0, knows, (Robot(4), Robot(6)))
+    assert machine.goals()["open"] == ["knows(@3, @3, @6)"]
+    machine.insert(0, knows, (Robot(3), Robot(6)))
+    assert machine.goals()["open"] == []
+
+
+def test_a_variable_that_stands_twice_in_a_goal_is_one_value() -> None:
+    hand = Hand()
+    pair = hand.temporary("pair", INT, INT, INT)
+    hand.goal(pair, V(1), V(1), _)
+    machine = hand.machine()
+    machine.insert(0, pair, (1, 2, 3))
+    assert machine.goals()["achieved"] == []
+    machine.insert(0, pair, (2, 2, 3))
+    assert machine.goals()["open"] == []
 
 
 def crossing(finish: Kind = Kind.SENSED, deadline: object = V(2)) -> tuple[Hand, int, int, int]:
