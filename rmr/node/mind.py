@@ -11,7 +11,7 @@ from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
 from rmr.node.actions import Running
-from rmr.node.trace import fact_text, goal_text, rule_text
+from rmr.node.trace import Level, fact_text, goal_text, rule_text
 from rmr.node.turn import Turn
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
@@ -91,7 +91,7 @@ class Mind:
         node = self._node
         match event:
             case RuleFired(rule=rule):
-                if not self._restless:  # a program that spins would push everything else out of the trace
+                if not self._restless or node.notes.level >= Level.FIRINGS:
                     node.trace(now, "fired", rule=rule_text(node.program, rule))
             case FactSent() | GoalSent() | FinishAwaited() | FinishSeen():
                 node.talk.deliveries.send(now, event)

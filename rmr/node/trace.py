@@ -21,9 +21,12 @@ class Level(IntEnum):
 
     NOTHING = 0
     NOTES = 1
-    """Everything but the comings and goings of its facts."""
-    FACTS = 2
-    """Those too."""
+    """Everything but the comings and goings of its facts; of a program that spins the first firings alone, for they
+    would push out everything else."""
+    FIRINGS = 2
+    """Every firing, for a host that takes the entries away after each call."""
+    FACTS = 3
+    """The comings and goings of facts too."""
 
 
 class Event(NamedTuple):
@@ -54,7 +57,7 @@ EVENTS: dict[str, Event] = {
     "sent": Event(("destination", "fact"), "a fact, goal or action, or news of one, set out for another robot"),
     "repeated": Event(("destination", "fact"), "it was sent again, for want of an acknowledgement"),
     "delivered": Event(("destination", "fact"), "the other robot has acknowledged it"),
-    "undelivered": Event(("destination", "predicate", "why"), "it was given up"),
+    "undelivered": Event(("destination", "predicate", "fact", "why"), "it was given up"),
     "received": Event(("source", "predicate", "fact"), "it has arrived here, the first time"),
     "malformed": Event(("source", "why"), "a frame that no robot of this program sends was dropped"),
     "other_program": Event(("source",), "another robot runs another program"),
