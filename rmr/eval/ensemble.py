@@ -28,6 +28,7 @@ from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.node.provided import FAILURE_REPEATS, NodeHandle
+from rmr.node.trace import Level
 
 FIRINGS_MAX = 2_000_000
 """Firings of one run, and as many hundredths more as there are robots. One that never becomes quiet fires 30,000 times
@@ -137,6 +138,7 @@ class Ensemble:
             NOWHERE,
             conditions.seed,
             facts=tuple(self._facts_of(robot)),
+            trace=Level.NOTES if self._sink is None else Level.FIRINGS,
             turn=max(conditions.action_time, TURN_MIN),
         )
         ports = Ports(link, None, neighbors=_Neighbors(conditions.topology, robot))

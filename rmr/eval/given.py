@@ -235,7 +235,7 @@ def check_size(given: Given, program: Program, topology: Topology, robots: Colle
         counts[program.predicates[given.edges].name] = in_range
     for name, count in counts.items():
         if count > EDGE_FACTS_MAX:
-            less = "take fewer robots" if count == there else "take fewer robots or another --topology"
+            less = "take fewer robots" if name == "peer" else "take fewer robots or another --topology"
             raise OptionError(f"{count} facts `{name}` are more than {EDGE_FACTS_MAX}; {less}")
 
 

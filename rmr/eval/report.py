@@ -37,6 +37,7 @@ def _robot(hosted: Hosted) -> dict[str, Any]:
         "actions": [[at, text] for at, text in node.action_log],
         "assertions": [job_entry(job) for job in node.machine.jobs],
         "undelivered": node.talk.deliveries.undelivered,
+        "expression_failures": node.machine.expression_failures,
     }
 
 
