@@ -6,6 +6,7 @@ What cannot be delivered is noted, comes back as the fact `undelivered(A, B, wha
 and fails the step that waits for it: nothing vanishes and no chain waits for ever.
 """
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from rmr.base.time import Instant
@@ -60,12 +61,12 @@ class Deliveries:
                 delivery = Delivery(Role.FINISH_AWAITED, event.assertion, event.start_args, event.since)
             case FinishSeen():
                 delivery = Delivery(Role.FINISH_SEEN, event.assertion, event.args, event.at)
-        self._send(now, event.destination, delivery)
+        self._send(now, int(event.destination), delivery)
 
     def send_action(self, now: Instant, event: ActionDerived) -> None:
         """Send an action to its executor, with its number if a chain waits for its end."""
         number = self._life | event.serial if event.serial else 0
-        self._send(now, event.executor, Delivery(Role.ACTION, event.predicate, event.args, number))
+        self._send(now, int(event.executor), Delivery(Role.ACTION, event.predicate, event.args, number))
 
     def report_end(self, now: Instant, origin: Origin, predicate: int, *, ok: bool) -> None:
         """Tell the robot that derived an action how it ended."""
@@ -104,23 +105,22 @@ class Deliveries:
         """Note what cannot be delivered, and let nobody wait for it."""
         self.undelivered += 1
         name = self._name(delivery)
-        self._node.trace(now, "undelivered", destination=destination, predicate=name, why=why)
+        text = self._text(delivery, self._node.robot, destination)
+        self._node.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
         if delivery.role in ITEMS:
             self._tell_program(now, destination, name)
         if delivery.role is Role.ACTION and delivery.number:
             self._node.machine.complete(now, delivery.number ^ self._life, ok=False)
 
     def _tell_program(self, now: Instant, destination: int, name: str) -> None:
-        """Insert the fact that something was not delivered, if the program declares it so that it fits."""
+        """Insert the fact that something was not delivered, unless the program does not know it."""
         program = self._node.program
         index = program.index(UNDELIVERED)
         if index is None or program.predicates[index].kind is Kind.ACTION:
             return
         args: tuple[Value, ...] = (Robot(destination), Symbol(name))[: len(program.predicates[index].types)]
-        try:
+        with suppress(ValueError):  # the program means something else by the name
             self._node.machine.insert(now, index, args)
-        except ValueError as error:
-            self._node.trace(now, "malformed", source=self._node.robot, why=f"{UNDELIVERED}: {error}")
 
     # -- what arrives -----------------------------------------------------------------------------------------
 

@@ -18,7 +18,7 @@ def job_entry(job: Job) -> dict[str, Any]:
         "finish_s": None if job.finish is None else round(in_seconds(job.finish), 3),
         "deadline_s": round(in_seconds(job.deadline), 3),
         "met": met,
-        "cause": "local" if met is False else None,
+        "cause": job.cause,
     }
 
 
