@@ -1,8 +1,9 @@
 """From the octets of the tables to a program; the mirror of `encoder`.
 
 The decoder checks what it needs in order to read on (indices, counts, tags, nesting); whether what it read
-makes a sound program is the verifier's business. It can leave notes about what it found where, from which
-the disassembler makes its text.
+makes a sound program is the verifier's business. Entries that name the same constant or expression share it,
+so that a program takes memory in proportion to its octets. The decoder can leave notes about what it found
+where, from which the disassembler makes its text.
 """
 
 from collections.abc import Callable
@@ -71,6 +72,10 @@ OPS = {int(op): op for op in Op}
 DERIVED = {tag: kind for kind, tag in TAGS.items()}
 
 
+INSTRUCTION = "instruction"
+"""What notes of the parts of an expression have in place of a table."""
+
+
 class Note(NamedTuple):
     """What stands in the octets ``start`` to ``end``."""
 
@@ -110,6 +115,8 @@ class _Decoder:
         self.constants: list[Value] = []
         self.codes: list[Code] = []
         self.raw: list[_Raw] = []
+        self.bare = {op: Instruction(op) for op, form in FORMS.items() if form.operand is Operand.NONE}
+        self.shared: dict[int, Pattern] = {0: ANY}
 
     def program(self) -> Program:
         self.constants = self.table("constants", Reader.value)
@@ -150,14 +157,13 @@ class _Decoder:
         op = OPS.get(octet)
         if op is None:
             raise reader.fail(f"unknown opcode 0x{octet:02x}")
-        instruction = Instruction(op, self.operand(reader, FORMS[op].operand))
+        bare = self.bare.get(op)
+        instruction = Instruction(op, self.operand(reader, FORMS[op].operand)) if bare is None else bare
         if self.notes is not None:
-            self.notes.append(Note("instruction", begin, reader.position, instruction))
+            self.notes.append(Note(INSTRUCTION, begin, reader.position, instruction))
         return instruction
 
-    def operand(self, reader: Reader, form: Operand) -> Value | None:
-        if form is Operand.NONE:
-            return None
+    def operand(self, reader: Reader, form: Operand) -> Value:
         if form is Operand.CONSTANT:
             return self.constant(reader)
         if form is Operand.SMALL:
@@ -262,8 +268,12 @@ class _Decoder:
 
     def pattern(self, reader: Reader) -> Pattern:
         number = reader.varint()
-        if number == 0:
-            return ANY
+        known = self.shared.get(number)
+        if known is None:
+            known = self.shared[number] = self.new_pattern(reader, number)
+        return known
+
+    def new_pattern(self, reader: Reader, number: int) -> Pattern:
         if number & 1:
             return Slot(number >> 1)
         index = (number >> 1) - 1

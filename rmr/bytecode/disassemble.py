@@ -4,10 +4,12 @@ Each line holds the offset in hex, the octets and their meaning. Variables are w
 robot itself), expressions in postfix (``{$1 s EQ}``), so that what one reads is what the machine does.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from typing import TypeVar
 
 from rmr.base.values import Value, format_value
-from rmr.bytecode.decoder import Note, decode_tables
+from rmr.bytecode.decoder import INSTRUCTION, Note, decode_tables
 from rmr.bytecode.layout import CRC_OFFSET, HEADER, TABLES, VERSION, Layout, read_layout
 from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
 from rmr.bytecode.program import (
@@ -44,6 +46,11 @@ from rmr.bytecode.program import (
 OCTETS_SHOWN = 12
 """Octets on a line; what is longer goes on without text."""
 
+SHARED_MAX = 200
+"""Characters of a constant or expression where it is used: many entries may share a long one. Its own is whole."""
+
+T = TypeVar("T")
+
 _KINDS = {Kind.TEMPORARY: "type ", Kind.PERSISTENT: "type !", Kind.SENSED: "type sensor ", Kind.ACTION: "type action "}
 _MODES = {Mode.CONSUME: "", Mode.READ: "", Mode.KEEP: "$", Mode.ABSENT: "not "}
 
@@ -56,22 +63,35 @@ def disassemble(data: bytes) -> str:
     """
     notes: list[Note] = []
     layout = read_layout(data)
-    program = decode_tables(data, layout, notes)
+    text = _Text(decode_tables(data, layout, notes))
+    entries = {table: [note for note in notes if note.table == table] for table in TABLES}
+    instructions = iter([note for note in notes if note.table == INSTRUCTION])
     lines = list(_header(data, layout))
     for table in TABLES:
-        entries, start, end = layout.tables[table]
-        lines.append(f"; {table}: {entries} at 0x{start:04x}, {end - start} octets")
-        for number, note in enumerate(note for note in notes if note.table == table):
-            lines.extend(_entry(data, program, notes, number, note))
+        count, start, end = layout.tables[table]
+        lines.append(f"; {table}: {count} at 0x{start:04x}, {end - start} octets")
+        for number, note in enumerate(entries[table]):
+            if table == "code":
+                lines.extend(_expression(data, text, instructions, number, note))
+            else:
+                lines.extend(_line(data, note.start, note.end, f"{number}: {text.entry(number, note)}"))
     return "\n".join(lines) + "\n"
 
 
 def _line(data: bytes, start: int, end: int, text: str) -> Iterator[str]:
     """Yield the line of the octets `start` to `end`, and lines of octets alone if they are many."""
+    text = _printable(text)
     for at in range(start, max(end, start + 1), OCTETS_SHOWN):
         octets = data[at : min(end, at + OCTETS_SHOWN)].hex(" ")
         yield f"0x{at:04x}  {octets:<{OCTETS_SHOWN * 3}}{text}".rstrip()
         text = ""
+
+
+def _printable(text: str) -> str:
+    """Return `text` without characters that a terminal would take for commands."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else f"\\u{ord(each):04x}" for each in text)
 
 
 def _header(data: bytes, layout: Layout) -> Iterator[str]:
@@ -83,52 +103,18 @@ def _header(data: bytes, layout: Layout) -> Iterator[str]:
     yield from _line(data, HEADER.size, layout.tables[TABLES[0]].start, "directory: entries and offset of each table")
 
 
-def _entry(data: bytes, program: Program, notes: list[Note], number: int, note: Note) -> Iterator[str]:
-    """Yield the lines of one entry; an expression's instructions stand one below the other."""
-    if note.table != "code":
-        yield from _line(data, note.start, note.end, f"{number}: {_Text(program).entry(number, note)}")
-        return
-    inner = [i for i in notes if i.table == "instruction" and note.start <= i.start and i.end <= note.end]
+def _expression(data: bytes, text: "_Text", instructions: Iterator[Note], number: int, note: Note) -> Iterator[str]:
+    """Yield the lines of an expression, its instructions one below the other."""
+    inner = list(islice(instructions, len(note.what)))  # type: ignore[arg-type]
     first = inner[0].start if inner else note.end
     yield from _line(data, note.start, first, f"{number}: {len(inner)} instructions")
     for item in inner:
         assert isinstance(item.what, Instruction)
-        yield from _line(data, item.start, item.end, "   " + instruction_text(item.what))
+        yield from _line(data, item.start, item.end, "   " + text.instruction(item.what))
 
 
-def instruction_text(instruction: Instruction) -> str:
-    """Return an instruction with its operand."""
-    operand = instruction.operand
-    if operand is None:
-        return instruction.op.name
-    form = FORMS[instruction.op].operand
-    if form is Operand.FUNCTION:
-        assert isinstance(operand, int)
-        return f"CALL {FUNCTIONS[operand].name}/{FUNCTIONS[operand].arity}"
-    mark = "$" if form is Operand.SLOT else ""
-    return f"{instruction.op.name} {mark}{format_value(operand)}"
-
-
-def code_text(code: Code) -> str:
-    """Return an expression in postfix."""
-    words = [_word(instruction) for instruction in code]
+def _braced(words: list[str]) -> str:
     return words[0] if len(words) == 1 else "{" + " ".join(words) + "}"
-
-
-def _word(instruction: Instruction) -> str:
-    operand = instruction.operand
-    if instruction.op is Op.LOAD:
-        return f"${operand}"
-    if instruction.op in (Op.CONST, Op.INT) and operand is not None:
-        return format_value(operand)
-    return instruction_text(instruction).replace(" ", ":")
-
-
-def pattern_text(pattern: Pattern) -> str:
-    """Return a pattern: ``_``, a slot or a constant."""
-    if isinstance(pattern, Anything):
-        return "_"
-    return f"${pattern.index}" if isinstance(pattern, Slot) else format_value(pattern.value)
 
 
 def type_text(kind: Type) -> str:
@@ -141,10 +127,11 @@ def type_text(kind: Type) -> str:
 
 
 class _Text:
-    """Renders entries with the names of one program's predicates."""
+    """Renders entries with the names of one program's predicates; what they share is put into words once."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
+        self._shared: dict[int, str] = {}
 
     def entry(self, number: int, note: Note) -> str:
         debug = self.program.debug or Debug()
@@ -156,16 +143,59 @@ class _Text:
             case Effect() as effect:
                 return self.effect(effect)
             case InitialFact() as fact:
-                return self.term(fact.predicate, _owner(fact.owner), map(_stated, fact.args))
+                args = [self.pattern(arg) if isinstance(arg, Slot) else self.value(arg) for arg in fact.args]
+                return self.term(fact.predicate, _owner(fact.owner), args)
             case InitialGoal() as goal:
-                text = "?" + self.term(goal.predicate, _owner(goal.owner), map(pattern_text, goal.args))
+                text = "?" + self.term(goal.predicate, _owner(goal.owner), map(self.pattern, goal.args))
                 return text + _leads(goal.leads)
             case Debug():
                 return "places in the source"
         if note.table == "predicates":
             return self.predicate(self.program.predicates[number]) + _place(debug.predicates, number)
-        value: Value = note.what  # type: ignore[assignment]
-        return format_value(value)
+        return format_value(note.what)  # type: ignore[arg-type]
+
+    def value(self, value: Value) -> str:
+        return self._once(value, format_value) if isinstance(value, tuple | str) else format_value(value)
+
+    def code(self, code: Code) -> str:
+        """Return an expression in postfix."""
+        return self._once(code, lambda each: _braced([self._word(instruction) for instruction in each]))
+
+    def _once(self, thing: T, write: Callable[[T], str]) -> str:
+        """Return what `write` makes of a thing that entries share, cut short; the program keeps it alive."""
+        text = self._shared.get(id(thing))
+        if text is None:
+            text = write(thing)
+            text = text if len(text) <= SHARED_MAX else text[: SHARED_MAX - 3] + "..."
+            self._shared[id(thing)] = text
+        return text
+
+    def pattern(self, pattern: Pattern) -> str:
+        """Return a pattern: ``_``, a slot or a constant."""
+        if isinstance(pattern, Anything):
+            return "_"
+        return f"${pattern.index}" if isinstance(pattern, Slot) else self.value(pattern.value)
+
+    def instruction(self, instruction: Instruction) -> str:
+        """Return an instruction with its operand."""
+        operand = instruction.operand
+        if operand is None:
+            return instruction.op.name
+        form = FORMS[instruction.op].operand
+        if form is Operand.FUNCTION:
+            assert isinstance(operand, int)
+            return f"CALL {FUNCTIONS[operand].name}/{FUNCTIONS[operand].arity}"
+        mark = "$" if form is Operand.SLOT else ""
+        return f"{instruction.op.name} {mark}{self.value(operand)}"
+
+    def _word(self, instruction: Instruction) -> str:
+        """Return an instruction as it stands within an expression."""
+        operand = instruction.operand
+        if instruction.op is Op.LOAD:
+            return f"${operand}"
+        if instruction.op in (Op.CONST, Op.INT) and operand is not None:
+            return self.value(operand)
+        return self.instruction(instruction).replace(" ", ":")
 
     def name(self, predicate: int) -> str:
         declared = self.program.predicates[predicate]
@@ -182,7 +212,7 @@ class _Text:
         return text + (" (provided)" if predicate.provided else "")
 
     def effect(self, effect: Effect) -> str:
-        return self.term(effect.predicate, code_text(effect.owner), map(code_text, effect.args))
+        return self.term(effect.predicate, self.code(effect.owner), map(self.code, effect.args))
 
     def rule(self, rule: Rule) -> str:
         return f"{self.body(rule.body)} -o {self.heads(rule.head)}  ; {rule.slots} slots"
@@ -195,12 +225,12 @@ class _Text:
             case Atom():
                 return _MODES[conjunct.mode] + self.atom(conjunct)
             case Guard():
-                return code_text(conjunct.code)
+                return self.code(conjunct.code)
             case Bind():
-                return f"${conjunct.slot} = {code_text(conjunct.code)}"
+                return f"${conjunct.slot} = {self.code(conjunct.code)}"
 
     def atom(self, atom: Atom, owner: str = "$0") -> str:
-        return self.term(atom.predicate, owner, map(pattern_text, atom.args))
+        return self.term(atom.predicate, owner, map(self.pattern, atom.args))
 
     def heads(self, heads: Iterable[Head]) -> str:
         return ", ".join(map(self.head, heads)) or "1"
@@ -214,30 +244,26 @@ class _Text:
             case Aggregate():
                 return self.aggregate(head)
         mark = "?" if isinstance(head, DeriveGoal) else ""
-        return mark + self.term(head.predicate, code_text(head.owner), map(code_text, head.args))
+        return mark + self.term(head.predicate, self.code(head.owner), map(self.code, head.args))
 
     def aggregate(self, aggregate: Aggregate) -> str:
         operator = aggregate.operator.name.lower()
-        term = "" if aggregate.term is None else " " + code_text(aggregate.term)
+        term = "" if aggregate.term is None else " " + self.code(aggregate.term)
         result = f"${aggregate.result}, {_slots(aggregate.slots)}" if aggregate.slots else f"${aggregate.result}"
         return f"[{operator}{term} => {result} | {self.body(aggregate.body)} | {self.head(aggregate.head)}]"
 
     def assertion(self, assertion: Assertion) -> str:
         start = self.atom(assertion.start, _owner(assertion.robot, "$0"))
-        finish = self.atom(assertion.finish, pattern_text(assertion.finisher))
-        parts = [start, finish, code_text(assertion.deadline), self.head(assertion.violation)]
+        finish = self.atom(assertion.finish, self.pattern(assertion.finisher))
+        parts = [start, finish, self.code(assertion.deadline), self.head(assertion.violation)]
         word = "assert" if assertion.scheduled else "watch"
         text = f"{assertion.name}: {word}({', '.join(parts)})"
-        served = [self.term(s.action, "$0", map(pattern_text, s.args)) for s in assertion.serving]
+        served = [self.term(s.action, "$0", map(self.pattern, s.args)) for s in assertion.serving]
         return text + ("  ; served by " + ", ".join(served) if served else "")
 
 
 def _owner(owner: int | None, everyone: str = "_") -> str:
     return everyone if owner is None else f"@{owner}"
-
-
-def _stated(arg: Value | Slot) -> str:
-    return pattern_text(arg) if isinstance(arg, Slot) else format_value(arg)
 
 
 def _slots(slots: tuple[int, ...]) -> str:

@@ -26,8 +26,9 @@ FLAG_TEXTUAL = 1
 FLAG_DEBUG = 2
 HEADER = struct.Struct("<4sBBII")
 CRC_OFFSET = 10
-SIZE_MAX = 1 << 24
-"""A longer program is refused before it is read: robots have megabytes, not gigabytes (paper V.B.2)."""
+SIZE_MAX = 1 << 22
+"""A longer program is refused before it is read: robots have megabytes, not gigabytes (paper V.B.2), and an octet
+may take thirty in memory."""
 
 DEBUG = "debug"
 """The table that makes no difference to a run."""
@@ -59,7 +60,11 @@ def checksum(data: bytes) -> int:
 
 
 def assemble(flags: int, tables: dict[str, tuple[int, bytes]]) -> bytes:
-    """Return the file made of `tables` (name: number of entries, octets)."""
+    """Return the file made of `tables` (name: number of entries, octets).
+
+    Raises:
+        BytecodeError: it is larger than a robot reads.
+    """
     directory = Writer()
     offset = 0
     for name in TABLES:
@@ -69,6 +74,8 @@ def assemble(flags: int, tables: dict[str, tuple[int, bytes]]) -> bytes:
         offset += len(octets)
     body = bytes(directory.octets) + b"".join(tables[name][1] for name in TABLES)
     size = HEADER.size + len(body)
+    if size > SIZE_MAX:
+        raise BytecodeError(f"the program takes {size} octets, at most {SIZE_MAX} are possible")
     data = HEADER.pack(MAGIC, VERSION, flags, size, 0) + body
     return HEADER.pack(MAGIC, VERSION, flags, size, checksum(data)) + body
 
