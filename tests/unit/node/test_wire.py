@@ -4,40 +4,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
+from rmr.base.values import Value
 from rmr.node import wire
 from rmr.node.wire import Delivery, Hello, Role, WireError
 
 SYMBOLS = ("entry", "exit")
 INDEX = {name: i for i, name in enumerate(SYMBOLS)}
 
-scalars = st.one_of(
-    st.booleans(),
-    st.integers(INT_MIN, INT_MAX),
-    st.floats(allow_nan=False),
-    st.text(max_size=20),
-    st.sampled_from([Symbol("exit"), Symbol("elsewhere")]),
-    st.integers(0, 65533).map(Robot),
-)
-values: st.SearchStrategy[Value] = st.recursive(scalars, lambda v: st.lists(v, max_size=4).map(tuple), max_leaves=8)
-
-
-@given(st.sampled_from(Role), st.integers(0, 65535), st.lists(values, max_size=6))
-def test_a_delivery_reads_back_as_it_was_written_with_its_types(role, predicate, args):
-    delivery = Delivery(role, predicate, tuple(args))
-    back = wire.decode_delivery(wire.encode_delivery(delivery, INDEX), SYMBOLS)
-    assert back == delivery
-    assert [type(a) for a in back.args] == [type(a) for a in delivery.args]
-
 
 @given(st.binary(max_size=130))
 def test_random_octets_are_refused_and_never_raise_anything_else(octets):
-    for decode in (
-        wire.decode_hello,
-        wire.decode_ack,
-        wire.decode_failure,
-        lambda data: wire.decode_delivery(data, SYMBOLS),
-    ):
+    for decode in (wire.decode_hello, wire.decode_ack, wire.decode_failure):
         try:
             decode(octets)
         except WireError:
