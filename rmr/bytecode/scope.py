@@ -4,9 +4,11 @@ A slot has the type of the argument that binds it first; a constant its own; of 
 is known. Nothing known is ``Base.OPEN``.
 """
 
+from collections.abc import Iterable, Sequence
+
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import SELF_SLOT, Atom, Base, Code, Mode, Predicate, Slot, Type
+from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Mode, Predicate, Slot, Type
 
 UNKNOWN = Type(Base.OPEN)
 ROBOT = Type(Base.ROBOT)
@@ -55,6 +57,14 @@ class Scope:
         for pattern, kind in zip(atom.args, predicate.types, strict=True):
             if isinstance(pattern, Slot):
                 self.bind(pattern.index, kind)
+
+    def grow(self, body: Iterable[Conjunct], predicates: Sequence[Predicate]) -> None:
+        """Note what a verified body binds."""
+        for conjunct in body:
+            if isinstance(conjunct, Atom):
+                self.match(conjunct, predicates[conjunct.predicate])
+            elif isinstance(conjunct, Bind):
+                self.bind(conjunct.slot, self.type_of(conjunct.code))
 
     def type_at(self, slot: int) -> Type | None:
         """Return the type of what is in `slot`; None if it has no value."""
