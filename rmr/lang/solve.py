@@ -10,6 +10,7 @@ itself would have no end; lists are followed a bounded number deep.
 """
 
 from collections import deque
+from collections.abc import Iterator, Sequence
 
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.program import Base, Type
@@ -21,7 +22,7 @@ class Solver:
     """The cells of one program and what flows between them."""
 
     def __init__(self) -> None:
-        self._queue: deque[Cell] = deque()
+        self._queue: deque[tuple[Cell, Sequence[Cell]]] = deque()
         self._sources: dict[Cell, None] = {}
         self._fresh: list[Cell] = []
         self._linked: set[tuple[Cell, Cell]] = set()
@@ -52,9 +53,9 @@ class Solver:
 
     def _settle(self) -> None:
         while self._queue:
-            cell = self._queue.popleft()
-            for target in cell.targets:
-                self._pass(cell, target)
+            source, targets = self._queue.popleft()
+            for target in targets:
+                self._pass(source, target)
 
     def _pass(self, source: Cell, target: Cell) -> None:
         if source.kind.base is Base.OPEN:
@@ -66,7 +67,7 @@ class Solver:
         if one is not None and other is not None and (one, other) not in self._linked:
             self._linked.add((one, other))
             one.targets.append(other)
-            self._queue.append(one)
+            self._queue.append((one, (other,)))
 
     def _widen(self, cell: Cell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
         if cell.fixed:
@@ -79,7 +80,7 @@ class Solver:
         elif mixes == cell.mixed:
             return
         cell.kind, cell.mixed = wider, mixes
-        self._queue.append(cell)
+        self._queue.append((cell, cell.targets))
 
     def _items(self, cell: Cell) -> Cell | None:
         """Return the cell of a list's items, or None if lists were nested too deep."""
@@ -103,27 +104,27 @@ class Solver:
     def _ask(self) -> dict[Cell, tuple[Type, Span | None]]:
         """Return what open cells are asked to be, the narrowest each, by what has a type since last time."""
         wanted: dict[Cell, tuple[Type, Span | None]] = {}
-        queue, self._fresh = deque(self._fresh), []
+        queue: deque[tuple[Cell, Sequence[Cell]]] = deque((cell, cell.fallbacks) for cell in self._fresh)
+        self._fresh = []
         while queue:
-            source = queue.popleft()
+            source, targets = queue.popleft()
             kind, origin = wanted.get(source, (source.kind, source.origin))
-            for target in source.fallbacks if kind.base is not Base.OPEN else ():
+            for target in targets if kind.base is not Base.OPEN else ():
                 if target.kind.base is Base.OPEN and (target not in wanted or _key(kind) < _key(wanted[target][0])):
                     wanted[target] = (kind, origin)
-                    queue.append(target)
+                    queue.append((target, target.fallbacks))
                 has, _ = wanted.get(target, (target.kind, None))
                 if kind.base is Base.LIST and has.base is Base.LIST:
                     queue.extend(self._ask_items(source, target))
         return wanted
 
-    def _ask_items(self, source: Cell, target: Cell) -> list[Cell]:
-        """Let the items of `target` fall back on those of `source`; return those that may have a type to give."""
+    def _ask_items(self, source: Cell, target: Cell) -> Iterator[tuple[Cell, Sequence[Cell]]]:
+        """Let the items of `target` fall back on those of `source`; yield these if they have not been asked."""
         one, other = self._items(source), self._items(target)
-        if one is None or other is None or (one, other) in self._asked:
-            return []
-        self._asked.add((one, other))
-        one.fallbacks.append(other)
-        return [one]
+        if one is not None and other is not None and (one, other) not in self._asked:
+            self._asked.add((one, other))
+            one.fallbacks.append(other)
+            yield one, (other,)
 
 
 def _reached(cells: list[Cell]) -> set[Cell]:
@@ -138,6 +139,6 @@ def _reached(cells: list[Cell]) -> set[Cell]:
     return seen
 
 
-def _key(kind: Type) -> tuple[int, bool, str]:
-    """Return what orders types, the narrower first; of a contradiction any one will do, but always the same."""
-    return kind.base, not kind.name, kind.name
+def _key(kind: Type) -> tuple[int, bool]:
+    """Return what orders types, the narrower first; of types that contradict each other any one will do."""
+    return kind.base, not kind.name
