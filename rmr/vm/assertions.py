@@ -19,7 +19,8 @@ from rmr.base.values import Robot, format_value
 from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
 from rmr.vm.bounds import Dropped
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import ExpressionFailed, FinishAwaited, JobFinished, JobStarted, VmEvent
+from rmr.vm.events import FinishAwaited, JobFinished, JobStarted, VmEvent
+from rmr.vm.failures import Failures
 from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
 from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
@@ -41,15 +42,14 @@ Entry = tuple[Instant, int, int, Job]
 class Assertions:
     """The jobs of one robot."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store, dropped: Dropped) -> None:
+    def __init__(self, program: Program, robot: Robot, store: Store, failures: Failures, dropped: Dropped) -> None:
         self.jobs: deque[Job] = deque(maxlen=JOBS_MAX)
-        self.failures = 0
-        """Starts without a job because D had no value, or F no robot."""
         self.due: Instant = NEVER
         """The next deadline."""
         self._program = program
         self._robot = robot
         self._store = store
+        self._failures = failures
         self._dropped = dropped
         self._live: dict[Key, Job] = {}
         self._queue: list[Entry] = []
@@ -132,8 +132,7 @@ class Assertions:
             if finisher is None:
                 raise NoValue("a finish fact of something that is no robot")
         except NoValue as reason:
-            self.failures += 1
-            yield ExpressionFailed(f"deadline of assertion {assertion.name}", str(reason), now)
+            self._failures.tell(now, f"start of assertion {assertion.name}", str(reason))
             return
         finish = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
         key = (index, finisher, key_of(finish))

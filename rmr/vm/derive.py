@@ -32,13 +32,15 @@ from rmr.bytecode.program import (
     Steps,
 )
 from rmr.bytecode.program import Derived as Item
+from rmr.bytecode.scope import Scope
 from rmr.vm.aggregate import FOLDS, better
+from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.match import Env, Found, Plan, consumed_places, matches, plan
+from rmr.vm.match import Env, Found, Plan, Search, consumed_places, plan
 from rmr.vm.store import Fact, Store
 
-OnFailure = Callable[[tuple[int, ...], str], None]
-"""Told (what failed: part, step, serials of the facts matched; reason)."""
+OnFailure = Callable[[int, int, Sequence[Fact], str], None]
+"""Told (part of the rule, step of it, facts matched, reason) when an expression has no value."""
 
 HEAD_PART = -1
 """The part of a rule that the head's own expressions are; comprehensions and aggregates have their place in it."""
@@ -84,6 +86,17 @@ _ROLES: dict[type, Role] = {
 }
 
 
+class PlannedItem(NamedTuple):
+    """An item of a head, with what its text leaves in doubt."""
+
+    item: Item
+    doubts: Doubts
+
+
+Planned = tuple[PlannedItem, ...]
+"""Items of which each is derived when the one before it is complete; mostly it is one."""
+
+
 class Inner(NamedTuple):
     """A comprehension or aggregate with its body planned."""
 
@@ -91,10 +104,8 @@ class Inner(NamedTuple):
     steps: Plan
     taken: tuple[int, ...]
     """Which of a match's facts are consumed."""
-
-
-def _inner(head: Comprehension | Aggregate, steps: Plan) -> Inner:
-    return Inner(head, steps, consumed_places(steps))
+    items: Planned
+    """What each match of a comprehension derives, or an aggregate."""
 
 
 class PlannedRule:
@@ -107,19 +118,25 @@ class PlannedRule:
         self.steps = plan(rule.body, predicates)
         self.taken = consumed_places(self.steps)
         bound = bound_slots(rule.body)
+        scope = Scope()
+        scope.grow(rule.body, predicates)
         self.head = tuple(
-            _inner(item, plan(item.body, predicates, bound)) if isinstance(item, Comprehension | Aggregate) else item
-            for item in rule.head
+            _inner(head, plan(head.body, predicates, bound), predicates, scope)
+            if isinstance(head, Comprehension | Aggregate)
+            else _planned(head.steps if isinstance(head, Steps) else (head,), predicates, scope)
+            for head in rule.head
         )
 
-    def derive(self, store: Store, env: Env, found: Found, now: Instant, on_failure: OnFailure) -> Derivation | None:
+    def derive(
+        self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure
+    ) -> Derivation | None:
         """Return what the match `found` with `env` derives; None if an expression of the head has no value."""
         firing = _Firing(store, env, found, now, on_failure, self.taken)
         for part, item in enumerate(self.head):
             try:
                 firing.add(part, item)
             except NoValue as reason:
-                on_failure((HEAD_PART, part, *(fact.serial for fact in found)), str(reason))
+                on_failure(HEAD_PART, part, found, str(reason))
                 return None
         return firing.result
 
@@ -128,7 +145,7 @@ class _Firing:
     """What one match derives, in the making."""
 
     def __init__(
-        self, store: Store, env: Env, found: Found, now: Instant, on_failure: OnFailure, taken: tuple[int, ...]
+        self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure, taken: tuple[int, ...]
     ) -> None:
         self.result = Derivation([found[place] for place in taken], [])
         self._store = store
@@ -137,19 +154,17 @@ class _Firing:
         self._now = now
         self._on_failure = on_failure
 
-    def add(self, part: int, item: Item | Steps | Inner) -> None:
+    def add(self, part: int, item: Planned | Inner) -> None:
         """Add what the head says at its place `part`. Raises NoValue."""
         if not isinstance(item, Inner):
-            steps = item.steps if isinstance(item, Steps) else (item,)
-            self.result.derived.append(tuple([self._value(step, self._env) for step in steps]))
+            self.result.derived.append(tuple([self._value(step, self._env) for step in item]))
         elif isinstance(item.head, Comprehension):
-            heads = item.head.head
-            for _, derived in self._each(part, item, lambda env: [(self._value(head, env),) for head in heads]):
+            for _, derived in self._each(part, item, lambda env: [(self._value(each, env),) for each in item.items]):
                 self.result.derived.extend(derived)
         else:
             env = self._aggregated(part, item, item.head)
             if env is not None:
-                self.result.derived.append((self._value(item.head.head, env),))
+                self.result.derived.extend([(self._value(each, env),) for each in item.items])
 
     def _aggregated(self, part: int, inner: Inner, aggregate: Aggregate) -> Env | None:
         """Return the slots for an aggregate's head, or None if it derives nothing."""
@@ -174,9 +189,9 @@ class _Firing:
         taken: set[int] = set()
 
         def failed(step: int, found: Found, reason: str) -> None:
-            self._on_failure((part, step, *(fact.serial for fact in (*self._found, *found))), reason)
+            self._on_failure(part, step, (*self._found, *found), reason)
 
-        for found in matches(inner.steps, self._store, env, self._now, failed, gone, taken):
+        for found in Search(inner.steps, self._store, env, self._now, failed, gone, taken).matches():
             try:
                 value = work(env)
             except NoValue as reason:
@@ -187,17 +202,30 @@ class _Firing:
             consumed.extend(facts)
             yield env, value
 
-    def _value(self, item: Item, env: Env) -> Derived:
-        return evaluated(item, env, self._now)
+    def _value(self, planned: PlannedItem, env: Env) -> Derived:
+        return evaluated(planned.item, env, self._now, planned.doubts)
 
 
-def evaluated(item: Item | Effect, env: Sequence[Value], now: Instant) -> Derived:
+def evaluated(item: Item | Effect, env: Sequence[Value], now: Instant, doubts: Doubts) -> Derived:
     """Return an item of a head, or what an action's end brings about, evaluated. Raises NoValue."""
     owner = evaluate(item.owner, env, now)
     if type(owner) is not Robot:
         raise NoValue("an owner that is no robot")
     args = tuple([evaluate(code, env, now) for code in item.args])
+    settle(doubts, args)
     return Derived(_ROLES[type(item)], item.predicate, owner, args)
+
+
+def _planned(items: Sequence[Item], predicates: Sequence[Predicate], scope: Scope) -> Planned:
+    return tuple(PlannedItem(item, doubts(item, predicates, scope)) for item in items)
+
+
+def _inner(head: Comprehension | Aggregate, steps: Plan, predicates: Sequence[Predicate], outer: Scope) -> Inner:
+    """Return the plan of a comprehension or aggregate in a rule whose own body has bound `outer`."""
+    scope = Scope(outer)
+    scope.grow(head.body, predicates)
+    items = head.head if isinstance(head, Comprehension) else (head.head,)
+    return Inner(head, steps, consumed_places(steps), _planned(items, predicates, scope))
 
 
 def bound_slots(body: tuple[Conjunct, ...]) -> list[int]:

@@ -11,7 +11,7 @@ A rule is matched again only when a predicate that it mentions has changed since
 lead); a quiet machine does nothing.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from random import Random
 
 from rmr.base.time import Instant
@@ -19,19 +19,16 @@ from rmr.base.values import Robot
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import Atom, Code, Mode, Program, Rule, Strategy
+from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Derivation, PlannedRule
-from rmr.vm.events import ExpressionFailed, VmEvent
+from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
-from rmr.vm.match import Env, Found, matches
-from rmr.vm.store import Store
-
-FAILURES_MAX = 1024
-"""Failed expressions remembered, so that each match without value is reported and counted once."""
+from rmr.vm.match import Env, Found, Search
+from rmr.vm.once import Changing, Growing, Key, Once
+from rmr.vm.store import Fact, Store
 
 UNRANKED = 1 << 30
 """Comes after every rank."""
-
-Key = tuple[int, ...]
 
 
 class Candidate:
@@ -41,6 +38,7 @@ class Candidate:
 
     def __init__(self, key: Key, derivation: Derivation, rank: int) -> None:
         self.key = key
+        """Of a rule that consumes nothing."""
         self.derivation = derivation
         self.rank = rank
 
@@ -48,15 +46,17 @@ class Candidate:
 class RuleState:
     """What one robot knows about one of its rules."""
 
-    __slots__ = ("candidate", "consumes", "fired", "index", "negative", "planned", "stale", "timed")
+    __slots__ = ("candidate", "index", "once", "planned", "stale", "timed")
 
-    def __init__(self, index: int, rule: Rule, program: Program) -> None:
+    def __init__(self, index: int, rule: Rule, program: Program, store: Store, dropped: Dropped) -> None:
         self.index = index
         self.planned = PlannedRule(rule, program.predicates)
-        self.consumes = bool(self.planned.taken)
-        self.negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
         self.timed = any(uses_now(code) for code in codes(rule.head))
-        self.fired: set[Key] = set()
+        self.once: Once | None = None
+        """Of a rule that consumes nothing: the matches that have not fired."""
+        if not self.planned.taken:
+            negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
+            self.once = (Changing if negative else Growing)(self.planned.steps, store, dropped)
         self.candidate: Candidate | None = None
         self.stale = False
 
@@ -64,22 +64,27 @@ class RuleState:
 class Interpreter:
     """Keeps for each rule whether it is satisfied, and chooses."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store, goals: Goals, rng: Random) -> None:
+    def __init__(
+        self,
+        program: Program,
+        robot: Robot,
+        store: Store,
+        goals: Goals,
+        rng: Random,
+        failures: Failures,
+        dropped: Dropped,
+    ) -> None:
         self.busy = False
         """Whether a rule may be satisfied."""
-        self.failures = 0
-        """Matches that did not fire because an expression had no value."""
-        self.failed: list[VmEvent] = []
-        """The events of those that are new."""
         self._store = store
         self._robot = robot
         self._goals = goals
         self._rng = rng
+        self._failures = failures
         self._textual = program.strategy is Strategy.TEXTUAL
-        self._states = [RuleState(index, rule, program) for index, rule in enumerate(program.rules)]
+        self._states = [RuleState(index, rule, program, store, dropped) for index, rule in enumerate(program.rules)]
         self._stale: list[RuleState] = []
         self._readers: list[list[RuleState]] = [[] for _ in program.predicates]
-        self._known_failures: dict[Key, None] = {}
         for state, rule in zip(self._states, program.rules, strict=True):
             for predicate in dict.fromkeys(mentioned(rule)):
                 self._readers[predicate].append(state)
@@ -88,6 +93,8 @@ class Interpreter:
     def touch(self, predicate: int) -> None:
         """Note that the facts of `predicate` have changed."""
         for state in self._readers[predicate]:
+            if state.once is not None:
+                state.once.touch()
             self._mark(state)
 
     def touch_goal(self, predicate: int) -> None:
@@ -116,8 +123,8 @@ class Interpreter:
         state = best[0] if self._textual or len(best) == 1 else best[self._rng.randrange(len(best))]
         candidate = state.candidate
         assert candidate is not None
-        if not state.consumes:
-            state.fired.add(candidate.key)
+        if state.once is not None:
+            state.once.fire(candidate.key)
         self._mark(state)
         return state.index, candidate.derivation
 
@@ -143,58 +150,39 @@ class Interpreter:
 
     def _refresh(self, state: RuleState, now: Instant) -> None:
         """Look for the match with which a rule would fire: the best rank, then the oldest facts."""
-        state.candidate = None
+        state.candidate = best = None
         nearest = self._goals.nearest(state.index)
-        whole = state.negative and not state.consumes
-        seen: set[Key] = set()
-        for key, env, found in self._matches(state, now):
-            if not state.consumes:
-                seen.add(key)
-                if key in state.fired:
-                    continue
-            best = self._better(state, key, env, found, now, nearest)
-            if best is not None and not whole and (nearest is None or best.rank <= nearest):
-                return
-        state.fired &= seen
-
-    def _matches(self, state: RuleState, now: Instant) -> Iterator[tuple[Key, Env, Found]]:
-        """Yield the rule's matches with the serials of their facts."""
         env: Env = [self._robot] * state.planned.slots
+        for key, facts in self._matches(state, env, now):
+            rank = UNRANKED
+            derivation = self._derive(state, env, facts, now)
+            if derivation is None:
+                continue
+            if nearest is not None:
+                ranked = self._goals.rank(state.index, derivation.derived, now)
+                rank = UNRANKED if ranked is None else ranked
+            if best is None or rank < best.rank:
+                state.candidate = best = Candidate(key, derivation, rank)
+            if nearest is None or best.rank <= nearest:
+                return
+
+    def _matches(self, state: RuleState, env: Env, now: Instant) -> Iterator[tuple[Key, Sequence[Fact]]]:
+        """Yield the matches with which a rule may fire, with their values in `env`."""
 
         def failed(step: int, found: Found, reason: str) -> None:
-            self._fail(state, (len(state.planned.head), step, *(fact.serial for fact in found)), reason, now)
+            self._failures.match(now, state.index, (len(state.planned.head), step), found, reason)
 
-        for found in matches(state.planned.steps, self._store, env, now, failed):
-            yield tuple([fact.serial for fact in found]), env, found
+        if state.once is not None:
+            yield from state.once.each(env, now, failed)
+        else:
+            for found in Search(state.planned.steps, self._store, env, now, failed).matches():
+                yield (), found
 
-    def _better(
-        self, state: RuleState, key: Key, env: Env, found: Found, now: Instant, nearest: int | None
-    ) -> Candidate | None:
-        """Make a match the rule's candidate if it derives something and no other is as good; return the candidate."""
-        best = state.candidate
-        if best is not None and (nearest is None or best.rank <= nearest):
-            return best
-        derivation = state.planned.derive(
-            self._store, env, found, now, lambda what, reason: self._fail(state, what, reason, now)
-        )
-        if derivation is None:
-            return best
-        rank = self._goals.rank(state.index, derivation.derived, now) if nearest is not None else None
-        number = UNRANKED if rank is None else rank
-        if best is None or number < best.rank:
-            state.candidate = best = Candidate(key, derivation, number)
-        return best
+    def _derive(self, state: RuleState, env: Env, facts: Sequence[Fact], now: Instant) -> Derivation | None:
+        def failed(part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
+            self._failures.match(now, state.index, (part, step), facts, reason)
 
-    def _fail(self, state: RuleState, what: Key, reason: str, now: Instant) -> None:
-        """Count a match whose expression has no value, once."""
-        key = (state.index, *what)
-        if key in self._known_failures:
-            return
-        if len(self._known_failures) >= FAILURES_MAX:
-            del self._known_failures[next(iter(self._known_failures))]
-        self._known_failures[key] = None
-        self.failures += 1
-        self.failed.append(ExpressionFailed(f"rule {state.index}", reason, now))
+        return state.planned.derive(self._store, env, facts, now, failed)
 
 
 def mentioned(rule: Rule) -> Iterator[int]:

@@ -19,10 +19,10 @@ from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program, Slot
 from rmr.vm.assertions import Assertions
 from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Chain, Derivation, Derived, Role, evaluated
+from rmr.vm.doubts import doubts
 from rmr.vm.evaluate import NoValue
 from rmr.vm.events import (
     ActionDerived,
-    ExpressionFailed,
     FactInserted,
     FactRemoved,
     FactSent,
@@ -31,6 +31,7 @@ from rmr.vm.events import (
     RuleFired,
     VmEvent,
 )
+from rmr.vm.failures import Failures
 from rmr.vm.goals import GoalArgs, Goals
 from rmr.vm.interpreter import Interpreter
 from rmr.vm.job import Job
@@ -69,15 +70,17 @@ class Machine:
         self._trace = trace
         self._now: Instant = 0
         self._events: list[VmEvent] = []
-        self._failures = 0
         self._dropped = Dropped(self._events)
+        self._failures = Failures(program, self._events, self._dropped)
         self._under_way = UnderWay(self.robot, self._dropped)
         self._gate = Gate(program.predicates)
         self._store = Store(program.predicates)
         self._goals = Goals(program, self.robot, self._store)
-        self._assertions = Assertions(program, self.robot, self._store, self._dropped)
+        self._assertions = Assertions(program, self.robot, self._store, self._failures, self._dropped)
         self._watches = Watches(program, self.robot, self._store, self._gate, self._dropped)
-        self._interpreter = Interpreter(program, self.robot, self._store, self._goals, rng)
+        self._interpreter = Interpreter(
+            program, self.robot, self._store, self._goals, rng, self._failures, self._dropped
+        )
 
     # What the host hands in
 
@@ -222,7 +225,7 @@ class Machine:
     @property
     def expression_failures(self) -> int:
         """How often an expression without value left something out."""
-        return self._failures + self._interpreter.failures + self._assertions.failures
+        return self._failures.count
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -274,9 +277,6 @@ class Machine:
         interpreter.resume()
         for _ in range(self._budget):
             firing = interpreter.select(now)
-            if interpreter.failed:
-                self._events += interpreter.failed
-                interpreter.failed.clear()
             if firing is None:
                 return
             self._apply(now, *firing)
@@ -347,9 +347,9 @@ class Machine:
 
     def _take_effect(self, now: Instant, where: str, effect: Effect, action: Derived) -> None:
         try:
-            fact = evaluated(effect, [self.robot, *action.args], now)
+            fact = evaluated(effect, [self.robot, *action.args], now, doubts(effect, self.program.predicates))
         except NoValue as reason:
-            self._fail(where, reason, now)
+            self._failures.tell(now, where, str(reason))
             return
         self._give(now, fact)
 
@@ -359,12 +359,9 @@ class Machine:
             self._events.append(JobMissed(job))
             env: list[Value] = job.bindings  # type: ignore[assignment]
             try:
-                violation = evaluated(self.program.assertions[job.assertion].violation, env, job.deadline)
+                item = self.program.assertions[job.assertion].violation
+                violation = evaluated(item, env, job.deadline, doubts(item, self.program.predicates))
             except NoValue as reason:
-                self._fail(f"violation of assertion {job.name}", reason, job.deadline)
+                self._failures.tell(job.deadline, f"violation of assertion {job.name}", str(reason))
                 continue
             self._act(job.deadline, violation)
-
-    def _fail(self, where: str, reason: NoValue, now: Instant) -> None:
-        self._failures += 1
-        self._events.append(ExpressionFailed(where, str(reason), now))

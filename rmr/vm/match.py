@@ -11,9 +11,10 @@ Which slots are bound when an atom is reached is known beforehand, so each atom 
 test, bound slots to compare with, slots to bind.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Reversible, Sequence
 from dataclasses import dataclass
 
+from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import (
     SELF_SLOT,
@@ -137,7 +138,7 @@ def agrees(step: AtomStep, args: Args, env: Env) -> bool:
     return all(args[position] == args[other] for position, other in step.twins)
 
 
-def candidates(step: AtomStep, store: Store, env: Env) -> Iterable[Fact]:
+def candidates(step: AtomStep, store: Store, env: Env) -> Reversible[Fact]:
     """Return facts, oldest first, among them all that match the atom."""
     table = store.tables[step.predicate]
     if step.tests:
@@ -149,45 +150,38 @@ def candidates(step: AtomStep, store: Store, env: Env) -> Iterable[Fact]:
     return table.facts.values()
 
 
-def matches(
-    steps: Plan,
-    store: Store,
-    env: Env,
-    now: int,
-    on_failure: OnFailure,
-    gone: Collection[int] = (),
-    taken: set[int] | None = None,
-) -> Iterator[Found]:
-    """Yield the facts of each match, one for each atom that is not ABSENT, with their values in `env`.
-
-    Both lists are reused: whoever keeps them copies them. Facts whose serials are `gone` are not seen, those
-    whose serials are `taken`, which may grow between two matches, are not consumed.
-    """
-    search = _Search(steps, store, env, now, on_failure, gone, taken)
-    return search.extend(0)
-
-
 def consumed_places(steps: Plan) -> tuple[int, ...]:
     """Return which of a match's facts are consumed."""
     modes = [step.mode for step in steps if isinstance(step, AtomStep) and step.mode is not Mode.ABSENT]
     return tuple(place for place, mode in enumerate(modes) if mode is Mode.CONSUME)
 
 
-class _Search:
-    """One depth-first search."""
+def bind_again(steps: Plan, facts: Sequence[Fact], env: Env, now: Instant) -> None:
+    """Put the values of a match into `env`, given its facts: one for each atom that is not ABSENT."""
+    rest = iter(facts)
+    for step in steps:
+        if isinstance(step, BindStep):
+            env[step.slot] = evaluate(step.code, env, now)
+        elif isinstance(step, AtomStep) and step.mode is not Mode.ABSENT:
+            args = next(rest).args
+            for position, slot in step.binds:
+                env[slot] = args[position]
 
-    __slots__ = ("env", "found", "gone", "now", "on_failure", "places", "steps", "store", "taken")
+
+class Search:
+    """One depth-first search. Facts whose serials are `gone` are not seen, those that are `taken` not consumed."""
 
     def __init__(
         self,
         steps: Plan,
         store: Store,
         env: Env,
-        now: int,
+        now: Instant,
         on_failure: OnFailure,
-        gone: Collection[int],
-        taken: set[int] | None,
+        gone: Collection[int] = (),
+        taken: set[int] | None = None,
     ) -> None:
+        """`taken` may grow between two matches."""
         self.steps = steps
         self.store = store
         self.env = env
@@ -197,6 +191,13 @@ class _Search:
         self.taken = taken
         self.places = consumed_places(steps) if taken is not None else ()
         self.found: Found = []
+
+    def matches(self) -> Iterator[Found]:
+        """Yield the facts of each match, one for each atom that is not ABSENT, with their values in `env`.
+
+        Both lists are reused: whoever keeps them copies them.
+        """
+        return self.extend(0)
 
     def extend(self, index: int) -> Iterator[Found]:
         """Yield the ways to satisfy the steps from `index` on."""

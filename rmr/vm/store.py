@@ -7,7 +7,7 @@ it in a table that is worth it. Values that Python calls equal but the language 
 where no type is fixed; the matcher compares those strictly.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Reversible, Sequence
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
@@ -23,23 +23,27 @@ Args = tuple[Value, ...]
 class Fact:
     """One fact; compared by identity."""
 
-    __slots__ = ("args", "at", "predicate", "serial")
+    __slots__ = ("args", "at", "held", "predicate", "serial")
 
     def __init__(self, predicate: int, args: Args, serial: int, at: Instant) -> None:
         self.predicate = predicate
         self.args = args
         self.serial = serial
         self.at = at
+        self.held = True
+        """False once it has been consumed or withdrawn."""
 
 
 class Table:
     """The facts of one predicate in the order of insertion."""
 
-    __slots__ = ("_indices", "_known", "_open", "facts", "linear")
+    __slots__ = ("_indices", "_known", "_open", "facts", "linear", "newest")
 
     def __init__(self, predicate: Predicate) -> None:
         self.linear = predicate.kind is Kind.TEMPORARY
         self.facts: dict[int, Fact] = {}
+        self.newest = 0
+        """The serial of the fact that was inserted last, be it there or not."""
         self._open = any(is_open(kind) for kind in predicate.types)
         self._known: dict[object, Fact] = {}
         self._indices: dict[int, dict[Value, dict[int, Fact]]] = {}
@@ -51,6 +55,7 @@ class Table:
     def add(self, fact: Fact) -> None:
         """Hold `fact`; of a set it is new."""
         self.facts[fact.serial] = fact
+        self.newest = fact.serial
         if not self.linear:
             self._known[identity(fact.args) if self._open else fact.args] = fact
         for position, index in self._indices.items():
@@ -67,7 +72,7 @@ class Table:
             if not bucket:
                 del index[fact.args[position]]
 
-    def probe(self, position: int, value: Value) -> Iterable[Fact]:
+    def probe(self, position: int, value: Value) -> Reversible[Fact]:
         """Return facts, oldest first, among them all whose argument at `position` is `value`."""
         if len(self.facts) < INDEX_FROM:
             return self.facts.values()
@@ -83,13 +88,14 @@ class Table:
 class Store:
     """All facts of one robot."""
 
-    __slots__ = ("_serial", "count", "tables")
+    __slots__ = ("count", "newest", "tables")
 
     def __init__(self, predicates: Sequence[Predicate]) -> None:
         self.tables = [Table(predicate) for predicate in predicates]
         self.count = 0
         """How many facts there are."""
-        self._serial = 0
+        self.newest = 0
+        """The serial of the fact that was inserted last."""
 
     def has(self, predicate: int, args: Args) -> bool:
         """Tell whether inserting the fact would be none: it is one of a set and holds already."""
@@ -98,9 +104,9 @@ class Store:
 
     def insert(self, predicate: int, args: Args, now: Instant) -> Fact:
         """Insert a fact, which is no member of a set that holds already."""
-        self._serial += 1
+        self.newest += 1
         self.count += 1
-        fact = Fact(predicate, args, self._serial, now)
+        fact = Fact(predicate, args, self.newest, now)
         self.tables[predicate].add(fact)
         return fact
 
@@ -108,6 +114,7 @@ class Store:
         """Remove a fact that is there."""
         self.tables[fact.predicate].remove(fact)
         self.count -= 1
+        fact.held = False
 
 
 def is_open(kind: Type) -> bool:

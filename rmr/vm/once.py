@@ -1,0 +1,183 @@
+"""Rules that consume nothing fire once for each match: which matches of such a rule have not fired.
+
+Serials grow, and a fact that comes back has a new one. So a match is named by the serials of its facts, its key,
+for ever, and the order in which matches go, conjunct by conjunct the oldest facts first, is the order of the keys.
+
+While a match can only come by an insertion it is enough to know up to which key the matches have been looked for,
+the horizon, and to keep those that have not fired (`Growing`). Beyond the horizon more are looked for when those
+are used up; when facts are inserted, the matches up to the horizon that have a new fact are added. No match is
+found twice, and what has fired need not be remembered. With ``not`` in the body, matches come and go by other
+ways too; they are looked for anew whenever something has changed (`Changing`).
+"""
+
+from abc import ABC, abstractmethod
+from bisect import bisect_left, insort
+from collections.abc import Iterator
+from itertools import islice
+from typing import NamedTuple
+
+from rmr.base.time import Instant
+from rmr.vm.bounds import Dropped
+from rmr.vm.match import Env, OnFailure, Plan, Search, bind_again
+from rmr.vm.ordered import Ordered
+from rmr.vm.store import Fact, Store
+
+CHUNK = 512
+"""Matches looked for at a time: not many, for a firing may undo them; not few, for each look begins at the front."""
+
+MATCHES_MAX = 100_000
+"""Matches of one rule that are kept because they have not fired."""
+
+Key = tuple[int, ...]
+
+
+class Match(NamedTuple):
+    """What is kept of a match."""
+
+    key: Key
+    """The serials of its facts."""
+    facts: tuple[Fact, ...]
+
+    @property
+    def held(self) -> bool:
+        """Whether all its facts are still there."""
+        return all(fact.held for fact in self.facts)
+
+
+class Once(ABC):
+    """The matches of one rule that have not fired."""
+
+    def __init__(self, steps: Plan, store: Store, dropped: Dropped) -> None:
+        self._steps = steps
+        self._store = store
+        self._dropped = dropped
+        self._kept: list[Match] = []
+
+    def each(self, env: Env, now: Instant, on_failure: OnFailure) -> Iterator[Match]:
+        """Yield the matches in their order, with their values in `env`; nothing may change meanwhile."""
+        self._refresh(env, now, on_failure)
+        place = 0
+        while place < len(self._kept) or self._look_further(env, now, on_failure):
+            match = self._kept[place]
+            if match.held:
+                bind_again(self._steps, match.facts, env, now)
+                yield match
+                place += 1
+            else:
+                self._forget_gone(place)
+
+    def fire(self, key: Key) -> None:
+        """Note that a match has fired."""
+        del self._kept[bisect_left(self._kept, (key,))]
+
+    @abstractmethod
+    def touch(self) -> None:
+        """Note that facts have changed."""
+
+    @abstractmethod
+    def _refresh(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
+        """Take notice of what has changed."""
+
+    @abstractmethod
+    def _look_further(self, env: Env, now: Instant, on_failure: OnFailure) -> bool:
+        """Keep matches that come behind all those that are kept; False if there are none."""
+
+    def _forget_gone(self, place: int) -> None:
+        """Drop matches of which facts are gone, from `place` up to the next that stands."""
+        end = place + 1
+        while end < len(self._kept) and not self._kept[end].held:
+            end += 1
+        del self._kept[place:end]
+
+
+class Growing(Once):
+    """Of a body without ``not``."""
+
+    def __init__(self, steps: Plan, store: Store, dropped: Dropped) -> None:
+        super().__init__(steps, store, dropped)
+        self._horizon: Key = ()
+        """Every match up to this key has been found; (): none has been looked for."""
+        self._complete = False
+        """Every match has been found."""
+        self._newest = 0
+        """The serial of the newest fact that has been considered."""
+
+    def touch(self) -> None:
+        """Note nothing: new facts are known by their serials, others by what they hold."""
+
+    def _refresh(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
+        """Add the matches up to the horizon that have a new fact."""
+        since, self._newest = self._newest, self._store.newest
+        if since == self._newest or not (self._complete or self._horizon):
+            return
+        upto = () if self._complete else self._horizon
+        search = Ordered(self._steps, self._store, env, now, on_failure, since=since, upto=upto)
+        for match in _matches(search):
+            if len(self._kept) >= MATCHES_MAX and self._is_full():
+                self._dropped.add("matches", MATCHES_MAX, now)
+                return
+            insort(self._kept, match)
+
+    def _is_full(self) -> bool:
+        self._kept = [match for match in self._kept if match.held]
+        return len(self._kept) >= MATCHES_MAX
+
+    def _look_further(self, env: Env, now: Instant, on_failure: OnFailure) -> bool:
+        if self._complete or len(self._kept) >= MATCHES_MAX:
+            return False
+        search = Ordered(self._steps, self._store, env, now, on_failure, after=self._horizon)
+        found = list(islice(_matches(search), CHUNK))
+        self._complete = len(found) < CHUNK
+        if found:
+            self._horizon = found[-1].key
+        self._kept += found
+        return bool(found)
+
+
+class Changing(Once):
+    """Of a body with ``not``."""
+
+    def __init__(self, steps: Plan, store: Store, dropped: Dropped) -> None:
+        super().__init__(steps, store, dropped)
+        self._fired: set[Key] = set()
+        self._changed = True
+        self._complete = False
+
+    def fire(self, key: Key) -> None:
+        """Note that a match has fired: not again before it has gone and come back."""
+        super().fire(key)
+        self._fired.add(key)
+
+    def touch(self) -> None:
+        """Note that facts have changed: matches may have come or gone."""
+        self._changed = True
+
+    def _refresh(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
+        if self._changed:
+            self._changed = False
+            self._look(env, now, on_failure)
+
+    def _look_further(self, env: Env, now: Instant, on_failure: OnFailure) -> bool:
+        if self._complete or self._kept:
+            return False
+        self._look(env, now, on_failure)
+        return bool(self._kept)
+
+    def _look(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
+        """Look for all matches: forget the fired ones that are gone, keep the first others."""
+        found: set[Key] = set()
+        self._kept.clear()
+        self._complete = True
+        for match in _matches(Search(self._steps, self._store, env, now, on_failure)):
+            if match.key in self._fired:
+                found.add(match.key)
+            elif len(self._kept) < MATCHES_MAX:
+                self._kept.append(match)
+            else:
+                self._complete = False
+        self._fired = found
+
+
+def _matches(search: Search) -> Iterator[Match]:
+    for found in search.matches():
+        yield Match(tuple([fact.serial for fact in found]), tuple(found))
