@@ -34,6 +34,9 @@ from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
 COMPARISONS_MAX = 100_000
 """How often something that a rule brings about is compared with something wanted, for all goals."""
 
+LEADS_PER_RULE_MAX = 2
+"""Leads written down for each rule of the program, on average: one takes two octets, a rule about a dozen."""
+
 
 class Way(NamedTuple):
     """A rule that leads to a goal."""
@@ -52,11 +55,18 @@ class TooMuch(Exception):  # noqa: N818  (an outcome, not a fault)
 
 
 def with_leads(program: Program) -> Program:
-    """Return `program` with the rules that lead to each goal, where it is worth to write them down."""
+    """Return `program` with the rules that lead to each goal, where it is worth to write them down.
+
+    Too many are not: while a goal is open without any, the robot has to search anyway.
+    """
     if not program.goals:
         return program
     reach = Reach(program)
-    return replace(program, goals=tuple([replace(goal, leads=reach.leads(goal)) for goal in program.goals]))
+    leads = [reach.leads(goal) for goal in program.goals]
+    if sum(len(each or ()) for each in leads) > LEADS_PER_RULE_MAX * len(program.rules):
+        return program
+    goals = [replace(goal, leads=each) for goal, each in zip(program.goals, leads, strict=True)]
+    return replace(program, goals=tuple(goals))
 
 
 class Reach:

@@ -187,6 +187,46 @@ def test_comprehensions_lead_on_from_what_they_match() -> None:
     assert [level(text, name) for name in "tab"] == [1, 2, 2]
 
 
+def test_aggregates_lead_on_from_what_they_match_to_any_value() -> None:
+    text = "?g(R, 4). t(R). n(R, 4, 1). t(R) -o [sum X => V | n(R, X, Y), Y > 0 | g(R, V)]. a(R) -o n(R, 9, 1)."
+    assert (level(text, "n", 7, 2), level(text, "a"), level(text, "g", 5)) == (1, 2, None)
+
+
+def test_an_aggregate_that_is_won_keeps_what_it_is_won_with() -> None:
+    text = "?near(R, b). t(R). way(R, b, 1). t(R) -o [min D => V | way(R, B, D), D < 9 | near(R, B)]."
+    assert (level(text, "way", "b", 3), level(text, "way", "c", 3)) == (1, None)
+
+
+def test_every_step_leads_on() -> None:
+    text = "type action look(R: robot) -o seen(R). ?g(R). t(R). t(R) -o look(R) then a(R) then b(R). {} -o g(R)."
+    assert [level(text.format(name), "t") for name in ("seen(R)", "a(R)", "b(R)", "c(R)")] == [2, 2, 2, None]
+
+
+def test_effects_count_at_the_robot_that_gets_them() -> None:
+    text = """
+    type action give(R: robot, B: robot) -o has(B).
+    ?g(R). a(R). a(R) -o give(R, @2). b(R) -o give(@2, R). has(R) -o g(R). c(R) -o give(R, R).
+    """
+    assert [level(text, name) for name in "abc"] == [None, 2, 2]
+    assert [level(text, name, robot=2) for name in "abc"] == [2, 2, 2]
+    for seed in SEEDS:
+        made = machine(text + " a(R) -o x(R). x(R) -o 1. b(R) -o x(R). b(R).", seed)
+        assert fired(made.drain())[0] == 1
+
+
+def test_a_goal_may_want_the_same_twice_and_the_robot_itself() -> None:
+    assert level("?p(R, X, X). q(R, 1). q(R, N) -o p(R, N, 1).", "q", 1) == 1
+    assert level("?p(R, X, X). q(R, 1). q(R, N) -o p(R, N, 1).", "q", 2) is None
+    text = "?link(R, R). q(R, @1). q(R, B) -o link(R, B)."
+    assert (level(text, "q", Robot(1)), level(text, "q", Robot(2))) == (1, None)
+
+
+def test_a_list_that_is_built_may_be_any() -> None:
+    text = "?g(R, [1, 2]). q(R, 7). q(R, N) -o g(R, [N, 2]). p(R, L), L = [1, 2] -o g(R, L). p(R, [3])."
+    assert level(text, "q", 7) == 1
+    assert (level(text, "p", (1, 2)), level(text, "p", (1, 3))) == (1, None)
+
+
 def test_only_facts_of_the_home_robot_count() -> None:
     text = "?g(R). a(R, @2). a(R, B) -o b(B). a(R, B) -o c(R). b(R) -o g(R). c(R) -o x(R). x(R) -o 1."
     assert level(text, "a", Robot(1)) is None
