@@ -3,7 +3,8 @@
 Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
 """
 
-from rmr.base.streams import stream
+from random import Random
+
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 
 PERIOD_MOVING: Duration = milliseconds(400)
@@ -18,9 +19,8 @@ CHANGE_SPREAD: Duration = milliseconds(20)
 class HelloClock:
     """Says when the next hello is due; it does not know what a hello says."""
 
-    def __init__(self, name: str, robots: int) -> None:
-        """`name` is that of the random stream."""
-        self._rng = stream(name)
+    def __init__(self, rng: Random, robots: int) -> None:
+        self._rng = rng
         self._robots = robots
         self.due: Instant = NEVER
         self.parked = True

@@ -6,6 +6,7 @@ counted, noted and dropped.
 
 from typing import TYPE_CHECKING
 
+from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol, Value
 from rmr.node import wire
@@ -35,8 +36,8 @@ class Talk:
         self._hello: HelloClock | None = None
         """None: a robot without a body."""
         if node.driver is not None:
-            name = f"{node.config.seed}/robot{node.robot}/hello"
-            self._hello = HelloClock(name, len(node.config.roster))
+            rng = stream(f"{node.config.seed}/robot{node.robot}/hello")
+            self._hello = HelloClock(rng, len(node.config.roster))
 
     @property
     def next_wake(self) -> Instant:

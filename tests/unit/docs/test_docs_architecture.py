@@ -11,7 +11,7 @@ from rmr.base.time import NS_PER_MS, NS_PER_S
 from rmr.bus import wire
 from rmr.bus.keys import Keys
 from rmr.node import ports
-from rmr.node.wire import Kind
+from rmr.node.wire import Kind, Role
 from rmr.radio.station import GRACE_MARGIN
 from rmr_agent.clock import AHEAD_MAX
 from rmr_agent.ports import RADIO_GRACE
@@ -40,7 +40,7 @@ def test_the_import_rules_are_those_that_are_held(rules):
 def test_the_ports_are_documented_with_their_calls():
     documented = {(codes(row[0])[0], codes(row[1])[0]) for row in table(PAGE, "port", "call", "means")}
     protocols = {name: getattr(ports, name) for name in ("Link", "Body")}
-    expected = {("Ports", "spent()")}
+    expected = {("Ports", "spent()"), ("Ports", "neighbors()")}
     for name, protocol in protocols.items():
         for method, function in inspect.getmembers(protocol, inspect.isfunction):
             if not method.startswith("_"):
@@ -55,6 +55,11 @@ def test_the_kinds_of_payload_are_documented():
         ("coordination", "0x01 to 0x0F"),
         *((kind.name, f"0x{kind:02X}") for kind in Kind),
     ]
+
+
+def test_the_roles_of_deliveries_are_documented():
+    rows = table(PAGE, "delivery", "what it does there")
+    assert [role for row in rows for role in codes(row[0])] == [role.name for role in Role]
 
 
 def test_the_executives_tasks_are_documented_in_order_of_priority():
