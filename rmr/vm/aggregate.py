@@ -8,8 +8,8 @@ it keeps its type, be it an int among floats.
 from collections.abc import Callable
 
 from rmr.base.values import Value
+from rmr.bytecode.arithmetic import built, checked, less, numbers
 from rmr.bytecode.program import Operator
-from rmr.vm.arithmetic import built, checked, less, numbers
 
 
 def _sum(values: list[Value]) -> Value:

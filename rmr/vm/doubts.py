@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from rmr.base.values import Value
+from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.conform import checker, fits
 from rmr.bytecode.program import Derived, Effect, Predicate
 from rmr.bytecode.scope import Scope, literal
-from rmr.vm.arithmetic import NoValue
 
 
 class Doubt(NamedTuple):

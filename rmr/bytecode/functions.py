@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value
-from rmr.vm.arithmetic import NoValue, checked, numbers, same
+from rmr.bytecode.arithmetic import NoValue, checked, numbers, same
 
 SORTABLE: tuple[set[type], ...] = ({int, float}, {str}, {Symbol}, {Robot})
 """Kinds of items that `sort` can order among themselves."""
