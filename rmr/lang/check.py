@@ -99,7 +99,7 @@ def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> C
                 pass
     check_names(module, found)
     checked = Checked(module, names, types, tuple(rules), tuple(assertions), _textual(module, found))
-    warn(module, names, found)
+    warn(module, names, types, found)
     return checked
 
 

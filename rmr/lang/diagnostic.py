@@ -59,6 +59,8 @@ CODES: dict[str, str] = {
     "W107": "an empty program",
     "W108": "a fact that nothing reads",
     "W109": "too many warnings",
+    "W110": "an expression that never has a value",
+    "W111": "a type that may be misspelt",
 }
 """Every code with its title. E: an error; W: a warning."""
 

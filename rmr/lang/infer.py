@@ -43,6 +43,7 @@ from rmr.lang.types import (
     OPEN,
     ROBOT,
     SYMBOL,
+    WINNING,
     Cell,
     Types,
     cell_of,
@@ -53,9 +54,6 @@ from rmr.lang.types import (
     literal_cell,
     matched_variables,
 )
-
-WINNING = ("min", "max")
-"""Aggregates whose head sees the variables of the winning match."""
 
 
 class Inference:

@@ -99,6 +99,9 @@ FUNCTIONS: dict[str, FunctionType] = {
 LIST_FUNCTIONS = {"len": 1, "nth": 2, "member": 2, "sort": 1}
 """Functions of lists, with the number of their arguments."""
 
+WINNING = ("min", "max")
+"""Aggregates that one match wins: they derive nothing of no match, and their head sees the match's variables."""
+
 SORTED = {Base.INT, Base.FLOAT, Base.STRING, Base.SYMBOL, Base.ROBOT, Base.OPEN}
 """What the items of a list are that `sort` takes."""
 
