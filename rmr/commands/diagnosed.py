@@ -1,9 +1,9 @@
-"""What the subcommands that compile say about programs: diagnostics for people or as JSON, and the exit code."""
+"""What the subcommands that read programs say about them: diagnostics for people or as JSON, and the exit code."""
 # ruff: noqa: PLC0415 - the compiler is imported when there is something to say
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -12,27 +12,39 @@ from rmr.commands.common import EXIT_INVALID, EXIT_USAGE, counted
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
+    from rmr.lang.diagnostic import Diagnostic
+    from rmr.lang.source import Source
+
+Found = tuple[Sequence["Diagnostic"], Mapping[str, "Source"]]
+"""What was found in one program, and the texts of its files by name."""
 
 
 def show(compilations: Sequence["Compilation"]) -> None:
     """Print diagnostics for people, and their number, to stderr."""
+    show_found([(each.diagnostics, each.sources) for each in compilations])
+
+
+def show_found(found: Sequence[Found]) -> None:
+    """Print diagnostics for people, their number and where to read on, to stderr."""
+    from rmr.lang.diagnostic import Severity
     from rmr.lang.render import render_text
 
+    every = [each for diagnostics, _ in found for each in diagnostics]
+    if not every:
+        return
     color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
-    for each in compilations:
-        text = render_text(each.diagnostics, {each.source.file: each.source}, color)
-        click.echo(text, nl=False, err=True, color=color)
-    errors = sum(len(each.errors) for each in compilations)
-    warnings = sum(len(each.diagnostics) for each in compilations) - errors
-    if errors or warnings:
-        click.echo(f"{counted(errors, 'errors')}, {counted(warnings, 'warnings')}", err=True)
+    for diagnostics, sources in found:
+        click.echo(render_text(diagnostics, sources, color), nl=False, err=True, color=color)
+    errors = [each for each in every if each.severity is Severity.ERROR]
+    click.echo(f"{counted(len(errors), 'errors')}, {counted(len(every) - len(errors), 'warnings')}", err=True)
+    click.echo(f"for more: rmr explain {(errors or every)[0].code}", err=True)
 
 
 def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:
     """Return the diagnostics as values for JSON."""
     from rmr.lang.render import to_json
 
-    return [listed for each in compilations for listed in to_json(each.diagnostics, {each.source.file: each.source})]
+    return [listed for each in compilations for listed in to_json(each.diagnostics, each.sources)]
 
 
 def exit_code(compilations: Sequence["Compilation"]) -> int:

@@ -71,7 +71,7 @@ def test_check_reports_several_files_and_the_worst_of_them_decides(program, tmp_
     assert result.exit_code == 3
     for name in ("b.rmr:1:6: error[E023]", "missing.rmr:1:1: error[E003]: no such file", "d.rmr:2:21: warning[W101]"):
         assert name in result.stderr
-    assert result.stderr.endswith("2 errors, 1 warning\n")
+    assert result.stderr.endswith("2 errors, 1 warning\nfor more: rmr explain E023\n")
 
 
 def test_a_missing_file_and_a_directory_are_wrong_usage(tmp_path):

@@ -1,0 +1,128 @@
+"""`rmr fmt`: programs in canonical layout, in place.
+
+A file is replaced as a whole, behind its symbolic link if it is one, or not touched: neither if it has that layout
+already nor if it has syntax errors. `-` is a filter from stdin to stdout.
+"""
+# ruff: noqa: PLC0415 - see rmr.commands
+
+import stat
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rmr.commands.common import (
+    EXIT_FAILED,
+    EXIT_INVALID,
+    EXIT_USAGE,
+    PATH,
+    SETTINGS,
+    VERSION,
+    counted,
+    print_json,
+    write,
+)
+from rmr.commands.diagnosed import show_found
+
+if TYPE_CHECKING:
+    from rmr.lang.diagnostic import Diagnostic
+    from rmr.lang.source import Source
+
+STDIN = Path("-")
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """A program's text, what it should be, and what is wrong if that cannot be said."""
+
+    path: Path
+    source: "Source"
+    text: str
+    wrong: "list[Diagnostic]"
+    code: int
+
+    @property
+    def changes(self) -> bool:
+        """Whether the layout is not the canonical one."""
+        return self.text != self.source.text
+
+
+@click.command("fmt", context_settings=SETTINGS, short_help="Bring programs into canonical layout.")
+@click.argument("programs", metavar="PROG.rmr...", nargs=-1, required=True, type=PATH)
+@click.option("--check", is_flag=True, help="Write nothing; list the files that would change, and exit with 1 if any.")
+@click.option("--diff", is_flag=True, help="As --check, but print the changes.")
+@click.option("--json", "as_json", is_flag=True, help="Print which files change as one JSON list on stdout.")
+@VERSION
+def command(programs: tuple[Path, ...], check: bool, diff: bool, as_json: bool) -> None:
+    """Bring programs into canonical layout, in place; comments are kept. `-` reads stdin and writes stdout."""
+    keeps = check or diff
+    if STDIN in programs and len(programs) > 1:
+        raise click.UsageError("`-` stands alone")
+    if STDIN in programs and as_json and not keeps:
+        raise click.UsageError("the program goes to stdout: `-` and --json need --check")
+    files = [_formatted(path) for path in programs]
+    show_found([(each.wrong, {each.source.file: each.source}) for each in files])
+    code = max(each.code for each in files)
+    changed = [each for each in files if each.changes]
+    if keeps:
+        code = code or (EXIT_FAILED if changed else 0)
+    elif STDIN in programs:
+        click.echo(files[0].text.encode() if not files[0].wrong else b"", nl=False)
+    else:
+        code = max([code, *(_replace(each) for each in changed)])
+    if as_json:
+        print_json([{"file": each.source.file, "changed": each.changes} for each in files])
+    elif diff:
+        click.echo("".join(_difference(each) for each in changed).encode(), nl=False)
+    elif check:
+        click.echo("".join(f"{each.source.file}\n" for each in changed), nl=False)
+    elif STDIN not in programs:
+        click.echo(f"{counted(len(changed), 'files')} of {len(files)} formatted", err=True)
+    sys.exit(code)
+
+
+def _formatted(path: Path) -> _File:
+    from rmr.lang.diagnostic import Diagnostic, Diagnostics
+    from rmr.lang.format import format_source
+    from rmr.lang.source import Source, SourceError, Span
+
+    name = "<stdin>" if path == STDIN else str(path)
+    try:
+        source = _read(path, name)
+    except SourceError as error:
+        wrong = [Diagnostic("E003", str(error), Span(name, 0, 0), error.hint)]
+        return _File(path, Source(name, ""), "", wrong, EXIT_USAGE if error.usage else EXIT_INVALID)
+    found = Diagnostics()
+    text = format_source(source, found)
+    if text is None:
+        return _File(path, source, source.text, found.in_order(), EXIT_INVALID)
+    return _File(path, source, text, [], 0)
+
+
+def _read(path: Path, name: str) -> "Source":
+    from rmr.lang.source import SOURCE_OCTETS_MAX, read_source, to_source
+
+    return read_source(path) if path != STDIN else to_source(name, sys.stdin.buffer.read(SOURCE_OCTETS_MAX + 1))
+
+
+def _replace(file: _File) -> int:
+    """Write the new text; return the exit code."""
+    target = file.path.resolve()
+    if not target.is_file():
+        click.echo(f"{file.path}: error: no regular file; `-` reads from a pipe", err=True)
+        return EXIT_USAGE
+    return write(target, file.text.encode(), stat.S_IMODE(target.stat().st_mode))
+
+
+def _difference(file: _File) -> str:
+    from difflib import unified_diff
+
+    name = file.source.file
+    lines = unified_diff(_lines(file.source.text), _lines(file.text), name, name)
+    return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
+
+
+def _lines(text: str) -> list[str]:
+    return [line + "\n" for line in text.split("\n")[:-1]] + [line for line in text.split("\n")[-1:] if line]

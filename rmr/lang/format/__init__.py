@@ -1,0 +1,34 @@
+"""`rmr fmt`: the canonical layout of a source text.
+
+The layout is made from the words of the text, never from the syntax tree, so that nothing can be lost: numbers,
+strings and parentheses stay as they are written, every comment stays between its words. Words of the same kind in
+the same order have the same layout, whatever the spaces and lines between them were; only comments and single
+blank lines between items remember where they stood.
+
+words.py reads the words, layout.py decides where lines may break, printer.py where they do.
+"""
+
+from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.format.layout import layout
+from rmr.lang.format.printer import printed
+from rmr.lang.format.words import Text, read
+from rmr.lang.parser import parse
+from rmr.lang.source import Source
+
+
+def format_source(source: Source, found: Diagnostics) -> str | None:
+    """Return the text of `source` in canonical layout, or None if it has syntax errors, reported to `found`."""
+    parse(source, found)
+    if found.failed:
+        return None
+    text = read(source.text)
+    result = printed(layout(text))
+    assert _content(read(result)) == _content(text), "the layout has lost or gained a word or a comment"
+    return result
+
+
+def _content(text: Text) -> tuple[list[str], list[str]]:
+    """Return the words and the comments of a text."""
+    words = [word.text for word in text.words]
+    comments = [comment.text for word in text.words for comment in (*word.before, *word.after)]
+    return words, comments + [comment.text for comment in text.end]

@@ -1,0 +1,170 @@
+"""From marks to lines: which of the places where a line may break are used.
+
+A group stands on one line if it fits, together with what follows it up to the next place for a break; otherwise
+each of its own places breaks, and the groups in it are tried in turn. A comment that needs a line end breaks every
+group that has words before and behind it. The width of a group is the difference of two sums made beforehand, so
+that the work grows with the length of the text and not with its nesting.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+COLUMNS_MAX = 100
+"""What lines are kept within, but for comments and words that are longer themselves."""
+
+TIGHT = frozenset({",", ".", ":", ")", "]", "}"})
+"""Words that have no space before them."""
+OPENING = frozenset({"(", "[", "{"})
+
+
+class Sign(Enum):
+    """Marks that carry nothing."""
+
+    SPACE = auto()
+    BREAK = auto()
+    """A place for a line end: nothing where its group stands on one line."""
+    BLANK = auto()
+    """A blank line."""
+    BEGIN = auto()
+    """The beginning of a group."""
+    END = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Plain:
+    """A word."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Indent:
+    """From here on lines begin so many columns further to the right, or to the left if negative."""
+
+    columns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A comment."""
+
+    text: str
+    alone: bool
+    """No word follows on its line and, unless it is trailing, none stands before it."""
+    trailing: bool
+    """It stays on the line of the word before it."""
+
+
+Mark = Sign | Plain | Indent | Note
+
+
+def printed(marks: Sequence[Mark]) -> str:
+    """Return the text of `marks`, without blank lines at its beginning and end."""
+    widths = _widths(marks)
+    pen = _Pen()
+    broken = [True]
+    for i, mark in enumerate(marks):
+        if isinstance(mark, Plain):
+            pen.write(mark.text)
+        elif isinstance(mark, Note):
+            pen.note(mark)
+        elif isinstance(mark, Indent):
+            pen.indent += mark.columns
+        elif mark is Sign.BEGIN:
+            broken.append(broken[-1] and pen.column + widths[i] > COLUMNS_MAX)
+        elif mark is Sign.END:
+            broken.pop()
+        elif mark is Sign.SPACE:
+            pen.apart(_SPACE)
+        elif mark is Sign.BLANK:
+            pen.apart(_BLANK)
+        elif broken[-1]:
+            pen.apart(_LINE)
+    return pen.text()
+
+
+def _widths(marks: Sequence[Mark]) -> dict[int, float]:
+    """Return the width of every group, by the index of its beginning; infinite if a comment breaks it."""
+    columns, words = [0], [0]
+    notes: list[int] = []
+    for mark in marks:
+        columns.append(columns[-1] + _width(mark))
+        words.append(words[-1] + isinstance(mark, Plain))
+        if isinstance(mark, Note) and mark.alone:
+            notes.append(words[-1])
+    widths: dict[int, float] = {}
+    ends: list[tuple[int, int]] = []
+    limit = columns[-1]
+    for i in range(len(marks) - 1, -1, -1):
+        if marks[i] is Sign.BREAK:
+            limit = columns[i]
+        elif marks[i] is Sign.END:
+            ends.append((i, limit))
+        elif marks[i] is Sign.BEGIN:
+            end, limit_behind = ends.pop()
+            first = bisect_right(notes, words[i])
+            breaks = first < len(notes) and notes[first] < words[end]
+            widths[i] = math.inf if breaks else limit_behind - columns[i]
+    return widths
+
+
+def _width(mark: Mark) -> int:
+    if isinstance(mark, Plain):
+        return len(mark.text)
+    if isinstance(mark, Note):
+        return 0 if mark.alone else len(mark.text) + 1
+    return 1 if mark is Sign.SPACE else 0
+
+
+_NOTHING, _SPACE, _WIDE, _LINE, _BLANK = range(5)
+_GAPS = ("", " ", "  ", "\n", "\n\n")
+
+
+class _Pen:
+    """Writes words and comments, and between them the largest of the gaps that were asked for."""
+
+    def __init__(self) -> None:
+        self.indent = 0
+        self._written: list[str] = []
+        self._gap = _NOTHING
+        self._column = 0
+
+    @property
+    def column(self) -> int:
+        """Where the next word begins, from 0."""
+        return self.indent if self._gap >= _LINE else self._column + len(_GAPS[self._gap])
+
+    def apart(self, gap: int) -> None:
+        """Ask for a gap before what comes next; there is none before the first word."""
+        if self._written:
+            self._gap = max(self._gap, gap)
+
+    def write(self, word: str) -> None:
+        """Write a word; a tight one has no space before it, not even behind a comment."""
+        if self._gap == _SPACE and word in TIGHT:
+            self._gap = _NOTHING
+        self._put(word)
+
+    def note(self, note: Note) -> None:
+        """Write a comment."""
+        if note.alone:
+            self.apart(_WIDE if note.trailing else _LINE)
+        elif self._written and self._written[-1] not in OPENING:
+            self.apart(_SPACE)
+        self._put(note.text)
+        self.apart(_LINE if note.alone else _SPACE)
+
+    def _put(self, text: str) -> None:
+        column = self.column
+        if self._gap:
+            self._written.append(_GAPS[self._gap] + " " * self.indent if self._gap >= _LINE else _GAPS[self._gap])
+        self._written.append(text)
+        self._column = len(text) - text.rfind("\n") - 1 if "\n" in text else column + len(text)
+        self._gap = _NOTHING
+
+    def text(self) -> str:
+        """Return what has been written, with a line end behind it if there is anything."""
+        return "".join([*self._written, "\n"]) if self._written else ""

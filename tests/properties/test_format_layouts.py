@@ -1,0 +1,70 @@
+"""Whatever the program and however it is laid out, its canonical layout is one text that means the same."""
+
+import dataclasses
+import re
+from random import Random
+
+from drawn_programs import program, written
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.format import format_source
+from rmr.lang.parser import parse
+from rmr.lang.source import Source, Span
+from rmr.lang.syntax import Name
+
+COMMENT = re.compile(r'("(?:[^"\\\n]|\\[^\n])*")|(//[^\n]*|/\*.*?\*/)', re.DOTALL)
+
+
+def formatted(text):
+    found = Diagnostics()
+    result = format_source(Source("x", text), found)
+    assert result is not None, (text, found.in_order())
+    return result
+
+
+def comments(text):
+    found = [matched[2] for matched in COMMENT.finditer(text) if matched[2]]
+    return [each.replace("\r\n", "\n").rstrip() for each in found]
+
+
+def without_comments(text):
+    return COMMENT.sub(lambda matched: matched[1] or " ", text)
+
+
+def closed(text):
+    """Return `text` without blank lines, which the author sets."""
+    return text.replace("\n\n", "\n").removeprefix("\n")
+
+
+def shape(node):
+    """Return a syntax tree without its places."""
+    if isinstance(node, tuple):
+        return [shape(each) for each in node]
+    if not dataclasses.is_dataclass(node):
+        return repr(node)
+    if isinstance(node, Name):
+        return node.text
+    values = [getattr(node, field.name) for field in dataclasses.fields(node)]
+    return [type(node).__name__, *(shape(value) for value in values if not isinstance(value, Span))]
+
+
+def meaning(text):
+    found = Diagnostics()
+    module = parse(Source("x", text), found)
+    assert found.in_order() == []
+    return shape(module.items)
+
+
+@given(st.integers(min_value=0), st.integers(1, 80), st.sampled_from([0.0, 0.1, 0.5]))
+@settings(max_examples=300, deadline=None)
+def test_the_layout_is_canonical(seed, length, share):
+    random = Random(seed)
+    words = program(random, length)
+    plain, commented = written(words, random, 0.0), written(words, random, share)
+    result = formatted(commented)
+    assert formatted(result) == result
+    assert comments(result) == comments(commented)
+    assert meaning(result) == meaning(plain)
+    assert closed(formatted(without_comments(result))) == closed(formatted(plain))
