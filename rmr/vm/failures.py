@@ -41,9 +41,9 @@ class Failures:
         self.count += 1
         self._events.append(ExpressionFailed(where, reason, now))
 
-    def match(self, now: Instant, rule: int, step: tuple[int, int], facts: Sequence[Fact], reason: str) -> None:
-        """Count and tell, once, that a `step` of a rule failed for `facts`."""
-        key = (rule, *step, *[fact.serial for fact in facts])
+    def match(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
+        """Count and tell, once, that a `step` in a part of a rule failed for `facts`."""
+        key = (rule, part, step, *[fact.serial for fact in facts])
         if key in self._known:
             return
         if len(self._known) >= FAILURES_MAX and not self._make_room():

@@ -12,6 +12,7 @@ lead); a quiet machine does nothing.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from random import Random
 
 from rmr.base.time import Instant
@@ -23,8 +24,8 @@ from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Derivation, PlannedRule
 from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
-from rmr.vm.match import Env, Found, Search
-from rmr.vm.once import Changing, Growing, Key, Once
+from rmr.vm.match import Env, OnFailure, Search
+from rmr.vm.once import Changing, Growing, Once
 from rmr.vm.store import Fact, Store
 
 UNRANKED = 1 << 30
@@ -34,11 +35,10 @@ UNRANKED = 1 << 30
 class Candidate:
     """The match with which a rule would fire."""
 
-    __slots__ = ("derivation", "key", "rank")
+    __slots__ = ("derivation", "facts", "rank")
 
-    def __init__(self, key: Key, derivation: Derivation, rank: int) -> None:
-        self.key = key
-        """Of a rule that consumes nothing."""
+    def __init__(self, facts: tuple[Fact, ...], derivation: Derivation, rank: int) -> None:
+        self.facts = facts
         self.derivation = derivation
         self.rank = rank
 
@@ -56,7 +56,7 @@ class RuleState:
         """Of a rule that consumes nothing: the matches that have not fired."""
         if not self.planned.taken:
             negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
-            self.once = (Changing if negative else Growing)(self.planned.steps, store, dropped)
+            self.once = (Changing if negative else Growing)(rule.body, program.predicates, store, dropped)
         self.candidate: Candidate | None = None
         self.stale = False
 
@@ -124,7 +124,7 @@ class Interpreter:
         candidate = state.candidate
         assert candidate is not None
         if state.once is not None:
-            state.once.fire(candidate.key)
+            state.once.fire(candidate.facts)
         self._mark(state)
         return state.index, candidate.derivation
 
@@ -153,36 +153,23 @@ class Interpreter:
         state.candidate = best = None
         nearest = self._goals.nearest(state.index)
         env: Env = [self._robot] * state.planned.slots
-        for key, facts in self._matches(state, env, now):
-            rank = UNRANKED
-            derivation = self._derive(state, env, facts, now)
+        failed = partial(self._failures.match, now, state.index)
+        for facts in self._matches(state, env, now, partial(failed, len(state.planned.head))):
+            derivation = state.planned.derive(self._store, env, facts, now, failed)
             if derivation is None:
                 continue
-            if nearest is not None:
-                ranked = self._goals.rank(state.index, derivation.derived, now)
-                rank = UNRANKED if ranked is None else ranked
+            ranked = self._goals.rank(state.index, derivation.derived, now) if nearest is not None else None
+            rank = UNRANKED if ranked is None else ranked
             if best is None or rank < best.rank:
-                state.candidate = best = Candidate(key, derivation, rank)
+                state.candidate = best = Candidate(tuple(facts), derivation, rank)
             if nearest is None or best.rank <= nearest:
                 return
 
-    def _matches(self, state: RuleState, env: Env, now: Instant) -> Iterator[tuple[Key, Sequence[Fact]]]:
+    def _matches(self, state: RuleState, env: Env, now: Instant, on_failure: OnFailure) -> Iterator[Sequence[Fact]]:
         """Yield the matches with which a rule may fire, with their values in `env`."""
-
-        def failed(step: int, found: Found, reason: str) -> None:
-            self._failures.match(now, state.index, (len(state.planned.head), step), found, reason)
-
         if state.once is not None:
-            yield from state.once.each(env, now, failed)
-        else:
-            for found in Search(state.planned.steps, self._store, env, now, failed).matches():
-                yield (), found
-
-    def _derive(self, state: RuleState, env: Env, facts: Sequence[Fact], now: Instant) -> Derivation | None:
-        def failed(part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
-            self._failures.match(now, state.index, (part, step), facts, reason)
-
-        return state.planned.derive(self._store, env, facts, now, failed)
+            return state.once.each(env, now, on_failure)
+        return Search(state.planned.steps, self._store, env, now, on_failure).matches()
 
 
 def mentioned(rule: Rule) -> Iterator[int]:

@@ -12,14 +12,15 @@ ways too; they are looked for anew whenever something has changed (`Changing`).
 
 from abc import ABC, abstractmethod
 from bisect import bisect_left, insort
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import NamedTuple
 
 from rmr.base.time import Instant
+from rmr.bytecode.program import Conjunct, Predicate
 from rmr.vm.bounds import Dropped
-from rmr.vm.match import Env, OnFailure, Plan, Search, bind_again
-from rmr.vm.ordered import Ordered
+from rmr.vm.match import Env, OnFailure, Plan, Search, bind_again, plan
+from rmr.vm.partial import Behind, Fresh, FreshPlan, fresh_plans
 from rmr.vm.store import Fact, Store
 
 CHUNK = 512
@@ -29,13 +30,13 @@ MATCHES_MAX = 100_000
 """Matches of one rule that are kept because they have not fired."""
 
 Key = tuple[int, ...]
+"""The serials of a match's facts."""
 
 
 class Match(NamedTuple):
     """What is kept of a match."""
 
     key: Key
-    """The serials of its facts."""
     facts: tuple[Fact, ...]
 
     @property
@@ -53,22 +54,22 @@ class Once(ABC):
         self._dropped = dropped
         self._kept: list[Match] = []
 
-    def each(self, env: Env, now: Instant, on_failure: OnFailure) -> Iterator[Match]:
-        """Yield the matches in their order, with their values in `env`; nothing may change meanwhile."""
+    def each(self, env: Env, now: Instant, on_failure: OnFailure) -> Iterator[tuple[Fact, ...]]:
+        """Yield the facts of the matches in their order, with their values in `env`; nothing may change meanwhile."""
         self._refresh(env, now, on_failure)
         place = 0
         while place < len(self._kept) or self._look_further(env, now, on_failure):
             match = self._kept[place]
             if match.held:
                 bind_again(self._steps, match.facts, env, now)
-                yield match
+                yield match.facts
                 place += 1
             else:
                 self._forget_gone(place)
 
-    def fire(self, key: Key) -> None:
+    def fire(self, facts: tuple[Fact, ...]) -> None:
         """Note that a match has fired."""
-        del self._kept[bisect_left(self._kept, (key,))]
+        del self._kept[bisect_left(self._kept, (key_of(facts),))]
 
     @abstractmethod
     def touch(self) -> None:
@@ -93,8 +94,14 @@ class Once(ABC):
 class Growing(Once):
     """Of a body without ``not``."""
 
-    def __init__(self, steps: Plan, store: Store, dropped: Dropped) -> None:
-        super().__init__(steps, store, dropped)
+    def __init__(
+        self, body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...], store: Store, dropped: Dropped
+    ) -> None:
+        super().__init__(plan(body, predicates), store, dropped)
+        self._body = body
+        self._predicates = predicates
+        self._plans: list[FreshPlan] = []
+        """How to find the matches of new facts; empty before they are needed."""
         self._horizon: Key = ()
         """Every match up to this key has been found; (): none has been looked for."""
         self._complete = False
@@ -110,9 +117,16 @@ class Growing(Once):
         since, self._newest = self._newest, self._store.newest
         if since == self._newest or not (self._complete or self._horizon):
             return
-        upto = () if self._complete else self._horizon
-        search = Ordered(self._steps, self._store, env, now, on_failure, since=since, upto=upto)
+        if not self._plans:
+            self._plans.extend(fresh_plans(self._body, self._predicates))
+        for each in self._plans:
+            if self._store.tables[each.predicate].newest > since:
+                self._add(Fresh(each, self._store, env, now, on_failure, since), now)
+
+    def _add(self, search: Search, now: Instant) -> None:
         for match in _matches(search):
+            if not self._complete and match.key > self._horizon:
+                continue
             if len(self._kept) >= MATCHES_MAX and self._is_full():
                 self._dropped.add("matches", MATCHES_MAX, now)
                 return
@@ -125,7 +139,7 @@ class Growing(Once):
     def _look_further(self, env: Env, now: Instant, on_failure: OnFailure) -> bool:
         if self._complete or len(self._kept) >= MATCHES_MAX:
             return False
-        search = Ordered(self._steps, self._store, env, now, on_failure, after=self._horizon)
+        search = Behind(self._steps, self._store, env, now, on_failure, self._horizon)
         found = list(islice(_matches(search), CHUNK))
         self._complete = len(found) < CHUNK
         if found:
@@ -137,16 +151,18 @@ class Growing(Once):
 class Changing(Once):
     """Of a body with ``not``."""
 
-    def __init__(self, steps: Plan, store: Store, dropped: Dropped) -> None:
-        super().__init__(steps, store, dropped)
+    def __init__(
+        self, body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...], store: Store, dropped: Dropped
+    ) -> None:
+        super().__init__(plan(body, predicates), store, dropped)
         self._fired: set[Key] = set()
         self._changed = True
         self._complete = False
 
-    def fire(self, key: Key) -> None:
+    def fire(self, facts: tuple[Fact, ...]) -> None:
         """Note that a match has fired: not again before it has gone and come back."""
-        super().fire(key)
-        self._fired.add(key)
+        super().fire(facts)
+        self._fired.add(key_of(facts))
 
     def touch(self) -> None:
         """Note that facts have changed: matches may have come or gone."""
@@ -178,6 +194,11 @@ class Changing(Once):
         self._fired = found
 
 
+def key_of(facts: Sequence[Fact]) -> Key:
+    """Return the key of a match."""
+    return tuple([fact.serial for fact in facts])
+
+
 def _matches(search: Search) -> Iterator[Match]:
     for found in search.matches():
-        yield Match(tuple([fact.serial for fact in found]), tuple(found))
+        yield Match(key_of(found), tuple(found))

@@ -1,0 +1,105 @@
+"""Finding a part of the matches of a body without ``not``: those behind a key, and those that have a new fact.
+
+A key is the serials of a match's facts; a search visits the keys in ascending order, so what does not lie behind
+a given one is passed over without looking deeper (`Behind`).
+
+For new facts the search begins with them (`Fresh`): for each atom in turn, that atom takes the new facts, the
+atoms before it older ones, those behind it any. So each match is found by the first atom that takes a new fact,
+and what is found depends on the new facts and what they join with, not on all facts there are.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rmr.base.time import Instant
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import Atom, Bind, Conjunct, Guard, Instruction, Predicate, Slot
+from rmr.vm.match import AtomStep, Env, Found, OnFailure, Plan, Search, agrees, candidates, plan
+from rmr.vm.store import Fact, Store
+
+
+class Behind(Search):
+    """A search for the matches whose keys come after a given one; (): all."""
+
+    def __init__(
+        self, steps: Plan, store: Store, env: Env, now: Instant, on_failure: OnFailure, after: tuple[int, ...]
+    ) -> None:
+        super().__init__(steps, store, env, now, on_failure)
+        self._after = after
+
+    def facts(self, step: AtomStep) -> Iterator[Fact]:
+        """Yield the facts that match the atom alone and may lead behind the key, oldest first."""
+        level = len(self.found)
+        first = 0
+        if self._after and all(self.found[i].serial == self._after[i] for i in range(level)):
+            first = self._after[level] + (level + 1 == len(self._after))
+        for fact in candidates(step, self.store, self.env):
+            if fact.serial >= first and agrees(step, fact.args, self.env):
+                yield fact
+
+
+class FreshPlan(NamedTuple):
+    """A body's plan with one of its atoms at the front."""
+
+    steps: Plan
+    predicate: int
+    """Of that atom."""
+    place: int
+    """Where the atom stands among the conjuncts."""
+    level: int
+    """Where it stands among the atoms."""
+
+
+def fresh_plans(body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...]) -> Iterator[FreshPlan]:
+    """Yield a plan for each atom of a body without ``not``."""
+    atoms = [(place, each) for place, each in enumerate(body) if isinstance(each, Atom)]
+    for level, (place, atom) in enumerate(atoms):
+        bound = {pattern.index for pattern in atom.args if isinstance(pattern, Slot)}
+        before = [_compared(each) if isinstance(each, Bind) and each.slot in bound else each for each in body[:place]]
+        yield FreshPlan(plan([atom, *before, *body[place + 1 :]], predicates), atom.predicate, place, level)
+
+
+def _compared(bind: Bind) -> Guard:
+    """Return the condition that a variable has the value that it would else be given."""
+    return Guard((Instruction(Op.LOAD, bind.slot), *bind.code, Instruction(Op.EQ)))
+
+
+class Fresh(Search):
+    """A search for the matches in which an atom takes a fact newer than `since`, and those before it older ones."""
+
+    def __init__(
+        self, plan: FreshPlan, store: Store, env: Env, now: Instant, on_failure: OnFailure, since: int
+    ) -> None:
+        """`since` is a serial; `on_failure` is not told what failed without the new facts already."""
+        super().__init__(plan.steps, store, env, now, self._failed)
+        self._plan = plan
+        self._since = since
+        self._tell = on_failure
+
+    def matches(self) -> Iterator[Found]:
+        """Yield the facts of each match in the order of the body's atoms; the matches are in no order."""
+        for found in super().matches():
+            yield self._in_order(found)
+
+    def facts(self, step: AtomStep) -> Iterator[Fact]:
+        """Yield the facts that match the atom alone and are as new, or old, as it wants them."""
+        level = len(self.found)
+        if level == 0:
+            for fact in reversed(candidates(step, self.store, self.env)):
+                if fact.serial <= self._since:
+                    return
+                if agrees(step, fact.args, self.env):
+                    yield fact
+            return
+        for fact in super().facts(step):
+            if level <= self._plan.level and fact.serial > self._since:
+                return
+            yield fact
+
+    def _in_order(self, found: Found) -> Found:
+        level = self._plan.level
+        return [*found[1 : level + 1], *found[:1], *found[level + 1 :]]
+
+    def _failed(self, step: int, found: Found, reason: str) -> None:
+        if step > self._plan.place:
+            self._tell(step, self._in_order(found), reason)
