@@ -88,10 +88,12 @@ def _comment_text(token: Token) -> str:
 
 def _settled(gap: _Gap, previous: Word | None) -> tuple[list[Comment], bool]:
     """Give `previous` the comments that end its line; return the others, and whether a blank line follows them."""
-    comments = [
-        Comment(each, each.startswith("//") or bool(gap.lines[i] and gap.lines[i + 1]), gap.lines[i] > 1)
-        for i, each in enumerate(gap.comments)
-    ]
+    comments: list[Comment] = []
+    alone = False
+    for each, (above, below) in reversed(list(zip(gap.comments, pairwise(gap.lines), strict=True))):
+        alone = each.startswith("//") or (above > 0 and (below > 0 or alone))
+        comments.append(Comment(each, alone, above > 1))
+    comments.reverse()
     count = 0
     while count < len(comments) and gap.lines[count] == 0:
         count += 1
