@@ -163,21 +163,22 @@ class Mind:
     def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
         """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
         env: list[Value] = [Robot(self._node.robot), *args]
-        supposed: dict[int, list[Args]] = {}
+        supposed: dict[int, tuple[list[Args], list[Args]]] = {}
         for effect in effects:
             predicate = self._node.program.predicates[effect.predicate]
-            if predicate.kind is Kind.SENSED:
-                try:
-                    values = tuple([evaluate(code, env, now) for code in effect.args])
-                except NoValue as reason:
-                    self.expression_failures += 1
-                    where = f"effect on {predicate.name}"
-                    self._node.trace(now, "expression_failed", where=where, reason=str(reason))
-                else:
-                    supposed.setdefault(effect.predicate, []).append(values)
-        for index, wanted in supposed.items():
-            for held in self._machine.held(index):
+            if predicate.kind is not Kind.SENSED:
+                continue
+            try:
+                before = self._machine.held(effect.predicate)
+                values = tuple([evaluate(code, env, now) for code in effect.args])
+                self._machine.insert(now, effect.predicate, values)
+            except (NoValue, ValueError) as reason:
+                self.expression_failures += 1
+                where = f"effect on {predicate.name}"
+                self._node.trace(now, "expression_failed", where=where, reason=str(reason))
+            else:
+                supposed.setdefault(effect.predicate, (before, []))[1].append(values)
+        for index, (before, wanted) in supposed.items():
+            for held in before:
                 if held not in wanted:
                     self._machine.withdraw(now, index, held)
-            for values in wanted:
-                self._machine.insert(now, index, values)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rmr import __version__
 from rmr.node.actions import STOPPED, TAKEN_OVER
+from rmr.node.trace import Level
 from rmr_sim.run import prepare, report_of
 from rmr_sim.simulation import Simulation
 from rmr_world.document import LabError
@@ -89,6 +90,7 @@ def _run(arguments: argparse.Namespace) -> int:
         robots=arguments.robots,
         loss=arguments.loss,
         actions=arguments.actions,
+        trace=Level.NOTES if arguments.trace is None else Level.FACTS,
         warn=lambda text: print(text, file=sys.stderr),
     )
     folder = make_run_folder(simulation.lab.name, arguments.run)

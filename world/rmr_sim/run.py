@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from rmr.node.trace import Level
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
 from rmr_world.document import LabError
@@ -20,6 +21,7 @@ def prepare(
     robots: int | None = None,
     loss: float | None = None,
     actions: Path | None = None,
+    trace: Level = Level.NOTES,
     warn: Callable[[str], None] = lambda _: None,
 ) -> Simulation:
     """Return the simulation of the lab in `path`.
@@ -39,9 +41,8 @@ def prepare(
     problems = check_program(lab, loaded.program)
     if problems:
         raise LabError(problems)
-    return Simulation(
-        lab, loaded.program, loaded.digest, lab.seed if seed is None else seed, load_handlers(loaded.program, actions)
-    )
+    handlers = load_handlers(loaded.program, actions)
+    return Simulation(lab, loaded.program, loaded.digest, lab.seed if seed is None else seed, handlers, trace)
 
 
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:

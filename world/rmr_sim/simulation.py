@@ -18,6 +18,7 @@ from rmr.node.config import NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
+from rmr.node.trace import Level
 from rmr.radio.air import Announcement
 from rmr.radio.station import RadioConfig, Station
 from rmr_world.lab import Lab
@@ -26,8 +27,6 @@ from rmr_world.terms import parse_fact
 
 IDLE_SAMPLE_TICKS = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
-TRACE_TICKS = 6
-"""How often the robots' notes are fetched; in between a robot has room for what 4000 firings tell."""
 
 
 class SimulatedRobot:
@@ -121,7 +120,13 @@ class Simulation:
     """A lab's run in virtual time."""
 
     def __init__(
-        self, lab: Lab, program: Program, digest: int, seed: int, handlers: Mapping[str, Handler] | None = None
+        self,
+        lab: Lab,
+        program: Program,
+        digest: int,
+        seed: int,
+        handlers: Mapping[str, Handler] | None = None,
+        trace: Level = Level.NOTES,
     ) -> None:
         """Raise `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out."""
         self.lab = lab
@@ -148,6 +153,7 @@ class Simulation:
                 self.radio,
                 facts,
                 finish,
+                trace=trace,
             )
             return lambda ports: Node(config, program, ports, handlers or {}, digest)
 
@@ -193,8 +199,7 @@ class Simulation:
                 continue
             robot.sample(now)
             robot.tick(now)
-        if not index % TRACE_TICKS:
-            self._take_traces()
+        self._take_traces()
 
     def _take_traces(self) -> None:
         """Take over what the robots noted, of which they themselves keep the newest part alone."""

@@ -7,15 +7,19 @@ from rmr.node.symbols import SYMBOLS_MAX, Symbols, symbols_of
 EVERYWHERE = """
 type action go(R: robot, A: area) -o at(R, effected) else at(R, failing).
 type action warn(robot, area).
-place(R, stated, [inlist, [nested]]).
-?place(R, wanted, _).
-note(@3, elsewhere).
-place(R, matched, _), $note(R, X), X = compared, Y = if(X = tested, chosen, other)
-    -o note(R, Y), ?note(R, sought), go(R, driven), note(R, [built, X]).
-note(R, X) -o {L | road(R, L), not note(R, absent) | note(R, comprehended)}.
-road(R, X) -o [collect [termed, L] => V | road(R, L), note(R, inner) | note(R, [V, collected])].
-road(R, X) -o go(R, first) then note(R, second).
-crossing: watch(note(R, begun), place(R, ended, _), 10, warn(R, violated)).
+type place(robot, area).
+type tour(robot, list list area).
+place(R, stated).
+tour(R, [[inlist], [nested]]).
+?place(R, wanted).
+place(@3, elsewhere).
+place(R, matched), $place(R, X), X = compared, Y = if(X = tested, chosen, other)
+    -o place(R, Y), ?place(R, sought), go(R, driven), tour(R, [[built, X]]).
+place(R, X) -o {L | road(R, L), not place(R, absent) | place(R, comprehended)}.
+road(R, X) -o [collect [termed, L] => V | road(R, L), place(R, inner) | tour(R, [[collected]])].
+road(R, X) -o go(R, first) then place(R, second).
+place(R, X) -o road(R, X).
+crossing: watch(place(R, begun), place(R, ended), 10, warn(R, violated)).
 """
 VALUES = """
 stated inlist nested wanted elsewhere matched compared tested chosen other sought driven built absent
