@@ -19,6 +19,10 @@ class NoValue(Exception):  # noqa: N818  (an outcome, not a fault)
     """The expression has no value; the message says why."""
 
 
+class OutOfRange(NoValue):
+    """It would be a number that does not fit into 64 bits."""
+
+
 def is_number(value: Value) -> bool:
     """Tell whether `value` is an int or a float; a robot is neither."""
     kind = type(value)
@@ -39,10 +43,10 @@ def checked(value: int | float) -> Value:
     if type(value) is int:
         if INT_MIN <= value <= INT_MAX:
             return value
-        raise NoValue("an integer beyond 64 bits")
+        raise OutOfRange("an integer beyond 64 bits")
     if math.isfinite(value):
         return value
-    raise NoValue("a float beyond its range")
+    raise OutOfRange("a float beyond its range")
 
 
 def numbers(name: str, *values: Value) -> tuple[float, ...]:

@@ -26,6 +26,7 @@ from rmr.lang.syntax import (
     Call,
     Comprehension,
     Condition,
+    Expression,
     Fact,
     FactItem,
     GoalItem,
@@ -160,7 +161,7 @@ def _stated(fact: Fact, found: Diagnostics) -> None:
     owner = _owner(fact, found)
     for argument in fact.arguments[1:]:
         own = isinstance(argument, Variable) and owner is not None and argument.name == owner.name != "_"
-        if own or isinstance(argument, Literal):
+        if own or not _varies(argument):
             continue
         hint = None
         if isinstance(argument, Variable) and argument.name[0].isupper():
@@ -171,8 +172,15 @@ def _stated(fact: Fact, found: Diagnostics) -> None:
 def _goal(fact: Fact, found: Diagnostics) -> None:
     _owner(fact, found)
     for argument in fact.arguments[1:]:
-        if not isinstance(argument, Literal | Variable):
+        if not isinstance(argument, Variable) and _varies(argument):
             found.report("E023", "a goal's arguments are constants, or variables for anything", argument.span)
+
+
+def _varies(argument: Expression) -> bool:
+    """Whether an argument is not constant; one that only has no value has been reported where that was found."""
+    return any(
+        isinstance(each, Variable) or (isinstance(each, Call) and each.name.text == "now") for each in walk(argument)
+    )
 
 
 # ---- effects

@@ -1,136 +1,124 @@
-"""Constants: what `const` names, and expressions that have a value before the program runs.
+"""Constants: what `const` names, and what has a value before the program runs.
 
-Folding computes only what the virtual machine would compute as well; an expression that it does not fold is
-left for the machine, or is an error where a constant is needed.
+A name stands for its value in the whole program, but in other constants only behind its definition. All
+constant expressions are worked out here (fold.py), so that what follows sees their values. Where a constant is
+needed, one that has no value is an error; in a rule it is left to the robots, with a warning.
 """
 
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
-from rmr.base.values import Robot, Symbol
-from rmr.bytecode.conform import sound
-from rmr.bytecode.program import Base, Type
-from rmr.lang.build import in_range
+from rmr.base.values import Symbol
 from rmr.lang.diagnostic import Diagnostics, Note
+from rmr.lang.fold import Folder, Valueless
 from rmr.lang.source import Span
-from rmr.lang.syntax import (
-    Binary,
-    Constant,
-    Expression,
-    Fact,
-    FactItem,
-    GoalItem,
-    ListTerm,
-    Literal,
-    Module,
-    Name,
-    Unary,
-)
-from rmr.lang.types import compatible, value_type
+from rmr.lang.syntax import Constant, Expression, FactItem, GoalItem, Item, Literal, Module, Name, walk
 
+Places = dict[Symbol, Name]
+"""Where each constant is defined first."""
 
-def fold(expression: Expression) -> Literal | None:
-    """Return the value of an expression of constants, or None if it has none."""
-    match expression:
-        case Literal():
-            return expression
-        case ListTerm():
-            return _list(expression)
-        case Unary(operator="-", operand=operand):
-            inner = fold(operand)
-            if inner is None or not _is_number(inner.value):
-                return None
-            assert isinstance(inner.value, int | float)
-            return _checked(-inner.value, expression.span)
-        case Binary(operator=operator, left=left, right=right):
-            one, other = fold(left), fold(right)
-            if one is None or other is None or not (_is_number(one.value) and _is_number(other.value)):
-                return None
-            assert isinstance(one.value, int | float)
-            assert isinstance(other.value, int | float)
-            return _arithmetic(operator, one.value, other.value, expression.span)
-        case _:
-            return None
-
-
-def _list(term: ListTerm) -> Literal | None:
-    rest = Literal((), term.span) if term.rest is None else fold(term.rest)
-    items = [fold(item) for item in term.items]
-    values = tuple(item.value for item in items if item is not None)
-    if rest is None or not isinstance(rest.value, tuple) or len(values) < len(items):
-        return None
-    value = (*values, *rest.value)
-    kind = value_type(value)
-    agree = all(compatible(Type(Base.LIST, element=value_type(each)), kind) for each in value)
-    return Literal(value, term.span) if agree and sound(value) else None
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool | Robot)
-
-
-def _arithmetic(operator: str, one: int | float, other: int | float, span: Span) -> Literal | None:
-    try:
-        match operator:
-            case "+":
-                return _checked(one + other, span)
-            case "-":
-                return _checked(one - other, span)
-            case "*":
-                return _checked(one * other, span)
-            case "/":
-                return _checked(one / other, span)
-    except ArithmeticError:
-        pass
-    return None
-
-
-def _checked(value: int | float, span: Span) -> Literal | None:
-    return Literal(value, span) if in_range(value) else None
+_PARTS: dict[type, tuple[str, ...]] = {}
+"""By class of nodes: the fields that may hold expressions."""
 
 
 def resolve(module: Module, found: Diagnostics) -> Module:
-    """Return `module` with every name of a constant replaced by its value, and stated values computed."""
-    values: dict[Symbol, Literal] = {}
-    places: dict[Symbol, Name] = {}
+    """Return `module` with every name of a constant replaced by its value, and constant expressions worked out.
+
+    A stated fact or goal with an argument that has no value is left out, and its name counts as broken.
+    """
+    values = _defined(module, found)
+    items: list[Item] = []
+    broken = set(module.broken)
     for item in module.items:
         if isinstance(item, Constant):
-            _define(item, values, places, found)
-    items = tuple(_stated(_replaced(item, values)) if values else _stated(item) for item in module.items)
-    return replace(module, items=items)
+            continue
+        folder = Folder(values)
+        resolved = _mapped(item, folder)
+        if isinstance(item, FactItem | GoalItem) and folder.valueless:
+            broken.add(item.fact.name.text)
+            _no_constants(folder.valueless, found)
+            continue
+        items.append(resolved)
+        for each in folder.valueless:
+            hint = "a match that needs it does not count"
+            found.report("W110", f"this never has a value: {each.reason}", each.span, hint=hint)
+    return replace(module, items=tuple(items), broken=frozenset(broken))
 
 
-def _define(item: Constant, values: dict[Symbol, Literal], places: dict[Symbol, Name], found: Diagnostics) -> None:
-    name = Symbol(item.name.text)
-    if name in values:
-        notes = (Note(places[name].span, "first defined here"),)
-        found.report("E010", f"the constant `{name}` is defined twice", item.name.span, notes=notes)
-        return
-    value = fold(_replaced(item.value, values))
-    if value is None:
-        hint = "numbers, robots, strings, symbols, earlier constants, and + - * / of numbers"
-        found.report("E023", f"the value of `{name}` is not constant", item.value.span, hint=hint)
-        value = Literal(0, item.value.span)
-    values[name], places[name] = value, item.name
-
-
-def _stated(item: Any) -> Any:
-    """Compute the arguments of a fact or goal that the program states."""
-    if not isinstance(item, FactItem | GoalItem):
-        return item
-    fact: Fact = item.fact
-    arguments = tuple(fold(argument) or argument for argument in fact.arguments)
-    return replace(item, fact=replace(fact, arguments=arguments))
-
-
-def _replaced(node: Any, values: dict[Symbol, Literal]) -> Any:
-    """Return `node` with constants in place of their names; nesting is bounded by the parser."""
-    if isinstance(node, Literal):
-        value = values.get(node.value) if isinstance(node.value, Symbol) else None
-        return Literal(value.value, node.span) if value is not None else node
+def _mapped(node: Any, folder: Folder) -> Any:
+    """Return `node` with the expressions in it folded."""
+    if isinstance(node, Expression):
+        return folder.fold(node)
     if isinstance(node, tuple):
-        return tuple(_replaced(each, values) for each in node)
-    if is_dataclass(node) and not isinstance(node, type | Span | Name):
-        changes = {part.name: _replaced(getattr(node, part.name), values) for part in fields(node)}
-        return type(node)(**changes)
-    return node
+        parts = [_mapped(each, folder) for each in node]
+        return tuple(parts) if any(new is not old for new, old in zip(parts, node, strict=True)) else node
+    changes = {}
+    for name in _parts(type(node)):
+        part = getattr(node, name)
+        new = _mapped(part, folder)
+        if new is not part:
+            changes[name] = new
+    return replace(node, **changes) if changes else node
+
+
+def _parts(kind: type) -> tuple[str, ...]:
+    """Return the fields of a node that may hold expressions."""
+    if kind not in _PARTS:
+        inner = is_dataclass(kind) and kind not in {Name, Span}
+        _PARTS[kind] = tuple(part.name for part in fields(kind) if part.name != "span") if inner else ()
+    return _PARTS[kind]
+
+
+# ---- definitions
+
+
+def _defined(module: Module, found: Diagnostics) -> dict[Symbol, Literal]:
+    """Return the values of the program's constants."""
+    definitions = [item for item in module.items if isinstance(item, Constant)]
+    places: Places = {}
+    for item in definitions:
+        places.setdefault(Symbol(item.name.text), item.name)
+    values: dict[Symbol, Literal] = {}
+    for item in definitions:
+        name = Symbol(item.name.text)
+        if places[name] is item.name:
+            values[name] = _value(item, values, places, found)
+        else:
+            notes = (Note(places[name].span, "first defined here"),)
+            found.report("E010", f"the constant `{name}` is defined twice", item.name.span, notes=notes)
+    return values
+
+
+def _value(item: Constant, values: dict[Symbol, Literal], places: Places, found: Diagnostics) -> Literal:
+    """Return the value of a constant, 0 after reporting why there is none."""
+    folder = Folder(values)
+    value = folder.fold(item.value)
+    early = [each for each in walk(item.value) if _is_early(each, values, places)]
+    _no_constants(folder.valueless, found)
+    for each in early:
+        assert isinstance(each, Literal)
+        assert isinstance(each.value, Symbol)
+        notes = (Note(places[each.value].span, "defined here"),)
+        hint = "a constant is made of numbers, symbols and constants before it"
+        found.report("E023", f"`{each.value}` has no value yet", each.span, hint=hint, notes=notes)
+    if isinstance(value, Literal) and not early:
+        return value
+    if not folder.valueless and not early:
+        hint = "numbers, robots, strings, symbols, lists, earlier constants, and what is worked out from these"
+        found.report("E023", f"the value of `{item.name.text}` is not constant", item.value.span, hint=hint)
+    return Literal(0, item.value.span)
+
+
+def _is_early(node: object, values: dict[Symbol, Literal], places: Places) -> bool:
+    """Whether `node` names a constant that is defined only later, or the one that is being defined."""
+    if not isinstance(node, Literal) or not isinstance(node.value, Symbol):
+        return False
+    return node.value in places and node.value not in values
+
+
+def _no_constants(valueless: list[Valueless], found: Diagnostics) -> None:
+    for each in valueless:
+        if each.out_of_range:
+            found.report("E005", f"the value of this does not fit: {each.reason}", each.span)
+        else:
+            found.report("E023", f"this has no value: {each.reason}", each.span)

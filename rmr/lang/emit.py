@@ -12,6 +12,7 @@ from rmr.bytecode import program as form
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Slot, Type
 from rmr.lang import provided
+from rmr.lang.fold import INSTRUCTIONS
 from rmr.lang.names import Names, Signature
 from rmr.lang.project import OPERATORS
 from rmr.lang.source import Span
@@ -34,19 +35,6 @@ from rmr.lang.syntax import (
 )
 from rmr.lang.types import Types
 
-_BINARY = {
-    "+": Op.ADD,
-    "-": Op.SUB,
-    "*": Op.MUL,
-    "/": Op.DIV,
-    "%": Op.MOD,
-    "=": Op.EQ,
-    "!=": Op.NE,
-    "<": Op.LT,
-    "<=": Op.LE,
-    ">": Op.GT,
-    ">=": Op.GE,
-}
 _FUNCTIONS = {function.name: index for index, function in enumerate(FUNCTIONS)}
 
 
@@ -260,7 +248,7 @@ class Emitter:
                 one, other = self._code(left, environment), self._code(right, environment)
                 if operator in {"&&", "||"}:
                     return (*one, Instruction(Op.AND if operator == "&&" else Op.OR, len(other)), *other)
-                return (*one, *other, Instruction(_BINARY[operator]))
+                return (*one, *other, Instruction(INSTRUCTIONS[operator]))
             case Call():
                 return self._call(expression, environment)
             case ListTerm(items=items, rest=rest):

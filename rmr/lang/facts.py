@@ -4,15 +4,26 @@ Robots carry no parser, so whoever starts them turns text into values with the h
 will run.
 """
 
-from rmr.base.values import Robot
-from rmr.bytecode.program import ANY, Anything, Constant, InitialFact, InitialGoal, Kind, Program
-from rmr.lang.constants import fold
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import (
+    ANY,
+    SELF_SLOT,
+    Base,
+    Constant,
+    InitialFact,
+    InitialGoal,
+    Kind,
+    Program,
+    Slot,
+    Type,
+)
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.emit import converted
+from rmr.lang.fold import fold
 from rmr.lang.names import meant
 from rmr.lang.parser import parse
 from rmr.lang.provided import type_text
-from rmr.lang.source import Source
+from rmr.lang.source import Source, Span
 from rmr.lang.syntax import Expression, Fact, FactItem, Literal, Mark, Variable
 from rmr.lang.types import fits, literal_type
 
@@ -20,12 +31,15 @@ from rmr.lang.types import fits, literal_type
 class FactError(Exception):
     """The text is no fact of the program; the message says why, without the text itself.
 
-    `code` is that of the diagnostic which the same mistake would be in a program.
+    `code` is that of the diagnostic which the same mistake would be in a program, `span` its place in the text.
     """
 
-    def __init__(self, message: str, code: str = "E001", hint: str | None = None) -> None:
+    def __init__(self, message: str, code: str = "E001", span: Span | None = None, hint: str | None = None) -> None:
         super().__init__(message if hint is None else f"{message}; {hint}")
+        self.message = message
         self.code = code
+        self.span = span
+        self.hint = hint
 
 
 def parse_fact(text: str, program: Program) -> InitialFact:
@@ -37,50 +51,67 @@ def parse_fact(text: str, program: Program) -> InitialFact:
 
 
 def stated(fact: Fact, program: Program) -> InitialFact:
-    """Return what `fact` states, as `parse_fact`. Raises FactError."""
-    pattern = _pattern(fact, program)
-    values = [each.value for each in pattern.args if isinstance(each, Constant)]
-    if len(values) != len(pattern.args):
-        raise FactError("a fact has constant arguments, only its owner may be a variable", "E023")
-    return InitialFact(pattern.predicate, pattern.owner, tuple(values))
+    """Return what `fact` states, as `parse_fact`; the owner's variable may stand for a robot. Raises FactError."""
+    predicate = _predicate(fact, program)
+    owner = fact.arguments[0]
+    args: list[Value | Slot] = []
+    for argument, kind in zip(fact.arguments[1:], program.predicates[predicate].types, strict=True):
+        if not isinstance(argument, Variable):
+            args.append(_value(argument, kind, fact))
+        elif isinstance(owner, Variable) and argument.name == owner.name and not argument.anonymous:
+            if not fits(Type(Base.ROBOT), kind):
+                raise _misfit(argument, kind, Type(Base.ROBOT), fact)
+            args.append(Slot(SELF_SLOT))
+        else:
+            raise FactError("a fact has constant arguments, only its owner may be a variable", "E023", argument.span)
+    return InitialFact(predicate, _owner(owner), tuple(args))
 
 
 def parse_pattern(text: str, program: Program) -> InitialGoal:
     """Return the pattern that `text` spells, such as ``at(R, exit)``; variables match anything. Raises FactError."""
-    return _pattern(read_fact(text), program)
+    fact = read_fact(text)
+    predicate = _predicate(fact, program)
+    names = [each.name for each in fact.arguments if isinstance(each, Variable) and not each.anonymous]
+    if len(set(names)) != len(names):
+        raise FactError("the same variable twice is not supported yet")
+    args = tuple(
+        ANY if isinstance(argument, Variable) else Constant(_value(argument, kind, fact))
+        for argument, kind in zip(fact.arguments[1:], program.predicates[predicate].types, strict=True)
+    )
+    return InitialGoal(predicate, _owner(fact.arguments[0]), args)
 
 
-def _pattern(fact: Fact, program: Program) -> InitialGoal:
+def _predicate(fact: Fact, program: Program) -> int:
+    """Return the predicate that `fact` names, of which it has the kind and the number of arguments."""
     name = fact.name.text
     index = program.index(name)
     if index is None:
         known = [each.name for each in program.predicates if each.kind is not Kind.ACTION]
-        raise FactError(f"the program knows no fact `{name}`", "E015", meant(name, known))
+        raise FactError(f"the program knows no fact `{name}`", "E015", fact.name.span, meant(name, known))
     predicate = program.predicates[index]
     if predicate.kind is Kind.ACTION:
-        raise FactError(f"`{name}` is an action, not a fact", "E012")
+        raise FactError(f"`{name}` is an action, not a fact", "E012", fact.name.span)
     if fact.mark is Mark.BANG and predicate.kind is not Kind.PERSISTENT:
         raise FactError(f"`{name}` is a {predicate.kind.name.lower()} fact, not a persistent one", "E012")
-    if len(fact.arguments) != len(predicate.types) + 1:
-        raise FactError(f"`{name}` has {len(predicate.types) + 1} arguments, not {len(fact.arguments)}", "E011")
-    owner = _owner(fact.arguments[0])
-    seen: list[str] = [each.name for each in fact.arguments if isinstance(each, Variable) and not each.anonymous]
-    if len(set(seen)) != len(seen):
-        raise FactError("the same variable twice is not supported yet")
-    pairs = zip(fact.arguments[1:], predicate.types, strict=True)
-    args: list[Anything | Constant] = []
-    for argument, kind in pairs:
-        if isinstance(argument, Variable):
-            args.append(ANY)
-            continue
-        literal = fold(argument)
-        if literal is None:
-            raise FactError("arguments are constants", "E023")
-        if not fits(literal_type(literal), kind):
-            given = type_text(literal_type(literal))
-            raise FactError(f"an argument of `{name}` is {type_text(kind)}, not {given}", "E020")
-        args.append(Constant(converted(literal.value, kind)))
-    return InitialGoal(index, owner, tuple(args))
+    arity = len(predicate.types) + 1
+    if len(fact.arguments) != arity:
+        words = "1 argument" if arity == 1 else f"{arity} arguments"
+        raise FactError(f"`{name}` has {words}, not {len(fact.arguments)}", "E011")
+    return index
+
+
+def _value(argument: Expression, kind: Type, fact: Fact) -> Value:
+    literal = fold(argument)
+    if literal is None:
+        raise FactError("arguments are constants", "E023", argument.span)
+    if not fits(literal_type(literal), kind):
+        raise _misfit(argument, kind, literal_type(literal), fact)
+    return converted(literal.value, kind)
+
+
+def _misfit(argument: Expression, kind: Type, given: Type, fact: Fact) -> FactError:
+    message = f"an argument of `{fact.name.text}` is {type_text(kind)}, not {type_text(given)}"
+    return FactError(message, "E020", argument.span)
 
 
 def read_fact(text: str) -> Fact:
@@ -101,4 +132,4 @@ def _owner(owner: Expression) -> int | None:
         return None
     if isinstance(owner, Literal) and isinstance(owner.value, Robot):
         return int(owner.value)
-    raise FactError("the first argument is a robot such as `@1`, or a variable for every robot", "E021")
+    raise FactError("the first argument is a robot such as `@1`, or a variable for every robot", "E021", owner.span)

@@ -249,7 +249,7 @@ def test_the_owner_as_a_value_of_a_stated_fact_is_the_robot_itself():
     ("expression", "expected"),
     [
         ("-X", ["LOAD", "NEG"]),
-        ("X + 1 - 2 * 3 % 4", ["LOAD", "INT", "ADD", "INT", "INT", "MUL", "INT", "MOD", "SUB"]),
+        ("X + 1 - X * 3 % 4", ["LOAD", "INT", "ADD", "LOAD", "INT", "MUL", "INT", "MOD", "SUB"]),
         ("X - -3", ["LOAD", "INT", "SUB"]),
         ("max(X, 2)", ["LOAD", "INT", "CALL"]),
         ("if(X > 1, X, 0)", ["LOAD", "INT", "GT", "JUMP_IF_FALSE", "LOAD", "JUMP", "INT"]),
@@ -278,8 +278,8 @@ def test_and_or_and_if_decide_lazily_by_jumps_that_fit():
 @pytest.mark.parametrize("function", [each for each in FUNCTIONS if each.name != "rest"], ids=lambda each: each.name)
 def test_every_function_of_the_machine_can_be_called(function):
     arguments = {"id": "R", "len": "L", "nth": "L, 1", "member": "1, L", "sort": "L"}
-    given = arguments.get(function.name, ", ".join(["1.5"] * function.arity))
-    code = rule(f"p(R, L) -o q(R, {function.name}({given})).").head[0].args[0]
+    given = arguments.get(function.name, ", ".join("X" * function.arity))
+    code = rule(f"p(R, L, X) -o q(R, {function.name}({given})).").head[0].args[0]
     assert FUNCTIONS[code[-1].operand] == function
 
 
