@@ -33,6 +33,8 @@ class Compilation:
     """The file is missing or is no file: the command line is wrong, not the program."""
     included: tuple[Source, ...] = ()
     """The other files of the program."""
+    checked: Checked | None = None
+    """What the program was made from; None if there are errors."""
 
     @property
     def sources(self) -> dict[str, Source]:
@@ -79,7 +81,9 @@ def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
     if loader.incomplete:
         diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in DOUBTFUL]
     _, *included = loader.sources.values()
-    return Compilation(source, None if found.failed else program, diagnostics, included=tuple(included))
+    if found.failed or program is None:
+        return Compilation(source, None, diagnostics, included=tuple(included))
+    return Compilation(source, program, diagnostics, included=tuple(included), checked=checked)
 
 
 def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> None:
