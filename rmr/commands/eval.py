@@ -84,7 +84,7 @@ _duration = _read_by(options.duration)
 )
 @click.option("--strategy", type=click.Choice(["random", "textual"]), help="Instead of the program's own order.")
 @click.option("--trace", metavar="FILE", type=PATH, help="Write what happens as JSON lines.")
-@click.option("--json", "one_line", is_flag=True, help="The report on one line, on a terminal too.")
+@click.option("--json", "one_line", is_flag=True, help="The whole report on one line.")
 @VERSION
 def command(
     program: Path,
@@ -269,7 +269,8 @@ def _conclude(ensemble: "Ensemble", until: int, interrupted: bool) -> None:
 
 
 def _print(ensemble: "Ensemble", one_line: bool) -> None:
+    from rmr.eval.layout import laid_out
     from rmr.eval.report import report
 
-    pretty = sys.stdout.isatty() and not one_line
-    click.echo(json.dumps(report(ensemble), indent=2 if pretty else None))
+    told = report(ensemble)
+    click.echo(json.dumps(told) if one_line else laid_out(told))

@@ -227,7 +227,7 @@ class Ensemble:
     def _lost(self, now: Instant, source: int, destination: int, payload: bytes) -> None:
         assert self._sink is not None
         note = {"what": "lost", "destination": destination, "frame": frame_text(payload)}
-        self._sink([{"t": round(in_seconds(now), 4), "robot": source, **note}])
+        self._sink([{"t": round(in_seconds(now), 6), "robot": source, **note}])
 
 
 class _Neighbors:

@@ -72,6 +72,7 @@ class EtherLink:
     def receive(self) -> list[Received]:
         """Return what has arrived since the last call."""
         received, self._received = self._received, []
+        self._ether.taken(received)
         return received
 
     def confirmations(self) -> list[Confirmed]:
@@ -131,7 +132,7 @@ class Ether:
     ) -> None:
         self.messages = Messages()
         self.pending = 0
-        """Frames under way that are neither acknowledgements nor coordination: something is yet to happen."""
+        """Frames that are neither acknowledgements nor coordination and that their receivers have yet to take in."""
         self.carried = 0
         """Such frames so far."""
         self.slowed_at: Instant | None = None
@@ -203,8 +204,10 @@ class Ether:
             self._links[robot].take(now, frame, hops)
         if frame.payload[0] != Kind.FACT_ACK:
             self.messages.delivered += len(receivers)
-        if _awaited(frame.payload):
-            self.pending -= len(receivers)
+
+    def taken(self, frames: Iterable[Received]) -> None:
+        """Count frames that a robot takes in."""
+        self.pending -= sum(_awaited(frame.payload) for frame in frames)
 
 
 def _awaited(payload: bytes) -> bool:

@@ -179,7 +179,7 @@ def _check_file(file: FactsFile, program: Program) -> tuple[tuple[InitialFact, .
         try:
             facts.append(stated(fact, program))
         except FactError as error:
-            found.report(error.code, str(error), fact.span)
+            found.report(error.code, error.message, error.span or fact.span, hint=error.hint)
     problems = sorted((*file.problems, *found.in_order()), key=lambda each: each.span.start)
     return tuple(facts), _as_compilation(replace(file, problems=tuple(problems)))
 

@@ -52,6 +52,7 @@ def test_a_frame_arrives_after_the_latency_and_not_before():
     assert air.heard(2) == []
     assert air.ether.pending == 1
     air.kernel.run_until(milliseconds(5))
+    assert air.ether.pending == 1, "the robot has yet to take it in"
     assert air.heard(2) == [(1, fact(0))]
     assert air.heard(2) == []
     assert air.ether.pending == 0

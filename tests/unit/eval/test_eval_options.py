@@ -65,7 +65,7 @@ def test_durations_are_those_of_the_language_and_plain_numbers_are_seconds(text,
 
 @pytest.mark.parametrize("text", ["", "s", "-1s", "5 hours", "1h", "1 s", "nan", "inf", "1_000", "0x10", "५s"])
 def test_what_is_no_duration_is_refused_with_examples(text):
-    with pytest.raises(OptionError, match="is no duration; write 500ms, 2s, 1.5min, or a number of seconds"):
+    with pytest.raises(OptionError, match=r"is no duration; write 500ms, 2s, 1\.5min, or a number of seconds"):
         duration(text)
 
 
@@ -81,7 +81,7 @@ def test_shares_lie_from_0_to_1():
 
 @pytest.mark.parametrize("text", ["1.1", "-0.1", "10%", "nan", "", "half"])
 def test_what_is_no_share_is_refused_with_an_example(text):
-    with pytest.raises(OptionError, match="a share from 0 to 1, not .*; 0.1 loses one frame in ten"):
+    with pytest.raises(OptionError, match=r"a share from 0 to 1, not .*; 0\.1 loses one frame in ten"):
         share(text)
 
 
@@ -92,7 +92,7 @@ def test_an_outside_event_is_an_instant_and_a_fact():
 
 @pytest.mark.parametrize("text", ["", "online(@3, l1)", "2s", "2s:", "2s:  "])
 def test_an_event_without_an_instant_or_without_a_fact_is_refused(text):
-    with pytest.raises(OptionError, match="is no time and fact; write '2.5s: online"):
+    with pytest.raises(OptionError, match=r"is no time and fact; write '2\.5s: online"):
         outside_event(text)
 
 

@@ -107,7 +107,7 @@ def test_a_name_that_is_none_gets_the_names(tmp_path):
         read("rnig", ids(2))
     with pytest.raises(OptionError, match="write complete, line, ring, grid, star, or a file"):
         read(str(tmp_path / "none"), ids(2))
-    with pytest.raises(OptionError, match="cannot read .*directory"):
+    with pytest.raises(OptionError, match=r"cannot read .*directory"):
         read(str(tmp_path), ids(2))
 
 

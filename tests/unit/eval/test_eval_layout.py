@@ -1,0 +1,34 @@
+"""Reports as people read them are JSON all the same."""
+
+import json
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rmr.eval.layout import WIDTH, laid_out
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=60,
+)
+
+
+@given(VALUES)
+def test_what_is_laid_out_is_the_same_json(value):
+    assert json.loads(laid_out(value)) == value
+
+
+def test_what_fits_stays_on_a_line_and_the_rest_has_an_item_a_line():
+    value = {"small": [1, 2], "large": ["x" * 40, "y" * 40, {"z": 3}]}
+    assert laid_out(value).splitlines() == [
+        "{",
+        '  "small": [1, 2],',
+        '  "large": [',
+        f'    "{"x" * 40}",',
+        f'    "{"y" * 40}",',
+        '    {"z": 3}',
+        "  ]",
+        "}",
+    ]
+    assert all(len(line) <= WIDTH + 1 for line in laid_out({"k": list(range(500))}).splitlines())
