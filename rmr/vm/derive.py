@@ -109,7 +109,7 @@ class Inner(NamedTuple):
 
 
 class PlannedRule:
-    """A rule with its bodies planned; shared by nothing, changed by nobody."""
+    """A rule with its bodies planned; shared by all robots of a program, changed by nobody."""
 
     __slots__ = ("head", "slots", "steps", "taken")
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from random import Random
 
+from rmr.base.identity import ByIdentity
 from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.bytecode.heads import bodies, codes
@@ -30,6 +31,12 @@ from rmr.vm.store import Fact, Store
 
 UNRANKED = 1 << 30
 """Comes after every rank."""
+
+
+plans_of: ByIdentity[Program, tuple[PlannedRule, ...]] = ByIdentity(
+    lambda program: tuple([PlannedRule(rule, program.predicates) for rule in program.rules])
+)
+"""Returns the plans of a program's rules, the same for all robots of a process."""
 
 
 class Candidate:
@@ -48,9 +55,10 @@ class RuleState:
 
     __slots__ = ("candidate", "index", "once", "planned", "stale", "timed")
 
-    def __init__(self, index: int, rule: Rule, program: Program, store: Store, dropped: Dropped) -> None:
+    def __init__(self, index: int, planned: PlannedRule, program: Program, store: Store, dropped: Dropped) -> None:
+        rule = program.rules[index]
         self.index = index
-        self.planned = PlannedRule(rule, program.predicates)
+        self.planned = planned
         self.timed = any(uses_now(code) for code in codes(rule.head))
         self.once: Once | None = None
         """Of a rule that consumes nothing: the matches that have not fired."""
@@ -82,7 +90,8 @@ class Interpreter:
         self._rng = rng
         self._failures = failures
         self._textual = program.strategy is Strategy.TEXTUAL
-        self._states = [RuleState(index, rule, program, store, dropped) for index, rule in enumerate(program.rules)]
+        plans = enumerate(plans_of(program))
+        self._states = [RuleState(index, planned, program, store, dropped) for index, planned in plans]
         self._stale: list[RuleState] = []
         self._readers: list[list[RuleState]] = [[] for _ in program.predicates]
         for state, rule in zip(self._states, program.rules, strict=True):
