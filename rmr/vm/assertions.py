@@ -224,6 +224,8 @@ def due_at(now: Instant, assertion: Assertion, bindings: Bindings) -> Instant:
     value = evaluate(assertion.deadline, bindings, now)  # type: ignore[arg-type]
     if type(value) is not int and type(value) is not float:
         raise NoValue("a deadline that is no number of seconds")
+    if value <= 0:
+        return now
     if value * NS_PER_S >= NEVER - now:
         return NEVER - 1
-    return now + max(0, round(value * NS_PER_S))
+    return now + round(value * NS_PER_S)
