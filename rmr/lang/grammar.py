@@ -1,48 +1,163 @@
 """The parser's tables, made from the grammar once per machine and kept in the user's cache.
 
-Building them takes some 60 ms, loading them 10. What stands in the cache is found by a hash of the grammar, of lark's
-version and of Python's, is written whole or not at all, and is made anew whenever it cannot be read; a machine
-without a writable cache does without.
+lark reads the grammar and works out the LALR(1) automaton; what it takes to run it is plain data (`Tables`), small
+and quick to load, so that lark itself is needed only where the tables are made. What stands in the cache is found
+by the grammar's checksum, names the grammar that it was made from, is written whole or not at all, and is made anew
+whenever it cannot be used; a machine without a writable cache does without.
 """
 
-import hashlib
+import json
 import os
-import sys
-import tempfile
+import re
+import zlib
+from contextlib import suppress
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import lark
-from lark import Lark
+if TYPE_CHECKING:
+    from lark import Lark
+    from lark.grammar import Rule as LarkRule
+
+VERSION = 1
+"""Of the tables' form."""
+
+END = "$END"
+"""The terminal behind the last word of an item."""
+
+
+class Rule(NamedTuple):
+    """One right side of a grammar rule: what becomes of its children when it is recognised."""
+
+    name: str
+    """Of the method that builds its node; empty for a repetition, whose children become those of the rule around it."""
+    origin: str
+    """The left side."""
+    length: int
+    children: list[int | None]
+    """Which symbols matter: k the k-th, ~k the children of the k-th, which is a repetition, None an absent option."""
+    single: bool
+    """With one child it is no more than that child."""
+
+
+class Word(NamedTuple):
+    """A terminal: how it is spelt."""
+
+    name: str
+    spelling: str | None
+    """None if there is more than one."""
+    pattern: str
+    """A regular expression."""
+    first: bool
+    """It is tried before all that are not."""
+
+
+class Tables(NamedTuple):
+    """The automaton: its states are numbers, the first one `start`; with `end` an item is complete."""
+
+    actions: list[dict[str, int]]
+    """By state and symbol: the state to go to, or ~r to recognise rule r."""
+    start: int
+    end: int
+    rules: list[Rule]
+    words: list[Word]
+    """In the order in which they are tried."""
+    ignored: list[str]
 
 
 @cache
-def grammar() -> Lark:
-    """Return the parser, made or loaded once per process."""
-    text = files("rmr.lang").joinpath("rmr.lark").read_text(encoding="utf-8")
+def tables() -> Tables:
+    """Return the tables, made or loaded once per process."""
+    text = grammar_text()
     path = cache_path(text)
-    try:
-        with path.open("rb") as file:
-            return Lark.load(file)
-    except Exception:  # absent, or left by a broken disk: whatever it is, it is made anew
-        parser = Lark(text, parser="lalr", lexer="contextual", start="item", propagate_positions=True)
-        _keep(parser, path)
-        return parser
+    with suppress(Exception):  # absent, or left by a broken disk: whatever it is, it is made anew
+        kept = json.loads(path.read_bytes())
+        if kept["grammar"] == text and kept["version"] == VERSION:
+            return _loaded(kept)
+    made = _made(grammar())
+    _keep({"grammar": text, "version": VERSION, **made._asdict()}, path)
+    return made
+
+
+def grammar_text() -> str:
+    """Return the grammar."""
+    return Path(__file__).with_name("rmr.lark").read_text(encoding="utf-8")
 
 
 def cache_path(text: str) -> Path:
     """Return where the tables of the grammar `text` are kept."""
-    identity = hashlib.sha256(f"{lark.__version__}/{sys.version}/{text}".encode()).hexdigest()[:16]
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
-    return home / "rmr" / f"grammar-{identity}"
+    return home / "rmr" / f"grammar-{zlib.crc32(text.encode()):08x}.json"
 
 
-def _keep(parser: Lark, path: Path) -> None:
+@cache
+def grammar() -> "Lark":
+    """Return lark's view of the grammar; making it takes some 60 ms."""
+    from lark import Lark  # noqa: PLC0415 - not where the tables are at hand
+
+    return Lark(grammar_text(), parser="lalr", lexer="contextual", start="item")
+
+
+def _keep(content: dict[str, Any], path: Path) -> None:
+    import tempfile  # noqa: PLC0415 - once per machine
+
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            parser.save(file)
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
+            json.dump(content, file, separators=(",", ":"))
         Path(file.name).replace(path)
     except OSError:
         return
+
+
+def _loaded(kept: dict[str, Any]) -> Tables:
+    rules = [Rule(*rule) for rule in kept["rules"]]
+    words = [Word(*word) for word in kept["words"]]
+    return Tables(kept["actions"], kept["start"], kept["end"], rules, words, kept["ignored"])
+
+
+# ---- from lark's data
+
+
+def _made(lark: "Lark") -> Tables:
+    automaton = lark.parser.parser._parse_table
+    index = {id(rule): number for number, rule in enumerate(lark.rules)}
+    actions = [
+        {symbol: ~index[id(goal)] if kind.name == "Reduce" else goal for symbol, (kind, goal) in row.items()}
+        for _, row in sorted(automaton.states.items())
+    ]
+    [start], [end] = automaton.start_states.values(), automaton.end_states.values()
+    return Tables(actions, start, end, [_rule(rule) for rule in lark.rules], _words(lark), list(lark.ignore_tokens))
+
+
+def _rule(rule: "LarkRule") -> Rule:
+    """Return what lark makes of the symbols of `rule`: words that spell themselves are left out."""
+    present = iter(enumerate(rule.expansion))
+    children: list[int | None] = []
+    for absent in rule.options.empty_indices or (False,) * len(rule.expansion):
+        if absent:
+            children.append(None)
+            continue
+        number, symbol = next(present)
+        if not getattr(symbol, "filter_out", False):
+            children.append(~number if symbol.name.startswith("_") and not symbol.is_term else number)
+    origin = str(rule.origin.name)
+    name = "" if origin.startswith("_") else str(rule.alias or origin)
+    return Rule(name, origin, len(rule.expansion), children, bool(rule.options.expand1 and not rule.alias))
+
+
+def _words(lark: "Lark") -> list[Word]:
+    """Return the terminals, fixed spellings last and the longest of them first."""
+
+    def order(word: Any) -> tuple[object, ...]:
+        return -word.priority, word.pattern.type == "str", -len(word.pattern.value), word.name
+
+    return [
+        Word(
+            word.name,
+            word.pattern.value if word.pattern.type == "str" else None,
+            word.pattern.to_regexp() if word.pattern.type == "re" else re.escape(word.pattern.value),
+            word.priority > 0,
+        )
+        for word in sorted(lark.terminals, key=order)
+    ]

@@ -34,7 +34,7 @@ class Loader:
     sources: dict[str, Source] = field(default_factory=dict)
     """By the name that diagnostics use, in the order in which they were read."""
     incomplete: bool = False
-    """A file could not be read: what it declares is not known."""
+    """A file could not be read to its end: what it declares is not known."""
     _open: dict[Path, Include | None] = field(default_factory=dict)
     """The files that are being read, each with the item that includes it; the program's first file has none."""
     _read: set[Path] = field(default_factory=set)
@@ -55,6 +55,7 @@ class Loader:
         self._characters += len(source.text)
         module = parse(source, self.found)
         self._broken |= module.broken
+        self.incomplete |= not module.complete
         items: list[Item] = []
         for item in module.items:
             items += self._included(item, source) if isinstance(item, Include) else [item]

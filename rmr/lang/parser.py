@@ -1,220 +1,207 @@
 """From source text to the syntax tree, one item at a time.
 
-The text is first cut into items at every `.` that stands outside of comments, strings and numbers. Each item
-is parsed on its own, so that a syntax error costs that item and no other, and so that the place after the
-last mistake is never in doubt. Nesting is bounded before anything walks a tree.
+Words are read as they are needed; what is kept is what has been read of one item. A word that does not fit is
+reported, and replaced where what was meant is clear enough (repair.py). Where it is not, the item is given up: the
+next one begins behind the next `.`, or with a line that begins as items do. A text in which nothing fits is no
+program and is not read to its end. Nesting is bounded before anything walks a tree.
 """
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections import deque
+from itertools import islice
 
-from lark import Token, Tree
-from lark.exceptions import UnexpectedCharacters, UnexpectedInput, UnexpectedToken
-
-from rmr.lang.build import RESERVED, Builder, in_range
+from rmr.lang.automaton import Automaton
+from rmr.lang.build import Builder
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.grammar import grammar
+from rmr.lang.grammar import END
+from rmr.lang.lexer import OPEN_COMMENT, Token, tokens
+from rmr.lang.misfit import Misfit, unexpected
+from rmr.lang.repair import AHEAD_MAX, repair
 from rmr.lang.source import Source, Span
-from rmr.lang.syntax import Item, Literal, Module, walk
+from rmr.lang.syntax import Item, Module, children
 
 NESTING_MAX = 100
 """Brackets within brackets and operators within operators: more is a mistake or an attack on the stack."""
 
-_PIECE = re.compile(
-    r"""(?P<skip> //[^\n]* | /\*.*?\*/ | "(?:[^"\\\n]|\\[^\n])*" | [0-9]+\.[0-9]+ )
-      | (?P<comment> /\* ) | (?P<string> " ) | (?P<dot> \. ) | (?P<open> [(\[{] ) | (?P<close> [)\]}] )""",
-    re.VERBOSE | re.DOTALL,
-)
-_BLANK = re.compile(r"(?:[ \t\r\n\f\uFEFF]+|//[^\n]*|/\*.*?\*/)*", re.DOTALL)
+STATES_MAX = 8 * NESTING_MAX
+"""Of the automaton within one item; a level of brackets takes at most some five of them."""
 
-_WORDS = {
-    "ARROW": "`-o`",
-    "MINUS": "`-`",
-    "NE": "`!=`",
-    "VARIABLE": "a variable",
-    "NAME": "a name",
-    "ROBOT": "a robot",
-    "INT": "a number",
-    "FLOAT": "a number",
-    "TIME": "a number",
-    "STRING": "a string",
-    "$END": "the end",
-    "<END-OF-FILE>": "the end",
-}
-"""What the tokens are called that do not spell themselves."""
-_HIDDEN = {
-    *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"),
-    *("OR", "AND", "EQ", "NE", "LT", "LE", "GT", "GE", "PLUS", "MINUS", "TIMES", "DIVIDE", "MODULO"),
-}
-"""Left out of hints: values where a number or a name is named anyway, and operators."""
+ITEM_WORDS_MAX = 100_000
+"""Of one item; there is no rule or list that long."""
 
-_FOREIGN = (
-    (re.compile(r"->|=>|:-"), "a rule is written `body -o head.`"),
-    (re.compile(r"=="), "equality is written `=`"),
-    (re.compile(r"#"), "comments begin with `//`"),
-    (re.compile(r"(?i:and)\b"), "write `,` between conditions, or `&&`"),
-    (re.compile(r"(?i:or)\b"), "write `||`"),
-    (re.compile(r"[A-Z_][A-Za-z0-9_]*\s*\("), "names of facts and actions begin with a lower-case letter"),
-)
-"""What other languages write, at the place of a syntax error, and what RMR writes."""
+REPAIRS_MAX = 4
+"""Of one item: where more is wrong, nothing is clear."""
 
-EXPECTED_SHOWN_MAX = 6
-WORD_SHOWN_MAX = 40
+FILE_REPAIRS_MAX = 100
+"""Of one file; each takes a look at what follows, and nobody reads more."""
 
+BROKEN_MAX = 10
+"""Items given up one after the other: what comes then is taken for no program."""
 
-@dataclass(frozen=True, slots=True)
-class _Chunk:
-    """One item's text: its first character's offset and the offset after its `.` (or the end of the text)."""
+BEGINNINGS = frozenset(["TYPE", "CONST", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
+"""Words that begin an item and nothing else."""
 
-    start: int
-    end: int
-    depth: int
-    closed: bool
-    spoiled: bool
-    """What is wrong with it has been reported already."""
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
 def parse(source: Source, found: Diagnostics) -> Module:
     """Return what `source` holds, and report every syntax error to `found`."""
-    items: list[Item] = []
-    broken: set[str] = set()
-    for chunk in _chunks(source, found):
-        item = _parse_chunk(source, chunk, found)
-        if item is not None:
-            items.append(item)
+    return _Parser(source, found).module()
+
+
+class _Parser:
+    """Reads one file."""
+
+    def __init__(self, source: Source, found: Diagnostics) -> None:
+        self._source = source
+        self._found = found
+        self._words = tokens(source.text)
+        self._ahead: deque[Token] = deque()
+        """Words that have been looked at and not read."""
+        self._builder = Builder(source.file, found)
+        self._automaton = Automaton(source.file, self._builder)
+        self._broken: set[str] = set()
+        self._repairs = FILE_REPAIRS_MAX
+
+    def module(self) -> Module:
+        """Return all items."""
+        items: list[Item] = []
+        in_a_row = 0
+        while in_a_row < BROKEN_MAX:
+            first = self._next()
+            if first.kind == OPEN_COMMENT:
+                self._open_comment(first)
+            if first.kind in {END, OPEN_COMMENT}:
+                return Module(tuple(items), frozenset(self._broken))
+            item = self._item(first)
+            in_a_row = in_a_row + 1 if item is None else 0
+            if item is not None:
+                items.append(item)
+        return self._given_up()
+
+    def _given_up(self) -> Module:
+        """Return a module that nothing more is said about."""
+        start = self._next().start
+        message = f"{BROKEN_MAX} items in a row have syntax errors: this and what follows is not read"
+        hint = "is it an RMR program?"
+        self._found.report("E007", message, Span(self._source.file, start, start), hint=hint)
+        return Module((), frozenset(self._broken), complete=False)
+
+    # ---- words
+
+    def _next(self) -> Token:
+        return self._ahead.popleft() if self._ahead else next(self._words)
+
+    def _following(self, word: Token) -> list[Token]:
+        """Return `word` and what comes behind it, as far as is looked at."""
+        self._ahead.extend(islice(self._words, max(0, AHEAD_MAX - len(self._ahead))))
+        return [word, *islice(self._ahead, AHEAD_MAX)]
+
+    def _begins(self, word: Token, previous: Token, first: Token) -> bool:
+        """Whether `word` stands first on its line, and not further in than the item's `first` word."""
+        if self._source.text.find("\n", previous.end, word.start) < 0:
+            return False
+        (_, column), (_, own) = (self._source.position(each.start) for each in (word, first))
+        return column <= own
+
+    # ---- items
+
+    def _item(self, first: Token) -> Item | None:
+        """Return the item that begins with `first`, or None if it has been given up."""
+        automaton = self._automaton
+        automaton.reset()
+        word, previous, count, repairs = first, first, 0, REPAIRS_MAX
+        while True:
+            if automaton.take(word):
+                count += 1
+                if word.kind == "DOT":
+                    return self._finished(automaton.item(), count)
+                if len(automaton.states) > STATES_MAX or count > ITEM_WORDS_MAX:
+                    self._endless(first, word, count)
+                    return None
+                previous, word = word, self._next()
+                continue
+            misfit = self._misfit(first, previous, word)
+            if repairs == 0 or not self._is_repaired(misfit):
+                self._give_up(first, misfit)
+                return None
+            repairs -= 1
+            word = self._next()
+
+    def _finished(self, item: Item, count: int) -> Item | None:
+        self._builder.finish()
+        if count <= NESTING_MAX or not _is_deep(item):
+            return item
+        self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
+        self._break(item.span.start, item.span.end)
+        return None
+
+    def _endless(self, first: Token, word: Token, count: int) -> None:
+        span = Span(self._source.file, first.start, word.end)
+        if count > ITEM_WORDS_MAX:
+            self._found.report("E008", f"this item has more than {ITEM_WORDS_MAX} words", span)
         else:
-            broken.update(re.findall(r"[a-z][A-Za-z0-9_]*", source.text[chunk.start : chunk.end]))
-    return Module(tuple(items), frozenset(broken))
+            self._found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", span)
+        self._skip(first, word, word)
+
+    # ---- mistakes
+
+    def _misfit(self, first: Token, previous: Token, word: Token) -> Misfit:
+        begins = self._begins(word, previous, first)
+        return Misfit(self._source.file, self._source.text, previous, self._following(word), begins)
+
+    def _is_repaired(self, misfit: Misfit) -> bool:
+        """Report a misfit and put what was meant in its place, if that is clear."""
+        if self._repairs == 0 or misfit.word.kind == OPEN_COMMENT:
+            return False
+        better = repair(self._automaton, misfit)
+        if better is None:
+            return False
+        self._repairs -= 1
+        self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
+        if better.forget:
+            self._automaton.back()
+        self._ahead.extendleft(reversed(better.words))
+        return True
+
+    def _give_up(self, first: Token, misfit: Misfit) -> None:
+        """Report a misfit and go on behind its item."""
+        if misfit.word.kind == OPEN_COMMENT:
+            self._open_comment(misfit.word)
+        else:
+            message, span, hint = unexpected(self._automaton, misfit)
+            self._found.report("E001", message, span, hint=hint)
+        self._builder.finish()
+        self._skip(first, misfit.previous, misfit.word)
+
+    def _open_comment(self, word: Token) -> None:
+        span = Span(self._source.file, word.start, word.start + 2)
+        self._found.report("E001", "this comment has no end", span, hint="`*/`")
+        self._break(word.start, word.end)
+
+    def _skip(self, first: Token, previous: Token, word: Token) -> None:
+        """Leave out the rest of an item, from `word` on."""
+        while word.kind not in {"DOT", END} and not self._is_beginning(first, previous, word):
+            previous, word = word, self._next()
+        if word.kind != "DOT":
+            self._ahead.appendleft(word)
+        self._break(first.start, previous.end)
+
+    def _is_beginning(self, first: Token, previous: Token, word: Token) -> bool:
+        """Whether an item begins with `word`, although the one before has not ended."""
+        if word is first or not self._begins(word, previous, first):
+            return False
+        return word.kind in BEGINNINGS or self._source.text.count("\n", previous.end, word.start) > 1
+
+    def _break(self, start: int, end: int) -> None:
+        """Remember what a broken item may have declared."""
+        self._broken.update(_NAME.findall(self._source.text, start, end))
 
 
-def _chunks(source: Source, found: Diagnostics) -> Iterator[_Chunk]:
-    text = source.text
-    start = position = depth = deepest = 0
-    spoiled = False
-    while (matched := _PIECE.search(text, position)) is not None:
-        position = matched.end()
-        kind = matched.lastgroup
-        if kind == "open":
-            depth += 1
-            deepest = max(deepest, depth)
-        elif kind == "close":
-            depth -= 1
-        elif kind == "dot":
-            yield _Chunk(start, position, deepest, closed=True, spoiled=spoiled)
-            start, depth, deepest, spoiled = position, 0, 0, False
-        elif kind == "comment":
-            found.report("E001", "this comment has no end", _span(source, matched.start(), position), hint="`*/`")
-            spoiled = True
-            text, position = text[: matched.start()], len(text)
-        elif kind == "string":
-            end = _line_end(text, position)
-            found.report("E001", "this string has no end", _span(source, matched.start(), end), hint='`"`')
-            spoiled = True
-    blank = _BLANK.match(text, start)
-    if blank is not None and blank.end() < len(text):
-        yield _Chunk(start, len(text), deepest, closed=False, spoiled=spoiled)
-
-
-def _line_end(text: str, position: int) -> int:
-    end = text.find("\n", position)
-    return len(text) if end < 0 else end
-
-
-def _span(source: Source, start: int, end: int) -> Span:
-    return Span(source.file, start, end)
-
-
-def _parse_chunk(source: Source, chunk: _Chunk, found: Diagnostics) -> Item | None:
-    text = source.text[chunk.start : chunk.end]
-    blank = _BLANK.match(text)
-    skipped = blank.end() if blank is not None else 0
-    whole = _span(source, chunk.start + skipped, chunk.end)
-    if chunk.spoiled:
-        return None
-    if chunk.depth > NESTING_MAX:
-        found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", whole)
-        return None
-    try:
-        tree = grammar().parse(text)
-    except UnexpectedInput as error:
-        _report_syntax(source, chunk, error, found)
-        return None
-    if _too_deep(tree):
-        found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", whole)
-        return None
-    item: Item = Builder(source.file, chunk.start, found).transform(tree)
-    for node in walk(item):
-        if isinstance(node, Literal) and not in_range(node.value):
-            what = "a 64-bit float" if isinstance(node.value, float) else "64 bits"
-            found.report("E005", f"this number does not fit into {what}", node.span)
-    return item
-
-
-def _too_deep(tree: Tree[Token]) -> bool:
-    level: list[Tree[Token]] = [tree]
-    for _ in range(NESTING_MAX + 10):
-        level = [child for node in level for child in node.children if isinstance(child, Tree)]
+def _is_deep(item: Item) -> bool:
+    level: list[object] = [item]
+    for _ in range(NESTING_MAX):
+        level = [child for node in level for child in children(node)]
         if not level:
             return False
     return True
-
-
-def _report_syntax(source: Source, chunk: _Chunk, error: UnexpectedInput, found: Diagnostics) -> None:
-    if isinstance(error, UnexpectedCharacters):
-        start = chunk.start + (error.pos_in_stream or 0)
-        span = _span(source, start, start + 1)
-        what = f"`{source.text[start]}`" if source.text[start].isprintable() else f"character {ord(error.char)}"
-        message = f"unexpected {what}"
-    elif isinstance(error, UnexpectedToken) and error.token.type != "$END":
-        token = error.token
-        assert token.start_pos is not None
-        assert token.end_pos is not None
-        span = _span(source, chunk.start + token.start_pos, chunk.start + token.end_pos)
-        word = "reserved word " if token in RESERVED else ""
-        message = f"unexpected {word}{_quoted(token)}"
-    else:
-        end = len(source.text[: chunk.end].rstrip())
-        span = _span(source, max(chunk.start, end - 1), end)
-        message = "the file ends inside this item" if not chunk.closed else "the item ends too early"
-    found.report("E001", message, span, hint=_hint(source, span, _expected(error)) if not found.many else None)
-
-
-def _expected(error: UnexpectedInput) -> set[str]:
-    if isinstance(error, UnexpectedCharacters):
-        return set(error.allowed or ())
-    return set(error.accepts) if isinstance(error, UnexpectedToken) else set()
-
-
-def _quoted(word: str) -> str:
-    return f"`{word}`" if len(word) <= WORD_SHOWN_MAX else f"`{word[:WORD_SHOWN_MAX]}...`"
-
-
-def _hint(source: Source, span: Span, expected: set[str]) -> str | None:
-    foreign = _foreign(source.text, span.start)
-    if foreign is not None:
-        return foreign
-    first_of_line = not source.text[: span.start].rpartition("\n")[2].strip()
-    if "DOT" in expected and (first_of_line or source.text[span.end :].strip() == ""):
-        return "every item ends with `.`"
-    words = sorted({word for name in expected if name not in _HIDDEN and (word := word_of(name)) is not None})
-    return "expected " + " or ".join(words) if 0 < len(words) <= EXPECTED_SHOWN_MAX else None
-
-
-def _foreign(text: str, start: int) -> str | None:
-    """Return what to write instead of another language's sign whose first or second character stands at `start`."""
-    for sign, hint in _FOREIGN:
-        if sign.match(text, start):
-            return hint
-        begun = sign.match(text, start - 1) if start else None
-        if begun is not None and not text[start].isalnum() and begun.end() == start + 1:
-            return hint
-    return None
-
-
-def word_of(terminal: str) -> str | None:
-    """Return what a token is called in a hint; None for what is skipped."""
-    if terminal in _WORDS:
-        return _WORDS[terminal]
-    definition = next((each for each in grammar().terminals if each.name == terminal), None)
-    return f"`{definition.pattern.value}`" if definition is not None and definition.pattern.type == "str" else None

@@ -265,10 +265,13 @@ Item = TypeDeclaration | Constant | Include | FactItem | GoalItem | Rule | Asser
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """What one file holds; `broken` are the names that stand in items with syntax errors."""
+    """What a file holds, or several together."""
 
     items: tuple[Item, ...]
     broken: frozenset[str] = frozenset()
+    """The names that stand in items with syntax errors."""
+    complete: bool = True
+    """All of it has been read."""
 
 
 _CHILDREN: dict[type, tuple[str, ...]] = {}

@@ -144,7 +144,7 @@ def test_mistakes_across_files_are_shown_with_both_files():
 
 
 def test_names_in_a_broken_item_of_another_file_are_not_missed():
-    files = {"main.rmr": 'include "a.rmr". q(R) -o moveto(R, b). q(R).', "a.rmr": "type action moveto(robot : area)."}
+    files = {"main.rmr": 'include "a.rmr". q(R) -o moveto(R, b). q(R).', "a.rmr": "type action moveto[robot](area)."}
     assert [code for code, _, _ in told(compiled(files))] == ["E001"]
 
 

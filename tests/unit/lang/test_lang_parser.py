@@ -1,11 +1,15 @@
+import random
 import re
+from pathlib import Path
 
 import pytest
 from lang_source import codes, compiled, errors, places
 
+from rmr.lang.compiler import compile_source
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.grammar import grammar
-from rmr.lang.parser import NESTING_MAX, parse, word_of
+from rmr.lang.misfit import word_of
+from rmr.lang.parser import NESTING_MAX, parse
 from rmr.lang.source import Source
 from rmr.lang.syntax import Aggregate, Comprehension, Condition, Fact, FactItem, Include, ListTerm, Literal, Rule, Steps
 
@@ -119,12 +123,108 @@ def test_every_token_has_a_word_and_none_is_a_regular_expression():
     assert word_of("ARROW") == "`-o`"
 
 
-def test_a_missing_full_stop_gets_a_hint():
-    from rmr.lang.compiler import compile_source
+# ---- mistakes of spelling
 
-    [diagnostic] = compile_source("p(R)\nq(R).\n").diagnostics
-    assert diagnostic.hint == "every item ends with `.`"
-    assert diagnostic.span.start == 5
+
+def told(text):
+    """Return place, message and hint of each syntax error."""
+    found = compile_source(text).errors
+    return [(each.span.start, each.message, each.hint) for each in found if each.code == "E001"]
+
+
+def test_a_missing_full_stop_is_reported_at_the_end_of_its_item_and_both_are_read():
+    text = "type p(robot)\ntype q(robot).\np(R, 1).\nq(R, 1).\n"
+    assert told(text) == [(13, "a `.` is missing before `type`", "every item ends with `.`")]
+    assert errors(text) == ["E001", "E011", "E011"]
+
+
+@pytest.mark.parametrize(
+    ("text", "sign"),
+    [
+        ("p(R)\nq(R) -o r(R).", "."),
+        ("p(R)\n  q(R) -o r(R).", ","),
+        ("p(R) q(R) -o r(R).", ","),
+        ("p(R) q(R).", "."),
+        ("p(R) -o q(R)\n-o r(R).", None),
+        ("p(R) -o q(R)\n  r(R).", ","),
+        ("p(R) -o q(R)\nr(R).", "."),
+        ("p(R),\nq(R)\nr(R) -o s(R).", ","),
+        ("p(R) -o q(R) r(R) -o s(R).", "."),
+        ("p(R)", "."),
+        ("const a = 1\n!p(R).", "."),
+    ],
+)
+def test_whether_a_comma_or_a_full_stop_is_missing_is_seen_from_what_follows(text, sign):
+    [(_, message, _)] = told(text)
+    assert message.startswith(f"a `{sign}` is missing") == (sign is not None)
+
+
+def test_a_missing_comma_does_not_hide_the_rest():
+    text = "type p(robot, int).\np(R X), Y > X -o p(R, a) q(R, Z)."
+    assert told(text) == [
+        (23, "a `,` is missing before `X`", told(text)[0][2]),
+        (44, "a `,` is missing before `q`", told(text)[1][2]),
+    ]
+    assert {("E030", "Y"), ("E020", "a"), ("E030", "Z")} <= set(places(text))
+
+
+def test_a_missing_bracket_is_shown_with_the_one_it_closes():
+    [diagnostic] = compile_source("p(R, [1, 2).").errors
+    assert diagnostic.message == "a `]` is missing before `)`"
+    assert [(note.span.start, note.message) for note in diagnostic.notes] == [(5, "opened here")]
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "hint"),
+    [
+        ("p(R), -o q(R).", ",", "drop it"),
+        ("p(R)) -o q(R).", ")", "expected `,` or `-o` or `.`"),
+        ("p(R; 1) -o q(R).", ";", "expected `)` or `,`"),
+        ("p(R) -> q(R).", "->", "a rule is written `body -o head.`"),
+        ("p(R) => q(R).", "=>", "a rule is written `body -o head.`"),
+        ("p(R, X), X == 1 -o q(R).", "==", "equality is written `=`"),
+        ("p(R, X), X = 1 and X < 2 -o q(R).", "and", "write `,` between conditions, or `&&`"),
+        ("p(R, X), (X = 1 or X = 2) -o q(R).", "or", "write `||`"),
+        ("P(R) -o q(R).", "P", "names of facts and actions begin with a lower-case letter: `p`"),
+        ("p(R) -o Q(R).", "Q", "names of facts and actions begin with a lower-case letter: `q`"),
+    ],
+)
+def test_a_foreign_or_surplus_sign_is_one_mistake_and_the_item_is_read(text, place, hint):
+    errors = compile_source(text + " p(R, X, Y).").errors
+    assert [(text[each.span.start : each.span.end], each.hint) for each in errors if each.code == "E001"] == [
+        (place, hint)
+    ]
+    assert "E011" in [each.code for each in errors]
+
+
+def test_a_broken_item_ends_where_the_next_one_clearly_begins():
+    text = "p(R : 3\ntype q(robot).\nq(R, 1).\nr(R ; 4\n\nq(R, 2)."
+    assert errors(text) == ["E001", "E011", "E001", "E011"]
+
+
+def test_a_number_that_goes_on_as_a_name_is_named_whole():
+    assert told("p(R, 10sec).")[0][1:] == ("`10sec` is no number", "times are written `500ms`, `2s` and `1.5min`")
+    assert told("p(R, 2.5x).")[0][1] == "`2.5x` is no number"
+
+
+NO_PROGRAMS = {
+    "python": Path(re.__file__).read_text(encoding="utf-8"),
+    "c": '#include <stdio.h>\nint main(void) {\n  printf("hello %d\\n", 1);\n  return 0;\n}\n' * 50,
+    "json": '{"a": [1, 2, {"b": null}], "c": "d"}\n' * 100,
+    "prose": "Six robots meet in a corridor. Each of them has somewhere to go, and little time. What now? " * 50,
+    "noise": "".join(chr(random.Random(1).randrange(1, 0x250)) for _ in range(20_000)),
+    "numbers": "1 2 3 4.5 6\n" * 1000,
+    "full stops": "." * 10_000,
+    "commas": "," * 100_000,
+    "quotes": '"' * 10_001,
+}
+
+
+@pytest.mark.parametrize("text", NO_PROGRAMS.values(), ids=NO_PROGRAMS)
+def test_a_text_that_is_no_program_yields_few_errors(text):
+    found = compile_source(text).errors
+    assert 1 <= len(found) <= 45
+    assert {each.code for each in found} <= {"E001", "E005", "E006", "E007"}
 
 
 def test_an_open_comment_is_reported_where_it_begins():

@@ -1,0 +1,84 @@
+"""The words of a source text, one after the other, never all at once.
+
+What is a word is in the grammar; here stands what is none, so that the parser can say so: a string or comment
+without an end, a number that goes on as a name, signs of other languages, and any other character. A word that the
+grammar spells, such as `list`, is of a kind of its own here; where the grammar cannot take it, it is a name.
+"""
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from typing import NamedTuple
+
+from rmr.lang.grammar import END, tables
+
+OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, UNKNOWN = "/*", '"', "0", "->", "?"
+"""The kinds of what is no word. None can be a terminal's name."""
+
+_NUMBER_LIKE = r"@?[0-9]+(?:\.[0-9]+)?[A-Za-z_][A-Za-z0-9_]*"
+_WRONG_FIRST = [(BAD_NUMBER, _NUMBER_LIKE), (FOREIGN, r"->|==|:-")]
+"""Tried before the grammar's patterns, but for those that say to be first."""
+_WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (OPEN_STRING, '"')]
+"""Tried when no pattern of the grammar fits, before what it spells."""
+
+
+class Token(NamedTuple):
+    """A word and where it stands."""
+
+    kind: str
+    """The terminal's name, END, or what kind of no word it is."""
+    text: str
+    start: int
+    end: int
+
+
+class Scanner(NamedTuple):
+    """How to find words."""
+
+    pattern: re.Pattern[str]
+    kinds: dict[str, str]
+    """By the pattern's groups."""
+    reserved: dict[str, str]
+    """The kinds of the words that look like names."""
+    ignored: frozenset[str]
+
+
+@cache
+def scanner() -> Scanner:
+    """Return the scanner of the grammar, made once per process."""
+    words, ignored = tables().words, tables().ignored
+    [name] = [word for word in words if word.name == "NAME"]
+    reserved = {
+        word.spelling: word.name for word in words if word.spelling and re.fullmatch(name.pattern, word.spelling)
+    }
+    free = [word for word in words if word.name not in reserved.values()]
+    tried = [(word.name, word.pattern) for word in free if word.first]
+    tried += _WRONG_FIRST
+    tried += [(word.name, word.pattern) for word in free if not word.first and word.spelling is None]
+    tried += _WRONG_LATER
+    tried += [(word.name, word.pattern) for word in free if not word.first and word.spelling is not None]
+    tried.append((UNKNOWN, r"[\s\S]"))
+    kinds = {f"g{number}": kind for number, (kind, _) in enumerate(tried)}
+    pattern = "|".join(f"(?P<g{number}>{pattern})" for number, (_, pattern) in enumerate(tried))
+    return Scanner(re.compile(pattern), kinds, reserved, frozenset(ignored))
+
+
+def tokens(text: str, *, ignored: bool = False) -> Iterator[Token]:
+    """Yield the words of `text`, with comments and blanks if `ignored` is set, and END at last."""
+    pattern, kinds, reserved, skipped = scanner()
+    if ignored:
+        skipped = frozenset()
+    for match in pattern.finditer(text):
+        kind = kinds[match.lastgroup or ""]
+        if kind in skipped:
+            continue
+        word = match.group()
+        if kind == "NAME":
+            kind = reserved.get(word, kind)
+        yield Token(kind, word, match.start(), match.end())
+    yield Token(END, "", len(text), len(text))
+
+
+def spelling(kind: str) -> str | None:
+    """Return how a terminal is written; None if there is more than one way."""
+    return next((word.spelling for word in tables().words if word.name == kind), None)
