@@ -189,8 +189,8 @@ class Ether:
 
     def _carry(self, source: int, payload: bytes, unicast: bool, arriving: list[int]) -> None:
         now = self._kernel.now
-        hops = 1 + self._links[source].hops(now)
-        if hops > HOPS_AT_ONCE_MAX and self._latency < LATENCY:
+        hops = 0 if self._latency else 1 + self._links[source].hops(now)
+        if hops > HOPS_AT_ONCE_MAX:
             self.slowed_at, self._latency = now, LATENCY
         if _awaited(payload):
             self.pending += len(arriving)

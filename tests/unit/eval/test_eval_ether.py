@@ -162,8 +162,8 @@ def test_frames_that_matter_are_pending_until_they_arrive(awaited):
     assert air.ether.pending == air.ether.carried == 1
 
 
-def test_robots_that_answer_each_other_at_one_instant_without_end_let_time_move_on():
-    air = Air(latency=0)
+def conversation(air):
+    """Let robots 1 and 2 answer each other without end; return how often they have."""
     answered = [0]
 
     def answer(robot, other):
@@ -175,11 +175,25 @@ def test_robots_that_answer_each_other_at_one_instant_without_end_let_time_move_
 
     air.links[1].wake, air.links[2].wake = answer(1, 2), answer(2, 1)
     air.send(1, fact(0), 2)
+    return answered
+
+
+def test_robots_that_answer_each_other_at_one_instant_without_end_let_time_move_on():
+    air = Air(latency=0)
+    answered = conversation(air)
     air.kernel.run_until(0)
     assert answered[0] == HOPS_AT_ONCE_MAX
     assert air.ether.slowed_at == 0
     air.kernel.run_until(LATENCY * 10)
     assert answered[0] == HOPS_AT_ONCE_MAX + 10
+
+
+def test_a_long_conversation_that_takes_time_is_no_endless_one():
+    air = Air(latency=1)
+    answered = conversation(air)
+    air.kernel.run_until(3 * HOPS_AT_ONCE_MAX)
+    assert answered[0] == 3 * HOPS_AT_ONCE_MAX
+    assert air.ether.slowed_at is None
 
 
 def test_many_frames_of_one_instant_that_answer_nothing_are_no_endless_chain():
