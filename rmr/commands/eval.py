@@ -54,6 +54,7 @@ _duration = _read_by(options.duration)
     metavar="N|IDS",
     callback=_read_by(options.robots),
     default="1",
+    show_default=True,
     help="How many, with ids from 1, or ids: 0-5,9.",
 )
 @click.option(
