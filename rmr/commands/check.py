@@ -1,26 +1,52 @@
-"""`rmr check`: diagnostics only."""
+"""`rmr check`: diagnostics, and with `--explain` why a program without errors does what it does."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import sys
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from rmr.commands import diagnosed
 from rmr.commands.common import PATH, SETTINGS, VERSION, print_json
 
+if TYPE_CHECKING:
+    from rmr.lang.compiler import Compilation
+
 
 @click.command("check", context_settings=SETTINGS)
 @click.argument("programs", metavar="PROG.rmr...", nargs=-1, required=True, type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the diagnostics as one JSON list on stdout.")
+@click.option("--explain", is_flag=True, help="Also say which rules reach which goals, what serves which assertion.")
 @VERSION
-def command(programs: tuple[Path, ...], as_json: bool) -> None:
-    """Check programs and print what is wrong with them."""
+def command(programs: tuple[Path, ...], as_json: bool, explain: bool) -> None:
+    """Check programs and print what is wrong with them.
+
+    With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
+    which time assertions and how, and what each rule needs and sends. With --json that is one object.
+    """
     from rmr.lang.compiler import compile_file
 
     compilations = [compile_file(path) for path in programs]
-    if as_json:
-        print_json(diagnosed.as_json(compilations))
-    else:
+    if not as_json:
         diagnosed.show(compilations)
+    if explain:
+        _explain(compilations, as_json)
+    elif as_json:
+        print_json(diagnosed.as_json(compilations))
     sys.exit(diagnosed.exit_code(compilations))
+
+
+def _explain(compilations: Sequence["Compilation"], as_json: bool) -> None:
+    """Print what there is to say about the programs without errors."""
+    from rmr.lang.explain import explain
+    from rmr.lang.explain.show import show
+
+    told = [each for each in map(explain, compilations) if each is not None]
+    if as_json:
+        explanation = {"programs": [asdict(each) for each in told]}
+        print_json({"diagnostics": diagnosed.as_json(compilations), "explanation": explanation})
+    else:
+        click.echo("\n".join(map(show, told)), nl=False)

@@ -25,6 +25,7 @@ from rmr.bytecode.backwards import (
     premises,
     resolved,
     term_of,
+    unifier,
 )
 from rmr.bytecode.program import ANY, Assertion, Constant, Effect, Pattern, Program, Serving, Slot
 
@@ -116,6 +117,13 @@ class Servers:
                         earlier = passed[predicate, patterns] = Passed(predicate, patterns, derivation, here)
                         queue.append(earlier)
         return Walk(tuple(served.values()), tuple(passed.values()), bool(queue))
+
+    def deriving(self, fact: Passed) -> tuple[int, ...]:
+        """Return the rules that may derive such a fact, for the robot that runs them or for another one."""
+        home = (each for each in self._backwards.deriving(fact.predicate, fact.args) if each.action is None)
+        ways = [each for each in home if unifier(fact.args, each) is not None]
+        ways += [each for each in self._sent.get(fact.predicate, ()) if unifier((ANY, *fact.args), each) is not None]
+        return tuple(sorted(dict.fromkeys([each.rule for each in ways if each.rule is not None])))
 
     def _rules(self, here: Passed, away: bool) -> Iterable[Derivation]:
         """Return how rules derive a fact without an action in between."""

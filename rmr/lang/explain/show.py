@@ -1,0 +1,206 @@
+"""An explanation in words, for a terminal; what it means stands in docs/explain.md."""
+
+from collections.abc import Iterator, Sequence
+
+from rmr.lang.explain import Explanation
+from rmr.lang.explain.assertions import ExplainedAssertion, Origin, ServingAction
+from rmr.lang.explain.goals import ExplainedGoal, LeadingRule
+from rmr.lang.explain.rules import Derived, ExplainedRule, Needs, Part
+from rmr.lang.explain.texts import Spot
+
+RULES_SHOWN_MAX = 50
+"""Rules shown for one goal, the nearest first; nobody reads more, and JSON has them all."""
+
+STEPS_SHOWN_MAX = 20
+"""Rules shown on the way from an effect to the finish fact."""
+
+TEXT_SHOWN_MAX = 100
+"""Characters shown of a rule's text where it is only to be recognised."""
+
+ENTRY_SHOWN_MAX = 500
+"""Characters shown of everything else."""
+
+PLACES_SHOWN_MAX = 10
+"""Rules shown by their places in one sentence."""
+
+LABEL = 11
+"""Columns for the words before an entry."""
+
+GOALS = """\
+GOALS. The rank of a rule: how many further firings lead from it to the goal. The lowest goes first.
+At best: it depends on the match, or on the robot."""
+ASSERTIONS = "TIME ASSERTIONS. The actions that serve one are held back until it is the robot's turn."
+RULES = "RULES. What they need, what comes of it, and what is sent to whom, with the octets that its values take."
+
+
+def show(explanation: Explanation) -> str:
+    """Return an explanation as text."""
+    return "".join(f"{line}\n" for line in _Shown(explanation).lines())
+
+
+class _Shown:
+    def __init__(self, explanation: Explanation) -> None:
+        self._explanation = explanation
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of all sections."""
+        told = self._explanation
+        counts = ((told.rules, "rule"), (told.goals, "goal"), (told.assertions, "time assertion"))
+        yield f"{told.file}: " + ", ".join(_count(len(each), word) for each, word in counts)
+        for title, entries in (
+            (GOALS, [self._goal(each) for each in told.goals]),
+            (ASSERTIONS, [self._assertion(each) for each in told.assertions]),
+            (RULES, [self._rule(each) for each in told.rules]),
+        ):
+            if entries:
+                yield from ("", title)
+            for entry in entries:
+                yield ""
+                yield from entry
+
+    # ---- goals
+
+    def _goal(self, goal: ExplainedGoal) -> Iterator[str]:
+        whose = "every robot's" if goal.robot is None else f"the goal of @{goal.robot}"
+        yield f"  {_cut(goal.goal)}  {_place(goal.place)}, {whose}"
+        if goal.stated:
+            yield "    a stated fact fulfils it at the start"
+        if goal.sensed:
+            yield "    it is fulfilled when the robot senses it"
+        for rule in goal.rules[:RULES_SHOWN_MAX]:
+            yield from self._leading(rule)
+        more = len(goal.rules[RULES_SHOWN_MAX:]) + goal.rules_left_out
+        if more:
+            yield f"    and {_count(more, 'more rule')}"
+        elif not goal.worked_out:
+            yield "    so much leads there that it is not worked out here; robots find out as they go"
+        elif not goal.rules:
+            yield "    no rule leads there" + (
+                "" if goal.stated or goal.sensed else ": only a fact from outside fulfils it"
+            )
+
+    def _leading(self, rule: LeadingRule) -> Iterator[str]:
+        told = self._explanation.rules[rule.rule]
+        rank = f"rank {rule.rank_min}" + ("" if rule.rank is not None else " at best")
+        yield f"    {rank}  {_place(told.place)}  {_cut(told.text, TEXT_SHOWN_MAX)}"
+        how = "derives" if rule.action is None else f"its action {rule.action} has the effect"
+        here = "" if rule.owner is None else f" if {rule.owner} is the robot itself"
+        needed = "the goal" if rule.needed_by is None else f"needed by the rule at {self._at(rule.needed_by)}"
+        yield f"      {how} {_cut(rule.derives)}{here}, {needed}"
+
+    # ---- time assertions
+
+    def _assertion(self, told: ExplainedAssertion) -> Iterator[str]:
+        yield f"  {told.name}  {_place(told.place)}"
+        yield _entry("starts with", told.starts_with)
+        yield _entry("ends with", f"{told.ends_with} within {told.deadline}, else {told.violation}")
+        if told.event is None:
+            yield _entry("turns", "none: what is watched is never scheduled, and nothing is held back")
+            return
+        yield _entry("turns", f"the robots with a job of {told.event} take turns")
+        for serving in told.serving:
+            yield from self._serving(serving)
+        if not told.serving:
+            yield _entry(
+                "served by", "nothing, it is only watched: no declared effect of an action leads to the finish fact"
+            )
+            for origin in told.origins:
+                yield _entry("", f"{origin.fact}: {self._origin(origin)}")
+        if told.cut:
+            yield _entry("", "so much leads there that not all of it was looked at")
+
+    def _serving(self, serving: ServingAction) -> Iterator[str]:
+        yield _entry("served by", serving.action)
+        fact = f"its effect {serving.effect}"
+        for step in serving.way[:STEPS_SHOWN_MAX]:
+            yield _entry("", f"{fact}, needed by the rule at {self._at(step.rule)},")
+            fact = f"which derives {step.derives}"
+        left_out = len(serving.way[STEPS_SHOWN_MAX:]) + serving.way_left_out
+        yield _entry("", f"{fact}, and {_count(left_out, 'more step')}" if left_out else f"{fact}, the finish fact")
+        rules = [self._at(each) for each in serving.derived_by]
+        yield _entry("", f"derived by {_rules(rules)}" if rules else "no rule of this program derives it")
+
+    def _origin(self, origin: Origin) -> str:
+        ways = ["sensed"] if origin.sensed else []
+        ways += ["stated"] if origin.stated else []
+        ways += [f"derived by {_rules([self._at(each) for each in origin.rules])}"] if origin.rules else []
+        return ", ".join(ways) or "nothing in the program brings it about"
+
+    # ---- rules
+
+    def _rule(self, rule: ExplainedRule) -> Iterator[str]:
+        yield f"  {_place(rule.place)}  {_cut(rule.text, TEXT_SHOWN_MAX)}"
+        yield _entry("runs on", f"{rule.home} alone" if rule.home.startswith("@") else f"every robot, {rule.home}")
+        yield from _needs(rule.needs)
+        for part in rule.head:
+            yield from _part(part)
+        if not rule.head:
+            yield _entry("derives", "nothing")
+
+    def _at(self, rule: int) -> str:
+        return _place(self._explanation.rules[rule].place)
+
+
+def _needs(needs: Needs) -> Iterator[str]:
+    said = ("consumes", needs.consumes), ("keeps", needs.keeps), ("reads", needs.reads)
+    for label, texts in (*said, ("without", needs.absent), ("if", needs.conditions)):
+        if texts:
+            yield _entry(label, ", ".join(texts))
+
+
+def _part(part: Part) -> Iterator[str]:
+    if part.needs is not None:
+        label = "for each match" if part.form == "comprehension" else f"{part.form} of all matches"
+        yield f"    {label}"
+        yield from (f"  {line}" for line in _needs(part.needs))
+    if part.form == "steps":
+        yield _entry("in turn", " then ".join(each.text for each in part.derives if each.what != "effect"))
+    for each in part.derives:
+        if each.to is not None:
+            yield _entry("sends", _sent(each))
+        elif part.form != "steps":
+            yield _entry({"goal": "wants", "action": "does"}.get(each.what, "derives"), each.text)
+
+
+def _sent(derived: Derived) -> str:
+    """Return what goes to another robot, and whether a frame has room for it."""
+    least, most = derived.octets_min, derived.octets_max
+    size = (
+        f"{least} octets"
+        if least == most
+        else f"{least} octets or more"
+        if most is None
+        else f"{least} to {most} octets"
+    )
+    room = {True: "one frame", False: "more than one frame", None: f"one frame up to {derived.octets_room}"}
+    what = "when that is complete, " if derived.what == "effect" else ""
+    return f"{what}{derived.text} to {derived.to}: {size}, {room[derived.fits]}"
+
+
+# ---- words
+
+
+def _entry(label: str, text: str) -> str:
+    return f"    {label:<{LABEL}} {_cut(text)}"
+
+
+def _place(spot: Spot) -> str:
+    return f"{spot.file}:{spot.line}"
+
+
+def _rules(places: Sequence[str]) -> str:
+    shown = list(places[:PLACES_SHOWN_MAX])
+    more = len(places) - len(shown)
+    return (
+        f"the {'rule' if len(places) == 1 else 'rules'} at " + ", ".join(shown) + (f" and {more} more" if more else "")
+    )
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+
+
+def _cut(text: str, limit: int = ENTRY_SHOWN_MAX) -> str:
+    """Return `text`, its end left out if it is long, without characters that control a terminal."""
+    shown = text if len(text) <= limit else text[: limit - 3] + "..."
+    return "".join(each if each.isprintable() else "\ufffd" for each in shown)

@@ -1,0 +1,68 @@
+"""Words for what an explanation speaks of: places, source texts in one line, facts in the program's own names."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rmr.base.values import format_value
+from rmr.bytecode.backwards import Patterns
+from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
+from rmr.lang.source import Source, Span
+from rmr.lang.steps import Derivation, Environment, Gathering, Projected
+
+_BETWEEN = re.compile(r'("(?:\\.|[^"\\])*")|(?:\s|//[^\n]*|/\*.*?\*/)+', re.DOTALL)
+"""A string, which stays as it is, or what stands between words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Where something stands; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+
+class Texts:
+    """The source texts of one program."""
+
+    def __init__(self, sources: Mapping[str, Source]) -> None:
+        self._sources = sources
+
+    def spot(self, span: Span) -> Spot:
+        """Return where `span` begins."""
+        return Spot(span.file, *self._sources[span.file].position(span.start))
+
+    def line(self, span: Span) -> str:
+        """Return the text of `span` in one line, without comments."""
+        text = self._sources[span.file].text[span.start : span.end]
+        return _BETWEEN.sub(lambda found: found[1] or " ", text).strip()
+
+
+def environments(rule: Projected) -> list[Environment]:
+    """Return what knows the variables of a rule: the rule itself and its inner bodies."""
+    inner = [part.environment for part in rule.head if isinstance(part, Derivation)]
+    return [rule.environment, *inner, *(part.head_environment for part in rule.head if isinstance(part, Gathering))]
+
+
+class Names:
+    """The names of an item's variables by slot."""
+
+    def __init__(self, *environments: Environment) -> None:
+        every = [(slot, name) for each in environments for name, slot in each.slots.items()]
+        self._names = {slot: name for slot, name in every if name.isidentifier()}
+
+    @property
+    def home(self) -> str:
+        """The robot that runs the item."""
+        return self._names.get(SELF_SLOT, "_")
+
+    def term(self, pattern: Pattern) -> str:
+        """Return a term as the program would write it; `_` is anything."""
+        if isinstance(pattern, Constant):
+            return format_value(pattern.value)
+        return self._names.get(pattern.index, "_") if isinstance(pattern, Slot) else "_"
+
+    def fact(self, predicate: Predicate, owner: Pattern, args: Patterns) -> str:
+        """Return a fact or an action as the program would write it."""
+        return f"{predicate.name}({', '.join(map(self.term, (owner, *args)))})"
