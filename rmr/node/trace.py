@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value, format_fact, format_value
 from rmr.bytecode.program import ANY, Kind, Program
+from rmr.vm.failures import rule_place
 
 ENTRIES_MAX = 4096
 """Entries kept for the host; the oldest half goes first."""
@@ -107,5 +108,4 @@ def goal_text(program: Program, predicate: int, owner: int, args: tuple[object, 
 
 def rule_text(program: Program, rule: int) -> str:
     """Return where a rule stands, ``corridor.rmr:12``; without the debug section ``rule 0``."""
-    places = program.debug.rules if program.debug is not None else ()
-    return f"{places[rule].file}:{places[rule].line}" if rule < len(places) else f"rule {rule}"
+    return rule_place(program, rule).removeprefix("rule at ")
