@@ -5,8 +5,7 @@ fact names among its arguments or the program by number. All that deadline and v
 start fact; a variable of the finish fact that it does not bind matches anything.
 """
 
-from dataclasses import dataclass
-
+from rmr.base.record import record
 from rmr.bytecode.program import SELF_SLOT
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.order import variables
@@ -14,7 +13,7 @@ from rmr.lang.steps import SELF, Environment
 from rmr.lang.syntax import Assertion, Expression, Fact, Literal, Module, Name, Variable, walk
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Watched:
     """A time assertion whose variables have slots."""
 

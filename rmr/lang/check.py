@@ -5,8 +5,7 @@ in project.py and assertions.py, doubts that do not stop compilation in warn.py.
 and checks what the program states: facts, goals, effects, the strategy.
 """
 
-from dataclasses import dataclass, replace
-
+from rmr.base.record import record, replace
 from rmr.base.values import Symbol
 from rmr.bytecode.limits import STACK_MAX
 from rmr.bytecode.program import Kind
@@ -54,7 +53,7 @@ STACK_USED_MAX = STACK_MAX - 8
 STRATEGIES = ("random", "textual")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Checked:
     """A program without its mistakes; complete only if no error was reported."""
 

@@ -1,9 +1,9 @@
 """The compiler as a whole: a file in, one robot's program or diagnostics out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
+from rmr.base.record import record
 from rmr.bytecode.limits import exceeded
 from rmr.bytecode.program import Debug, Place, Program, Strategy
 from rmr.lang.check import Checked, check
@@ -20,7 +20,7 @@ DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 """Errors that the declarations of a file which could not be read might disprove, as they might any warning."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Compilation:
     """What became of a source text."""
 

@@ -5,20 +5,16 @@ constant expressions are worked out here (fold.py), so that what follows sees th
 needed, one that has no value is an error; in a rule it is left to the robots, with a warning.
 """
 
-from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
+from rmr.base.record import replace
 from rmr.base.values import Symbol
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.fold import Folder, Valueless
-from rmr.lang.source import Span
-from rmr.lang.syntax import Constant, Expression, FactItem, GoalItem, Item, Literal, Module, Name, walk
+from rmr.lang.syntax import Constant, Expression, FactItem, GoalItem, Item, Literal, Module, Name, parts, walk
 
 Places = dict[Symbol, Name]
 """Where each constant is defined first."""
-
-_PARTS: dict[type, tuple[str, ...]] = {}
-"""By class of nodes: the fields that may hold expressions."""
 
 
 def resolve(module: Module, found: Diagnostics) -> Module:
@@ -50,23 +46,15 @@ def _mapped(node: Any, folder: Folder) -> Any:
     if isinstance(node, Expression):
         return folder.fold(node)
     if isinstance(node, tuple):
-        parts = [_mapped(each, folder) for each in node]
-        return tuple(parts) if any(new is not old for new, old in zip(parts, node, strict=True)) else node
+        mapped = [_mapped(each, folder) for each in node]
+        return tuple(mapped) if any(new is not old for new, old in zip(mapped, node, strict=True)) else node
     changes = {}
-    for name in _parts(type(node)):
+    for name in parts(type(node)):
         part = getattr(node, name)
         new = _mapped(part, folder)
         if new is not part:
             changes[name] = new
     return replace(node, **changes) if changes else node
-
-
-def _parts(kind: type) -> tuple[str, ...]:
-    """Return the fields of a node that may hold expressions."""
-    if kind not in _PARTS:
-        inner = is_dataclass(kind) and kind not in {Name, Span}
-        _PARTS[kind] = tuple(part.name for part in fields(kind) if part.name != "span") if inner else ()
-    return _PARTS[kind]
 
 
 # ---- definitions

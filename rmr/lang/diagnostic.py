@@ -5,9 +5,9 @@ rendered elsewhere (render.py). Codes are stable: one that is no longer used is 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import Enum
 
+from rmr.base.record import record
 from rmr.lang.source import Span
 
 DIAGNOSTICS_MAX = 500
@@ -65,7 +65,7 @@ CODES: dict[str, str] = {
 """Every code with its title. E: an error; W: a warning."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Note:
     """A secondary place and what it has to do with the matter."""
 
@@ -73,7 +73,7 @@ class Note:
     message: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Diagnostic:
     """One mistake of the program's author."""
 
@@ -82,9 +82,6 @@ class Diagnostic:
     span: Span
     hint: str | None = None
     notes: tuple[Note, ...] = ()
-
-    def __post_init__(self) -> None:
-        assert self.code in CODES, self.code
 
     @property
     def severity(self) -> Severity:
@@ -104,6 +101,7 @@ class Diagnostics:
         self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[Note, ...] = ()
     ) -> None:
         """Add one; the same mistake at the same place counts once."""
+        assert code in CODES, code
         diagnostic = Diagnostic(code, message, span, hint, notes)
         found = self._found[diagnostic.severity]
         if diagnostic.severity is Severity.ERROR:

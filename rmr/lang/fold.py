@@ -6,8 +6,8 @@ value (`1 / 0`, an int beyond 64 bits) stays as it is and is remembered.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
+from rmr.base.record import record, replace
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, OutOfRange, built
 from rmr.bytecode.functions import call as called
@@ -33,7 +33,7 @@ INSTRUCTIONS = {
 """The instructions of operators that work out both operands."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Valueless:
     """An expression that never has a value."""
 

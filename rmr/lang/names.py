@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from enum import Enum, auto
 from types import MappingProxyType
 
+from rmr.base.record import record
 from rmr.bytecode.program import Base, Kind, Type
 from rmr.lang import provided
 from rmr.lang.diagnostic import Diagnostics, Note
@@ -62,7 +63,7 @@ class Role(Enum):
     VIOLATION = auto()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Use:
     """One occurrence of a predicate or an action."""
 

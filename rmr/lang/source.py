@@ -9,11 +9,13 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rmr.base.record import record
+
 SOURCE_OCTETS_MAX = 1 << 22
 """Programs are written by hand; a larger file is taken for a mistake before it costs time and memory."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Span:
     """The characters ``start`` (included) to ``end`` (excluded) of a file."""
 

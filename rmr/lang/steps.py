@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from rmr.base.record import record
 from rmr.bytecode.program import SELF_SLOT, Mode
 from rmr.lang import syntax
 from rmr.lang.syntax import Expression, Fact, Literal, Rule, Variable
@@ -10,7 +11,7 @@ SELF = "@"
 """The home robot's name where the rule gives it none."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Match:
     """A fact of the home robot; expressions among its arguments have become slots with an equation behind."""
 
@@ -20,14 +21,14 @@ class Match:
     mode: Mode
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Decide:
     """A condition that is decided here."""
 
     expression: Expression
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Let:
     """A variable that gets its value here."""
 
@@ -62,7 +63,7 @@ class Environment:
         return Environment(dict(self.slots), dict(self.constants), self.count)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Derivation:
     """A comprehension of one robot."""
 
@@ -72,7 +73,7 @@ class Derivation:
     environment: Environment
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Gathering:
     """An aggregate of one robot."""
 
@@ -89,7 +90,7 @@ class Gathering:
 Derived = Fact | syntax.Steps | Derivation | Gathering
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Projected:
     """A rule of one robot."""
 

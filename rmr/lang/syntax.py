@@ -1,14 +1,16 @@
 """The syntax tree. Names mirror the grammar's rules (rmr.lark); every node knows its place."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Iterator
 from enum import Enum
+from operator import attrgetter
+from typing import Any
 
+from rmr.base.record import record, slots
 from rmr.base.values import Value
 from rmr.lang.source import Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Name:
     """A name and where it stands."""
 
@@ -19,7 +21,7 @@ class Name:
 # ---- expressions
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Variable:
     """``R``; a lone ``_`` is anonymous."""
 
@@ -32,7 +34,7 @@ class Variable:
         return self.name == "_"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Literal:
     """A constant: ``3``, ``2.5``, ``500ms``, ``@4``, ``"text"``, ``true``, the symbol ``middle``, or a list of them."""
 
@@ -40,7 +42,7 @@ class Literal:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Call:
     """``name(arguments)``: a fact where it stands alone, a function inside an expression."""
 
@@ -51,7 +53,7 @@ class Call:
     """In parentheses: a function also where a call alone would be a fact."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Unary:
     """``-X`` or ``not X``."""
 
@@ -60,7 +62,7 @@ class Unary:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Binary:
     """Two operands and an operator, spelt ``!=`` where the source has ``<>``."""
 
@@ -70,7 +72,7 @@ class Binary:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ListTerm:
     """``[1, 2]`` or ``[H | T]``."""
 
@@ -94,7 +96,7 @@ class Mark(Enum):
     GOAL = "?"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Fact:
     """A fact, goal or action as it stands in a body, a head, an effect or an assertion."""
 
@@ -111,7 +113,7 @@ class Fact:
         return self.arguments[0] if self.arguments else None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Condition:
     """A Boolean expression in a body."""
 
@@ -122,7 +124,7 @@ class Condition:
 Conjunct = Fact | Condition
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Steps:
     """``a(R) then b(R)``; one fact alone is a Fact."""
 
@@ -130,7 +132,7 @@ class Steps:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Comprehension:
     """``{B | edge(A, B) | ready(B, A)}``."""
 
@@ -140,7 +142,7 @@ class Comprehension:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Aggregate:
     """``[sum T => V | body | head]``."""
 
@@ -158,7 +160,7 @@ HeadItem = Fact | Steps | Comprehension | Aggregate
 # ---- items
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TypeName:
     """``area``, or ``list T`` with T in `element`."""
 
@@ -167,7 +169,7 @@ class TypeName:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Parameter:
     """``A: area`` or ``area``."""
 
@@ -185,7 +187,7 @@ class Declared(Enum):
     ACTION = "action"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TypeDeclaration:
     """``type p(...)``, ``type !p(...)``, ``type sensor p(...)``, or an action type with its effects."""
 
@@ -197,7 +199,7 @@ class TypeDeclaration:
     else_effects: tuple[Fact, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Constant:
     """``const total = 4.``"""
 
@@ -206,7 +208,7 @@ class Constant:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Include:
     """``include "formation.rmr".``"""
 
@@ -214,7 +216,7 @@ class Include:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FactItem:
     """A fact that holds at the start."""
 
@@ -222,7 +224,7 @@ class FactItem:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class GoalItem:
     """A goal of the program."""
 
@@ -230,7 +232,7 @@ class GoalItem:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rule:
     """``body -o head.``; an empty head is ``1``."""
 
@@ -239,7 +241,7 @@ class Rule:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Assertion:
     """``name: assert(start, finish, deadline, violation).``, or ``watch(...)``, which is not scheduled."""
 
@@ -252,7 +254,7 @@ class Assertion:
     span: Span
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Strategy:
     """``order textual.``"""
 
@@ -263,7 +265,7 @@ class Strategy:
 Item = TypeDeclaration | Constant | Include | FactItem | GoalItem | Rule | Assertion | Strategy
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Module:
     """What a file holds, or several together."""
 
@@ -274,31 +276,48 @@ class Module:
     """All of it has been read."""
 
 
-_CHILDREN: dict[type, tuple[str, ...]] = {}
-"""By node class: the fields that may hold nodes, last one first."""
+_LEAVES = (Span, Name, Name | None, Value, str, bool, Mark, Declared, frozenset[str])
+"""Types of slots that hold no nodes, as they are annotated."""
+
+_PARTS: dict[type, tuple[str, ...]] = {}
+_INNER: dict[type, Callable[[Any], tuple[object, ...]]] = {}
+"""By node class: the function that returns what stands right below a node, last one first."""
 
 
-def _children(kind: type) -> tuple[str, ...]:
-    if kind not in _CHILDREN:
-        names = [part.name for part in fields(kind) if part.name != "span"] if is_dataclass(kind) else []
-        _CHILDREN[kind] = tuple(reversed(names))
-    return _CHILDREN[kind]
+def parts(kind: type) -> tuple[str, ...]:
+    """Return the slots of a class of nodes that hold nodes; of what is no node, none."""
+    if kind not in _PARTS:
+        names = slots(kind) if kind not in {Name, Span} else ()
+        _PARTS[kind] = tuple(name for name in names if kind.__annotations__[name] not in _LEAVES)
+    return _PARTS[kind]
 
 
-def children(node: object) -> Iterator[object]:
-    """Yield what stands right below `node`: the parts of a tuple, the fields of a node."""
-    yield from node if isinstance(node, tuple) else [getattr(node, name) for name in reversed(_children(type(node)))]
+def _inner(kind: type) -> Callable[[Any], tuple[object, ...]]:
+    return _INNER.setdefault(kind, _getter(parts(kind)[::-1]))
+
+
+def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple[object, ...]]:
+    if len(names) > 1:
+        return attrgetter(*names)
+    return (lambda node: (getattr(node, names[0]),)) if names else (lambda _: ())
+
+
+def children(node: object) -> tuple[object, ...]:
+    """Return what stands right below `node`, in source order: the parts of a tuple, the parts of a node."""
+    if type(node) is tuple:
+        return node
+    kind = type(node)
+    return (_INNER.get(kind) or _inner(kind))(node)[::-1]
 
 
 def walk(root: object) -> Iterator[object]:
-    """Yield every node below and including `root` in source order, without recursion."""
+    """Yield every node below and including `root` in source order, without recursion; names are no nodes."""
     stack = [root]
     while stack:
         node = stack.pop()
-        if type(node) is tuple:
-            stack += reversed(node)
-            continue
-        children = _children(type(node))
-        if children:
+        kind = type(node)
+        if kind is tuple:
+            stack += node[::-1]  # type: ignore[index]
+        elif node is not None:
             yield node
-            stack += [getattr(node, name) for name in children]
+            stack += (_INNER.get(kind) or _inner(kind))(node)

@@ -1,0 +1,62 @@
+"""Records: what `@dataclass(frozen=True, slots=True)` declares, made and filled in a fraction of the time.
+
+A compiler that is called for thirty lines spends most of its time on its own classes, and one that is called for
+thousands on making nodes. A record's class is made with one `exec` instead of seven, and making a record is plain
+assignment: that nobody assigns again is held by the type checker alone.
+"""
+
+from collections.abc import Callable
+from operator import attrgetter
+from typing import Any, TypeVar, dataclass_transform
+
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True)
+def record(cls: type[T]) -> type[T]:
+    """Make `cls` a class with a slot for each annotation, in their order; two are equal if all slots are."""
+    names = tuple(cls.__annotations__)
+    defaults = {name: cls.__dict__[name] for name in names if name in cls.__dict__}
+    own = {key: value for key, value in cls.__dict__.items() if key not in {*names, "__dict__", "__weakref__"}}
+    values = attrgetter(*names) if names else _nothing
+    made = {
+        "__slots__": names,
+        "__match_args__": names,
+        "__init__": _initialiser(names, defaults),
+        "__eq__": lambda self, other: (
+            values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+        ),
+        "__hash__": lambda self: hash(values(self)),
+        "__repr__": _shown,
+    }
+    again: type[T] = type(cls.__name__, cls.__bases__, own | made)
+    return again
+
+
+def replace(whole: T, **changes: Any) -> T:
+    """Return a record like `whole` with other values in some slots."""
+    names: tuple[str, ...] = type(whole).__match_args__  # type: ignore[attr-defined]
+    return type(whole)(**{name: getattr(whole, name) for name in names} | changes)
+
+
+def slots(kind: type) -> tuple[str, ...]:
+    """Return the names of a record's slots in their order; of what is no record, none."""
+    return getattr(kind, "__match_args__", ()) if getattr(kind, "__repr__", None) is _shown else ()
+
+
+def _initialiser(names: tuple[str, ...], defaults: dict[str, Any]) -> Callable[..., None]:
+    parameters = [f"{name}=defaults[{name!r}]" if name in defaults else name for name in names]
+    assignments = "".join(f"\n    self.{name} = {name}" for name in names) or "\n    pass"
+    made: dict[str, Any] = {"defaults": defaults}
+    exec(f"def __init__({', '.join(['self', *parameters])}):{assignments}", made)
+    initialiser: Callable[..., None] = made["__init__"]
+    return initialiser
+
+
+def _nothing(_: object) -> tuple[()]:
+    return ()
+
+
+def _shown(self: Any) -> str:
+    inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.__match_args__)
+    return f"{type(self).__qualname__}({inside})"
