@@ -85,9 +85,9 @@ class Hosted:
         self._alarm.set(now)
 
     def insert(self, now: Instant, name: str, args: tuple[Value, ...]) -> None:
-        """Let a fact come from outside."""
+        """Let a fact come from outside; what comes of it shows when the node is called."""
         self.node.insert(now, name, args)
-        self._ensemble.looked_at(self)
+        self._ensemble.note_idle(self, False)
         self._alarm.set(now)
 
     def _tick(self, now: Instant) -> None:
@@ -198,10 +198,7 @@ class Ensemble:
     def looked_at(self, hosted: Hosted) -> None:
         """Take over what a robot has noted and done, and whether it is idle now."""
         node = hosted.node
-        idle = not node.outstanding
-        if idle != hosted.idle:
-            self.busy += -1 if idle else 1
-            hosted.idle = idle
+        self.note_idle(hosted, not node.outstanding)
         fired = node.machine.firings - hosted.firings
         if fired:
             self.firings += fired
@@ -210,6 +207,12 @@ class Ensemble:
         if node.trace_log:
             self._take_notes(hosted, node.trace_log)
             node.trace_log.clear()
+
+    def note_idle(self, hosted: Hosted, idle: bool) -> None:
+        """Note whether a robot is idle."""
+        if idle != hosted.idle:
+            self.busy += -1 if idle else 1
+            hosted.idle = idle
 
     def _take_notes(self, hosted: Hosted, notes: list[Note]) -> None:
         for note in notes:

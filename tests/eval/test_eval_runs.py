@@ -207,3 +207,44 @@ def test_a_long_way_in_no_time_takes_no_time(bench):
     text += "".join(f"!next(@{robot}, @{robot + 1}).\n" for robot in range(1, 100))
     report = bench.run(text, "--robots", "100", "--latency", "0")
     assert (report["time_s"], facts(report, 100)) == (0.0, ["seen(@100)"])
+
+
+# -- across robots
+
+
+ACROSS = """
+type asked(robot, robot).  type answered(robot).
+asked(@1, @2).
+answer: watch(asked(A, B), answered(B), 5, broadcast(A)).
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "finish_s", "met", "cause"),
+    [
+        (["--insert", "4s: answered(@2)"], 4.0, True, None),
+        (["--insert", "4s: answered(@2)", "--latency", "2s"], 4.0, False, "network"),
+        (["--insert", "6s: answered(@2)"], 6.0, False, "local"),
+        ([], None, False, "local"),
+    ],
+)
+def test_a_miss_is_the_networks_if_only_the_news_was_late(bench, arguments, finish_s, met, cause):
+    report = bench.run(ACROSS, "--robots", "2", *arguments)
+    [job] = report["robots"]["1"]["assertions"]
+    assert report["robots"]["2"]["assertions"] == []
+    assert (job["job"], job["finish_s"], job["met"], job["cause"]) == ("answered(@2)", finish_s, met, cause)
+    assert [text for _, text in actions(report)] == ([] if met else ["broadcast(@1)"])
+
+
+@pytest.mark.parametrize("loss", ["0", "0.4"])
+def test_a_step_waits_for_the_end_of_another_robots_action(bench, loss):
+    text = """
+    type action fetch(R: robot) -o fetched(R).  type action lift(R: robot) -o lifted(R).
+    go(@1).
+    go(A) -o fetch(@2) then lift(A) then fin(A).
+    """
+    report = bench.run(text, "--robots", "2", "--action-time", "1s", "--loss", loss)
+    assert (facts(report, 1), facts(report, 2)) == (["fin(@1)", "lifted(@1)"], ["fetched(@2)"])
+    [[fetch_s, _]], [[lift_s, _]] = actions(report, 2), actions(report, 1)
+    assert lift_s >= fetch_s + 1.005
+    assert report["quiescent"]

@@ -118,15 +118,10 @@ def test_the_outcome_of_a_coordination_frame_to_one_robot_is_told():
 
 
 def test_repeats_are_known_by_number_even_when_thousands_of_frames_lie_between():
-    air = Air()
-    for sequence in range(0x10010):
-        air.send(1, fact(sequence & 0xFFFF), 2)
-    assert air.ether.messages.repeated == 0
-    for sequence in (0xF, 0xE, 0xFFFF):
-        air.send(1, fact(sequence), 2)
-    assert air.ether.messages.repeated == 3
-    air.send(1, fact(0x10), 2)
-    assert air.ether.messages.repeated == 3
+    link = Air().links[1]
+    assert not any(link.repeats(fact(sequence & 0xFFFF), 2) for sequence in range(0, 0x10010, 0x10))
+    assert all(link.repeats(fact(sequence), 2) for sequence in (0x0, 0xFFF0, 0x8010))
+    assert not link.repeats(fact(0x10), 2)
 
 
 def test_the_same_number_to_another_robot_is_no_repeat():
