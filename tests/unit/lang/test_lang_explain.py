@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -9,14 +11,17 @@ from click.testing import CliRunner, Result
 from lang_source import compiled
 
 from rmr.base.values import Robot, Symbol
+from rmr.bytecode import levels
 from rmr.cli import main
 from rmr.lang import octets as sizes
+from rmr.lang import serve
 from rmr.lang.compiler import compile_source
 from rmr.lang.explain import Explanation, explain
 from rmr.lang.explain import assertions as told_assertions
 from rmr.lang.explain import goals as told_goals
 from rmr.lang.explain import rules as told_rules
-from rmr.lang.explain.show import RULES_SHOWN_MAX, show
+from rmr.lang.explain.show import RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
+from rmr.lang.explain.texts import Spot
 from rmr.node.wire import FACT_BODY_OCTETS_MAX, Delivery, Role, encode_delivery
 
 ROOT = Path(__file__).parents[3]
@@ -93,9 +98,37 @@ def test_a_program_with_errors_has_diagnostics_only(tmp_path: Path) -> None:
 def test_a_program_of_several_files_is_explained_by_the_places_in_each(tmp_path: Path) -> None:
     (tmp_path / "main.rmr").write_text('include "part.rmr".\n?g(R).\na(R).\na(R) -o b(R).\n')
     (tmp_path / "part.rmr").write_text("\n// comment\nb(R) -o g(R).\n")
-    shown = run("--explain", "main.rmr", folder=tmp_path).stdout
-    assert "    rank 0  part.rmr:3  b(R) -o g(R).\n" in shown
-    assert "    rank 1  main.rmr:4  a(R) -o b(R).\n      derives b(R), needed by the rule at part.rmr:3\n" in shown
+    text = run("--explain", "main.rmr", folder=tmp_path).stdout
+    assert "    rank 0  part.rmr:3  b(R) -o g(R).\n" in text
+    assert "    rank 1  main.rmr:4  a(R) -o b(R).\n      derives b(R), needed by the rule at part.rmr:3\n" in text
+
+
+def test_the_keys_of_the_json_are_those_of_the_page() -> None:
+    page = (ROOT / "docs" / "explain.md").read_text("utf-8").partition("\n## JSON\n")[2]
+    rows = [line.split("|")[1:3] for line in page.splitlines() if line.startswith(("| a", "| needs", "| some"))]
+    kinds = {
+        "a program": Explanation,
+        "a place": Spot,
+        "a goal": told_goals.ExplainedGoal,
+        "a rule of a goal": told_goals.LeadingRule,
+        "an assertion": told_assertions.ExplainedAssertion,
+        "a serving action": told_assertions.ServingAction,
+        "a step of a way": told_assertions.WayStep,
+        "an origin": told_assertions.Origin,
+        "a rule": told_rules.ExplainedRule,
+        "needs": told_rules.Needs,
+        "a part of a head": told_rules.Part,
+        "something derived": told_rules.Derived,
+    }
+    told = {name: [field.name for field in fields(kind)] for name, kind in kinds.items()}
+    assert {name.strip(): re.findall(r"`(\w+)`", keys) for name, keys in rows} == told
+
+
+def test_the_limits_of_the_page_are_those_of_the_code() -> None:
+    page = (ROOT / "docs" / "explain.md").read_text("utf-8").partition("\n## Limits\n")[2].replace("10 000", "10000")
+    limits = [RULES_SHOWN_MAX, STEPS_SHOWN_MAX, told_goals.WAYS_MAX, levels.STEPS_MAX, serve.STEPS_MAX]
+    assert told_assertions.STEPS_MAX == told_goals.WAYS_MAX
+    assert [int(number) for number in re.findall(r"\d+", page)] == limits
 
 
 # ---- what is told
@@ -204,11 +237,11 @@ def chain(length: int, goals: int) -> str:
 
 
 def test_only_the_nearest_rules_are_shown() -> None:
-    shown = show(explained(chain(RULES_SHOWN_MAX + 7, 1)))
-    assert shown.count("    rank ") == RULES_SHOWN_MAX
-    assert "    and 7 more rules\n" in shown
-    assert "more steps to the finish fact" not in shown
-    assert "more steps\n" in shown
+    text = show(explained(chain(RULES_SHOWN_MAX + 7, 1)))
+    assert text.count("    rank ") == RULES_SHOWN_MAX
+    assert "    and 7 more rules\n" in text
+    assert text.count("which derives p(R, ") == STEPS_SHOWN_MAX
+    assert "more steps\n" in text
 
 
 def test_what_is_told_is_bounded_for_all_goals_and_assertions_together(monkeypatch: pytest.MonkeyPatch) -> None:
