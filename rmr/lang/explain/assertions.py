@@ -70,7 +70,7 @@ class ExplainedAssertion:
     violation: str
     scheduled: bool
     event: str | None
-    """What its jobs contend for; None: it is never scheduled."""
+    """What its jobs contend for; None: it is only watched."""
     serving: tuple[ServingAction, ...]
     origins: tuple[Origin, ...]
     """If no action serves it: what leads to the finish fact, the finish fact first."""
@@ -107,7 +107,7 @@ class Assertions:
             deadline=_seconds(item.deadline, line(item.deadline.span)),
             violation=line(item.violation.span),
             scheduled=assertion.scheduled,
-            event=_event(assertion.name, args) if assertion.scheduled else None,
+            event=_event(assertion.name, args) if serving else None,
             serving=tuple(self._serving(serving, told)),
             origins=tuple([self._origin(each, told) for each in unserved[:ORIGINS_MAX]]),
             cut=walk.cut,

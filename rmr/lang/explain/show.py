@@ -94,16 +94,15 @@ class _Shown:
         yield f"  {told.name}  {_place(told.place)}"
         yield _entry("starts with", told.starts_with)
         yield _entry("ends with", f"{told.ends_with} within {told.deadline}, else {told.violation}")
-        if told.event is None:
-            yield _entry("turns", "none: what is watched is never scheduled, and nothing is held back")
-            return
-        yield _entry("turns", f"the robots with a job of {told.event} take turns")
+        if told.event is not None:
+            yield _entry("turns", f"the robots with a job of {told.event} take turns")
+        elif not told.scheduled:
+            yield _entry("turns", "none, it is only watched: nothing is held back")
+        else:
+            yield _entry("turns", "none, it is only watched: no declared effect of an action leads to the finish fact")
         for serving in told.serving:
             yield from self._serving(serving)
-        if not told.serving:
-            yield _entry(
-                "served by", "nothing, it is only watched: no declared effect of an action leads to the finish fact"
-            )
+        if told.scheduled:
             for origin in told.origins:
                 yield _entry("", f"{origin.fact}: {self._origin(origin)}")
         if told.cut:
