@@ -55,6 +55,8 @@ class Assertions:
         self._queue: list[Entry] = []
         self._serial = 0
         self._pushed = 0
+        self._undecided: dict[int, int] = {}
+        """By serial, the jobs whose deadline may come: the number of the entry that holds it."""
         self._mine = [(i, each) for i, each in enumerate(program.assertions) if each.robot in (None, robot)]
         self._concerned = {each.start.predicate for _, each in self._mine}
         self._concerned |= {each.finish.predicate for _, each in self._mine}
@@ -100,6 +102,7 @@ class Assertions:
         missed = []
         while self.due <= until:
             job = heappop(self._queue)[-1]
+            del self._undecided[job.serial]
             job.missed = True
             missed.append(job)
             self._settle()
@@ -141,6 +144,7 @@ class Assertions:
             job = self._open(now, key, finish, bindings)
         job.start, job.deadline, job.bindings = now, deadline, bindings
         self._pushed += 1
+        self._undecided[job.serial] = self._pushed
         heappush(self._queue, (deadline, job.serial, self._pushed, job))
         self._settle()
         yield JobStarted(job)
@@ -169,7 +173,7 @@ class Assertions:
         )
         self._live.pop(key, None)
         if len(self._live) >= LIVE_MAX:
-            del self._live[next(iter(self._live))]
+            self._undecided.pop(self._live.pop(next(iter(self._live))).serial, None)
             self._dropped.add("jobs", LIVE_MAX, now)
         self._live[key] = job
         self.jobs.append(job)
@@ -177,6 +181,7 @@ class Assertions:
 
     def _finish(self, at: Instant, key: Key) -> VmEvent:
         job = self._live.pop(key)
+        self._undecided.pop(job.serial, None)
         job.finish = at
         self._settle()
         return JobFinished(job)
@@ -192,17 +197,16 @@ class Assertions:
         """Drop outdated entries from the head of the queue, and all of them when they are the most."""
         queue = self._queue
         if len(queue) > 4 * LIVE_MAX:
-            queue[:] = [entry for entry in queue if _waits(entry)]
+            queue[:] = [entry for entry in queue if self._counts(entry)]
             heapify(queue)
-        while queue and not _waits(queue[0]):
+        while queue and not self._counts(queue[0]):
             heappop(queue)
         self.due = queue[0][0] if queue else NEVER
 
-
-def _waits(entry: Entry) -> bool:
-    """Tell whether a queue entry is the deadline of a job that is still undecided."""
-    deadline, _, _, job = entry
-    return job.finish is None and not job.missed and job.deadline == deadline
+    def _counts(self, entry: Entry) -> bool:
+        """Tell whether a queue entry is the deadline of a job that is still undecided; each such job has one."""
+        _, serial, number, _ = entry
+        return self._undecided.get(serial) == number
 
 
 def pattern_text(pattern: Pattern) -> str:

@@ -301,6 +301,23 @@ def test_jobs_that_wait_are_bounded_and_what_is_given_up_is_counted() -> None:
     for number in range(LIVE_MAX + 3):
         machine.insert(0, start, (number,))
     assert machine.jobs_given_up == 3
+    machine.drain()
+    machine.run(seconds(11))
+    assert len(actions(machine.drain())) == LIVE_MAX
+
+
+def test_a_job_that_starts_anew_for_ever_takes_the_place_of_one_deadline() -> None:
+    hand = Hand()
+    start, end, alarm = hand.temporary("start", INT), hand.temporary("end"), hand.action("alarm")
+    hand.asserts(hand.atom(start, V(1)), hand.atom(end), V(1), hand.head(alarm))
+    machine = hand.machine()
+    for number in range(6 * LIVE_MAX):
+        machine.insert(0, start, (10 + number % 2,))
+    assert len(machine._assertions._queue) <= 4 * LIVE_MAX + 1
+    assert machine.due == seconds(11)
+    machine.drain()
+    machine.run(seconds(12))
+    assert len(actions(machine.drain())) == 1
 
 
 def test_a_quiet_machine_costs_next_to_nothing() -> None:
