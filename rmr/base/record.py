@@ -2,14 +2,26 @@
 
 A compiler that is called for thirty lines spends most of its time on its own classes, and one that is called for
 thousands on making nodes. A record's class is made with one `exec` instead of seven, and making a record is plain
-assignment: that nobody assigns again is held by the type checker alone.
+assignment: that nobody assigns again is held by the type checker alone. The functions of `dataclasses` (`replace`,
+`fields`, ...) take records for dataclasses.
 """
 
 from collections.abc import Callable
+from copy import copy
+from dataclasses import Field, dataclass, fields
 from operator import attrgetter
 from typing import Any, TypeVar, dataclass_transform
 
 T = TypeVar("T")
+
+
+@dataclass
+class _Pattern:
+    slot: object
+
+
+_FIELDS = "__dataclass_fields__"
+"""Where dataclasses keep what is known about their fields."""
 
 
 @dataclass_transform(frozen_default=True)
@@ -26,22 +38,12 @@ def record(cls: type[T]) -> type[T]:
         "__eq__": lambda self, other: (
             values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
         ),
-        "__hash__": lambda self: hash(values(self)),
+        "__hash__": lambda self: values(self).__hash__(),
         "__repr__": _shown,
+        _FIELDS: {name: _field(name, kind) for name, kind in cls.__annotations__.items()},
     }
     again: type[T] = type(cls.__name__, cls.__bases__, own | made)
     return again
-
-
-def replace(whole: T, **changes: Any) -> T:
-    """Return a record like `whole` with other values in some slots."""
-    names: tuple[str, ...] = type(whole).__match_args__  # type: ignore[attr-defined]
-    return type(whole)(**{name: getattr(whole, name) for name in names} | changes)
-
-
-def slots(kind: type) -> tuple[str, ...]:
-    """Return the names of a record's slots in their order; of what is no record, none."""
-    return getattr(kind, "__match_args__", ()) if getattr(kind, "__repr__", None) is _shown else ()
 
 
 def _initialiser(names: tuple[str, ...], defaults: dict[str, Any]) -> Callable[..., None]:
@@ -51,6 +53,12 @@ def _initialiser(names: tuple[str, ...], defaults: dict[str, Any]) -> Callable[.
     exec(f"def __init__({', '.join(['self', *parameters])}):{assignments}", made)
     initialiser: Callable[..., None] = made["__init__"]
     return initialiser
+
+
+def _field(name: str, kind: Any) -> Field[Any]:
+    [made] = map(copy, fields(_Pattern))
+    made.name, made.type = name, kind
+    return made
 
 
 def _nothing(_: object) -> tuple[()]:

@@ -5,8 +5,9 @@ instructions, so that every expression ends. `pops` and `pushes` are what the ve
 MAKE_LIST the operand (for CALL: the function's arity) says how many are popped.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
+
+from rmr.base.record import record
 
 
 class Operand(IntEnum):
@@ -60,7 +61,7 @@ class Op(IntEnum):
     """If the top is true keep it and skip, else pop it."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Form:
     """How one instruction looks and what it does to the stack."""
 
@@ -89,7 +90,7 @@ FORMS: dict[Op, Form] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Function:
     """A built-in function of expressions."""
 

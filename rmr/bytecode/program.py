@@ -8,6 +8,7 @@ itself. All indices (predicates, slots) refer to the tables of the same program.
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from rmr.base.record import record
 from rmr.base.values import Value
 from rmr.bytecode.opcodes import Op
 
@@ -38,7 +39,7 @@ class Base(IntEnum):
     LIST = 7
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Type:
     """The type of an argument."""
 
@@ -49,7 +50,7 @@ class Type:
     """For LIST."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Instruction:
     """One instruction; the operand is decoded (for CONST the value itself, for CALL the function's index)."""
 
@@ -76,14 +77,14 @@ class Anything:
 ANY = Anything()
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Slot:
     """A variable in a pattern. Bound already: the argument must equal it. Else: it is bound to the argument."""
 
     index: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Constant:
     """A constant in a pattern."""
 
@@ -106,7 +107,7 @@ class Mode(IntEnum):
     """``not p(...)``: no fact matches."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Atom:
     """A fact of the home robot in a rule's body."""
 
@@ -116,14 +117,14 @@ class Atom:
     mode: Mode
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Guard:
     """A Boolean expression that must be true; its slots are bound by what stands before it."""
 
     code: Code
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Bind:
     """``X = expression`` where nothing else binds X."""
 
@@ -136,7 +137,7 @@ Conjunct = Atom | Guard | Bind
 their textual order."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeriveFact:
     """A fact of the head."""
 
@@ -146,7 +147,7 @@ class DeriveFact:
     args: tuple[Code, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeriveGoal:
     """``?p(...)`` in a head."""
 
@@ -155,7 +156,7 @@ class DeriveGoal:
     args: tuple[Code, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class DeriveAction:
     """An action of the head."""
 
@@ -168,7 +169,7 @@ Derived = DeriveFact | DeriveGoal | DeriveAction
 """What a head derives, one item."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Comprehension:
     """``{B | edge(A, B) | ready(B, A)}``: for every match of the body, derive the head."""
 
@@ -188,7 +189,7 @@ class Operator(IntEnum):
     COLLECT = 4
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Aggregate:
     """``[min D => V | road(A, B, D) | nearest(A, B, V)]``: one value of all matches of the body, one head."""
 
@@ -203,7 +204,7 @@ class Aggregate:
     head: Derived
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Steps:
     """``a(R) then b(R)``: each is derived when the one before it is complete; all arguments are worked out at once."""
 
@@ -214,7 +215,7 @@ class Steps:
 Head = Derived | Comprehension | Aggregate | Steps
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rule:
     """One projected rule."""
 
@@ -224,7 +225,7 @@ class Rule:
     head: tuple[Head, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Effect:
     """A fact that an action's completion inserts. Slots 1.. are the action's arguments without the executor."""
 
@@ -234,7 +235,7 @@ class Effect:
     """The robot that gets it: the executor (slot 0) or one that the action names."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Predicate:
     """A predicate or an action."""
 
@@ -250,7 +251,7 @@ class Predicate:
     """Actions only: inserted on failure."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class InitialFact:
     """A fact that the program states."""
 
@@ -261,7 +262,7 @@ class InitialFact:
     """Slot 0 is the robot itself, the only one that stands here."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Lead:
     """A rule whose firing may bring a goal nearer (paper, figure 6)."""
 
@@ -271,7 +272,7 @@ class Lead:
     """How many further firings lead from it to the goal; None: that depends on the instantiation."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class InitialGoal:
     """A goal that the program states; ANY arguments match anything."""
 
@@ -284,7 +285,7 @@ class InitialGoal:
     None: not worked out, the virtual machine does it."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Serving:
     """An action whose completion leads to an assertion's finish fact (held back until the job has its turn)."""
 
@@ -293,7 +294,7 @@ class Serving:
     """Patterns over the start fact's slots."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Assertion:
     """``assert(S, F, D, V)``. Slot 0 is S's robot, where the job lives; S binds slots 1..; F, D and V are over them."""
 
@@ -321,7 +322,7 @@ class Strategy(IntEnum):
     TEXTUAL = 1
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Place:
     """Where something stands in the source."""
 
@@ -330,7 +331,7 @@ class Place:
     column: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Debug:
     """The optional debug section."""
 

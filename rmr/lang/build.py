@@ -7,8 +7,8 @@ Only what the syntax tree could not hold is reported here: numbers out of range 
 # ruff: noqa: D102 - each public method builds the grammar rule or alias of its name; rmr.lark documents them
 import math
 import re
+from dataclasses import replace
 
-from rmr.base.record import replace
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.lang import syntax
 from rmr.lang.diagnostic import Diagnostics

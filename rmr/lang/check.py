@@ -5,7 +5,9 @@ in project.py and assertions.py, doubts that do not stop compilation in warn.py.
 and checks what the program states: facts, goals, effects, the strategy.
 """
 
-from rmr.base.record import record, replace
+from dataclasses import replace
+
+from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.limits import STACK_MAX
 from rmr.bytecode.program import Kind

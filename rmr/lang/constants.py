@@ -5,9 +5,9 @@ constant expressions are worked out here (fold.py), so that what follows sees th
 needed, one that has no value is an error; in a rule it is left to the robots, with a warning.
 """
 
+from dataclasses import replace
 from typing import Any
 
-from rmr.base.record import replace
 from rmr.base.values import Symbol
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.fold import Folder, Valueless

@@ -6,8 +6,9 @@ value (`1 / 0`, an int beyond 64 bits) stays as it is and is remembered.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
-from rmr.base.record import record, replace
+from rmr.base.record import record
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, OutOfRange, built
 from rmr.bytecode.functions import call as called

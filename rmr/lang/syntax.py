@@ -1,11 +1,12 @@
 """The syntax tree. Names mirror the grammar's rules (rmr.lark); every node knows its place."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
 from enum import Enum
 from operator import attrgetter
 from typing import Any
 
-from rmr.base.record import record, slots
+from rmr.base.record import record
 from rmr.base.values import Value
 from rmr.lang.source import Span
 
@@ -287,8 +288,8 @@ _INNER: dict[type, Callable[[Any], tuple[object, ...]]] = {}
 def parts(kind: type) -> tuple[str, ...]:
     """Return the slots of a class of nodes that hold nodes; of what is no node, none."""
     if kind not in _PARTS:
-        names = slots(kind) if kind not in {Name, Span} else ()
-        _PARTS[kind] = tuple(name for name in names if kind.__annotations__[name] not in _LEAVES)
+        slots = fields(kind) if is_dataclass(kind) and kind not in {Name, Span} else ()
+        _PARTS[kind] = tuple(slot.name for slot in slots if slot.type not in _LEAVES)
     return _PARTS[kind]
 
 

@@ -1,10 +1,11 @@
 """Records behave as frozen dataclasses do, but for what the type checker holds alone."""
 
 import pickle
+from dataclasses import asdict, fields, is_dataclass, replace
 
 import pytest
 
-from rmr.base.record import record, replace, slots
+from rmr.base.record import record
 
 
 @record
@@ -50,8 +51,12 @@ def test_a_record_shows_its_slots_and_is_matched_by_them():
 def test_a_record_has_no_room_for_anything_else():
     with pytest.raises(AttributeError):
         Place("a").column = 3
-    assert slots(Place) == ("file", "line")
-    assert slots(int) == ()
+
+
+def test_what_takes_dataclasses_takes_records():
+    assert is_dataclass(Place)
+    assert [field.name for field in fields(Place)] == ["file", "line"]
+    assert asdict(Place("a")) == {"file": "a", "line": 1}
 
 
 def test_a_copy_differs_where_it_is_told_to():
