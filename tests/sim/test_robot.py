@@ -173,6 +173,50 @@ def test_a_fact_too_large_for_one_frame_travels_in_fragments(tmp_path):
     assert simulation.robots[1].node.machine.facts() == [f'note(@2, "{text}")']
 
 
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_steps_follow_each_other_across_robots_over_the_radio(tmp_path, loss):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action wait(robot, float).
+        type action light(robot, colour).
+        relay(@1, @2).
+        relay(A, B) -o wait(B, 1.0) then light(A, green) then light(B, red) then passed(A).
+        """,
+        robots=2,
+        loss=loss,
+        duration="8s",
+    )
+    simulation.run()
+    assert simulation.robots[0].node.machine.facts() == ["passed(@1)"]
+    shown = [(entry["robot"], entry["colour"]) for entry in traced(simulation, "light")]
+    assert shown == [(1, "green"), (2, "red")]
+    assert traced(simulation, "light")[0]["t"] > 1.0
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.3])
+def test_a_time_assertion_ends_with_another_robots_fact_over_the_radio(tmp_path, loss):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action wait(X: robot, T: float) -o rested(X).
+        type action say(robot, string).
+        rest: watch(asked(A, B), rested(B), 3, say(A, "late")).
+        asked(@1, @2).
+        rested(R) -o 1.
+        $asked(A, B), not sent(A) -o sent(A), wait(B, 1.0).
+        """,
+        robots=2,
+        loss=loss,
+        duration="8s",
+    )
+    simulation.run()
+    (job,) = simulation.robots[0].node.machine.jobs
+    (ended,) = traced(simulation, "action_ended")
+    assert job.finish / 1e9 == pytest.approx(ended["t"], abs=1e-6)
+    assert job.cause is None
+
+
 def test_a_missed_deadline_is_broadcast_on_time_and_heard(tmp_path):
     simulation = small_lab(
         tmp_path,
