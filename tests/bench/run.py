@@ -31,6 +31,9 @@ PROGRAMS = ROOT / "tests" / "programs"
 RUN_S_MAX = 240
 """Longer than the longest lab and its start; a run that takes longer hangs."""
 
+EVALUATED = 10_000
+"""Robots of one evaluation: each is a whole node, and they talk to their neighbours on a grid."""
+
 BOUND_RATIO = {"corridor": 2.0, "testbed": 1.7}
 """Time of a run over its physical bound, at most."""
 
@@ -76,20 +79,24 @@ def run(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
     return answer
 
 
+def used(words: Sequence[str]) -> resource.struct_rusage:
+    """Run a command whose output is of no interest; return what it used. Raises UntakenError when it fails."""
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise UntakenError(f"exit code {process.returncode}: {' '.join(words)}")
+    return usage
+
+
 # --- single figures -----------------------------------------------------------------------------------------
 
 
 def help_cpu(repetitions: int) -> Iterable[Figure]:
     """Processor time of ``rmr --help``, the interpreter's start included."""
     code = "import sys; sys.argv = ['rmr', '--help']; from rmr.cli import main; main()"
-    taken = []
-    for _ in range(repetitions):
-        process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.DEVNULL)
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode:
-            raise UntakenError(f"rmr --help ended with exit code {process.returncode}")
-        taken.append((usage.ru_utime + usage.ru_stime) * 1e3)
+    usages = [used([sys.executable, "-c", code]) for _ in range(repetitions)]
+    taken = [(usage.ru_utime + usage.ru_stime) * 1e3 for usage in usages]
     yield Figure("rmr --help, processor time", statistics.median(taken), "ms", 150)
 
 
@@ -102,6 +109,15 @@ def octets(name: str, source: Path, target: int) -> Iterable[Figure]:
     if compilation.program is None:
         raise UntakenError(f"{source} does not compile")
     yield Figure(f"{name}, byte-code", len(codec.encode(compilation.program, debug=False)), "octets", target)
+
+
+def evaluated() -> Iterable[Figure]:
+    """Processor time and memory of ``rmr eval`` with very many robots."""
+    words = ["--robots", str(EVALUATED), "--topology", "grid", "--edges", "near"]
+    program = str(ROOT / "tests" / "bench" / "programs" / "spread.rmr")
+    usage = used([sys.executable, "-c", "from rmr.cli import main; main()", "eval", program, *words])
+    yield Figure(f"rmr eval, {EVALUATED} robots: processor time", usage.ru_utime + usage.ru_stime, "s", 60)
+    yield Figure(f"rmr eval, {EVALUATED} robots: memory", usage.ru_maxrss / 1024, "MB", 2000)
 
 
 # --- runs ---------------------------------------------------------------------------------------------------
@@ -248,6 +264,7 @@ def suite(*, quick: bool) -> dict[str, Callable[[], Iterable[Figure]]]:
     few, more = (range(1, 2), range(1, 4)) if quick else (range(1, 4), range(1, 11))
     return {
         "rmr --help": lambda: help_cpu(5 if quick else 15),
+        "rmr eval": evaluated,
         "figure 3": lambda: octets("figure 3", PROGRAMS / "figure3.rmr", 256),
         "figure 4": lambda: octets("figure 4", PROGRAMS / "figure4.rmr", 256),
         "corridor.rmr": lambda: octets("corridor.rmr", LABS / "corridor" / "corridor.rmr", 2048),
