@@ -3,7 +3,7 @@
 A fact or goal is taken up. An action is carried out, and its end reported to the robot that derived it if a chain
 of steps waits there. A job that waits for another robot's fact asks that robot, which tells it when the fact comes.
 What cannot be delivered is noted, comes back as the fact `undelivered(A, B, what)` where the program declares it,
-and fails the step that waits for it: nothing vanishes and no chain waits for ever.
+and fails the step that waits for it: nothing vanishes, and no chain waits for what never left.
 """
 
 from contextlib import suppress
