@@ -33,7 +33,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.lang": {"lark"},
     "rmr.bus": {"zenoh", "msgpack"},
     "rmr.cli": {"click"},
-    "rmr.commands": {"click"},
+    "rmr.commands": {"click", "rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
     "rmr_sim": {"click", "rich", "numpy"},
     "rmr_deploy": {"click", "rich"},

@@ -14,11 +14,11 @@ the same rule, and so does an expression, before its loosest operators.
 Brackets are kept on a stack of frames and never recursed into; only the levels of operators are.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from rmr.lang.format.printer import OPENING, TIGHT, Indent, Mark, Note, Plain, Sign
+from rmr.lang.format.printer import OPENING, TIGHT, Indent, Mark, Note, Sign
 from rmr.lang.format.words import Comment, Text, Word
 
 INDENT = 4
@@ -97,7 +97,7 @@ def _items(words: list[Word]) -> Iterator[list[Word]]:
     assert not item, "the text ends inside an item"
 
 
-def _above(comments: list[Comment]) -> list[Mark]:
+def _above(comments: Sequence[Comment]) -> list[Mark]:
     """Return comments before an item."""
     marks: list[Mark] = []
     for each in comments:
@@ -131,11 +131,11 @@ class _Reader:
         root.end_element([])
         first, *others = root.sections
         marks = [*_lines(first.elements), Indent(INDENT), *_behind(others), Indent(-INDENT)]
-        return [*_group([*marks, Plain(dot.text)]), *_trailing(dot)]
+        return [*_group([*marks, dot.text]), *_trailing(dot)]
 
     def _read(self, word: Word, space: list[Mark]) -> None:
         frame = self._frames[-1]
-        marks = [*space, Plain(word.text), *_trailing(word)]
+        marks = [*space, word.text, *_trailing(word)]
         negates = word.text == "-" and not self._operand_ends()
         if word.text in OPENING:
             matches = word.text == "{" or (word.text == "[" and self._derives and len(self._frames) == 1)
@@ -196,7 +196,7 @@ def _behind(sections: list[_Section]) -> list[Mark]:
     for each in sections:
         assert each.word is not None
         width = len(each.word.text) + 1
-        marks += [Sign.BREAK, Sign.SPACE, Plain(each.word.text), *_trailing(each.word)]
+        marks += [Sign.BREAK, Sign.SPACE, each.word.text, *_trailing(each.word)]
         marks += [Indent(width), *_group(_lines(each.elements)), Indent(-width)]
     return marks
 
@@ -211,7 +211,7 @@ def _brackets(frame: _Frame, closing: Word) -> list[Mark]:
         marks += [Sign.BREAK, *_lines(first.elements), *_behind(others), Indent(-INDENT), Sign.BREAK]
     else:
         marks += [Indent(-INDENT)]
-    return [*_group([*marks, Plain(closing.text)]), *_trailing(closing)]
+    return [*_group([*marks, closing.text]), *_trailing(closing)]
 
 
 def _element(parts: list[_Part]) -> list[Mark]:
@@ -242,7 +242,7 @@ def _joined(parts: list[_Part]) -> list[Mark]:
 # ---- comments
 
 
-def _inside(comments: list[Comment]) -> list[_Part]:
+def _inside(comments: Sequence[Comment]) -> list[_Part]:
     return [_Part([Note(each.text, each.alone, trailing=False)], comment=True) for each in comments]
 
 

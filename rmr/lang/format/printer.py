@@ -34,13 +34,6 @@ class Sign(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Plain:
-    """A word."""
-
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Indent:
     """From here on lines begin so many columns further to the right, or to the left if negative."""
 
@@ -58,7 +51,8 @@ class Note:
     """It stays on the line of the word before it."""
 
 
-Mark = Sign | Plain | Indent | Note
+Mark = str | Sign | Indent | Note
+"""A word stands for itself."""
 
 
 def printed(marks: Sequence[Mark]) -> str:
@@ -67,8 +61,8 @@ def printed(marks: Sequence[Mark]) -> str:
     pen = _Pen()
     broken = [True]
     for i, mark in enumerate(marks):
-        if isinstance(mark, Plain):
-            pen.write(mark.text)
+        if isinstance(mark, str):
+            pen.write(mark)
         elif isinstance(mark, Note):
             pen.note(mark)
         elif isinstance(mark, Indent):
@@ -92,7 +86,7 @@ def _widths(marks: Sequence[Mark]) -> dict[int, float]:
     notes: list[int] = []
     for mark in marks:
         columns.append(columns[-1] + _width(mark))
-        words.append(words[-1] + isinstance(mark, Plain))
+        words.append(words[-1] + isinstance(mark, str))
         if isinstance(mark, Note) and mark.alone:
             notes.append(words[-1])
     widths: dict[int, float] = {}
@@ -112,8 +106,8 @@ def _widths(marks: Sequence[Mark]) -> dict[int, float]:
 
 
 def _width(mark: Mark) -> int:
-    if isinstance(mark, Plain):
-        return len(mark.text)
+    if isinstance(mark, str):
+        return len(mark)
     if isinstance(mark, Note):
         return 0 if mark.alone else len(mark.text) + 1
     return 1 if mark is Sign.SPACE else 0

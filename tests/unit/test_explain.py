@@ -1,0 +1,73 @@
+"""`rmr explain` as a command."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from rmr import cli
+from rmr.lang.diagnostic import CODES
+from rmr.lang.pages import page
+
+
+def explain(*arguments):
+    return CliRunner().invoke(cli.main, ["explain", *arguments])
+
+
+def test_a_code_is_explained_in_plain_text():
+    result = explain("E012")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("E012: wrong kind\n\n")
+    assert '\n    start(R), say(R, "hello") -o 1.\n' in result.stdout
+    assert "\nWHY\n" in result.stdout
+    assert "See also: E010, E013, W108" in result.stdout
+    assert "```" not in result.stdout
+    assert "](" not in result.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs a terminal")
+def test_on_a_terminal_it_is_laid_out_and_coloured():
+    reader, terminal = os.openpty()
+    run = "from rmr.cli import main; main(['explain', 'E012'])"
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
+    environment.pop("NO_COLOR", None)
+    process = subprocess.run([sys.executable, "-c", run], stdout=terminal, env=environment, check=True)
+    os.close(terminal)
+    shown = os.read(reader, 1 << 16).decode()
+    os.close(reader)
+    assert process.returncode == 0
+    assert "\x1b[" in shown
+    assert 'say(R, "hello")' in shown
+    assert "](" not in shown
+
+
+def test_small_letters_do_as_well():
+    assert explain("w101").stdout == explain("W101").stdout
+
+
+@pytest.mark.parametrize(
+    ("code", "hint"), [("E12", "Did you mean E012?"), ("nonsense", "`rmr explain` lists all codes.")]
+)
+def test_an_unknown_code_is_wrong_usage_with_a_hint(code, hint):
+    result = explain(code)
+    assert result.exit_code == 2
+    assert f"There is no code {code}. {hint}" in result.stderr
+
+
+def test_without_a_code_all_are_listed():
+    assert explain().stdout == "".join(f"{code}  {title}\n" for code, title in CODES.items())
+
+
+def test_json_has_the_same():
+    listed = json.loads(explain("--json").stdout)
+    assert [(each["code"], each["title"]) for each in listed] == list(CODES.items())
+    assert {each["severity"] for each in listed if each["code"].startswith("W")} == {"warning"}
+    assert json.loads(explain("E012", "--json").stdout) == {
+        "code": "E012",
+        "severity": "error",
+        "title": CODES["E012"],
+        "page": page("E012"),
+    }
