@@ -16,7 +16,7 @@ from rmr.lang.build import RESERVED
 from rmr.lang.compiler import compile_source
 from rmr.lang.diagnostic import CODES
 from rmr.lang.types import FUNCTIONS as TYPED_FUNCTIONS
-from rmr.lang.types import LATER
+from rmr.lang.types import LIST_FUNCTIONS
 
 ROOT = Path(__file__).parents[3]
 LANGUAGE = ROOT / "docs" / "language.md"
@@ -77,14 +77,6 @@ def test_the_diagnostics_are_those_of_the_code():
     assert listed == list(CODES.items())
 
 
-def test_everything_not_supported_yet_gets_that_diagnostic():
-    [lines] = [text.splitlines() for _, words, text in blocks(LANGUAGE, "rmr") if words == ["error", "E002"]]
-    told = {line: {code for code in codes(line) if code.startswith("E")} for line in lines}
-    assert told == {line: {"E002"} for line in lines}
-    words = LANGUAGE.read_text(encoding="utf-8").partition("## Not supported yet\n")[2]
-    assert [name for name in LATER if f"`{name}`" not in words] == []
-
-
 def test_the_reserved_words_are_those_of_the_code():
     words = re.search(r"Reserved, they name nothing: ([^.]*)\.", LANGUAGE.read_text(encoding="utf-8"))
     assert words is not None
@@ -104,7 +96,7 @@ def test_the_provided_actions_are_those_of_the_code():
 
 def test_the_functions_of_expressions_are_those_of_the_code():
     listed = [name for row in rows(LANGUAGE, "Expressions", 1) for name in re.findall(r"`(\w+)\(", row[0])]
-    assert set(listed) == {*TYPED_FUNCTIONS, "if"}
+    assert set(listed) == {*TYPED_FUNCTIONS, *LIST_FUNCTIONS, "if"}
 
 
 def test_the_opcodes_are_those_of_the_code():
