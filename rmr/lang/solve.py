@@ -32,13 +32,15 @@ class Solver:
 
     def flow(self, source: Cell, target: Cell) -> None:
         """Let `target` be at least as wide as `source`."""
-        source.targets.append(target)
-        self._pass(source, target)
+        if not target.fixed:
+            source.targets.append(target)
+            self._pass(source, target)
 
     def fall_back(self, source: Cell, target: Cell) -> None:
         """Let `target` be of `source`'s type if nothing else gives it one."""
-        source.fallbacks.append(target)
-        self._sources[source] = None
+        if not target.fixed:
+            source.fallbacks.append(target)
+            self._sources[source] = None
 
     def solve(self) -> None:
         """Let all types flow, first forward, then to what is still open."""
@@ -70,8 +72,6 @@ class Solver:
             self._queue.append((one, (other,)))
 
     def _widen(self, cell: Cell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
-        if cell.fixed:
-            return
         wider = join(cell.kind, kind)
         mixes = wider.base is Base.FLOAT and (mixed or cell.mixed or Base.INT in {cell.kind.base, kind.base})
         if wider != cell.kind:

@@ -196,16 +196,17 @@ def equation_of(conjunct: Conjunct) -> tuple[str, Literal] | None:
 def literal_cell(literal: Literal) -> Cell:
     """Return a constant's cell."""
     kind = literal_type(literal)
-    mixed = isinstance(literal.value, tuple) and any(type(each) is int for each in _leaves(literal.value))
+    mixed = isinstance(literal.value, tuple) and any(type(each) is int for each in leaves(literal.value))
     return cell_of(kind, literal.span, mixed=mixed and innermost(kind).base is Base.FLOAT)
 
 
-def _leaves(value: Value) -> Iterator[Value]:
+def leaves(value: Value) -> Iterator[Value]:
+    """Yield what a list holds, and lists in it; else the value itself."""
     if not isinstance(value, tuple):
         yield value
         return
     for item in value:
-        yield from _leaves(item)
+        yield from leaves(item)
 
 
 def innermost(kind: Type) -> Type:

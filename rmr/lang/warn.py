@@ -3,7 +3,6 @@
 After a syntax error what is missing may stand in the broken item, and nothing is doubted for its absence.
 """
 
-from collections import Counter
 from collections.abc import Iterator
 
 from rmr.base.values import Symbol
@@ -23,6 +22,7 @@ from rmr.lang.syntax import (
     Expression,
     Fact,
     GoalItem,
+    Item,
     Literal,
     Mark,
     Module,
@@ -31,7 +31,7 @@ from rmr.lang.syntax import (
     Variable,
     walk,
 )
-from rmr.lang.types import FUNCTIONS, LIST_FUNCTIONS, Types, constants
+from rmr.lang.types import FUNCTIONS, LIST_FUNCTIONS, Types, constants, leaves
 
 TICK_S = 1 / 60
 """The robots' executive runs at 60 Hz: nothing is decided faster."""
@@ -54,15 +54,29 @@ class _Doubts:
         self._supply = Supply(module, names)
         self._speller = Speller(names, self._supply, found)
         self._doubted: set[str] = set()
-        literals = (node for node in walk(module.items) if isinstance(node, Literal))
-        self._symbols = {node.value for node in literals if isinstance(node.value, Symbol)}
+        self._symbols: set[str] = set()
+        self._once: list[Variable] = []
+        for item in module.items:
+            self._look_at(item)
         self._events = {(item.name or item.finish.name).text for item in module.items if isinstance(item, Assertion)}
 
+    def _look_at(self, item: Item) -> None:
+        """Collect the symbols of an item, and the variables that a rule or a time assertion uses once."""
+        variables: dict[str, Variable | None] = {}
+        for node in walk(item):
+            if isinstance(node, Variable):
+                variables[node.name] = None if node.name in variables else node
+            elif isinstance(node, Literal):
+                self._symbols.update(each for each in leaves(node.value) if isinstance(each, Symbol))
+        if isinstance(item, Rule | Assertion):
+            self._once += [each for each in variables.values() if each is not None and not each.anonymous]
+
     def run(self) -> None:
+        for variable in self._once:
+            self._confusable(variable)
         for item in self._module.items:
             match item:
                 case Rule():
-                    self._confusable(item)
                     for body, what in _bodies(item):
                         self._contradiction(body, what)
                     self._large(item, _home(item), constants(item.body))
@@ -70,7 +84,6 @@ class _Doubts:
                     executor = item.parameters[0].variable if item.parameters else None
                     self._large(item, executor, {})
                 case Assertion():
-                    self._confusable(item)
                     self._short(item)
                 case _:
                     pass
@@ -109,20 +122,11 @@ class _Doubts:
 
     # ---- variables that may be constants
 
-    def _confusable(self, item: Rule | Assertion) -> None:
-        counts: Counter[str] = Counter()
-        places: dict[str, Variable] = {}
-        for node in walk(item):
-            if isinstance(node, Variable) and not node.anonymous:
-                counts[node.name] += 1
-                places[node.name] = node
-        for name, count in counts.items():
-            constant = name[0].lower() + name[1:]
-            if count > 1 or constant == name or self._found.wrong_at(places[name].span):
-                continue
-            if constant in self._symbols:
-                message = f"the variable `{name}` is used only here and matches anything"
-                self._found.report("W101", message, places[name].span, hint=f"did you mean the constant `{constant}`?")
+    def _confusable(self, variable: Variable) -> None:
+        constant = variable.name[0].lower() + variable.name[1:]
+        if constant in self._symbols and constant != variable.name and not self._found.wrong_at(variable.span):
+            message = f"the variable `{variable.name}` is used only here and matches anything"
+            self._found.report("W101", message, variable.span, hint=f"did you mean the constant `{constant}`?")
 
     # ---- rules that never fire
 
