@@ -11,6 +11,7 @@ from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.limits import STACK_MAX
 from rmr.bytecode.program import Kind
+from rmr.lang.alone import with_conditions
 from rmr.lang.assertions import Watched, check_names, watched
 from rmr.lang.constants import resolve
 from rmr.lang.diagnostic import Diagnostics, Note
@@ -69,7 +70,7 @@ class Checked:
 
 def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
     """Check `module` as a whole and report to `found`; facts of `given` come from outside."""
-    module = resolve(module, found)
+    module = resolve(with_conditions(module), found)
     module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
     names = collect(module, found, given)
     types = Inference(names, module.broken, found).run(module)
