@@ -34,6 +34,9 @@ RUN_S_MAX = 240
 EVALUATED = 10_000
 """Robots of one evaluation: each is a whole node, and they talk to their neighbours on a grid."""
 
+FORMATTED = 10_000
+"""Items of one program that is formatted, at least."""
+
 BOUND_RATIO = {"corridor": 2.0, "testbed": 1.7}
 """Time of a run over its physical bound, at most."""
 
@@ -98,6 +101,17 @@ def help_cpu(repetitions: int) -> Iterable[Figure]:
     usages = [used([sys.executable, "-c", code]) for _ in range(repetitions)]
     taken = [(usage.ru_utime + usage.ru_stime) * 1e3 for usage in usages]
     yield Figure("rmr --help, processor time", statistics.median(taken), "ms", 150)
+
+
+def formatted() -> Iterable[Figure]:
+    """Processor time of ``rmr fmt`` for a program that nobody would write by hand, unformatted."""
+    text = (LABS / "corridor" / "corridor.rmr").read_text()
+    copies = -(-FORMATTED // len(re.findall(r"^[^/\n]+\.", text, re.MULTILINE)))
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "long.rmr"
+        program.write_text(text.replace(", ", ",") * copies)
+        usage = used([sys.executable, "-c", "from rmr.cli import main; main()", "fmt", str(program)])
+    yield Figure(f"rmr fmt, {FORMATTED} items: processor time", usage.ru_utime + usage.ru_stime, "s", 10)
 
 
 def octets(name: str, source: Path, target: int) -> Iterable[Figure]:
@@ -265,6 +279,7 @@ def suite(*, quick: bool) -> dict[str, Callable[[], Iterable[Figure]]]:
     return {
         "rmr --help": lambda: help_cpu(5 if quick else 15),
         "rmr eval": evaluated,
+        "rmr fmt": formatted,
         "figure 3": lambda: octets("figure 3", PROGRAMS / "figure3.rmr", 256),
         "figure 4": lambda: octets("figure 4", PROGRAMS / "figure4.rmr", 256),
         "corridor.rmr": lambda: octets("corridor.rmr", LABS / "corridor" / "corridor.rmr", 2048),
