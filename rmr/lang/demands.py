@@ -44,8 +44,12 @@ class Demands:
     def contradiction(
         self, message: str, span: Span, *cells: Cell, code: str = "E020", hint: str | None = None
     ) -> None:
-        """Report that types contradict each other, with the places that `cells` have theirs from."""
-        self._found.report(code, message, span, hint=hint, notes=notes(span, *cells))
+        """Report that types contradict each other, with the places that `cells` have theirs from.
+
+        What follows from a mistake at the same place is not told.
+        """
+        if not self._found.wrong_at(span):
+            self._found.report(code, message, span, hint=hint, notes=notes(span, *cells))
 
     def wrong(
         self, message: str, expression: Expression, cell: Cell, *, code: str = "E020", hint: str | None = None

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from rmr.base.record import record
-from rmr.base.values import Symbol, Value
+from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, OutOfRange, built
 from rmr.bytecode.functions import call as called
 from rmr.bytecode.opcodes import Op
@@ -63,6 +63,9 @@ class Folder:
         after = [self.fold(each) for each in before]
         if any(one is not other for one, other in zip(before, after, strict=True)):
             expression = _with_operands(expression, after)
+        if _divides_by_zero(expression):
+            self.valueless.append(Valueless(expression.span, "division by zero", out_of_range=False))
+            return expression
         values = [each.value for each in after if isinstance(each, Literal)]
         if len(values) < len(after) or not _agrees(expression, values):
             return expression
@@ -77,6 +80,15 @@ def fold(expression: Expression) -> Literal | None:
     """Return the value of an expression of constants, or None if it has none."""
     folded = Folder({}).fold(expression)
     return folded if isinstance(folded, Literal) else None
+
+
+def _divides_by_zero(expression: Expression) -> bool:
+    """Whether an expression divides by the constant 0, whatever it divides."""
+    match expression:
+        case Binary(operator="/" | "%", right=Literal(value=int() | float() as value)):
+            return not isinstance(value, bool | Robot) and value == 0
+        case _:
+            return False
 
 
 Compound = Unary | Binary | Call | ListTerm

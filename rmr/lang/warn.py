@@ -187,7 +187,7 @@ class _Doubts:
     def _missing(self, fact: Fact) -> str | None:
         """Return the hint for a fact that nothing derives."""
         name = fact.name.text
-        if self._names.of(fact).declaration is not None:
+        if self._names.of(fact).declaration is not None or self._supply.is_derived(name):
             return None
         if name in FUNCTIONS or name in LIST_FUNCTIONS:
             return f"a call alone is a fact; the function stands in parentheses: `({name}(...))`"
