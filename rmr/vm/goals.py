@@ -15,12 +15,16 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.backwards import Patterns
 from rmr.bytecode.program import ANY, Constant, Program
 from rmr.vm.assertions import goal_text
+from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Chain, Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import GoalAchieved
 from rmr.vm.match import pattern_agrees
 from rmr.vm.ranks import GoalKey, Ranks, goal_key, here
 from rmr.vm.store import Args, Store
+
+GOALS_MAX = 1024
+"""Open goals; one more is not opened. Every firing is held against them."""
 
 ACHIEVED_MAX = 1024
 """Achievements remembered for the report; beyond that the oldest are forgotten."""
@@ -33,11 +37,13 @@ GoalArgs = Patterns
 class Goals:
     """The goals of one robot."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store) -> None:
+    def __init__(self, program: Program, robot: Robot, store: Store, dropped: Dropped) -> None:
         self._program = program
         self._robot = robot
         self._store = store
+        self._dropped = dropped
         self._open: dict[int, dict[GoalKey, Patterns]] = {}
+        self._count = 0
         self._ranks = Ranks(program, robot, self._wanted)
         self._achieved: deque[tuple[str, float]] = deque(maxlen=ACHIEVED_MAX)
 
@@ -49,9 +55,12 @@ class Goals:
         """Open a goal, or discharge it at once if a fact holds that matches."""
         args = here(args, self._robot)
         key = goal_key(predicate, args)
-        goals = self._open.setdefault(predicate, {})
-        if key not in goals:
-            goals[key] = args
+        if key not in self._open.get(predicate, {}):
+            if self._count >= GOALS_MAX:
+                self._dropped.add("goals", GOALS_MAX, now)
+                return []
+            self._count += 1
+            self._open.setdefault(predicate, {})[key] = args
             self._ranks.change(predicate, args)
         for fact in self._store.tables[predicate].facts.values():
             if pattern_agrees(args, fact.args):
@@ -65,6 +74,7 @@ class Goals:
         events = []
         for key in met:
             goal = goals.pop(key)
+            self._count -= 1
             self._ranks.change(predicate, goal)
             self._achieved.append((self._text(predicate, goal), in_seconds(now)))
             values = tuple([each.value if isinstance(each, Constant) else ANY for each in goal])

@@ -75,7 +75,7 @@ class Machine:
         self._under_way = UnderWay(self.robot, self._dropped)
         self._gate = Gate(program.predicates)
         self._store = Store(program.predicates)
-        self._goals = Goals(program, self.robot, self._store)
+        self._goals = Goals(program, self.robot, self._store, self._dropped)
         self._assertions = Assertions(program, self.robot, self._store, self._failures, self._dropped)
         self._watches = Watches(program, self.robot, self._store, self._gate, self._dropped)
         self._interpreter = Interpreter(
