@@ -171,8 +171,8 @@ class _Reader:
 
     def _aggregates(self) -> bool:
         """Whether the previous word is the operator of an aggregate, such as `sum`."""
-        frame = self._frames[-1]
-        return frame.matches and self._before_previous.text == "[" and len(frame.parts) == 1 and len(self._frames) == 2
+        inside = len(self._frames) == 2 and self._frames[-1].matches
+        return inside and self._previous.kind == "NAME" and self._before_previous.text == "["
 
 
 # ---- groups
