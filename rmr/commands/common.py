@@ -1,8 +1,7 @@
 """What every subcommand shares: exit codes, settings, JSON on stdout, and files written as a whole or not at all."""
+# ruff: noqa: PLC0415 - see rmr.commands
 
-import json
 import os
-import tempfile
 from pathlib import Path
 
 import click
@@ -23,6 +22,8 @@ VERSION = click.version_option(__version__, prog_name="rmr", message="%(prog)s %
 
 def print_json(value: object) -> None:
     """Print one JSON document on stdout."""
+    import json
+
     click.echo(json.dumps(value, indent=2))
 
 
@@ -38,6 +39,8 @@ def reason(error: Exception) -> str:
 
 def write(target: Path, octets: bytes, mode: int | None = None) -> int:
     """Write `target` as a whole or not at all, with the permissions `mode` or a new file's; return the exit code."""
+    import tempfile
+
     temporary = ""
     try:
         descriptor, temporary = tempfile.mkstemp(prefix=".rmr-", dir=target.parent)

@@ -26,13 +26,13 @@ def show(compilations: Sequence["Compilation"]) -> None:
 
 def show_found(found: Sequence[Found]) -> None:
     """Print diagnostics for people, their number and where to read on, to stderr."""
-    from rmr.lang.diagnostic import Severity
-    from rmr.lang.render import render_text
-
     every = [each for diagnostics, _ in found for each in diagnostics]
     if not every:
         return
-    color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+    from rmr.lang.diagnostic import Severity
+    from rmr.lang.render import render_text
+
+    color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for diagnostics, sources in found:
         click.echo(render_text(diagnostics, sources, color), nl=False, err=True, color=color)
     errors = [each for each in every if each.severity is Severity.ERROR]

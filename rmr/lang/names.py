@@ -7,7 +7,6 @@ is temporary. Every use is then held against that.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from enum import Enum, auto
 from types import MappingProxyType
 
@@ -85,6 +84,8 @@ class Signature:
     provided: bool = False
     types: tuple[Type, ...] = ()
     """Of the arguments after the owner, as far as they are declared or provided; OPEN where inference decides."""
+    banged: Span | None = None
+    """Undeclared: the use whose bang makes it persistent."""
 
     @property
     def is_fact(self) -> bool:
@@ -107,6 +108,8 @@ class Names:
 
 def near(name: str, candidates: list[str]) -> str | None:
     """Return the candidate that `name` may be a misspelling of."""
+    from difflib import get_close_matches  # noqa: PLC0415 - most programs have no misspelling
+
     alike = [each for each in candidates[:CANDIDATES_MAX] if each != name and abs(len(each) - len(name)) <= LETTERS_OFF]
     swapped = [each for each in alike if _swapped(name, each)]
     matches = swapped or get_close_matches(name, alike, n=1, cutoff=0.75)
@@ -259,9 +262,9 @@ def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
     if name in provided.PREDICATES and not own:
         kind, types = provided.PREDICATES[name]
         return Signature(name, kind, 1 + len(types), first.span, provided=True, types=types)
-    banged = persistent or any(use.fact.mark is Mark.BANG for use in group)
-    kind = Kind.PERSISTENT if banged else Kind.TEMPORARY
-    return Signature(name, kind, arity, first.span, types=_open(arity))
+    banged = next((use.fact.span for use in group if use.fact.mark is Mark.BANG), None)
+    kind = Kind.PERSISTENT if persistent or banged is not None else Kind.TEMPORARY
+    return Signature(name, kind, arity, first.span, types=_open(arity), banged=banged)
 
 
 def _open(arity: int) -> tuple[Type, ...]:
@@ -327,6 +330,8 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[Note, ...], found: 
         found.report("E012", f"`{name}` is a {word} fact, not a persistent one", fact.span, hint=hint, notes=notes)
     elif fact.mark is Mark.KEEP and kind is not Kind.TEMPORARY:
         message = f"`$` keeps a temporary fact; `{name}` is {word} and is never consumed"
+        if signature.banged is not None:
+            notes = (Note(signature.banged, "persistent because of this `!`"),)
         found.report("E012", message, fact.span, hint="drop the `$`", notes=notes)
     elif use.role is Role.HEAD and fact.mark is not Mark.GOAL and kind is Kind.SENSED:
         message = f"`{name}` is sensed by the robot, no rule derives it"

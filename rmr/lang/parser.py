@@ -5,20 +5,26 @@ reported, and replaced where what was meant is clear enough (repair.py). Where i
 next one begins behind the next `.`, or with a line that begins as items do. A text in which nothing fits is no
 program and is not read to its end. Nesting is bounded before anything walks a tree.
 """
+# ruff: noqa: PLC0415 - what mistakes need is loaded when there is one
 
 import re
 from collections import deque
 from itertools import islice
+from typing import TYPE_CHECKING
 
 from rmr.lang.automaton import Automaton
 from rmr.lang.build import Builder
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.grammar import END
 from rmr.lang.lexer import OPEN_COMMENT, Token, tokens
-from rmr.lang.misfit import Misfit, unexpected
-from rmr.lang.repair import AHEAD_MAX, repair
 from rmr.lang.source import Source, Span
 from rmr.lang.syntax import Item, Module, children
+
+if TYPE_CHECKING:
+    from rmr.lang.misfit import Misfit
+
+AHEAD_MAX = 64
+"""Words that are looked at behind a mistake."""
 
 NESTING_MAX = 100
 """Brackets within brackets and operators within operators: more is a mistake or an attack on the stack."""
@@ -146,12 +152,16 @@ class _Parser:
 
     # ---- mistakes
 
-    def _misfit(self, first: Token, previous: Token, word: Token) -> Misfit:
+    def _misfit(self, first: Token, previous: Token, word: Token) -> "Misfit":
+        from rmr.lang.misfit import Misfit
+
         begins = self._begins(word, previous, first)
         return Misfit(self._source.file, self._source.text, previous, self._following(word), begins)
 
-    def _is_repaired(self, misfit: Misfit) -> bool:
+    def _is_repaired(self, misfit: "Misfit") -> bool:
         """Report a misfit and put what was meant in its place, if that is clear."""
+        from rmr.lang.repair import repair
+
         if self._repairs == 0 or misfit.word.kind == OPEN_COMMENT:
             return False
         better = repair(self._automaton, misfit)
@@ -164,8 +174,10 @@ class _Parser:
         self._ahead.extendleft(reversed(better.words))
         return True
 
-    def _give_up(self, first: Token, misfit: Misfit) -> None:
+    def _give_up(self, first: Token, misfit: "Misfit") -> None:
         """Report a misfit and go on behind its item."""
+        from rmr.lang.misfit import unexpected
+
         if misfit.word.kind == OPEN_COMMENT:
             self._open_comment(misfit.word)
         else:

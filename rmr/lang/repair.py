@@ -19,9 +19,6 @@ from rmr.lang.source import Span
 SURE = 3
 """Words that have to fit behind a repair, unless they complete the item."""
 
-AHEAD_MAX = 64
-"""Words that are looked at to choose between repairs."""
-
 CLOSING = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
 """Brackets that may be missing, and what they close."""
 
