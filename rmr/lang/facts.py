@@ -4,28 +4,31 @@ Robots carry no parser, so whoever starts them turns text into values with the h
 will run.
 """
 
+from collections import Counter
+
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import (
     ANY,
     SELF_SLOT,
-    Base,
     Constant,
     InitialFact,
     InitialGoal,
     Kind,
+    Pattern,
+    Predicate,
     Program,
     Slot,
     Type,
 )
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.emit import converted
-from rmr.lang.fold import fold
+from rmr.lang.fold import Folder
 from rmr.lang.names import meant
 from rmr.lang.parser import parse
-from rmr.lang.provided import type_text
+from rmr.lang.provided import PREDICATES, declaration_text, type_text
 from rmr.lang.source import Source, Span
-from rmr.lang.syntax import Expression, Fact, FactItem, Literal, Mark, Variable
-from rmr.lang.types import fits, literal_type
+from rmr.lang.syntax import Call, Expression, Fact, FactItem, Literal, Mark, Variable, walk
+from rmr.lang.types import ROBOT, fits, literal_type
 
 
 class FactError(Exception):
@@ -52,42 +55,52 @@ def parse_fact(text: str, program: Program) -> InitialFact:
 
 def stated(fact: Fact, program: Program) -> InitialFact:
     """Return what `fact` states, as `parse_fact`; the owner's variable may stand for a robot. Raises FactError."""
-    predicate = _predicate(fact, program)
+    index, predicate = _predicate(fact, program)
     owner = fact.arguments[0]
     args: list[Value | Slot] = []
-    for argument, kind in zip(fact.arguments[1:], program.predicates[predicate].types, strict=True):
+    for argument, kind in zip(fact.arguments[1:], predicate.types, strict=True):
         if not isinstance(argument, Variable):
-            args.append(_value(argument, kind, fact))
-        elif isinstance(owner, Variable) and argument.name == owner.name and not argument.anonymous:
-            if not fits(Type(Base.ROBOT), kind):
-                raise _misfit(argument, kind, Type(Base.ROBOT), fact)
+            args.append(_value(argument, kind, predicate))
+        elif _is_owner(argument, owner):
+            _check_robot(argument, kind, predicate)
             args.append(Slot(SELF_SLOT))
         else:
             raise FactError("a fact has constant arguments, only its owner may be a variable", "E023", argument.span)
-    return InitialFact(predicate, _owner(owner), tuple(args))
+    return InitialFact(index, _robot(owner), tuple(args))
 
 
 def parse_pattern(text: str, program: Program) -> InitialGoal:
-    """Return the pattern that `text` spells, such as ``at(R, exit)``; variables match anything. Raises FactError."""
+    """Return the pattern that `text` spells, such as ``at(R, exit)``.
+
+    A variable matches anything, everywhere the same; the owner's is the robot. Raises FactError.
+    """
     fact = read_fact(text)
-    predicate = _predicate(fact, program)
-    names = [each.name for each in fact.arguments if isinstance(each, Variable) and not each.anonymous]
-    if len(set(names)) != len(names):
-        raise FactError("the same variable twice is not supported yet")
-    args = tuple(
-        ANY if isinstance(argument, Variable) else Constant(_value(argument, kind, fact))
-        for argument, kind in zip(fact.arguments[1:], program.predicates[predicate].types, strict=True)
-    )
-    return InitialGoal(predicate, _owner(fact.arguments[0]), args)
+    index, predicate = _predicate(fact, program)
+    owner, *others = fact.arguments
+    counts = Counter(each.name for each in others if isinstance(each, Variable) and not each.anonymous)
+    slots: dict[str, int] = {}
+    args: list[Pattern] = []
+    for argument, kind in zip(others, predicate.types, strict=True):
+        if not isinstance(argument, Variable):
+            args.append(Constant(_value(argument, kind, predicate)))
+        elif _is_owner(argument, owner):
+            _check_robot(argument, kind, predicate)
+            args.append(Slot(SELF_SLOT))
+        elif counts[argument.name] > 1:
+            args.append(Slot(slots.setdefault(argument.name, len(slots) + 1)))
+        else:
+            args.append(ANY)
+    return InitialGoal(index, _robot(owner), tuple(args))
 
 
-def _predicate(fact: Fact, program: Program) -> int:
+def _predicate(fact: Fact, program: Program) -> tuple[int, Predicate]:
     """Return the predicate that `fact` names, of which it has the kind and the number of arguments."""
     name = fact.name.text
     index = program.index(name)
     if index is None:
         known = [each.name for each in program.predicates if each.kind is not Kind.ACTION]
-        raise FactError(f"the program knows no fact `{name}`", "E015", fact.name.span, meant(name, known))
+        hint = meant(name, known) or ("every robot provides it, but no rule uses it" if name in PREDICATES else None)
+        raise FactError(f"the program knows no fact `{name}`", "E015", fact.name.span, hint)
     predicate = program.predicates[index]
     if predicate.kind is Kind.ACTION:
         raise FactError(f"`{name}` is an action, not a fact", "E012", fact.name.span)
@@ -96,22 +109,43 @@ def _predicate(fact: Fact, program: Program) -> int:
     arity = len(predicate.types) + 1
     if len(fact.arguments) != arity:
         words = "1 argument" if arity == 1 else f"{arity} arguments"
-        raise FactError(f"`{name}` has {words}, not {len(fact.arguments)}", "E011")
-    return index
+        message = f"`{name}` has {words}, not {len(fact.arguments)}"
+        raise FactError(message, "E011", hint=_signature(predicate))
+    return index, predicate
 
 
-def _value(argument: Expression, kind: Type, fact: Fact) -> Value:
-    literal = fold(argument)
-    if literal is None:
-        raise FactError("arguments are constants", "E023", argument.span)
+def _signature(predicate: Predicate) -> str:
+    """Return the hint that shows what the arguments of a predicate are."""
+    word = {Kind.PERSISTENT: "!", Kind.SENSED: "sensor "}.get(predicate.kind, "")
+    return f"it is `{declaration_text(predicate.name, predicate.types, word)}`"
+
+
+def _value(argument: Expression, kind: Type, predicate: Predicate) -> Value:
+    folder = Folder({})
+    literal = folder.fold(argument)
+    for each in folder.valueless:
+        raise FactError(f"this has no value: {each.reason}", "E005" if each.out_of_range else "E023", each.span)
+    if not isinstance(literal, Literal):
+        varies = any(isinstance(each, Variable | Call) for each in walk(literal))
+        message, code = ("arguments are constants", "E023") if varies else ("its types contradict each other", "E020")
+        raise FactError(message, code, argument.span)
     if not fits(literal_type(literal), kind):
-        raise _misfit(argument, kind, literal_type(literal), fact)
+        raise _misfit(argument, kind, literal_type(literal), predicate)
     return converted(literal.value, kind)
 
 
-def _misfit(argument: Expression, kind: Type, given: Type, fact: Fact) -> FactError:
-    message = f"an argument of `{fact.name.text}` is {type_text(kind)}, not {type_text(given)}"
-    return FactError(message, "E020", argument.span)
+def _misfit(argument: Expression, kind: Type, given: Type, predicate: Predicate) -> FactError:
+    message = f"an argument of `{predicate.name}` is {type_text(kind)}, not {type_text(given)}"
+    return FactError(message, "E020", argument.span, _signature(predicate))
+
+
+def _is_owner(variable: Variable, owner: Expression) -> bool:
+    return isinstance(owner, Variable) and variable.name == owner.name and not variable.anonymous
+
+
+def _check_robot(argument: Expression, kind: Type, predicate: Predicate) -> None:
+    if not fits(ROBOT, kind):
+        raise _misfit(argument, kind, ROBOT, predicate)
 
 
 def read_fact(text: str) -> Fact:
@@ -127,7 +161,7 @@ def read_fact(text: str) -> Fact:
     return module.items[0].fact
 
 
-def _owner(owner: Expression) -> int | None:
+def _robot(owner: Expression) -> int | None:
     if isinstance(owner, Variable):
         return None
     if isinstance(owner, Literal) and isinstance(owner.value, Robot):

@@ -76,12 +76,6 @@ class Folder:
             return expression
 
 
-def fold(expression: Expression) -> Literal | None:
-    """Return the value of an expression of constants, or None if it has none."""
-    folded = Folder({}).fold(expression)
-    return folded if isinstance(folded, Literal) else None
-
-
 def _divides_by_zero(expression: Expression) -> bool:
     """Whether an expression divides by the constant 0, whatever it divides."""
     match expression:

@@ -41,6 +41,11 @@ def test_a_pattern_may_have_variables():
         ("due(@70000, 2)", "robot ids"),
         ("due(@1, 1e999)", "does not fit"),
         ("due(@1, now())", "constants"),
+        ("due(@1, X + 1)", "constants"),
+        ("due(@1, 1 / 0)", "division by zero"),
+        ("due(@1, 9223372036854775807 + 1)", "64 bits"),
+        ("due(@1, 1 + a)", "contradict"),
+        ("due(@1, [2])", "is float, not list int"),
         ("", "unexpected"),
         ('"', "no end"),
     ],
@@ -68,6 +73,41 @@ def test_a_mistake_has_the_place_and_the_code_of_the_diagnostic_that_it_would_be
     assert (caught.value.code, caught.value.span.start, caught.value.span.end) == ("E020", 8, 12)
 
 
-def test_the_same_variable_twice_in_a_pattern_is_refused():
-    with pytest.raises(FactError, match="twice"):
-        parse_pattern("due(R, R)", PROGRAM)
+def test_variables_that_stand_twice_in_a_pattern_match_the_same():
+    program = compiled("type link(robot, robot, int, int, float). link(R, B, N, M, X) -o 1.")
+    pattern = parse_pattern("link(R, R, X, X, Y)", program)
+    assert (pattern.owner, pattern.args) == (None, (Slot(0), Slot(1), Slot(1), ANY))
+    with pytest.raises(FactError, match="is int, not robot"):
+        parse_pattern("link(R, @1, R, 2, 3)", program)
+
+
+def test_lists_symbols_and_sensed_facts_of_any_kind_may_be_stated():
+    text = """
+    type route(robot, list area).
+    type marks(robot, list list float).
+    route(R, L), marks(R, M), battery(R, V), at(R, nowhere), turn(R, jam, K) -o 1.
+    """
+    program = compiled(text)
+    assert parse_fact("route(@1, [entry, never_heard_of])", program).args == (
+        (Symbol("entry"), Symbol("never_heard_of")),
+    )
+    assert repr(parse_fact("marks(@1, [[1, 2.5], []])", program).args) == "(((1.0, 2.5), ()),)"
+    assert parse_fact("battery(@2, 1 / 4)", program).args == (0.25,)
+    assert parse_fact("at(@2, elsewhere)", program).args == (Symbol("elsewhere"),)
+    assert parse_fact("turn(@2, no_such_event, 3)", program).args == (Symbol("no_such_event"), 3)
+    assert parse_pattern("route(R, [exit])", program).args == (Constant((Symbol("exit"),)),)
+
+
+def test_a_misfit_is_shown_what_the_program_has():
+    hints = []
+    for text in ("due(@1)", "due(@1, exit)", "at(@1, 3)", "start(@1, 2)"):
+        with pytest.raises(FactError) as caught:
+            parse_fact(text, PROGRAM)
+        hints.append(caught.value.hint)
+    due = "it is `type !due(robot, float).`"
+    assert hints == [due, due, "it is `type sensor at(robot, area).`", "it is `type start(robot).`"]
+
+
+def test_a_provided_fact_that_no_rule_uses_is_named_as_such():
+    with pytest.raises(FactError, match="no rule uses it"):
+        parse_fact("battery(@1, 0.5)", PROGRAM)
