@@ -1,17 +1,14 @@
 """Words for what an explanation speaks of: places, source texts in one line, facts in the program's own names."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rmr.base.values import format_value
 from rmr.bytecode.backwards import Patterns
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
+from rmr.lang.format import one_line
 from rmr.lang.source import Source, Span
 from rmr.lang.steps import Derivation, Environment, Gathering, Projected
-
-_BETWEEN = re.compile(r'("(?:\\.|[^"\\])*")|(?:\s|//[^\n]*|/\*.*?\*/)+', re.DOTALL)
-"""A string, which stays as it is, or what stands between words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +32,7 @@ class Texts:
 
     def line(self, span: Span) -> str:
         """Return the text of `span` in one line, without comments."""
-        text = self._sources[span.file].text[span.start : span.end]
-        return _BETWEEN.sub(lambda found: found[1] or " ", text).strip()
+        return one_line(self._sources[span.file].text[span.start : span.end])
 
 
 def environments(rule: Projected) -> list[Environment]:

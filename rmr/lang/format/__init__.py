@@ -8,10 +8,12 @@ blank lines between items remember where they stood.
 words.py reads the words, layout.py decides where lines may break, printer.py where they do.
 """
 
+import math
+
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.format.layout import layout
 from rmr.lang.format.printer import printed
-from rmr.lang.format.words import Text, read
+from rmr.lang.format.words import Text, Word, read
 from rmr.lang.parser import parse
 from rmr.lang.source import Source
 
@@ -25,6 +27,14 @@ def format_source(source: Source, found: Diagnostics) -> str | None:
     result = printed(layout(text))
     assert _content(read(result)) == _content(text), "the layout has lost or gained a word or a comment"
     return result
+
+
+def one_line(text: str) -> str:
+    """Return a part of a program, which has no syntax errors, on one line and without its comments."""
+    words = [Word(word.kind, word.text) for word in read(text).words]
+    whole = bool(words) and words[-1].text == "."
+    line = printed(layout(Text(words if whole else [*words, Word("DOT", ".")], [])), math.inf)
+    return line.removesuffix("\n") if whole else line.removesuffix(".\n")
 
 
 def _content(text: Text) -> tuple[list[str], list[str]]:

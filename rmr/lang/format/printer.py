@@ -55,7 +55,7 @@ Mark = str | Sign | Indent | Note
 """A word stands for itself."""
 
 
-def printed(marks: Sequence[Mark]) -> str:
+def printed(marks: Sequence[Mark], columns_max: float = COLUMNS_MAX) -> str:
     """Return the text of `marks`, without blank lines at its beginning and end."""
     widths = _widths(marks)
     pen = _Pen()
@@ -68,7 +68,7 @@ def printed(marks: Sequence[Mark]) -> str:
         elif isinstance(mark, Indent):
             pen.indent += mark.columns
         elif mark is Sign.BEGIN:
-            broken.append(broken[-1] and pen.column + widths[i] > COLUMNS_MAX)
+            broken.append(broken[-1] and pen.column + widths[i] > columns_max)
         elif mark is Sign.END:
             broken.pop()
         elif mark is Sign.SPACE:

@@ -8,7 +8,7 @@ import pytest
 from rmr.bytecode.codec import encode
 from rmr.lang.compiler import compile_source
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.format import format_source
+from rmr.lang.format import format_source, one_line
 from rmr.lang.format.printer import COLUMNS_MAX
 from rmr.lang.source import Source
 
@@ -184,6 +184,13 @@ def test_what_does_not_fit_on_a_line_breaks_like_this(text):
 )
 def test_a_comment_stays_between_its_words(text, expected):
     assert formatted(text) == expected
+
+
+def test_a_part_of_a_program_has_one_line_however_long():
+    assert one_line(f"p(R) // a\n , {LONG}( R,\n{LONG})-o /* b */ 1.") == f"p(R), {LONG}(R, {LONG}) -o 1."
+    assert one_line("[sum X=>V|\n q(R,X) | r(R,V)]") == "[sum X => V | q(R, X) | r(R, V)]"
+    assert one_line(" p (R) ") == "p(R)"
+    assert one_line("// a") == ""
 
 
 def test_a_text_with_syntax_errors_has_no_layout():
