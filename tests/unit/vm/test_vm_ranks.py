@@ -10,7 +10,7 @@ from rmr.bytecode import levels
 from rmr.bytecode.backwards import Backwards
 from rmr.bytecode.levels import Levels
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import ANY, Constant, Program
+from rmr.bytecode.program import ANY, Constant, Lead, Program
 from rmr.lang.compiler import compile_source
 from rmr.vm import ranks
 from rmr.vm.machine import Machine
@@ -322,6 +322,34 @@ def test_machines_without_goals_do_not_read_backwards(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(ranks, "reading", never)
     assert len(way(TWO_WAYS.removeprefix("?g(R)."))) == 2
+
+
+def test_goals_that_the_compiler_has_worked_out_need_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(ranks, "reading", never)
+    assert {tuple(way(TWO_WAYS, seed)) for seed in SEEDS} == {(0, 2)}
+    with pytest.raises(AssertionError):
+        way(TWO_WAYS + " go(R). go(R) -o ?h(R). h(R) -o 1.")
+
+
+def test_what_depends_on_the_match_is_searched_for_among_goals_that_are_worked_out() -> None:
+    text = """
+    ?at(R, c). go(R). near(R, d). near(R, a). near(R, b).
+    go(R), near(R, X) -o at(R, X).
+    at(R, a) -o at(R, b).
+    at(R, b) -o at(R, c).
+    """
+    program = compiled(text)
+    assert program.goals[0].leads == (Lead(0, None), Lead(1, 1), Lead(2, 0))
+    assert fired(machine(text).drain()) == [0, 2]
+
+
+def test_several_goals_give_a_rule_the_rank_of_the_nearest() -> None:
+    goals = [{0: 3, 1: ranks.SEARCH, 2: ranks.SEARCH}, {0: 1, 1: 2, 2: 0, 3: ranks.SEARCH}]
+    assert ranks.merged(goals) == {0: 1, 1: ranks.SEARCH, 2: 0, 3: ranks.SEARCH}
+    assert ranks.merged(goals) == ranks.merged(reversed(goals))
 
 
 def test_a_goal_for_anything_is_met_by_any_way() -> None:
