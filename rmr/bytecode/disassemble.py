@@ -107,7 +107,7 @@ def _expression(data: bytes, text: "_Text", instructions: Iterator[Note], number
     """Yield the lines of an expression, its instructions one below the other."""
     inner = list(islice(instructions, len(note.what)))  # type: ignore[arg-type]
     first = inner[0].start if inner else note.end
-    yield from _line(data, note.start, first, f"{number}: {len(inner)} instructions")
+    yield from _line(data, note.start, first, f"{number}: {len(inner)} instruction{'s' if len(inner) != 1 else ''}")
     for item in inner:
         assert isinstance(item.what, Instruction)
         yield from _line(data, item.start, item.end, "   " + text.instruction(item.what))

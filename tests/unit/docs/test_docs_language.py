@@ -5,12 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from rmr.bytecode.codec import encode
-from rmr.bytecode.conform import NESTING_MAX
-from rmr.bytecode.disassemble import disassemble
-from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLES, VERSION
-from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
 from rmr.lang import provided
 from rmr.lang.build import RESERVED
 from rmr.lang.compiler import compile_source
@@ -97,46 +91,3 @@ def test_the_provided_actions_are_those_of_the_code():
 def test_the_functions_of_expressions_are_those_of_the_code():
     listed = [name for row in rows(LANGUAGE, "Expressions", 1) for name in re.findall(r"`(\w+)\(", row[0])]
     assert set(listed) == {*TYPED_FUNCTIONS, *LIST_FUNCTIONS, "if"}
-
-
-def test_the_opcodes_are_those_of_the_code():
-    words = {Operand.SMALL: "small", Operand.CONSTANT: "constant"}
-    known = []
-    for op in Op:
-        form = FORMS[op]
-        operand = words.get(form.operand, form.operand.name.lower())
-        pops = str(form.pops) if form.pops >= 0 else {Op.CALL: "arity", Op.LIST: "count"}[op]
-        known.append((f"0x{op:02x}", op.name, operand, pops, str(form.pushes)))
-    assert [row for row in rows(BYTECODE, "Code", 5) if row[0].startswith("0x")] == known
-
-
-def test_the_functions_of_the_byte_code_are_those_of_the_code():
-    listed = [row for row in rows(BYTECODE, "Code", 3) if row[0].isdigit()]
-    assert listed == [(str(index), each.name, str(each.arity)) for index, each in enumerate(FUNCTIONS)]
-
-
-def test_the_header_and_the_tables_are_those_of_the_code():
-    listed = rows(BYTECODE, "File", 3)
-    tables = listed.index(("#", "table", "entry"))
-    assert [row[:2] for row in listed[tables + 1 :]] == [(str(index), name) for index, name in enumerate(TABLES)]
-    what = {row[0]: row[2] for row in listed[:tables]}
-    assert MAGIC.hex(" ") in what["0"]
-    assert what["4"] == f"version: {VERSION}"
-    assert (FLAG_TEXTUAL, FLAG_DEBUG) == (1 << 0, 1 << 1)
-    assert f"{SIZE_MAX:,}".replace(",", " ") in what["6"]
-
-
-def test_the_limits_are_those_of_the_code():
-    limits = dict(rows(BYTECODE, "Limits", 2))
-    assert limits["slots of a rule or assertion"] == str(SLOTS_MAX)
-    assert limits["values on the stack"] == str(STACK_MAX)
-    assert limits["lists in lists, in values and types"] == str(NESTING_MAX)
-    assert limits["file"] == f"{SIZE_MAX >> 20} MiB"
-
-
-def test_the_example_of_the_byte_code_is_what_the_compiler_and_the_disassembler_make():
-    [(_, _, source)] = blocks(BYTECODE, "rmr")
-    [(_, _, shown)] = blocks(BYTECODE, "dis")
-    program = compile_source(source).program
-    assert program is not None
-    assert disassemble(encode(program, debug=False)) == shown

@@ -1,0 +1,165 @@
+"""docs/bytecode.md says what the code does: tables, opcodes, functions, reasons, limits, annotated files."""
+
+import ast
+import inspect
+
+import pytest
+from doc_pages import blocks, codes, page, section, table
+
+from rmr.base.values import ROBOT_ID_MAX
+from rmr.bytecode import arithmetic, checks, expressions, functions, limits, verify
+from rmr.bytecode.codec import encode
+from rmr.bytecode.conform import LENGTH_MAX, NESTING_MAX
+from rmr.bytecode.disassemble import disassemble
+from rmr.bytecode.encoder import AGGREGATE, BIND, COMPREHENSION, GUARD, STEPS, TAGS
+from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLES, VERSION
+from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.program import Kind, Mode, Operator
+from rmr.bytecode.provided import PREDICATES
+from rmr.lang.compiler import compile_source
+from rmr.lang.provided import type_text
+from rmr.vm import assertions, goals, machine, once, underway, watches
+
+PAGE = page("bytecode")
+
+
+def test_the_header_is_the_one_of_the_code():
+    what = {row[0]: row[2] for row in table(PAGE, "offset", "size", "what")}
+    assert MAGIC.hex(" ") in what["0"]
+    assert what["4"] == f"version: {VERSION}"
+    assert (FLAG_TEXTUAL, FLAG_DEBUG) == (1 << 0, 1 << 1)
+    assert f"at most {SIZE_MAX:,}".replace(",", " ") in what["6"]
+
+
+def test_the_tables_are_those_of_the_code():
+    assert [row[:2] for row in table(PAGE, "#", "table", "entry")] == [
+        (str(index), name) for index, name in enumerate(TABLES)
+    ]
+
+
+def test_the_opcodes_are_those_of_the_code():
+    words = {Operand.SMALL: "small", Operand.CONSTANT: "constant"}
+    known = []
+    for op in Op:
+        form = FORMS[op]
+        operand = words.get(form.operand, form.operand.name.lower())
+        pops = str(form.pops) if form.pops >= 0 else {Op.CALL: "arity", Op.LIST: "count"}[op]
+        known.append((f"0x{op:02x}", op.name, operand, pops, str(form.pushes)))
+    listed = table(PAGE, "opcode", "instruction", "operand", "pops", "pushes", "does", "no value")
+    assert [row[:5] for row in listed] == known
+
+
+def test_the_functions_are_those_of_the_code():
+    listed = table(PAGE, "number", "function", "arity", "value", "no value")
+    assert [row[:3] for row in listed] == [(str(i), each.name, str(each.arity)) for i, each in enumerate(FUNCTIONS)]
+    assert {each.name for each in FUNCTIONS} == {*functions.NUMERIC, *functions.OTHERS, "now"}
+
+
+SAMPLES = [0, 1, -7, 2.5, True, "a", (), (1, 2.5), ("a",)]
+
+
+@pytest.mark.parametrize("op", [*arithmetic.UNARY, *arithmetic.BINARY])
+def test_an_operator_is_said_to_have_no_value_if_that_happens(op):
+    says = {
+        row[1]: row[6] for row in table(PAGE, "opcode", "instruction", "operand", "pops", "pushes", "does", "no value")
+    }
+    fails = False
+    for left in SAMPLES:
+        for right in SAMPLES if op in arithmetic.BINARY else [None]:
+            try:
+                arithmetic.BINARY[op](left, right) if op in arithmetic.BINARY else arithmetic.UNARY[op](left)
+            except arithmetic.NoValue:
+                fails = True
+    assert bool(says[op.name]) is fails
+
+
+def test_the_tags_are_those_of_the_code():
+    assert [mode.name.lower() for mode in Mode] == ["consume", "read", "keep", "absent"]
+    assert (GUARD, BIND) == (4, 5)
+    assert "0 consume, 1 read, 2 keep, 3 absent: an atom. 4 guard, 5 bind" in PAGE
+    assert [(kind.__name__, tag) for kind, tag in TAGS.items()] == [
+        ("DeriveFact", 0),
+        ("DeriveGoal", 1),
+        ("DeriveAction", 2),
+    ]
+    assert (COMPREHENSION, STEPS) == (3, 4)
+    aggregates = ", ".join(f"{AGGREGATE + operator} {operator.name.lower()}" for operator in Operator)
+    assert f"aggregate: {aggregates}" in PAGE
+    kinds = ", ".join(f"{kind} {kind.name.lower()}" for kind in Kind)
+    assert f"kind: {kinds}" in PAGE
+
+
+def test_what_robots_provide_is_what_the_code_says():
+    assert table(PAGE, "provided", "kind", "types") == [
+        (name, kind.name.lower(), ", ".join(map(type_text, types))) for name, (kind, types) in PREDICATES.items()
+    ]
+
+
+def template(node):
+    """Return the text of a reason, `…` for what is filled in; None if `node` is no text."""
+    if isinstance(node, ast.IfExp):
+        return template(node.orelse)
+    if isinstance(node, ast.JoinedStr):
+        return "".join(part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else None
+
+
+def reasons():
+    """Return every text that the verifier may tell: what it yields, and what the check of the stack returns."""
+    found = []
+    for module, kinds in ((verify, ast.Yield), (checks, ast.Yield), (expressions, (ast.Yield, ast.Return))):
+        nodes = (node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, kinds))
+        found += [text for node in nodes if (text := template(node.value)) is not None]
+    return set(found)
+
+
+def test_every_reason_of_the_verifier_is_documented():
+    documented = [codes(row[0])[0] for row in table(PAGE, "reason", "what must hold")]
+    assert len(set(documented)) == len(documented)
+    limit = "… …, at most … are possible"
+    assert limit in {template(node) for node in ast.walk(ast.parse(inspect.getsource(limits)))}
+    assert set(documented) - {limit} == reasons()
+
+
+def test_the_limits_are_those_of_the_code():
+    named = dict(table(PAGE, "of a file", "at most"))
+    assert named == {
+        "file": f"{SIZE_MAX >> 20} MiB",
+        "variables of a rule or assertion": str(limits.SLOTS_MAX),
+        "values on the stack": str(limits.STACK_MAX),
+        "instructions in an expression": str(limits.INSTRUCTIONS_MAX),
+        "conjuncts in a body": str(limits.CONJUNCTS_MAX),
+        "items in a head": str(limits.HEAD_MAX),
+        "arguments of a predicate": str(limits.ARGUMENTS_MAX),
+        "effects of an action, on completion or on failure": str(limits.EFFECTS_MAX),
+        "actions that serve an assertion": str(limits.SERVING_MAX),
+        "lists in lists, in values and types": str(NESTING_MAX),
+        "length of a value": str(LENGTH_MAX),
+        "robot ids": str(ROBOT_ID_MAX),
+        "ints": "64 bits, signed",
+    }
+    assert f"Nothing longer than {LENGTH_MAX} is a value" in PAGE
+    assert f"at most {verify.RANK_MAX}" in PAGE
+
+
+def test_what_a_robot_keeps_is_bounded_as_documented():
+    assert {row[0]: int(row[1]) for row in table(PAGE, "kept by a robot", "at most", "beyond")} == {
+        "facts": machine.FACTS_MAX,
+        "goals that are open": goals.GOALS_MAX,
+        "firings of one run": machine.FIRING_BUDGET,
+        "actions of which the end is awaited": underway.ACTIONS_MAX,
+        "ordered steps that wait for an action": underway.CHAINS_MAX,
+        "jobs that wait for their finish fact": assertions.LIVE_MAX,
+        "facts watched for other robots' jobs": watches.WATCHES_MAX,
+        "matches, of a rule that consumes nothing, that have not fired": once.MATCHES_MAX,
+    }
+
+
+def test_the_examples_are_what_the_compiler_and_the_disassembler_make():
+    text = section(PAGE, "An example")
+    sources, shown = blocks(text, "rmr"), blocks(text, "dis")
+    assert len(sources) == len(shown) == 2
+    for source, octets in zip(sources, shown, strict=True):
+        compilation = compile_source(source)
+        assert compilation.diagnostics == []
+        assert disassemble(encode(compilation.program, debug=False)) == octets
