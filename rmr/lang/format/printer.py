@@ -7,7 +7,7 @@ that the work grows with the length of the text and not with its nesting.
 """
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -83,25 +83,27 @@ def printed(marks: Sequence[Mark], columns_max: float = COLUMNS_MAX) -> str:
 def _widths(marks: Sequence[Mark]) -> dict[int, float]:
     """Return the width of every group, by the index of its beginning; infinite if a comment breaks it."""
     columns, words = [0], [0]
-    notes: list[int] = []
+    notes: list[tuple[int, int]] = []
     for mark in marks:
+        if isinstance(mark, Note) and mark.alone:
+            notes.append((words[-1], columns[-1]))
         columns.append(columns[-1] + _width(mark))
         words.append(words[-1] + isinstance(mark, str))
-        if isinstance(mark, Note) and mark.alone:
-            notes.append(words[-1])
     widths: dict[int, float] = {}
     ends: list[tuple[int, int]] = []
     limit = columns[-1]
     for i in range(len(marks) - 1, -1, -1):
-        if marks[i] is Sign.BREAK:
+        mark = marks[i]
+        if mark is Sign.BREAK or (isinstance(mark, Note) and mark.alone):
             limit = columns[i]
-        elif marks[i] is Sign.END:
-            ends.append((i, limit))
-        elif marks[i] is Sign.BEGIN:
+        elif mark is Sign.END:
+            ends.append((words[i], limit))
+        elif mark is Sign.BEGIN:
             end, limit_behind = ends.pop()
-            first = bisect_right(notes, words[i])
-            breaks = first < len(notes) and notes[first] < words[end]
-            widths[i] = math.inf if breaks else limit_behind - columns[i]
+            first = bisect_left(notes, (words[i] + 1, 0))
+            where, column = notes[first] if first < len(notes) else (end + 1, 0)
+            reached = min(limit_behind, column) if where == end else limit_behind
+            widths[i] = math.inf if where < end else reached - columns[i]
     return widths
 
 
