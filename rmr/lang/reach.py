@@ -75,6 +75,11 @@ class Reach:
     def __init__(self, program: Program) -> None:
         self._backwards = Backwards(program)
         self._brought = [tuple(brings(rule, program)) for rule in program.rules]
+        self._bringing: dict[int, list[int]] = {}
+        """By predicate: the rules that bring about facts of it."""
+        for rule, brought in enumerate(self._backwards.brought):
+            for predicate in brought:
+                self._bringing.setdefault(predicate, []).append(rule)
         self._steps_left = STEPS_MAX
         self._comparisons_left = COMPARISONS_MAX
 
@@ -108,9 +113,7 @@ class Reach:
     def _seeming(self, goal: InitialGoal) -> Iterator[int]:
         """Yield the rules that bring about facts of a predicate from which rules lead to that of the goal."""
         distances = self._backwards.distances(goal.predicate)
-        for rule, brought in enumerate(self._backwards.brought):
-            if any(predicate in distances for predicate in brought):
-                yield rule
+        yield from sorted({rule: None for predicate in distances for rule in self._bringing.get(predicate, ())})
 
     def _way(self, rule: int, robot: Robot | None, possible: Levels, sure: Levels) -> Way | None:
         """Return how a rule leads to the goal, None if it never does."""
