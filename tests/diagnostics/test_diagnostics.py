@@ -15,7 +15,7 @@ from rmr.lang.render import render_text
 
 HERE = Path(__file__).parent
 RULER = "----\n"
-ELSEWHERE = {"E003", "E004", "E007", "E008", "W107", "W109"}
+ELSEWHERE = {"E003", "E004", "E007", "E008", "E009", "W107", "W109"}
 """About whole files, or too large for a page: held by the unit tests."""
 
 
