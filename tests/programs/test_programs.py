@@ -42,6 +42,11 @@ def test_every_example_is_run() -> None:
     assert {path for path, _ in RUNS} >= {path for path in EXAMPLES.glob("*.rmr") if "values" not in path.name}
 
 
+def test_the_index_lists_every_example() -> None:
+    index = (EXAMPLES / "README.md").read_text("utf-8")
+    assert [path.name for path in sorted(EXAMPLES.glob("*.rmr")) if f"({path.name})" not in index] == []
+
+
 def test_claims_are_no_formality() -> None:
     report = {"quiescent": True, "firings": 1, "robots": {"1": {"facts": ['a(@1, "x, y")'], "actions": []}}}
     assert holds(("has", None, 'a(@1, "x, y")'), report, "") is None
