@@ -1,0 +1,229 @@
+"""The machine does what its rules mean: held against a naive one, on random programs and random facts."""
+
+from collections import Counter
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from vm_hand import INT, OPEN, Hand, V, _, actions, bind, code, guard
+from vm_naive import Naive
+
+from rmr.base.values import Value, format_fact
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import Conjunct, Derived, Head, Kind, Operator
+from rmr.vm import once
+from rmr.vm.events import FactInserted, FactRemoved
+from rmr.vm.machine import Machine
+
+FIRINGS_MAX = 40
+FACTS_MAX = 24
+"""Where a comparison ends: the naive machine takes its time, and some programs multiply facts."""
+VALUES = range(3)
+
+seeds = st.integers(0, 2**32)
+
+
+class Drawn:
+    """A program and a script of facts, drawn from a seed; rules consume or read, with joins, conditions and ``not``."""
+
+    def __init__(self, seed: int, *, consuming: float = 0.4, negative: float = 0.2, inner: float = 0.4) -> None:
+        self.rng = Random(seed)
+        self.consuming, self.negative, self.inner = consuming, negative, inner
+        hand = self.hand = Hand(textual=True)
+        self.stored = [
+            hand.temporary("t", INT, INT),
+            hand.temporary("u", INT),
+            hand.persistent("p", INT, INT),
+            hand.persistent("q", INT),
+            hand.sensed("s", INT),
+        ]
+        self.out = [hand.action(f"out_{arity}", *[OPEN] * arity) for arity in range(4)]
+        for _each in range(self.rng.randint(2, 4)):
+            self.rule()
+
+    def rule(self) -> None:
+        consuming = self.rng.random() < self.consuming
+        bound: list[int] = []
+        body = self.body(bound, self.rng.choice([1, 1, 2, 2, 3]), consuming)
+        heads: list[Head] = [self.item(bound) for _each in range(self.rng.randint(0, 2))]
+        if self.rng.random() < self.inner:
+            heads.insert(self.rng.randint(0, len(heads)), self.nested(bound))
+        if self.rng.random() < self.inner / 2:
+            heads.append(self.nested(bound))
+        self.hand.rule(body, heads, slots=16)
+
+    def body(self, bound: list[int], atoms: int, consuming: bool) -> list[Conjunct]:
+        """Conjuncts with `atoms` atoms; `bound` grows by the slots that they bind."""
+        rng, body = self.rng, list[Conjunct]()
+        for _each in range(atoms):
+            predicate = rng.choice(self.stored)
+            linear = self.hand.predicates[predicate].kind is Kind.TEMPORARY
+            if bound and rng.random() < 0.15:
+                slot = 1 + max(bound, default=0)
+                body.append(bind(V(slot), V(rng.choice(bound)), rng.choice(VALUES), rng.choice([Op.ADD, Op.SUB])))
+                bound.append(slot)
+            args = self.patterns(predicate, bound)
+            if linear and not (consuming and rng.random() < 0.7):
+                body.append(self.hand.keep(predicate, *args))
+            else:
+                body.append(self.hand.atom(predicate, *args))
+            if rng.random() < 0.3 and bound:
+                op = rng.choice([Op.GE, Op.NE, Op.LE])
+                divided = (V(rng.choice(bound)), V(rng.choice(bound)), Op.DIV)
+                body.append(
+                    guard(*(divided if rng.random() < 0.3 else (V(rng.choice(bound)),)), rng.choice(VALUES), op)
+                )
+            if rng.random() < self.negative:
+                absent = rng.choice(self.stored)
+                body.append(self.hand.absent(absent, *self.patterns(absent, list(bound), new=False)))
+        return body
+
+    def patterns(self, predicate: int, bound: list[int], new: bool = True) -> list[object]:
+        args: list[object] = []
+        for _each in self.hand.predicates[predicate].types:
+            choice = self.rng.random()
+            if choice < 0.15:
+                args.append(_)
+            elif choice < 0.2:
+                args.append(self.rng.choice(VALUES))
+            elif choice < 0.5 and bound:
+                args.append(V(self.rng.choice(bound)))
+            elif new:
+                bound.append(1 + max(bound, default=0))
+                args.append(V(bound[-1]))
+            else:
+                args.append(_)
+        return args
+
+    def item(self, bound: list[int]) -> Derived:
+        """A fact, never one that grows without end, or an action that shows what was matched."""
+        rng = self.rng
+        if rng.random() < 0.5:
+            shown = rng.sample(bound, min(len(bound), 3))
+            return self.hand.head(self.out[len(shown)], *map(V, shown))
+        predicate = rng.choice(self.stored[:4])
+        arity = len(self.hand.predicates[predicate].types)
+        args: list[object] = [rng.choice([rng.choice(VALUES), *map(V, bound)]) for _each in range(arity)]
+        if rng.random() < 0.2:
+            args[0] = code(6, args[0], Op.MOD)
+        return self.hand.head(predicate, *args)
+
+    def nested(self, bound: list[int]) -> Head:
+        inner = list(bound)
+        body = self.body(inner, self.rng.randint(1, 2), consuming=self.rng.random() < 0.7)
+        new = [V(slot) for slot in inner if slot not in bound]
+        if self.rng.random() < 0.4:
+            return self.hand.each(new, body, [self.item(inner) for _each in range(self.rng.randint(1, 2))])
+        operator = self.rng.choice(list(Operator))
+        term = None if operator is Operator.COUNT else self.term(inner)
+        result = V(1 + max(inner, default=0))
+        winner = inner if operator in (Operator.MIN, Operator.MAX) else bound
+        shown = [V(slot) for slot in self.rng.sample(winner, min(len(winner), 2))]
+        return self.hand.fold(
+            operator, term, result, body, self.hand.head(self.out[1 + len(shown)], *shown, result), *new
+        )
+
+    def term(self, bound: list[int]) -> object:
+        if not bound:
+            return self.rng.choice(VALUES)
+        one, other = V(self.rng.choice(bound)), V(self.rng.choice(bound))
+        return one if self.rng.random() < 0.5 else code(one, other, self.rng.choice([Op.ADD, Op.MUL, Op.MOD]))
+
+    def script(self) -> list[tuple[str, int, tuple[Value, ...]]]:
+        """What comes from outside: facts, sensed ones that go again, and runs."""
+        steps: list[tuple[str, int, tuple[Value, ...]]] = []
+        for _each in range(self.rng.randint(10, 40)):
+            predicate = self.rng.choice(self.stored)
+            declared = self.hand.predicates[predicate]
+            args = tuple(self.rng.choice(VALUES) for _type in declared.types)
+            what = self.rng.choice(["insert", "insert", "insert", "run"])
+            if declared.kind is Kind.SENSED and self.rng.random() < 0.4:
+                what = "withdraw"
+            steps.append((what, predicate, args))
+        return [*steps, ("run", 0, ())]
+
+
+def texts(naive: Naive) -> list[str]:
+    """The facts as `Machine.facts` lists them."""
+    found = []
+    for fact in naive.facts:
+        declared = naive.program.predicates[fact.predicate]
+        if declared.kind is not Kind.SENSED:
+            mark = "!" if declared.kind is Kind.PERSISTENT else ""
+            found.append(f"{mark}{format_fact(declared.name, fact.args)}".replace("(", "(@1, ", 1))
+    return sorted(found)
+
+
+def together(naive: Naive, machine: Machine, stock: Counter[object]) -> bool:
+    """Let both fire until neither can, rule by rule; False if there is no end to it.
+
+    `stock` is what has come less what has gone: no fact is lost, doubled or taken twice.
+    """
+    fired = True
+    while fired:
+        if naive.firings >= FIRINGS_MAX or len(naive.facts) > FACTS_MAX:
+            return False
+        fired = naive.fire()
+        machine.run(0)
+        events = machine.drain()
+        assert [(each.predicate, each.args) for each in actions(events)] == naive.log
+        naive.log.clear()
+        stock.update([(each.predicate, each.args) for each in events if isinstance(each, FactInserted)])
+        stock.subtract([(each.predicate, each.args) for each in events if isinstance(each, FactRemoved)])
+        assert +stock == Counter((fact.predicate, fact.args) for fact in naive.facts)
+        assert min(stock.values(), default=0) >= 0
+        assert (machine.firings, machine.facts()) == (naive.firings, texts(naive))
+    assert machine.quiescent
+    return True
+
+
+def compare(drawn: Drawn) -> Machine:
+    """Play the script on both machines; they do the same at every run."""
+    program = drawn.hand.program()
+    naive, machine = Naive(program), Machine(program, 1, Random(0), firing_budget=1, trace=True)
+    stock = Counter[object]()
+    machine.start(0)
+    for what, predicate, args in drawn.script():
+        if what == "insert":
+            machine.insert(0, predicate, args)
+            naive.insert(predicate, args)
+        elif what == "withdraw":
+            machine.withdraw(0, predicate, args)
+            naive.withdraw(predicate, args)
+        elif not together(naive, machine, stock):
+            break
+    assert machine.dropped == {}
+    return machine
+
+
+@settings(deadline=None, max_examples=200)
+@given(seeds)
+def test_rules_consume_derive_and_aggregate_as_a_naive_machine_does(seed: int) -> None:
+    compare(Drawn(seed))
+
+
+@settings(deadline=None, max_examples=200)
+@given(seeds)
+def test_a_rule_that_consumes_nothing_fires_once_for_each_match_oldest_first(seed: int) -> None:
+    compare(Drawn(seed, consuming=0.1, negative=0.0, inner=0.1))
+
+
+@settings(deadline=None, max_examples=200)
+@given(seeds)
+def test_so_it_does_however_few_matches_are_looked_for_at_a_time(seed: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(once, "CHUNK", 1 + seed % 3)
+        compare(Drawn(seed, consuming=0.1, negative=0.0, inner=0.1))
+
+
+@settings(deadline=None, max_examples=200)
+@given(seeds)
+def test_a_match_that_an_absent_fact_undoes_fires_again_when_it_has_come_back(seed: int) -> None:
+    compare(Drawn(seed, consuming=0.1, negative=0.7, inner=0.0))
+
+
+def test_the_random_programs_do_something() -> None:
+    machines = [compare(Drawn(seed)) for seed in range(100)]
+    assert sum(machine.firings > 3 for machine in machines) > 35
+    assert sum(machine.expression_failures > 0 for machine in machines) > 10
