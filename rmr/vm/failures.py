@@ -34,7 +34,8 @@ class Failures:
         self._events = events
         self._dropped = dropped
         self._known: dict[Key, tuple[Fact, ...]] = {}
-        self._passed_over = 0
+        self._wait = 0
+        """How many failures to pass over before room is made again."""
 
     def tell(self, now: Instant, where: str, reason: str) -> None:
         """Count and tell a failure."""
@@ -53,8 +54,11 @@ class Failures:
         self.tell(now, rule_place(self._program, rule), reason)
 
     def _make_room(self) -> bool:
-        """Forget failures of which facts are gone; once in a while only, for it takes as long as there are many."""
-        self._passed_over += 1
-        if self._passed_over % FAILURES_MAX == 1:
-            self._known = {key: facts for key, facts in self._known.items() if all(fact.held for fact in facts)}
+        """Forget failures of which facts are gone; seldom while that leaves many, for it takes as long as there are."""
+        if self._wait:
+            self._wait -= 1
+            return False
+        self._known = {key: facts for key, facts in self._known.items() if all(fact.held for fact in facts)}
+        if len(self._known) > FAILURES_MAX // 2:
+            self._wait = FAILURES_MAX
         return len(self._known) < FAILURES_MAX

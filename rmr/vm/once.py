@@ -27,7 +27,7 @@ CHUNK = 512
 """Matches looked for at a time: not many, for a firing may undo them; not few, for each look begins at the front."""
 
 MATCHES_MAX = 100_000
-"""Matches of one rule that are kept because they have not fired."""
+"""Matches of one rule that are kept because they have not fired; of those that new facts bring, more are dropped."""
 
 Key = tuple[int, ...]
 """The serials of a match's facts."""

@@ -85,9 +85,7 @@ class Fresh(Search):
         """Yield the facts that match the atom alone and are as new, or old, as it wants them."""
         level = len(self.found)
         if level == 0:
-            for fact in reversed(candidates(step, self.store, self.env)):
-                if fact.serial <= self._since:
-                    return
+            for fact in self._newest(step):
                 if agrees(step, fact.args, self.env):
                     yield fact
             return
@@ -95,6 +93,15 @@ class Fresh(Search):
             if level <= self._plan.level and fact.serial > self._since:
                 return
             yield fact
+
+    def _newest(self, step: AtomStep) -> list[Fact]:
+        """Return the new facts, oldest first, without looking at the others."""
+        newest: list[Fact] = []
+        for fact in reversed(candidates(step, self.store, self.env)):
+            if fact.serial <= self._since:
+                break
+            newest.append(fact)
+        return newest[::-1]
 
     def _in_order(self, found: Found) -> Found:
         level = self._plan.level

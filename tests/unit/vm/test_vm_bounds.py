@@ -1,52 +1,197 @@
-"""A program that makes ever more of anything costs its robot some of the program, and never its memory."""
+"""What a robot keeps is bounded: what comes beyond is dropped, counted and told once; and where failures stand."""
+
+from dataclasses import replace
+from random import Random
 
 import pytest
-from vm_hand import INT, Hand, V, code
+from vm_hand import INT, Hand, V, actions, code, fired, guard
 
-from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
-from rmr.vm import goals, machine
-from rmr.vm.events import BoundReached
+from rmr.bytecode.program import Debug, Place
+from rmr.vm import failures, goals, machine, once
+from rmr.vm.events import BoundReached, ExpressionFailed, VmEvent
+from rmr.vm.failures import rule_place
+from rmr.vm.machine import Machine
 
 
-def test_facts_that_multiply_are_dropped_beyond_the_bound_and_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "FACTS_MAX", 50)
+def reached(events: list[VmEvent]) -> list[tuple[str, int]]:
+    return [(event.what, event.bound) for event in events if isinstance(event, BoundReached)]
+
+
+def multiplying() -> Hand:
+    """``a(R) -o a(R), a(R).``"""
     hand = Hand()
     a = hand.temporary("a")
     hand.fact(a)
     hand.rule([hand.atom(a)], [hand.head(a), hand.head(a)])
-    robot = hand.machine(firing_budget=200)
-    assert len(robot.facts()) == 50
-    assert robot.dropped == {"facts": 200 - 49}
-    assert [event for event in robot.drain() if isinstance(event, BoundReached)] == [BoundReached("facts", 50, 0)]
+    return hand
 
 
-def test_goals_that_multiply_are_dropped_beyond_the_bound_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(goals, "GOALS_MAX", 5)
+def test_a_program_that_multiplies_facts_stays_bounded_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "FACTS_MAX", 20)
+    robot = multiplying().machine(firing_budget=50)
+    assert len(robot.facts()) == 20
+    assert reached(robot.drain()) == [("facts", 20)]
+    assert robot.dropped == {"facts": 50 - 19}
+    robot.run(1)
+    assert (len(robot.facts()), reached(robot.drain())) == (20, [])
+    assert robot.dropped == {"facts": 100 - 19}
+
+
+def test_what_does_not_fit_neither_meets_a_goal_nor_starts_a_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "FACTS_MAX", 1)
     hand = Hand()
-    a, g = hand.temporary("a", INT), hand.temporary("g", INT)
-    hand.fact(a, 0)
-    hand.rule([hand.atom(a, V(1))], [hand.head(a, code(V(1), 1, Op.ADD)), hand.want(g, V(1))])
-    robot = hand.machine(firing_budget=20)
-    assert robot.goals()["open"] == [f"g(@1, {number})" for number in range(5)]
-    assert robot.dropped == {"goals": 15}
-    robot.insert(0, g, (3,))
-    robot.want(0, g, (99,))
-    assert "g(@1, 99)" in robot.goals()["open"]
+    a, alarm = hand.temporary("a", INT), hand.action("alarm")
+    hand.fact(a, 1)
+    hand.goal(a, 2)
+    hand.asserts(hand.atom(a, 2), hand.atom(a, 3), 1, hand.head(alarm))
+    robot = hand.machine()
+    robot.insert(0, a, (2,))
+    assert (robot.facts(), robot.goals()["open"], robot.jobs) == (["a(@1, 1)"], ["a(@1, 2)"], [])
 
 
-def test_a_body_of_as_many_conjuncts_as_are_possible_is_matched() -> None:
+def test_a_fact_of_a_set_that_holds_already_is_not_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "FACTS_MAX", 1)
     hand = Hand()
-    a, b = hand.temporary("a"), hand.temporary("b")
-    for _ in range(CONJUNCTS_MAX):
-        hand.fact(a)
-    hand.rule([hand.atom(a)] * CONJUNCTS_MAX, [hand.head(b)])
-    assert hand.machine().facts() == ["b(@1)"]
+    p = hand.persistent("p", INT)
+    hand.fact(p, 1)
+    robot = hand.machine()
+    robot.insert(0, p, (1,))
+    assert robot.dropped == {}
 
 
-def test_a_body_of_as_many_kept_facts_as_are_possible_is_matched_once() -> None:
+def test_there_is_room_again_when_facts_are_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "FACTS_MAX", 2)
     hand = Hand()
-    a, b = hand.persistent("a"), hand.temporary("b")
+    s = hand.sensed("s", INT)
+    robot = hand.machine()
+    for number in range(3):
+        robot.insert(0, s, (number,))
+    robot.withdraw(0, s, (0,))
+    robot.insert(0, s, (3,))
+    assert robot.held(s) == [(1,), (3,)]
+
+
+def test_open_goals_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(goals, "GOALS_MAX", 2)
+    hand = Hand()
+    n, g = hand.temporary("n", INT), hand.temporary("g", INT)
+    for number in range(5):
+        hand.fact(n, number)
+    hand.rule([hand.atom(n, V(1))], [hand.want(g, V(1))])
+    robot = hand.machine()
+    assert robot.goals()["open"] == ["g(@1, 0)", "g(@1, 1)"]
+    assert robot.dropped == {"goals": 3}
+    robot.insert(0, g, (0,))
+    robot.want(0, g, (4,))
+    assert robot.goals()["open"] == ["g(@1, 1)", "g(@1, 4)"]
+
+
+def dividing() -> tuple[Hand, int, int]:
+    """``n(R, X), tick(R), 1 / X > 0 -o hit(R, X).``"""
+    hand = Hand()
+    n, tick, hit = hand.temporary("n", INT), hand.sensed("tick"), hand.action("hit", INT)
+    hand.rule([hand.atom(n, V(1)), hand.atom(tick), guard(code(1)[0], V(1), Op.DIV, 0, Op.GT)], [hand.head(hit, V(1))])
+    return hand, n, tick
+
+
+def test_a_failure_is_told_once_though_its_match_is_looked_at_again() -> None:
+    hand, n, tick = dividing()
+    robot = hand.machine()
+    robot.insert(0, n, (0,))
+    for now in range(5):
+        robot.insert(now, tick, ())
+        robot.insert(now, n, (0,))
+        robot.run(now)
+    assert robot.expression_failures == 6
+
+
+def test_failures_that_are_remembered_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(failures, "FAILURES_MAX", 3)
+    hand, n, tick = dividing()
+    robot = hand.machine()
+    robot.insert(0, tick, ())
+    for _ in range(5):
+        robot.insert(0, n, (0,))
+    robot.run(0)
+    events = robot.drain()
+    assert len([event for event in events if isinstance(event, ExpressionFailed)]) == 3
+    assert (robot.expression_failures, robot.dropped, reached(events)) == (3, {"failures": 2}, [("failures", 3)])
+
+
+def test_failures_are_told_again_when_those_before_are_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(failures, "FAILURES_MAX", 3)
+    hand = Hand()
+    s, out = hand.sensed("s", INT), hand.action("out", INT)
+    hand.rule([hand.atom(s, V(1))], [hand.head(out, code(1, V(1), Op.MOD))])
+    robot = hand.machine()
+    for now in range(10):
+        robot.insert(now, s, (0,))
+        robot.run(now)
+        robot.withdraw(now, s, (0,))
+        robot.run(now)
+    assert robot.expression_failures == 10
+
+
+def test_matches_that_wait_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(once, "MATCHES_MAX", 3)
+    hand = Hand()
+    p, q, out = hand.persistent("p", INT), hand.persistent("q", INT), hand.action("out", INT, INT)
+    hand.rule([hand.atom(p, V(1)), hand.atom(q, V(2))], [hand.head(out, V(1), V(2))])
+    robot = Machine(hand.program(), 1, Random(0))
+    for number in range(5):
+        robot.insert(0, p, (number,))
+    robot.insert(0, q, (0,))
+    robot.run(0)
+    assert len(actions(robot.drain())) == 5, "looked for as they are needed, none is lost"
+    robot.insert(0, q, (1,))
+    robot.run(0)
+    events = robot.drain()
+    assert [action.args for action in actions(events)] == [(number, 1) for number in range(3)]
+    assert (reached(events), robot.dropped) == ([("matches", 3)], {"matches": 1})
+
+
+def test_matches_that_an_absent_fact_allows_are_looked_for_again_and_none_is_lost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(once, "MATCHES_MAX", 3)
+    hand = Hand()
+    p, stop, out = hand.persistent("p", INT), hand.sensed("stop"), hand.action("out", INT)
+    hand.rule([hand.atom(p, V(1)), hand.absent(stop)], [hand.head(out, V(1))])
+    robot = hand.machine()
+    for number in range(8):
+        robot.insert(0, p, (number,))
+    robot.run(0)
+    assert [action.args for action in actions(robot.drain())] == [(number,) for number in range(8)]
+    assert robot.dropped == {}
+
+
+def test_many_persistent_facts_cost_no_more_than_their_number() -> None:
+    """Each firing of a rule that consumes nothing once looked at all its matches again: 9 s where this takes 0.1 s."""
+    hand = Hand(textual=True)
+    p, q, r, out = hand.persistent("p", INT), hand.persistent("q", INT), hand.temporary("r", INT), hand.action("o", INT)
+    hand.rule([hand.atom(p, V(1))], [hand.head(q, V(1))])
+    hand.rule([hand.atom(p, V(1)), hand.atom(q, V(1))], [hand.head(r, V(1))])
+    hand.rule([hand.atom(q, V(1)), hand.keep(r, V(1))], [hand.head(out, V(1))])
+    robot = Machine(hand.program(), 1, Random(0), firing_budget=10**6)
+    for number in range(3000):
+        robot.insert(0, p, (number,))
+    robot.run(0)
+    events = robot.drain()
+    assert len(fired(events)) == 9000
+    assert [action.args[0] for action in actions(events)] == list(range(3000))
+
+
+def test_a_failure_names_the_rules_place_in_the_source_or_its_number() -> None:
+    hand = Hand()
+    a, out = hand.temporary("a"), hand.temporary("out", INT)
     hand.fact(a)
-    hand.rule([hand.atom(a)] * CONJUNCTS_MAX, [hand.head(b)])
-    assert hand.machine().facts() == ["!a(@1)", "b(@1)"]
+    hand.rule([hand.atom(a)], [hand.head(out, code(1, 0, Op.MOD))])
+    program = hand.program()
+    placed = replace(program, debug=Debug(rules=(Place("corridor.rmr", 12, 3),)))
+    for each, where in ((program, "rule 0"), (placed, "rule at corridor.rmr:12")):
+        robot = Machine(each, 1, Random(0))
+        robot.start(0)
+        robot.run(0)
+        assert [event.where for event in robot.drain() if isinstance(event, ExpressionFailed)] == [where]
+        assert rule_place(each, 0) == where
