@@ -30,8 +30,9 @@ lint: $(STAMP) ## ruff and mypy --strict
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/bench.json
+bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python tests/bench/run.py
+	$(BIN)/python tests/bench/compile.py
 
 lock: $(STAMP) ## pin every dependency with hashes, without addresses
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \

@@ -68,12 +68,14 @@ class _Parser:
         self._automaton = Automaton(source.file, self._builder)
         self._broken: set[str] = set()
         self._repairs = FILE_REPAIRS_MAX
+        self._is_lost = False
+        """An item seems to have no end."""
 
     def module(self) -> Module:
         """Return all items."""
         items: list[Item] = []
         in_a_row = 0
-        while in_a_row < BROKEN_MAX:
+        while in_a_row < BROKEN_MAX and not self._is_lost:
             first = self._next()
             if first.kind == OPEN_COMMENT:
                 self._open_comment(first)
@@ -87,10 +89,11 @@ class _Parser:
 
     def _given_up(self) -> Module:
         """Return a module that nothing more is said about."""
-        start = self._next().start
-        message = f"{BROKEN_MAX} items in a row have syntax errors: this and what follows is not read"
-        hint = "is it an RMR program?"
-        self._found.report("E007", message, Span(self._source.file, start, start), hint=hint)
+        if not self._is_lost:
+            start = self._next().start
+            message = f"{BROKEN_MAX} items in a row have syntax errors: this and what follows is not read"
+            hint = "is it an RMR program?"
+            self._found.report("E007", message, Span(self._source.file, start, start), hint=hint)
         return Module((), frozenset(self._broken), complete=False)
 
     # ---- words
@@ -143,12 +146,10 @@ class _Parser:
         return None
 
     def _endless(self, first: Token, word: Token, count: int) -> None:
-        span = Span(self._source.file, first.start, word.end)
-        if count > ITEM_WORDS_MAX:
-            self._found.report("E008", f"this item has more than {ITEM_WORDS_MAX} words", span)
-        else:
+        if count <= ITEM_WORDS_MAX:
+            span = Span(self._source.file, first.start, word.end)
             self._found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", span)
-        self._skip(first, word, word)
+        self._skip(first, word, word, count)
 
     # ---- mistakes
 
@@ -191,10 +192,16 @@ class _Parser:
         self._found.report("E001", "this comment has no end", span, hint="`*/`")
         self._break(word.start, word.end)
 
-    def _skip(self, first: Token, previous: Token, word: Token) -> None:
-        """Leave out the rest of an item, from `word` on."""
+    def _skip(self, first: Token, previous: Token, word: Token, count: int = 0) -> None:
+        """Leave out the rest of an item, from `word` on; `count` words have been read of it."""
         while word.kind not in {"DOT", END} and not self._is_beginning(first, previous, word):
             previous, word = word, self._next()
+            count += 1
+            if count > ITEM_WORDS_MAX:
+                message = f"this item has more than {ITEM_WORDS_MAX} words: what follows is not read"
+                self._found.report("E008", message, Span(self._source.file, first.start, first.end))
+                self._is_lost = True
+                break
         if word.kind != "DOT":
             self._ahead.appendleft(word)
         self._break(first.start, previous.end)
