@@ -83,8 +83,10 @@ class Automaton:
                 children.append(None)
             elif which >= 0:
                 children.append(values[which])
-            else:
+            elif children:
                 children += values[~which]
+            else:
+                children = values[~which]  # a repetition grows in place
         if not rule.name:
             value = children
         elif rule.single and len(children) == 1:
