@@ -6,6 +6,7 @@ from random import Random
 import pytest
 from vm_hand import INT, Hand, V, actions, code, fired, guard
 
+from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Debug, Place
 from rmr.vm import failures, goals, machine, once
@@ -85,6 +86,27 @@ def test_open_goals_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     robot.insert(0, g, (0,))
     robot.want(0, g, (4,))
     assert robot.goals()["open"] == ["g(@1, 1)", "g(@1, 4)"]
+
+
+def test_a_body_of_as_many_conjuncts_as_are_possible_is_matched() -> None:
+    hand = Hand()
+    a, b = hand.temporary("a"), hand.temporary("b")
+    for _ in range(CONJUNCTS_MAX):
+        hand.fact(a)
+    hand.rule([hand.atom(a)] * CONJUNCTS_MAX, [hand.head(b)])
+    assert hand.machine().facts() == ["b(@1)"]
+
+
+def test_a_body_of_as_many_persistent_facts_as_are_possible_is_matched_once_whenever_they_come() -> None:
+    hand = Hand()
+    a, b = hand.persistent("a", INT), hand.temporary("b")
+    hand.fact(a, 0)
+    hand.rule([hand.atom(a, V(1))] * CONJUNCTS_MAX, [hand.head(b)])
+    robot = hand.machine()
+    assert robot.facts() == ["!a(@1, 0)", "b(@1)"]
+    robot.insert(0, a, (1,))
+    robot.run(0)
+    assert robot.facts() == ["!a(@1, 0)", "!a(@1, 1)", "b(@1)", "b(@1)"]
 
 
 def dividing() -> tuple[Hand, int, int]:
