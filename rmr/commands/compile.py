@@ -14,9 +14,9 @@ from rmr.commands.common import PATH, SETTINGS, VERSION, counted, print_json, wr
 @click.argument("program", metavar="PROG.rmr", type=PATH)
 @click.option("-o", "--output", metavar="PROG.rbc", type=PATH, help="Where to write; default: beside the program.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on stdout.")
-@click.option("--debug/--no-debug", default=False, show_default=True, help="Add where everything stands in the source.")
+@click.option("--strip", is_flag=True, help="Leave out where everything stands in the source.")
 @VERSION
-def command(program: Path, output: Path | None, as_json: bool, debug: bool) -> None:
+def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> None:
     """Compile a program to byte-code; nothing is written if it has errors."""
     from rmr.bytecode.codec import encode
     from rmr.lang.compiler import compile_file
@@ -28,7 +28,7 @@ def command(program: Path, output: Path | None, as_json: bool, debug: bool) -> N
     summary: dict[str, object] = {"file": str(program), "output": None}
     code = diagnosed.exit_code([compilation])
     if compilation.program is not None:
-        octets = encode(compilation.program, debug=debug)
+        octets = encode(compilation.program, debug=not strip)
         code = write(target, octets)
         summary |= {
             "output": str(target) if code == 0 else None,

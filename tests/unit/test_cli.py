@@ -99,11 +99,19 @@ def test_compile_writes_beside_the_program_and_prints_its_size(program, tmp_path
 
 def test_what_compile_writes_is_what_dis_prints(program, tmp_path):
     source = program(GOOD)
-    assert rmr("compile", source, "-o", tmp_path / "x.rbc", "--debug").exit_code == 0
+    assert rmr("compile", source, "-o", tmp_path / "x.rbc").exit_code == 0
     shown = rmr("dis", tmp_path / "x.rbc")
     assert shown.exit_code == 0
     assert "p($0) -o q($0)" in shown.stdout
     assert f"{source}:2:1" in shown.stdout
+
+
+def test_a_stripped_program_knows_no_source(program, tmp_path):
+    source = program(GOOD)
+    assert rmr("compile", source, "-o", tmp_path / "whole.rbc").exit_code == 0
+    assert rmr("compile", source, "-o", tmp_path / "bare.rbc", "--strip").exit_code == 0
+    assert str(source) not in rmr("dis", tmp_path / "bare.rbc").stdout
+    assert (tmp_path / "bare.rbc").stat().st_size < (tmp_path / "whole.rbc").stat().st_size
 
 
 def test_compile_as_json_prints_one_document(program, tmp_path):
