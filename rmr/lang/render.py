@@ -1,14 +1,11 @@
 """Diagnostics as text for people and as JSON for programs."""
 
 import json
-import unicodedata
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from rmr.lang.diagnostic import Diagnostic, Severity
+from rmr.lang.excerpt import excerpt, visible
 from rmr.lang.source import Source, Span
-
-LINE_SHOWN_MAX = 200
-"""Characters of a source line that are shown; the part around the place is cut out of a longer one."""
 
 _BOLD, _RED, _YELLOW, _BLUE, _RESET = "\x1b[1m", "\x1b[31m", "\x1b[33m", "\x1b[34m", "\x1b[0m"
 
@@ -62,48 +59,24 @@ class _Paint:
 def _one(each: Diagnostic, sources: Mapping[str, Source], paint: _Paint) -> str:
     style = _RED if each.severity is Severity.ERROR else _YELLOW
     head = paint(_BOLD + style, f"{each.severity.value}[{each.code}]")
-    lines = [f"{_place(each.span, sources)}: {head}: {_visible(each.message)}"]
-    lines += _excerpt(each.span, sources, "^", paint, style)
+    lines = [f"{_place(each.span, sources)}: {head}: {visible(each.message)}"]
+    lines += _excerpt(each.span, sources, lambda width: paint(style, "^" * width))
     for note in each.notes:
-        lines.append(f"{_place(note.span, sources)}: {paint(_BOLD + _BLUE, 'note')}: {_visible(note.message)}")
-        lines += _excerpt(note.span, sources, "-", paint, _BLUE)
+        lines.append(f"{_place(note.span, sources)}: {paint(_BOLD + _BLUE, 'note')}: {visible(note.message)}")
+        lines += _excerpt(note.span, sources, lambda width: paint(_BLUE, "-" * width))
     if each.hint:
-        lines.append(f"  {paint(_BOLD, 'hint')}: {_visible(each.hint)}")
+        lines.append(f"  {paint(_BOLD, 'hint')}: {visible(each.hint)}")
     return "\n".join(lines) + "\n"
+
+
+def _excerpt(span: Span, sources: Mapping[str, Source], underlined: Callable[[int], str]) -> list[str]:
+    source = sources.get(span.file)
+    return [] if source is None or not source.text else excerpt(source, span, underlined)
 
 
 def _place(span: Span, sources: Mapping[str, Source]) -> str:
     source = sources.get(span.file)
     if source is None or not source.text:
-        return f"{_visible(span.file)}:1:1"
+        return f"{visible(span.file)}:1:1"
     line, column = source.position(span.start)
-    return f"{_visible(span.file)}:{line}:{column}"
-
-
-def _excerpt(span: Span, sources: Mapping[str, Source], mark: str, paint: _Paint, style: str) -> list[str]:
-    """Return the first line of the place, and a line that underlines it."""
-    source = sources.get(span.file)
-    if source is None or not source.text:
-        return []
-    number, column = source.position(span.start)
-    line = source.line(number)
-    start = column - 1
-    end = min(len(line), max(start + 1, start + span.end - span.start))
-    first = max(0, start - LINE_SHOWN_MAX // 2) if len(line) > LINE_SHOWN_MAX else 0
-    last = first + LINE_SHOWN_MAX
-    gutter = f"{number:>5} | "
-    before, inside, after = line[first:start], line[start : min(end, last)], line[min(end, last) : last]
-    shown = _visible(before) + _visible(inside) + _visible(after)
-    under = " " * _width(_visible(before)) + paint(style, mark * max(1, _width(_visible(inside))))
-    return [gutter + shown, " " * (len(gutter) - 2) + "| " + under]
-
-
-def _visible(text: str) -> str:
-    """Return `text` without characters that would move the cursor or control a terminal; a tab is a space."""
-    return "".join(each if each.isprintable() else " " if each in "\t\n\r" else "\ufffd" for each in text)
-
-
-def _width(text: str) -> int:
-    return sum(
-        0 if unicodedata.combining(each) else 2 if unicodedata.east_asian_width(each) in "WF" else 1 for each in text
-    )
+    return f"{visible(span.file)}:{line}:{column}"

@@ -1,7 +1,7 @@
 import json
 
 from rmr.lang.compiler import compile_file, compile_source
-from rmr.lang.render import render_json, render_text
+from rmr.lang.render import render_json, render_text, to_json
 
 
 def rendered(text, color=False):
@@ -36,6 +36,53 @@ def test_control_characters_of_a_source_do_not_reach_the_terminal():
 def test_a_place_behind_tabs_and_wide_characters_is_underlined_in_its_column():
     _, line, under = rendered('p(R,\t"日本", X).').splitlines()[:3]
     assert line.index("X") + 2 == under.index("^")
+
+
+def test_a_place_of_several_lines_is_underlined_line_by_line():
+    assert rendered("type p(robot).\np(A),\n\n\tp(B)  // both\n  -o 1.\n") == (
+        "a.rmr:2:1: error[E035]: a join of several robots' facts is not supported yet\n"
+        "    2 | p(A),\n"
+        "      | ^^^^^\n"
+        "    3 | \n"
+        "    4 |  p(B)  // both\n"
+        "      |  ^^^^^^^^^^^^^\n"
+        "    5 |   -o 1.\n"
+        "      |   ^^^^^\n"
+        "a.rmr:2:1: note: a fact of `A`\n"
+        "    2 | p(A),\n"
+        "      | ----\n"
+        "a.rmr:4:2: note: a fact of `B`\n"
+        "    4 |  p(B)  // both\n"
+        "      |  ----\n"
+        "  hint: let each robot send what the other needs, and join at home\n"
+    )
+
+
+def test_of_very_many_lines_the_first_and_the_last_are_shown():
+    text = "type p(robot).\np(A), p(B),\n" + "p(A),\n" * 100 + "p(A) -o 1.\n"
+    lines = rendered(text).partition("note")[0].splitlines()
+    assert [line.split()[0] for line in lines if "|" in line and line.split()[0] != "|"] == [
+        "2",
+        "3",
+        "4",
+        "5",
+        "...",
+        "103",
+    ]
+
+
+def test_a_place_behind_the_end_of_a_line_has_a_mark():
+    assert rendered("p(R)").splitlines()[1:3] == ["    1 | p(R)", "      |     ^"]
+
+
+def test_columns_are_counted_in_characters_and_marks_in_columns_of_the_screen():
+    text = 'p(R, "e\u0301\u4e2d\uff21\U0001f600", X).'  # one character without a column, three with two
+    compilation = compile_source(text, "a.rmr")
+    [listed] = to_json(compilation.diagnostics, compilation.sources)
+    assert (listed["column"], listed["end_column"]) == (text.index("X") + 1, text.index("X") + 2)
+    line, under = rendered(text).splitlines()[1:3]
+    assert line.endswith(text)
+    assert under.index("^") == line.index("X") - 1 + 3
 
 
 def test_a_very_long_line_is_cut_around_the_place():
