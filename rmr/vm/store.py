@@ -14,6 +14,9 @@ from rmr.base.values import Value
 from rmr.bytecode.program import Base, Kind, Predicate, Type
 from rmr.bytecode.wire import identity
 
+HOLES_MAX = 1024
+"""Facts that may go before a table is written anew: whoever looks for the oldest passes over their places."""
+
 INDEX_FROM = 12
 """Facts of a predicate from which on an index is cheaper than looking at each."""
 
@@ -37,13 +40,14 @@ class Fact:
 class Table:
     """The facts of one predicate in the order of insertion."""
 
-    __slots__ = ("_indices", "_known", "_open", "facts", "linear", "newest")
+    __slots__ = ("_holes", "_indices", "_known", "_open", "facts", "linear", "newest")
 
     def __init__(self, predicate: Predicate) -> None:
         self.linear = predicate.kind is Kind.TEMPORARY
         self.facts: dict[int, Fact] = {}
         self.newest = 0
         """The serial of the fact that was inserted last, be it there or not."""
+        self._holes = 0
         self._open = any(is_open(kind) for kind in predicate.types)
         self._known: dict[object, Fact] = {}
         self._indices: dict[int, dict[Value, dict[int, Fact]]] = {}
@@ -64,6 +68,10 @@ class Table:
     def remove(self, fact: Fact) -> None:
         """Drop `fact`."""
         del self.facts[fact.serial]
+        self._holes += 1
+        if self._holes > HOLES_MAX:
+            self._holes = 0
+            self.facts = {each.serial: each for each in self.facts.values()}
         if not self.linear:
             del self._known[identity(fact.args) if self._open else fact.args]
         for position, index in self._indices.items():
