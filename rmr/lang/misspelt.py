@@ -1,15 +1,15 @@
 """Names that may be misspelt: of facts that nothing derives or reads, and of types.
 
 Searching for what is near a name costs time, so that only the first of very many get a hint. Type names are
-open sets of symbols: a set that is named once and looks like a built-in type, or like a set that others name,
-is doubted; two words of one length, such as `lane` and `line`, may well be two sets.
+open sets of symbols, and any word may be one: `lane` and `line`, `point` and `int`. So a set that is named once is
+doubted only if a slip of the pen makes it of a built-in type or of a set that is named more often.
 """
 
 from collections import Counter
 
 from rmr.lang import provided
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.names import Names, meant, near
+from rmr.lang.names import CANDIDATES_MAX, Names, meant, near
 from rmr.lang.supply import Supply
 from rmr.lang.syntax import Fact, Module, TypeDeclaration, TypeName
 
@@ -110,13 +110,18 @@ class Speller:
             if name in BUILT_IN or name in PROVIDED_SETS:
                 continue
             match = SYNONYMS.get(name)
-            if match is None and counts[name] == 1 and self._may_search():
-                match = near(name, list(BUILT_IN)) or _near_set(name, sets)
+            if match is None and counts[name] == 1:
+                match = next((each for each in [*BUILT_IN, *sets[:CANDIDATES_MAX]] if _is_slip(name, each)), None)
             if match is not None:
                 message = f"`{name}` is a set of symbols" + (" that is named only here" if counts[name] == 1 else "")
                 self._found.report("W111", message, kind.span, hint=f"did you mean `{match}`?")
 
 
-def _near_set(name: str, sets: list[str]) -> str | None:
-    match = near(name, [each for each in sets if len(each) != len(name) or sorted(each) == sorted(name)])
-    return match if match not in BUILT_IN else None
+def _is_slip(name: str, other: str) -> bool:
+    """Whether `name` is `other` with letters swapped, one letter left out or typed twice, or in the plural."""
+    if len(name) == len(other):
+        return name != other and sorted(name) == sorted(other)
+    if len(name) == len(other) - 1:
+        return any(other[:place] + other[place + 1 :] == name for place in range(len(other)))
+    doubled = (other[:place] + other[place - 1 :] for place in range(1, len(other) + 1))
+    return name == f"{other}s" or name in doubled
