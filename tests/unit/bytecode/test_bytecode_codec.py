@@ -1,17 +1,34 @@
 """The codec's edges: each kind of wrong has its own message."""
 
+import re
 from dataclasses import replace
 from hashlib import blake2b
 
 import pytest
-from vm_hand import AREA, INT, Hand, V
+from vm_hand import AREA, INT, ROBOT, Hand, V, code
 
 from rmr.base.values import Symbol
 from rmr.bytecode.codec import VERSION, BytecodeError, decode, digest, encode
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
-from rmr.bytecode.layout import SIZE_MAX, checksum, read_layout
-from rmr.bytecode.program import Base, Debug, InitialFact, Kind, Place, Predicate, Program, Strategy, Type
+from rmr.bytecode.layout import SIZE_MAX, TABLES, assemble, checksum, read_layout
+from rmr.bytecode.program import (
+    Base,
+    Debug,
+    Effect,
+    InitialFact,
+    InitialGoal,
+    Kind,
+    Lead,
+    Operator,
+    Place,
+    Predicate,
+    Program,
+    Rule,
+    Slot,
+    Strategy,
+    Type,
+)
 from rmr.bytecode.wire import Reader, Writer
 
 
@@ -146,3 +163,167 @@ def test_the_text_shows_offsets_in_hex_rules_and_places() -> None:
     assert "p(_, here, 5)" in text
     assert "p($0, $1, $2) -o !q($0, $2)  ; 8 slots  ; a.rmr:3:1" in text
     assert "LOAD $2" in text
+
+
+def number(value: int) -> bytes:
+    writer = Writer()
+    writer.varint(value)
+    return bytes(writer.octets)
+
+
+def forged(**changed: tuple[int, bytes]) -> bytes:
+    """A file with p() temporary, q(open) persistent, an action go(), ``LOAD 0`` as code 0; tables as given."""
+    tables: dict[str, tuple[int, bytes]] = dict.fromkeys(TABLES, (0, b""))
+    tables["constants"] = (3, b"\x05\x01p\x05\x01q\x05\x02go")
+    tables["code"] = (1, b"\x01\x03\x00")
+    tables["predicates"] = (3, b"\x00\x00\x00" + b"\x01\x01\x01\x00" + b"\x03\x02\x00\x00\x00")
+    return assemble(0, tables | changed)
+
+
+def test_the_forged_file_is_sound_as_long_as_nothing_is_changed() -> None:
+    assert [predicate.name for predicate in decode(forged()).predicates] == ["p", "q", "go"]
+    assert decode(forged(rules=(1, b"\x01\x00\x01\x00\x00\x00"))).rules[0].head != ()
+
+
+FORGED = {
+    "unknown or misplaced kind of head 10": {"rules": (1, b"\x01\x00\x01\x0a")},
+    "unknown or misplaced kind of head 3": {"rules": (1, b"\x01\x00\x01\x03\x00\x00\x01\x03\x00\x00\x00")},
+    "unknown or misplaced kind of head 4": {"rules": (1, b"\x01\x00\x01\x05\x01\x00\x00\x04\x00\x00")},
+    "unknown kind of conjunct 6": {"rules": (1, b"\x01\x01\x06")},
+    "unknown kind of assertion 0x08": {"assertions": (1, b"\x08" + bytes(20))},
+    "leaves open who finishes it": {"assertions": (1, b"\x04\x00" + bytes(20))},
+    "a fact that leaves an argument open": {"facts": (1, b"\x01\x00\x00")},
+    "index 9 into 3 constants": {"facts": (1, b"\x01\x00" + number(20))},
+    "index 3 into 3 predicates": {"facts": (1, b"\x03\x00")},
+    "index 1 into 1 expressions": {"rules": (1, b"\x01\x01\x04\x01\x00")},
+    "a count of 5 where at most 0 fit": {"goals": (1, b"\x00\x00\x06")},
+    "unknown opcode 0x7f": {"code": (1, b"\x01\x7f")},
+    "index 99 into 16 functions": {"code": (1, b"\x01\x30\x63")},
+    "unknown kind of value 8": {"constants": (1, b"\x08")},
+    "robot id 65534": {"constants": (1, b"\x06" + number(65534))},
+    "a float that is not finite": {"constants": (1, b"\x03" + b"\xff" * 8)},
+    "not UTF-8": {"constants": (1, b"\x04\x01\xff")},
+    "unknown kind of predicate 0x08": {"predicates": (1, b"\x08\x00\x00")},
+    "a name that is not a symbol": {"constants": (1, b"\x00"), "predicates": (1, b"\x00\x00\x00")},
+    "nested type 9": {"predicates": (1, b"\x00\x00\x01\x09")},
+    "nested type 7": {"predicates": (1, b"\x00\x00\x01" + b"\x07" * (NESTING_MAX + 2) + b"\x00")},
+    "a count of 1 where at most 0 fit": {"predicates": (1, b"\x03\x00\x00\x01\x00")},
+    "do not fill their table": {"effects": (1, b"\x00\x00")},
+    "1 octets too many in the table of rules": {"rules": (1, b"\x01\x00\x00\x00")},
+    "the table ends too early": {"rules": (2, b"\x01\x00\x00")},
+    "the debug table contradicts the flags": {"debug": (1, bytes(4))},
+    "the table of rules does not fit (3 entries)": {"rules": (3, b"\x01\x00")},
+}
+
+
+@pytest.mark.parametrize("reason", FORGED)
+def test_what_cannot_be_read_is_refused_with_the_reason(reason: str) -> None:
+    data = forged(**FORGED[reason])
+    for read in (decode, disassemble):
+        with pytest.raises(BytecodeError, match=re.escape(reason)):
+            read(data)
+
+
+def test_a_gap_before_the_first_table_is_refused() -> None:
+    octets = bytearray(forged())
+    octets[15] = 1
+    with pytest.raises(BytecodeError, match="a gap before the first table"):
+        decode(sealed(bytes(octets)))
+
+
+def test_unknown_flags_are_refused() -> None:
+    octets = bytearray(forged())
+    octets[5] = 4
+    with pytest.raises(BytecodeError, match="unknown flags 0x04"):
+        decode(sealed(bytes(octets)))
+
+
+def test_version_1_is_refused_and_the_way_out_named() -> None:
+    octets = bytearray(forged())
+    octets[4] = 1
+    with pytest.raises(BytecodeError, match="version 1, but this runtime reads version 2; recompile it"):
+        decode(sealed(bytes(octets)))
+
+
+def everything() -> Program:
+    """A program in which what version 2 brings stands once."""
+    hand = Hand()
+    p, q = hand.temporary("p", ROBOT), hand.persistent("q", INT)
+    give = hand.action("give", ROBOT, effects=(Effect(p, (code(V(0)),), code(V(1))),))
+    hand.fact(p, V(0), owner=3)
+    hand.rule([hand.atom(p, V(1))], [hand.then(hand.head(give, V(1)), hand.head(q, 1, to=V(1)))], slots=2)
+    longest = hand.fold(Operator.MAX, V(2), V(3), [hand.atom(q, V(2))], hand.head(q, V(3)), V(2))
+    hand.rule([], [longest], slots=4)
+    hand.rule([], [hand.fold(Operator.COUNT, None, V(3), [hand.atom(q, 7)], hand.head(q, V(3)))], slots=4)
+    hand.goals.append(InitialGoal(q, None, (Slot(1),), (Lead(0, 2), Lead(2, None))))
+    hand.goals.append(InitialGoal(p, 4, (Slot(0),), ()))
+    late = hand.head(give, V(1))
+    hand.asserts(hand.keep(p, V(1)), hand.keep(p, V(0)), 5, late, scheduled=False, robot=6, finisher=V(1))
+    return hand.program()
+
+
+SHOWN = """\
+type action give(robot, robot) -o p($1, $0)
+p(@3, $0)
+?!q(_, $1)  ; led to by rule 0 at 2, rule 2 at _
+?p(@4, $0)  ; led to by no rule
+p($0, $1) -o give($0, $1) then !q($1, 1)  ; 2 slots
+ -o [max $2 => $3, $2 | !q($0, $2) | !q($0, $3)]  ; 4 slots
+ -o [count => $3 | !q($0, 7) | !q($0, $3)]  ; 4 slots
+p: watch(p(@6, $1), p($1, $0), 5, give($0, $1))
+"""
+
+
+def test_whatever_is_new_comes_back_and_is_shown() -> None:
+    data = encode(everything(), debug=False)
+    assert repr(decode(data)) == repr(everything())
+    text = disassemble(data)
+    assert [line for line in SHOWN.splitlines() if f": {line}\n" not in text] == []
+
+
+def octets_of(program: Program, table: str) -> int:
+    _entries, start, end = read_layout(encode(program, debug=False)).tables[table]
+    return end - start
+
+
+def test_leads_take_two_octets_each() -> None:
+    program = everything()
+    bare = replace(program, goals=tuple(replace(goal, leads=None) for goal in program.goals))
+    assert octets_of(program, "goals") - octets_of(bare, "goals") == 2 * 2
+
+
+def test_what_is_usual_takes_no_octet_of_an_assertion() -> None:
+    program = everything()
+    usual = replace(program.assertions[0], robot=None, finisher=Slot(0))
+    assert octets_of(program, "assertions") - octets_of(replace(program, assertions=(usual,)), "assertions") == 2
+
+
+def test_what_a_terminal_would_take_for_a_command_is_shown_as_text() -> None:
+    hand = Hand()
+    p = hand.temporary("p", Type(Base.STRING))
+    hand.facts.append(InitialFact(p, None, ("\x1b[2J\r",)))
+    text = disassemble(encode(hand.program(), debug=False))
+    assert r"\u001b[2J\u000d" in text
+    assert text.replace("\n", "").isprintable()
+
+
+def test_a_long_list_that_facts_share_is_shown_whole_once() -> None:
+    hand = Hand()
+    p = hand.temporary("p", Type(Base.LIST, element=INT))
+    hand.facts.extend([InitialFact(p, None, (tuple(range(1000)),))] * 20)
+    text = disassemble(encode(hand.program(), debug=False))
+    assert text.count("998, 999]") == 1
+    assert text.count("0, 1, 2, ") == 21
+
+
+def test_entries_that_name_the_same_constant_or_expression_share_it() -> None:
+    hand = Hand()
+    p = hand.temporary("p", Type(Base.LIST, element=INT))
+    hand.facts.extend([InitialFact(p, None, ((1, 2),))] * 2)
+    hand.rules.extend(Rule(1, (hand.atom(p, (1, 2)),), (hand.head(p, code((1, 2))),)) for _ in range(2))
+    program = decode(encode(hand.program(), debug=False))
+    one, other = program.facts
+    assert one.args[0] is other.args[0]
+    first, second = (rule.head[0] for rule in program.rules)
+    assert first.args[0] is second.args[0]  # type: ignore[union-attr]
+    assert program.rules[0].body[0].args[0] is program.rules[1].body[0].args[0]  # type: ignore[union-attr]
