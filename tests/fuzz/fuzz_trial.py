@@ -118,7 +118,7 @@ class Trial:
         self.machine.start(0)
         self.settle()
         deeds = [self.insert, self.insert, self.withdraw, self.want, self.command, self.complete, self.wait]
-        deeds += [self.await_finish, self.see_finish, self.mistake]
+        deeds += [self.await_finish, self.see_finish, self.ask, self.mistake]
         for _ in range(self.rng.randint(1, DEEDS_MAX)):
             self.now += self.rng.choice(TIMES)
             self.rng.choice(deeds)()
@@ -137,6 +137,8 @@ class Trial:
         assert machine.goals().keys() == {"achieved", "open"}
         assert all(repr(job) for job in machine.jobs)
         assert machine.next_wake >= self.now or machine.next_wake == machine.due
+        assert machine.quiescent or machine.next_wake <= self.now
+        assert min([machine.expression_failures, machine.jobs_given_up, *machine.dropped.values()]) >= 0
 
     def check_types(self, events: list[VmEvent]) -> None:
         """Check that whatever is held, done or sent is what its predicate declares."""
@@ -229,6 +231,15 @@ class Trial:
             self.machine.finish_seen(
                 self.now, self.rng.choice([0, 1, 7]), index, args, self.now - self.rng.choice(TIMES)
             )
+
+    def ask(self) -> None:
+        """What holds, and which jobs an action serves."""
+        fact, action = self.chosen(Kind.TEMPORARY, Kind.PERSISTENT, Kind.SENSED), self.chosen(Kind.ACTION)
+        if fact is not None:
+            held = self.machine.held(fact)
+            assert self.machine.holds(fact, (ANY,) * len(self.program.predicates[fact].types)) is bool(held)
+        if action is not None:
+            assert all(job.finish is None for job in self.machine.serves(action, self.args(action)))
 
     def mistake(self) -> None:
         """What is no fact of the program is refused, and nothing else happens."""

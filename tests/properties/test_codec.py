@@ -1,6 +1,8 @@
 """Properties of the byte-code: nothing is lost on the way, and no octets but intact ones become a program."""
 
 import zlib
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from random import Random
 
 import pytest
@@ -12,7 +14,38 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.codec import BytecodeError, decode, encode
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.layout import CRC_OFFSET, MAGIC, VERSION, checksum
-from rmr.bytecode.program import Base, InitialFact, Kind, Predicate, Program, Type
+from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.program import (
+    SELF,
+    Aggregate,
+    Anything,
+    Assertion,
+    Atom,
+    Base,
+    Bind,
+    Comprehension,
+    Constant,
+    DeriveAction,
+    DeriveFact,
+    DeriveGoal,
+    Effect,
+    Guard,
+    InitialFact,
+    InitialGoal,
+    Instruction,
+    Kind,
+    Lead,
+    Mode,
+    Operator,
+    Place,
+    Predicate,
+    Program,
+    Serving,
+    Slot,
+    Steps,
+    Strategy,
+    Type,
+)
 from rmr.bytecode.verify import verify
 from rmr.bytecode.wire import identity
 
@@ -25,6 +58,35 @@ def reseal(octets: bytearray) -> bytes:
     octets[6:10] = len(octets).to_bytes(4, "little")
     octets[CRC_OFFSET : CRC_OFFSET + 4] = checksum(bytes(octets)).to_bytes(4, "little")
     return bytes(octets)
+
+
+def parts(thing: object) -> Iterator[object]:
+    """Everything that a program is made of."""
+    yield thing
+    if is_dataclass(thing):
+        for each in fields(thing):
+            yield from parts(getattr(thing, each.name))
+    elif isinstance(thing, tuple):
+        for item in thing:
+            yield from parts(item)
+
+
+def test_the_programs_that_are_drawn_have_every_construct() -> None:
+    found = [part for seed in range(150) for part in parts(Maker(seed).program())]
+    kinds = {type(part) for part in found}
+    assert kinds >= {
+        *(Atom, Guard, Bind, DeriveFact, DeriveGoal, DeriveAction, Comprehension, Aggregate, Steps),
+        *(Effect, InitialFact, InitialGoal, Lead, Serving, Assertion, Slot, Constant, Anything, Place),
+    }
+    instructions = [part for part in found if isinstance(part, Instruction)]
+    assert {each.op for each in instructions} == set(Op)
+    assert {each.operand for each in instructions if each.op is Op.CALL} == set(range(len(FUNCTIONS)))
+    for enumeration in (Kind, Base, Mode, Operator, Strategy):
+        assert {part for part in found if isinstance(part, enumeration)} == set(enumeration)
+    assertions = [part for part in found if isinstance(part, Assertion)]
+    assert {each.robot is None for each in assertions} == {True, False}
+    assert {type(each.finisher) for each in assertions} == {Slot, Constant}
+    assert {part.owner == SELF for part in found if isinstance(part, Effect)} == {True, False}
 
 
 @few
