@@ -150,7 +150,8 @@ class BoundReached:
     """More than the robot keeps was to be kept, for the first time; what does not fit is dropped and counted."""
 
     what: str
-    """``facts``, ``goals``, ``actions``, ``chains``, ``jobs``, ``failures``, ``matches``, ``watches``."""
+    """``facts``, ``lengths`` (of all facts), ``goals``, ``actions``, ``chains``, ``jobs``, ``failures``, ``matches``,
+    ``watches``."""
     bound: int
     """How many are kept."""
     at: Instant

@@ -44,6 +44,9 @@ from rmr.vm.watches import Watches
 FACTS_MAX = 100_000
 """Facts of one robot, of all kinds; what would be one more is not inserted. They take some 50 MB at most as a rule."""
 
+FACTS_LENGTH_MAX = 4_000_000
+"""Characters and items of the strings and lists of all facts; once there are so many, no fact is inserted any more."""
+
 FIRING_BUDGET = 500
 """Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
 
@@ -311,8 +314,9 @@ class Machine:
     def _insert(self, now: Instant, predicate: int, args: Args) -> None:
         if self._store.has(predicate, args):
             return
-        if self._store.count >= FACTS_MAX:
-            self._dropped.add("facts", FACTS_MAX, now)
+        if self._store.count >= FACTS_MAX or self._store.length >= FACTS_LENGTH_MAX:
+            few = self._store.count < FACTS_MAX
+            self._dropped.add("lengths" if few else "facts", FACTS_LENGTH_MAX if few else FACTS_MAX, now)
             return
         self._store.insert(predicate, args, now)
         if self._trace:

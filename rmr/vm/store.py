@@ -11,11 +11,15 @@ from collections.abc import Reversible, Sequence
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
+from rmr.bytecode.conform import length
 from rmr.bytecode.program import Base, Kind, Predicate, Type
 from rmr.bytecode.wire import identity
 
 HOLES_MAX = 1024
 """Facts that may go before a table is written anew: whoever looks for the oldest passes over their places."""
+
+LONG = (Base.STRING, Base.LIST, Base.OPEN)
+"""Types of which a program can make ever longer values."""
 
 INDEX_FROM = 12
 """Facts of a predicate from which on an index is cheaper than looking at each."""
@@ -26,13 +30,15 @@ Args = tuple[Value, ...]
 class Fact:
     """One fact; compared by identity."""
 
-    __slots__ = ("args", "at", "held", "predicate", "serial")
+    __slots__ = ("args", "at", "held", "length", "predicate", "serial")
 
-    def __init__(self, predicate: int, args: Args, serial: int, at: Instant) -> None:
+    def __init__(self, predicate: int, args: Args, serial: int, at: Instant, length: int) -> None:
         self.predicate = predicate
         self.args = args
         self.serial = serial
         self.at = at
+        self.length = length
+        """Of its strings and lists."""
         self.held = True
         """False once it has been consumed or withdrawn."""
 
@@ -40,7 +46,7 @@ class Fact:
 class Table:
     """The facts of one predicate in the order of insertion."""
 
-    __slots__ = ("_holes", "_indices", "_known", "_open", "facts", "linear", "newest")
+    __slots__ = ("_holes", "_indices", "_known", "_long", "_open", "facts", "linear", "newest")
 
     def __init__(self, predicate: Predicate) -> None:
         self.linear = predicate.kind is Kind.TEMPORARY
@@ -49,8 +55,13 @@ class Table:
         """The serial of the fact that was inserted last, be it there or not."""
         self._holes = 0
         self._open = any(is_open(kind) for kind in predicate.types)
+        self._long = tuple(place for place, kind in enumerate(predicate.types) if kind.base in LONG)
         self._known: dict[object, Fact] = {}
         self._indices: dict[int, dict[Value, dict[int, Fact]]] = {}
+
+    def length(self, args: Args) -> int:
+        """Return how many characters and items the arguments hold whose types set no bound to that."""
+        return sum([length(args[place]) for place in self._long]) if self._long else 0
 
     def find(self, args: Args) -> Fact | None:
         """Return the fact of a set with these arguments."""
@@ -96,12 +107,14 @@ class Table:
 class Store:
     """All facts of one robot."""
 
-    __slots__ = ("count", "newest", "tables")
+    __slots__ = ("count", "length", "newest", "tables")
 
     def __init__(self, predicates: Sequence[Predicate]) -> None:
         self.tables = [Table(predicate) for predicate in predicates]
         self.count = 0
         """How many facts there are."""
+        self.length = 0
+        """How many characters and items their strings and lists hold."""
         self.newest = 0
         """The serial of the fact that was inserted last."""
 
@@ -114,14 +127,17 @@ class Store:
         """Insert a fact, which is no member of a set that holds already."""
         self.newest += 1
         self.count += 1
-        fact = Fact(predicate, args, self.newest, now)
-        self.tables[predicate].add(fact)
+        table = self.tables[predicate]
+        fact = Fact(predicate, args, self.newest, now, table.length(args))
+        self.length += fact.length
+        table.add(fact)
         return fact
 
     def remove(self, fact: Fact) -> None:
         """Remove a fact that is there."""
         self.tables[fact.predicate].remove(fact)
         self.count -= 1
+        self.length -= fact.length
         fact.held = False
 
 

@@ -145,6 +145,7 @@ def test_the_limits_are_those_of_the_code():
 def test_what_a_robot_keeps_is_bounded_as_documented():
     assert {row[0]: int(row[1]) for row in table(PAGE, "kept by a robot", "at most", "beyond")} == {
         "facts": machine.FACTS_MAX,
+        "characters and items of the facts' strings and lists": machine.FACTS_LENGTH_MAX,
         "goals that are open": goals.GOALS_MAX,
         "firings of one run": machine.FIRING_BUDGET,
         "actions of which the end is awaited": underway.ACTIONS_MAX,

@@ -8,7 +8,7 @@ from vm_hand import INT, Hand, V, actions, code, fired, guard
 
 from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Debug, Place
+from rmr.bytecode.program import Base, Debug, Place, Type
 from rmr.vm import failures, goals, machine, once
 from rmr.vm.events import BoundReached, ExpressionFailed, VmEvent
 from rmr.vm.failures import rule_place
@@ -71,6 +71,32 @@ def test_there_is_room_again_when_facts_are_gone(monkeypatch: pytest.MonkeyPatch
     robot.withdraw(0, s, (0,))
     robot.insert(0, s, (3,))
     assert robot.held(s) == [(1,), (3,)]
+
+
+NUMBERS = Type(Base.LIST, element=INT)
+
+
+def test_facts_that_grow_are_dropped_once_all_together_are_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "FACTS_LENGTH_MAX", 100)
+    hand = Hand()
+    a, b = hand.temporary("a", NUMBERS), hand.temporary("b", NUMBERS)
+    hand.fact(a, ())
+    hand.rule([hand.atom(a, V(1))], [hand.head(a, code(V(1), (1,), Op.ADD)), hand.head(b, V(1))])
+    robot = hand.machine(firing_budget=50)
+    assert reached(robot.drain()) == [("lengths", 100)]
+    assert robot.dropped["lengths"] > 0
+    assert 100 <= sum(len(args[0]) for table in (a, b) for args in robot.held(table)) <= 2 * 100
+
+
+def test_what_is_consumed_makes_room_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "FACTS_LENGTH_MAX", 10)
+    hand = Hand()
+    a = hand.temporary("a", NUMBERS)
+    hand.fact(a, (1,) * 10)
+    hand.rule([hand.atom(a, V(1))], [hand.head(a, V(1))])
+    robot = hand.machine(firing_budget=50)
+    assert robot.firings == 50
+    assert robot.dropped == {}
 
 
 def test_open_goals_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
