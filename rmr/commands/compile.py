@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from rmr.commands import diagnosed
-from rmr.commands.common import PATH, SETTINGS, VERSION, counted, print_json, write
+from rmr.commands.common import EXIT_INVALID, PATH, SETTINGS, VERSION, counted, print_json, write
 
 
 @click.command("compile", context_settings=SETTINGS, short_help="Compile a program to byte-code.")
@@ -18,7 +18,7 @@ from rmr.commands.common import PATH, SETTINGS, VERSION, counted, print_json, wr
 @VERSION
 def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> None:
     """Compile a program to byte-code; nothing is written if it has errors."""
-    from rmr.bytecode.codec import encode
+    from rmr.bytecode.codec import BytecodeError, encode
     from rmr.lang.compiler import compile_file
 
     target = output if output is not None else _beside(program)
@@ -28,7 +28,11 @@ def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> N
     summary: dict[str, object] = {"file": str(program), "output": None}
     code = diagnosed.exit_code([compilation])
     if compilation.program is not None:
-        octets = encode(compilation.program, debug=not strip)
+        try:
+            octets = encode(compilation.program, debug=not strip)
+        except BytecodeError as error:
+            click.echo(f"{program}: error: {error}", err=True)
+            sys.exit(EXIT_INVALID)
         code = write(target, octets)
         summary |= {
             "output": str(target) if code == 0 else None,

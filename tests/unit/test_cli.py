@@ -114,6 +114,15 @@ def test_a_stripped_program_knows_no_source(program, tmp_path):
     assert (tmp_path / "bare.rbc").stat().st_size < (tmp_path / "whole.rbc").stat().st_size
 
 
+def test_a_program_larger_than_robots_read_is_not_written(program, tmp_path, monkeypatch):
+    monkeypatch.setattr("rmr.bytecode.layout.SIZE_MAX", 60)
+    source = program(GOOD)
+    result = rmr("compile", source)
+    assert result.exit_code == 3
+    assert result.stderr.startswith(f"{source}: error: the program takes ")
+    assert not (tmp_path / "a.rbc").exists()
+
+
 def test_compile_as_json_prints_one_document(program, tmp_path):
     document = json.loads(rmr("compile", "--json", program(DOUBTED)).stdout)
     assert document["output"] == f"{tmp_path}/a.rbc"
