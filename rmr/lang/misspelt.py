@@ -6,10 +6,11 @@ doubted only if a slip of the pen makes it of a built-in type or of a set that i
 """
 
 from collections import Counter
+from collections.abc import Iterator
 
 from rmr.lang import provided
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.names import CANDIDATES_MAX, Names, meant, near
+from rmr.lang.names import LETTERS_MAX, Names, meant, near
 from rmr.lang.supply import Supply
 from rmr.lang.syntax import Fact, Module, TypeDeclaration, TypeName
 
@@ -105,23 +106,24 @@ class Speller:
                     kind = kind.element
                 counts[kind.name] += 1
                 places.setdefault(kind.name, kind)
-        sets = list(dict.fromkeys([*(name for name in counts if counts[name] > 1), *PROVIDED_SETS]))
+        meant: dict[str, str] = {}
+        for known in (*BUILT_IN, *(name for name in counts if counts[name] > 1), *PROVIDED_SETS):
+            for slip in _slips(known) if len(known) <= LETTERS_MAX else ():
+                meant.setdefault(slip, known)
         for name, kind in places.items():
             if name in BUILT_IN or name in PROVIDED_SETS:
                 continue
-            match = SYNONYMS.get(name)
-            if match is None and counts[name] == 1:
-                match = next((each for each in [*BUILT_IN, *sets[:CANDIDATES_MAX]] if _is_slip(name, each)), None)
+            match = SYNONYMS.get(name) or (meant.get(name) if counts[name] == 1 else None)
             if match is not None:
                 message = f"`{name}` is a set of symbols" + (" that is named only here" if counts[name] == 1 else "")
                 self._found.report("W111", message, kind.span, hint=f"did you mean `{match}`?")
 
 
-def _is_slip(name: str, other: str) -> bool:
-    """Whether `name` is `other` with letters swapped, one letter left out or typed twice, or in the plural."""
-    if len(name) == len(other):
-        return name != other and sorted(name) == sorted(other)
-    if len(name) == len(other) - 1:
-        return any(other[:place] + other[place + 1 :] == name for place in range(len(other)))
-    doubled = (other[:place] + other[place - 1 :] for place in range(1, len(other) + 1))
-    return name == f"{other}s" or name in doubled
+def _slips(name: str) -> Iterator[str]:
+    """Yield `name` with two neighbours swapped, a letter left out or typed twice, and in the plural."""
+    for place in range(len(name)):
+        before, letter, behind = name[:place], name[place], name[place + 1 :]
+        yield before + behind
+        yield before + letter + letter + behind
+        yield before + behind[:1] + letter + behind[1:]
+    yield f"{name}s"

@@ -42,6 +42,9 @@ CANDIDATES_MAX = 500
 LETTERS_OFF = 2
 """How much longer or shorter a misspelt name may be."""
 
+LETTERS_MAX = 60
+"""Longer names are not searched for: comparing them takes the square of their length."""
+
 
 Given = Mapping[str, bool]
 """Predicates of which whoever runs the program inserts facts; true: persistent ones, so that an undeclared one is."""
@@ -110,6 +113,8 @@ def near(name: str, candidates: list[str]) -> str | None:
     """Return the candidate that `name` may be a misspelling of."""
     from difflib import get_close_matches  # noqa: PLC0415 - most programs have no misspelling
 
+    if len(name) > LETTERS_MAX:
+        return None
     alike = [each for each in candidates[:CANDIDATES_MAX] if each != name and abs(len(each) - len(name)) <= LETTERS_OFF]
     swapped = [each for each in alike if _swapped(name, each)]
     matches = swapped or get_close_matches(name, alike, n=1, cutoff=0.75)

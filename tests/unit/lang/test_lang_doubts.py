@@ -237,6 +237,14 @@ def test_the_search_for_what_was_meant_is_bounded_and_the_first_names_get_it():
     assert 50 <= len(found) <= 100
 
 
+def test_names_without_bound_are_not_searched_for():
+    long = "a" * 50_000
+    assert (
+        hints(f"type p(robot, {long}). type q(robot, {long}). type r(robot, {long}s). {long}(R) -o {long}b(R).", "W111")
+        == []
+    )
+
+
 def test_places_of_doubts_are_in_source_order():
     spans = [each.span.start for each in compile_source("b(R) -o a(R). ?c(R). d(R), e(R) -o f(R).").diagnostics]
     assert spans == sorted(spans)
