@@ -1,11 +1,10 @@
 """Where lines may break: from words to marks for the printer.
 
-An item stands on one line if it fits. If it does not, each conjunct of its body has a line, `-o` begins the line of
-the head, and the head's items have a line each if they do not fit on that one. What stands in brackets breaks by
-the same rule, and so does an expression, before its loosest operators.
+An item stands on one line if it fits. If it does not, `-o` begins the line of the head; the conjuncts of the body have
+a line each if they do not fit on one, and so have the head's items. What stands in brackets breaks by the same rule, and
+so does an expression, before its loosest operators.
 
-    location(R, L),
-    edge(L, M)
+    location(R, L), edge(L, M)
         -o location(R, M),
            {B
                | peer(R, B)
@@ -130,7 +129,7 @@ class _Reader:
         root.parts += _inside(dot.before)
         root.end_element([])
         first, *others = root.sections
-        marks = [*_lines(first.elements), Indent(INDENT), *_behind(others), Indent(-INDENT)]
+        marks = [*_group(_lines(first.elements)), Indent(INDENT), *_behind(others), Indent(-INDENT)]
         return [*_group([*marks, dot.text]), *_trailing(dot)]
 
     def _read(self, word: Word, space: list[Mark]) -> None:

@@ -88,7 +88,7 @@ def test_a_rule_breaks_if_and_only_if_it_does_not_fit(length):
     name = "n" * (length - len("p(R, X), q(X) -o (R)."))
     fits = length == COLUMNS_MAX
     assert formatted(f"p(R, X),\nq(X)\n-o {name}(R).") == (
-        f"p(R, X), q(X) -o {name}(R).\n" if fits else f"p(R, X),\nq(X)\n    -o {name}(R).\n"
+        f"p(R, X), q(X) -o {name}(R).\n" if fits else f"p(R, X), q(X)\n    -o {name}(R).\n"
     )
 
 
@@ -96,10 +96,14 @@ def test_a_rule_breaks_if_and_only_if_it_does_not_fit(length):
     "text",
     [
         f"""
+    p(R), {LONG}(R), X = 1
+        -o {LONG}(R), q(R).
+    """,
+        f"""
     p(R),
     {LONG}(R),
-    X = 1
-        -o {LONG}(R), q(R).
+    {LONG}(R, X)
+        -o q(R).
     """,
         f"""
     p(R)
