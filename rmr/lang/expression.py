@@ -1,7 +1,6 @@
 """The types of expressions: what operators and functions make of the types of their operands."""
 
-from dataclasses import dataclass, field
-
+from rmr.base.record import record
 from rmr.bytecode.program import Base
 from rmr.lang.demands import Demands
 from rmr.lang.diagnostic import Diagnostics
@@ -24,12 +23,12 @@ from rmr.lang.types import (
 )
 
 
-@dataclass(slots=True)
+@record
 class Scope:
     """The variables of a rule, and what a body does with them; a head only uses them."""
 
-    cells: dict[str, Cell] = field(default_factory=dict)
-    constants: dict[str, Literal] = field(default_factory=dict)
+    cells: dict[str, Cell]
+    constants: dict[str, Literal]
     """Variables that the body equates with a constant."""
     given: frozenset[str] = frozenset()
     """Variables to which an equation of the body gives their value."""
@@ -38,7 +37,7 @@ class Scope:
 
     def inner(self) -> "Scope":
         """Return the scope of a body within the head; what it adds is its own."""
-        return Scope(dict(self.cells), self.constants)
+        return Scope(dict(self.cells), dict(self.constants))
 
     def using(self) -> "Scope":
         """Return the scope of what gives no variable a value."""

@@ -66,7 +66,7 @@ class Inference:
         self._solver = Solver()
         self._demands = Demands(found)
         self._expressions = Expressions(names, self._solver, self._demands, found)
-        self.types = Types(expressions=self._expressions.cells)
+        self.types = Types({}, self._expressions.cells)
         for signature in names.signatures.values():
             self.types.positions[signature.name] = self._positions(signature)
 
@@ -109,11 +109,11 @@ class Inference:
     def _item(self, item: object) -> None:
         match item:
             case FactItem(fact=fact) | GoalItem(fact=fact):
-                self._derived(fact, Scope())
+                self._derived(fact, Scope({}, {}))
             case TypeDeclaration():
                 self._declaration(item)
             case Rule():
-                scope = Scope()
+                scope = Scope({}, {})
                 self._body(item.body, scope)
                 for part in item.head:
                     self._head(part, scope)
@@ -123,7 +123,7 @@ class Inference:
                 pass
 
     def _declaration(self, item: TypeDeclaration) -> None:
-        scope = Scope()
+        scope = Scope({}, {})
         cells = self.types.positions[item.name.text]
         for parameter, cell in zip(item.parameters, cells, strict=False):
             self._shallow(parameter)
@@ -140,7 +140,7 @@ class Inference:
             self._found.report("E004", f"lists are nested more than {NESTING_MAX} deep", parameter.type.span)
 
     def _assertion(self, item: Assertion) -> None:
-        scope = Scope()
+        scope = Scope({}, {})
         self._matched(item.start, scope)
         self._matched(item.finish, scope)
         deadline = self._expressions.cell(item.deadline, scope)
@@ -165,7 +165,8 @@ class Inference:
                 self._aggregate(part, scope)
 
     def _body(self, body: tuple[Conjunct, ...], scope: Scope) -> None:
-        scope.constants = constants(body) | scope.constants
+        for name, constant in constants(body).items():
+            scope.constants.setdefault(name, constant)
         direct = matched_variables(body)
         given = frozenset(_equated(body)) - direct
         reading = Scope(scope.cells, scope.constants, given, frozenset(_listed(body)) - direct - given)

@@ -6,8 +6,8 @@ they need can be there; conditions count only where they equate a variable with 
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 
+from rmr.base.record import record
 from rmr.base.values import Value
 from rmr.bytecode.program import Kind
 from rmr.lang import provided
@@ -38,13 +38,13 @@ Known = dict[str, Literal]
 """Variables that a rule equates with a constant."""
 
 
-@dataclass(slots=True)
+@record
 class Firing:
     """What a rule derives at one go, and the facts that must be there for it."""
 
     premises: list[Fact]
     derived: tuple[str, ...]
-    lacking: set[str] = field(default_factory=set)
+    lacking: set[str]
     """Of the premises' names those that nothing is known to derive."""
 
 
@@ -114,7 +114,7 @@ class Supply:
         deriving: dict[str, list[Firing]] = {}
         ready: list[Firing] = []
         for firing in self.firings:
-            firing.lacking = {fact.name.text for fact in firing.premises if not self._begins(fact.name.text)}
+            firing.lacking.update(fact.name.text for fact in firing.premises if not self._begins(fact.name.text))
             for name in sorted(firing.lacking):
                 waiting.setdefault(name, []).append(firing)
             for name in firing.derived:
@@ -165,14 +165,14 @@ def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> Fact:
 
 def _firings(rule: Rule) -> Iterator[Firing]:
     premises = list(_premises(rule.body))
-    yield Firing(premises, tuple(_names(part for part in rule.head if isinstance(part, Fact | Steps))))
+    yield Firing(premises, tuple(_names(part for part in rule.head if isinstance(part, Fact | Steps))), set())
     for part in rule.head:
         match part:
             case Comprehension(body=body):
-                yield Firing([*premises, *_premises(body)], tuple(_names([part])))
+                yield Firing([*premises, *_premises(body)], tuple(_names([part])), set())
             case Aggregate(body=body, operator=operator):
                 inner = _premises(body) if operator.text in WINNING else ()
-                yield Firing([*premises, *inner], tuple(_names([part])))
+                yield Firing([*premises, *inner], tuple(_names([part])), set())
             case _:
                 pass
 

@@ -5,9 +5,9 @@ stands by itself.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import reduce
 
+from rmr.base.record import record
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Base, Type
 from rmr.lang.provided import type_text
@@ -28,25 +28,36 @@ ORDERED = {Base.INT, Base.FLOAT, Base.STRING, Base.OPEN}
 """What `<` and its like compare; what nothing fixes may be of any type."""
 
 
-@dataclass(slots=True, eq=False)
 class Cell:
     """The type of one argument, variable or expression."""
 
-    kind: Type
-    """Of a list without that of its items."""
-    origin: Span | None
-    """Where it got its type."""
-    fixed: bool = False
-    mixed: bool = False
-    """A float that may be an int when the program runs."""
-    items: "Cell | None" = None
-    """Of a list: the type of its items."""
-    depth: int = 0
-    """In how many lists it stands."""
-    targets: "list[Cell]" = field(default_factory=list)
-    """Its type flows there."""
-    fallbacks: "list[Cell]" = field(default_factory=list)
-    """These take its type if nothing else gives them one."""
+    __slots__ = ("depth", "fallbacks", "fixed", "items", "kind", "mixed", "origin", "targets")
+
+    def __init__(
+        self,
+        kind: Type,
+        origin: Span | None,
+        *,
+        fixed: bool = False,
+        mixed: bool = False,
+        items: "Cell | None" = None,
+        depth: int = 0,
+    ) -> None:
+        self.kind = kind
+        """Of a list without that of its items."""
+        self.origin = origin
+        """Where it got its type."""
+        self.fixed = fixed
+        self.mixed = mixed
+        """A float that may be an int when the program runs."""
+        self.items = items
+        """Of a list: the type of its items."""
+        self.depth = depth
+        """In how many lists it stands."""
+        self.targets: list[Cell] = []
+        """Its type flows there."""
+        self.fallbacks: list[Cell] = []
+        """These take its type if nothing else gives them one."""
 
     @property
     def type(self) -> Type:
@@ -66,16 +77,16 @@ class Cell:
 
 def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool = False) -> Cell:
     """Return a cell of type `kind`, with cells for the items of lists."""
-    whole = cell = Cell(kind, origin, fixed)
+    whole = cell = Cell(kind, origin, fixed=fixed)
     while kind.base is Base.LIST:
         cell.kind, kind = LIST, kind.element or OPEN
-        cell.items = Cell(kind, origin, fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
+        cell.items = Cell(kind, origin, fixed=fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
         cell = cell.items
     cell.mixed = mixed
     return whole
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FunctionType:
     """A function's arguments and result; OPEN arguments are numbers whose joint type is an OPEN result."""
 
@@ -216,13 +227,13 @@ def innermost(kind: Type) -> Type:
     return kind
 
 
-@dataclass(slots=True)
+@record
 class Types:
     """What inference found out."""
 
-    positions: dict[str, list[Cell]] = field(default_factory=dict)
+    positions: dict[str, list[Cell]]
     """By predicate: its arguments' cells, the owner's first."""
-    expressions: dict[Span, Cell] = field(default_factory=dict)
+    expressions: dict[Span, Cell]
 
     def arguments(self, name: str) -> tuple[Type, ...]:
         """Return the types of a predicate's arguments after the owner."""
