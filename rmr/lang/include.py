@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.names import meant
-from rmr.lang.parser import parse
+from rmr.lang.parser import ITEMS_MAX, parse
 from rmr.lang.source import SOURCE_OCTETS_MAX, Source, SourceError, read_source
 from rmr.lang.syntax import Include, Item, Module
 
@@ -40,6 +40,8 @@ class Loader:
     _read: set[Path] = field(default_factory=set)
     _broken: set[str] = field(default_factory=set)
     _characters: int = 0
+    _count: int = 0
+    """Of items."""
     _refused: set[str] = field(default_factory=set)
     """Bounds that have been exceeded, each reported once."""
 
@@ -55,6 +57,7 @@ class Loader:
         self._characters += len(source.text)
         module = parse(source, self.found)
         self._broken |= module.broken
+        self._count += len(module.items)
         self.incomplete |= not module.complete
         items: list[Item] = []
         for item in module.items:
@@ -81,6 +84,8 @@ class Loader:
             excess = f"{DEPTH_MAX} files within each other"
         elif self._characters > CHARACTERS_MAX:
             excess = f"{CHARACTERS_MAX >> 20} million characters"
+        elif self._count > ITEMS_MAX:
+            excess = f"{ITEMS_MAX} items"
         if excess is None:
             return True
         if excess not in self._refused:

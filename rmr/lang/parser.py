@@ -44,6 +44,9 @@ FILE_REPAIRS_MAX = 100
 BROKEN_MAX = 10
 """Items given up one after the other: what comes then is taken for no program."""
 
+ITEMS_MAX = 100_000
+"""Of one program; a robot that begins with so many facts is no robot of this world."""
+
 BEGINNINGS = frozenset(["TYPE", "CONST", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
 """Words that begin an item and nothing else."""
 
@@ -69,7 +72,7 @@ class _Parser:
         self._broken: set[str] = set()
         self._repairs = FILE_REPAIRS_MAX
         self._is_lost = False
-        """An item seems to have no end."""
+        """It has been reported why the rest is not read."""
 
     def module(self) -> Module:
         """Return all items."""
@@ -85,16 +88,18 @@ class _Parser:
             in_a_row = in_a_row + 1 if item is None else 0
             if item is not None:
                 items.append(item)
-        return self._given_up()
-
-    def _given_up(self) -> Module:
-        """Return a module that nothing more is said about."""
+                if len(items) > ITEMS_MAX:
+                    self._lose("E008", f"the program has more than {ITEMS_MAX} items", item.span)
         if not self._is_lost:
             start = self._next().start
-            message = f"{BROKEN_MAX} items in a row have syntax errors: this and what follows is not read"
-            hint = "is it an RMR program?"
-            self._found.report("E007", message, Span(self._source.file, start, start), hint=hint)
+            self._lose("E007", f"{BROKEN_MAX} items in a row have syntax errors", Span(self._source.file, start, start))
         return Module((), frozenset(self._broken), complete=False)
+
+    def _lose(self, code: str, message: str, span: Span) -> None:
+        """Report why the rest is not read."""
+        hint = "is it an RMR program?" if code == "E007" else None
+        self._found.report(code, f"{message}: what follows is not read", span, hint=hint)
+        self._is_lost = True
 
     # ---- words
 
@@ -198,9 +203,8 @@ class _Parser:
             previous, word = word, self._next()
             count += 1
             if count > ITEM_WORDS_MAX:
-                message = f"this item has more than {ITEM_WORDS_MAX} words: what follows is not read"
-                self._found.report("E008", message, Span(self._source.file, first.start, first.end))
-                self._is_lost = True
+                place = Span(self._source.file, first.start, first.end)
+                self._lose("E008", f"this item has more than {ITEM_WORDS_MAX} words", place)
                 break
         if word.kind != "DOT":
             self._ahead.appendleft(word)
@@ -220,7 +224,8 @@ class _Parser:
 def _is_deep(item: Item) -> bool:
     level: list[object] = [item]
     for _ in range(NESTING_MAX):
-        level = [child for node in level for child in children(node)]
+        inside = [part for node in level for part in children(node)]
+        level = [node for part in inside for node in (part if isinstance(part, tuple) else (part,)) if node is not None]
         if not level:
             return False
     return True
