@@ -2,8 +2,9 @@
 
 lark reads the grammar and works out the LALR(1) automaton; what it takes to run it is plain data (`Tables`), small
 and quick to load, so that lark itself is needed only where the tables are made. What stands in the cache is found
-by the grammar's checksum, names the grammar that it was made from, is written whole or not at all, and is made anew
-whenever it cannot be used; a machine without a writable cache does without.
+by the grammar's checksum, names the grammar that it was made from, begins with a checksum of its own, is written
+whole or not at all, and is made anew whenever it cannot be used; a machine without a writable cache does without.
+It is data, never code.
 """
 
 import json
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
     from lark import Lark
     from lark.grammar import Rule as LarkRule
 
-VERSION = 1
-"""Of the tables' form."""
+VERSION = 2
+"""Of the tables' form and the file's."""
 
 END = "$END"
 """The terminal behind the last word of an item."""
@@ -69,10 +70,14 @@ class Tables(NamedTuple):
 def tables() -> Tables:
     """Return the tables, made or loaded once per process."""
     text = grammar_text()
-    path = cache_path(text)
+    try:
+        path = cache_path(text)
+    except RuntimeError:  # a user without a home
+        return _made(grammar())
     with suppress(Exception):  # absent, or left by a broken disk: whatever it is, it is made anew
-        kept = json.loads(path.read_bytes())
-        if kept["grammar"] == text and kept["version"] == VERSION:
+        checksum, _, content = path.read_bytes().partition(b"\n")
+        kept = json.loads(content)
+        if checksum == _checksum(content) and kept["grammar"] == text and kept["version"] == VERSION:
             return _loaded(kept)
     made = _made(grammar())
     _keep({"grammar": text, "version": VERSION, **made._asdict()}, path)
@@ -85,7 +90,7 @@ def grammar_text() -> str:
 
 
 def cache_path(text: str) -> Path:
-    """Return where the tables of the grammar `text` are kept."""
+    """Return where the tables of the grammar `text` are kept. Raises RuntimeError for a user without a home."""
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
     return home / "rmr" / f"grammar-{zlib.crc32(text.encode()):08x}.json"
 
@@ -98,16 +103,24 @@ def grammar() -> "Lark":
     return Lark(grammar_text(), parser="lalr", lexer="contextual", start="item")
 
 
-def _keep(content: dict[str, Any], path: Path) -> None:
+def _checksum(content: bytes) -> bytes:
+    return b"%08x" % zlib.crc32(content)
+
+
+def _keep(tables: dict[str, Any], path: Path) -> None:
     import tempfile  # noqa: PLC0415 - once per machine
 
+    content = json.dumps(tables, separators=(",", ":")).encode()
+    temporary = ""
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as file:
-            json.dump(content, file, separators=(",", ":"))
-        Path(file.name).replace(path)
+        descriptor, temporary = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(_checksum(content) + b"\n" + content)
+        os.replace(temporary, path)
     except OSError:
-        return
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
 
 
 def _loaded(kept: dict[str, Any]) -> Tables:

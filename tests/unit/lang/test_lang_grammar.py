@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 
@@ -50,21 +51,38 @@ def test_tables_at_hand_need_no_lark(home):
 def test_tables_of_another_grammar_are_not_taken_for_its_own(home):
     fresh = outcome()
     path = cache_path(grammar_text())
-    content = json.loads(path.read_text())
-    path.write_text(json.dumps(content | {"grammar": "another", "actions": []}))
+    octets = path.read_bytes()
+    forged = json.dumps(json.loads(octets.split(b"\n")[1]) | {"grammar": "another", "actions": []}).encode()
+    path.write_bytes(b"%08x\n%b" % (crc32(forged), forged))
     tables.cache_clear()
     assert outcome() == fresh
-    assert json.loads(path.read_text()) == content
+    assert path.read_bytes() == octets
 
 
-@pytest.mark.parametrize("octets", [b"", b"garbage", b"\x80\x04."])
-def test_a_damaged_file_is_made_anew(home, octets):
+def _without_actions(octets: bytes) -> bytes:
+    checksum, content = octets.split(b"\n")
+    return checksum + b"\n" + json.dumps(json.loads(content) | {"actions": []}).encode()
+
+
+DAMAGES = {
+    "empty": lambda octets: b"",
+    "garbage": lambda octets: b"garbage\n\x80\x04.",
+    "cut off": lambda octets: octets[: len(octets) // 2],
+    "one digit another": lambda octets: octets.replace(b'"start":', b'"start":9', 1),
+    "well-formed, yet no tables": _without_actions,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_file_is_made_anew(home, damage):
     fresh = outcome()
     (file,) = kept(home)
-    file.write_bytes(octets)
+    octets = file.read_bytes()
+    assert damage(octets) != octets
+    file.write_bytes(damage(octets))
     tables.cache_clear()
     assert outcome() == fresh
-    assert len(file.read_bytes()) > 1000
+    assert file.read_bytes() == octets
 
 
 def test_where_nothing_can_be_kept_programs_compile_all_the_same(tmp_path, monkeypatch):
@@ -73,3 +91,23 @@ def test_where_nothing_can_be_kept_programs_compile_all_the_same(tmp_path, monke
     tables.cache_clear()
     assert outcome()[0] is not None
     tables.cache_clear()
+
+
+def test_a_user_without_a_home_compiles_all_the_same(monkeypatch):
+    def homeless(_: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "expanduser", homeless)
+    tables.cache_clear()
+    assert outcome()[0] is not None
+    tables.cache_clear()
+
+
+def test_what_cannot_be_written_to_the_end_leaves_nothing_behind(home, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("rmr.lang.grammar.os.replace", full)
+    assert outcome()[0] is not None
+    assert kept(home) == []
