@@ -121,12 +121,11 @@ class Growing(Once):
             self._plans.extend(fresh_plans(self._body, self._predicates))
         for each in self._plans:
             if self._store.tables[each.predicate].newest > since:
-                self._add(Fresh(each, self._store, env, now, on_failure, since), now)
+                upto = () if self._complete else self._horizon
+                self._add(Fresh(each, self._store, env, now, on_failure, since, upto), now)
 
     def _add(self, search: Search, now: Instant) -> None:
         for match in _matches(search):
-            if not self._complete and match.key > self._horizon:
-                continue
             if len(self._kept) >= MATCHES_MAX and self._is_full():
                 self._dropped.add("matches", MATCHES_MAX, now)
                 return

@@ -68,12 +68,23 @@ class Fresh(Search):
     """A search for the matches in which an atom takes a fact newer than `since`, and those before it older ones."""
 
     def __init__(
-        self, plan: FreshPlan, store: Store, env: Env, now: Instant, on_failure: OnFailure, since: int
+        self,
+        plan: FreshPlan,
+        store: Store,
+        env: Env,
+        now: Instant,
+        on_failure: OnFailure,
+        since: int,
+        upto: tuple[int, ...],
     ) -> None:
-        """`since` is a serial; `on_failure` is not told what failed without the new facts already."""
+        """`since` is a serial, `upto` a key of older facts behind which nothing is looked for; (): there is none.
+
+        `on_failure` is not told what failed without the new facts already.
+        """
         super().__init__(plan.steps, store, env, now, self._failed)
         self._plan = plan
         self._since = since
+        self._upto = upto
         self._tell = on_failure
 
     def matches(self) -> Iterator[Found]:
@@ -89,14 +100,27 @@ class Fresh(Search):
                 if agrees(step, fact.args, self.env):
                     yield fact
             return
+        last = self._last(level) if level <= self._plan.level else None
         for fact in super().facts(step):
-            if level <= self._plan.level and fact.serial > self._since:
+            if last is not None and fact.serial > last:
                 return
             yield fact
+
+    def _last(self, level: int) -> int:
+        """Return the serial of the newest fact for an atom before the one that takes a new fact.
+
+        The match stays within the bound only if it is before it there already: new facts are newer than all in it.
+        """
+        before = level - 1
+        if not self._upto or any(self.found[1 + i].serial != self._upto[i] for i in range(before)):
+            return self._since
+        return self._upto[before] - (level == self._plan.level)
 
     def _newest(self, step: AtomStep) -> list[Fact]:
         """Return the new facts, oldest first, without looking at the others."""
         newest: list[Fact] = []
+        if self._upto and self._plan.level == 0:
+            return newest  # it would lie behind the bound
         for fact in reversed(candidates(step, self.store, self.env)):
             if fact.serial <= self._since:
                 break
