@@ -115,7 +115,8 @@ def emit(checked: Checked, sources: Mapping[str, Source]) -> Program:
 
 def _debug(checked: Checked, sources: Mapping[str, Source]) -> Debug:
     def place(span: Span) -> Place:
-        return Place(span.file, *sources[span.file].position(span.start))
+        name = span.file.encode(errors="replace").decode()  # of a file's name any octets but 0 may be part
+        return Place(name, *sources[span.file].position(span.start))
 
     return Debug(
         rules=tuple(place(projected.rule.span) for projected in checked.rules),

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from rmr import __version__, cli
+from rmr.bytecode.layout import SIZE_MAX
 
 GOOD = "p(R).\np(R) -o q(R).\n"
 DOUBTED = "location(R, s).\nlocation(R, L), L = S -o 1.\n"
@@ -104,6 +105,23 @@ def test_what_compile_writes_is_what_dis_prints(program, tmp_path):
     assert shown.exit_code == 0
     assert "p($0) -o q($0)" in shown.stdout
     assert f"{source}:2:1" in shown.stdout
+
+
+def test_a_file_may_be_called_by_any_octets(tmp_path):
+    source = tmp_path / os.fsdecode(b"\xff.rmr")
+    source.write_text(GOOD)
+    assert rmr("check", source).exit_code == 0
+    assert rmr("compile", source, "-o", tmp_path / "x.rbc").exit_code == 0
+    assert "?.rmr:2:1" in rmr("dis", tmp_path / "x.rbc").stdout
+
+
+def test_dis_says_what_is_wrong_with_a_file_that_is_too_large(program, tmp_path):
+    path = tmp_path / "x.rbc"
+    assert rmr("compile", program(GOOD), "-o", path).exit_code == 0
+    path.write_bytes(path.read_bytes() + bytes(SIZE_MAX))
+    result = rmr("dis", path)
+    assert result.exit_code == 3
+    assert f"at most {SIZE_MAX}" in result.stderr
 
 
 def test_a_stripped_program_knows_no_source(program, tmp_path):
