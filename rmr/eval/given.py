@@ -15,6 +15,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
+from rmr.bytecode.layout import MAGIC, SIZE_MAX
 from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Program, Slot
 from rmr.eval.options import OptionError, outside_event, shown
 from rmr.eval.topology import Topology
@@ -26,12 +27,9 @@ from rmr.lang.parser import parse
 from rmr.lang.source import Source, SourceError, Span, read_source
 from rmr.lang.syntax import Fact, FactItem, Mark
 
-BYTECODE_OCTETS_MAX = 1 << 24
-"""A larger file is no byte-code."""
 EDGE_FACTS_MAX = 1_000_000
 """Facts about who is in range of whom, or who is there at all; more cost gigabytes and minutes before anything runs."""
 
-_MAGIC = b"RMR\x1a"
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
 
 
@@ -123,21 +121,22 @@ def _compile(path: Path, given: dict[str, bool]) -> Compilation:
     if octets is None:
         return compile_file(path, given)
     try:
-        if len(octets) > BYTECODE_OCTETS_MAX:
-            raise BytecodeError(f"larger than {BYTECODE_OCTETS_MAX >> 20} MiB")
         return Compilation(Source(str(path), ""), codec.decode(octets), [])
     except BytecodeError as error:
         raise InvalidBytecodeError(f"{path}: error: this is no valid byte-code: {error}") from None
 
 
 def _bytecode(path: Path) -> bytes | None:
-    """Return the octets of `path` if it is to be byte-code, by its name or its first octets; else None."""
+    """Return the octets of `path` if it is to be byte-code, by its name or its first octets; else None.
+
+    Of a file that is too large there are more than byte-code may have.
+    """
     try:
         with path.open("rb") as stream:
-            head = stream.read(len(_MAGIC))
-            if path.suffix != ".rbc" and head != _MAGIC:
+            head = stream.read(len(MAGIC))
+            if path.suffix != ".rbc" and head != MAGIC:
                 return None
-            return head + stream.read(BYTECODE_OCTETS_MAX + 1)
+            return head + stream.read(SIZE_MAX)
     except (OSError, ValueError):
         return None  # the compiler says what is the matter with the file
 

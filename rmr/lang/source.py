@@ -1,7 +1,7 @@
 """Source texts and places in them.
 
-A place is a span of character offsets; lines and columns are worked out only when somebody looks. Reading a
-file never raises: what is wrong with it is a diagnostic like any other.
+A place is a span of character offsets; lines and columns are worked out only when somebody looks. Whatever is
+wrong with a file is a SourceError: what its reader makes a diagnostic of, like any other.
 """
 
 import re
