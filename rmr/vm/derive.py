@@ -42,6 +42,10 @@ from rmr.vm.store import Fact, Store
 OnFailure = Callable[[int, int, Sequence[Fact], str], None]
 """Told (part of the rule, step of it, facts matched, reason) when an expression has no value."""
 
+MATCHES_MAX = 100_000
+"""Matches of the comprehensions and aggregates of one firing, each as often as it derives something: a robot can hold
+no more facts, and a firing, which is atomic, must not take minutes and gigabytes. With more the rule does not fire."""
+
 HEAD_PART = -1
 """The part of a rule that the head's own expressions are; comprehensions and aggregates have their place in it."""
 
@@ -153,6 +157,8 @@ class _Firing:
         self._found = found
         self._now = now
         self._on_failure = on_failure
+        self._matches = 0
+        """Of comprehensions and aggregates so far, each as often as it derives something."""
 
     def add(self, part: int, item: Planned | Inner) -> None:
         """Add what the head says at its place `part`. Raises NoValue."""
@@ -182,7 +188,10 @@ class _Firing:
         return outer
 
     def _each(self, part: int, inner: Inner, work: Callable[[Env], T]) -> Iterator[tuple[Env, T]]:
-        """Yield what `work` makes of each match of an inner body; the match's temporary facts are taken for it."""
+        """Yield what `work` makes of each match of an inner body; the match's temporary facts are taken for it.
+
+        Raises NoValue if there are too many.
+        """
         env = self._env.copy()
         consumed = self.result.consumed
         gone = {fact.serial for fact in consumed}
@@ -192,6 +201,9 @@ class _Firing:
             self._on_failure(part, step, (*self._found, *found), reason)
 
         for found in Search(inner.steps, self._store, env, self._now, failed, gone, taken).matches():
+            self._matches += len(inner.items) or 1
+            if self._matches > MATCHES_MAX:
+                raise NoValue(f"more than {MATCHES_MAX} matches in one firing")
             try:
                 value = work(env)
             except NoValue as reason:

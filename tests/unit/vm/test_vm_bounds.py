@@ -8,8 +8,8 @@ from vm_hand import INT, Hand, V, actions, code, fired, guard
 
 from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Base, Debug, Place, Type
-from rmr.vm import failures, goals, machine, once
+from rmr.bytecode.program import Base, Debug, Operator, Place, Type
+from rmr.vm import derive, failures, goals, machine, once
 from rmr.vm.events import BoundReached, ExpressionFailed, VmEvent
 from rmr.vm.failures import rule_place
 from rmr.vm.machine import Machine
@@ -243,3 +243,23 @@ def test_a_failure_names_the_rules_place_in_the_source_or_its_number() -> None:
         robot.run(0)
         assert [event.where for event in robot.drain() if isinstance(event, ExpressionFailed)] == [where]
         assert rule_place(each, 0) == where
+
+
+@pytest.mark.parametrize(("facts", "fires"), [(3, True), (4, False)])
+def test_a_firing_with_too_many_matches_does_not_happen(
+    facts: int, fires: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(derive, "MATCHES_MAX", 2 * 3)
+    hand = Hand()
+    go, n, out = hand.temporary("go"), hand.temporary("n", INT), hand.temporary("out", INT)
+    for number in range(facts):
+        hand.fact(n, number)
+    hand.fact(go)
+    each = hand.each([V(1)], [hand.keep(n, V(1))], [hand.head(out, V(1))])
+    count = hand.fold(Operator.COUNT, None, V(2), [hand.keep(n, V(1))], hand.head(out, V(2)), V(1))
+    hand.rule([hand.atom(go)], [each, count])
+    robot = hand.machine()
+    failed = [each.reason for each in robot.drain() if isinstance(each, ExpressionFailed)]
+    assert failed == ([] if fires else ["more than 6 matches in one firing"])
+    assert len(robot.held(out)) == (facts + 1 if fires else 0)
+    assert len(robot.held(go)) == (0 if fires else 1)
