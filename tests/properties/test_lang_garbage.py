@@ -11,7 +11,7 @@ from rmr.lang.render import render_text
 WORDS = (
     "type action sensor list const include order assert watch not then else true false random textual robot int float "
     'area p q r at turn moveto location R X Y _ @1 @2 0 1 2.5 500ms "s" ( ) [ ] { } | || && = != <> < <= > >= + - * / '
-    '% ! ? $ : , , , . . . -o -o => if min abs now id dist len nth member sort rest count sum max collect ; == -> and'
+    "% ! ? $ : , , , . . . -o -o => if min abs now id dist len nth member sort rest count sum max collect ; == -> and"
 )
 
 FACTS = st.sampled_from(
@@ -82,7 +82,8 @@ def test_any_words_of_the_language_are_answered(words):
 @given(st.lists(FACTS | CONDITIONS, min_size=1, max_size=6), st.lists(HEADS, min_size=1, max_size=3))
 @settings(max_examples=300, deadline=None)
 def test_any_rule_compiles_into_valid_byte_code_or_is_refused(body, head):
-    holds(f"type action moveto(robot, area). {', '.join(body)} -o {', '.join(head)}.")
+    bound = "p(R, X), $q(R, Y, X), l(R, L), !e(R, B), at(R, A)"
+    holds(f"type action moveto(robot, area). {bound}, {', '.join(body)} -o {', '.join(head)}.")
 
 
 @given(ASSERTED, ASSERTED, st.sampled_from(["10", "X", "len(L)", "X / 2", "now()"]), st.sampled_from("RB_"))
