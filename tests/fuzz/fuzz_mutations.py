@@ -31,7 +31,7 @@ from rmr.bytecode.program import (
     Steps,
     Strategy,
 )
-from rmr.bytecode.wire import Writer
+from rmr.bytecode.wire import BytecodeError, Writer
 
 VARINTS = [0, 1, 0x7F, 0x80, 1 << 32, (1 << 63) - 1, (1 << 64) - 1, 1 << 69]
 """Numbers at the edges."""
@@ -187,7 +187,7 @@ def _written(program: Program) -> bytes | None:
     flags = FLAG_TEXTUAL if program.strategy is Strategy.TEXTUAL else 0
     try:
         return assemble(flags | (FLAG_DEBUG if program.debug else 0), encode_tables(program, debug=True))
-    except (AssertionError, AttributeError, TypeError, ValueError, KeyError, OverflowError, struct.error):
+    except (AssertionError, AttributeError, BytecodeError, TypeError, ValueError, KeyError, OverflowError, struct.error):
         return None  # nothing that octets could say
 
 
