@@ -183,12 +183,19 @@ def restructured(rng: Random, own: list[Part], others: list[Part]) -> bytes | No
     return _written(changed) if isinstance(changed, Program) else None
 
 
+UNWRITABLE = (
+    *(AssertionError, AttributeError, TypeError, ValueError, KeyError, OverflowError, struct.error),
+    BytecodeError,
+)
+"""What comes of a program that octets could not say, or no file could hold."""
+
+
 def _written(program: Program) -> bytes | None:
     flags = FLAG_TEXTUAL if program.strategy is Strategy.TEXTUAL else 0
     try:
         return assemble(flags | (FLAG_DEBUG if program.debug else 0), encode_tables(program, debug=True))
-    except (AssertionError, AttributeError, BytecodeError, TypeError, ValueError, KeyError, OverflowError, struct.error):
-        return None  # nothing that octets could say
+    except UNWRITABLE:
+        return None
 
 
 def _changed(rng: Random, part: object, others: list[Part]) -> object:
