@@ -7,8 +7,7 @@ assignment: that nobody assigns again is held by the type checker alone. The fun
 """
 
 from collections.abc import Callable
-from copy import copy
-from dataclasses import Field, dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from operator import attrgetter
 from typing import Any, TypeVar, dataclass_transform
 
@@ -20,6 +19,7 @@ class _Pattern:
     slot: object
 
 
+[_PATTERN] = fields(_Pattern)
 _FIELDS = "__dataclass_fields__"
 """Where dataclasses keep what is known about their fields."""
 
@@ -56,8 +56,10 @@ def _initialiser(names: tuple[str, ...], defaults: dict[str, Any]) -> Callable[.
 
 
 def _field(name: str, kind: Any) -> Field[Any]:
-    [made] = map(copy, fields(_Pattern))
+    """Return what dataclasses know about a field."""
+    made: Field[Any] = Field(MISSING, MISSING, True, True, None, True, {}, False)  # type: ignore[arg-type]
     made.name, made.type = name, kind
+    made._field_type = _PATTERN._field_type  # type: ignore[attr-defined]
     return made
 
 
