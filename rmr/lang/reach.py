@@ -99,6 +99,8 @@ class Reach:
         Raises:
             TooMuch: this goal, or one before it, takes too much work.
         """
+        if self._steps_left == 0:
+            raise TooMuch
         robot = None if goal.owner is None else Robot(goal.owner)
         wanted = [(goal.predicate, goal.args)]
         possible = Levels(self._backwards, wanted, robot)

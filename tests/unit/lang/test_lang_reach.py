@@ -115,6 +115,17 @@ def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch
         Reach(program).ways(program.goals[0])
 
 
+def test_once_the_work_is_used_up_no_further_goal_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reach, "STEPS_MAX", 10)
+    program = compiled("".join(f"p(R, {i}) -o p(R, {i + 1}). ?p(R, {i}). " for i in range(20)) + "p(R, 0).")
+    found = Reach(program)
+    with pytest.raises(TooMuch):
+        found.ways(program.goals[-1])
+    monkeypatch.setattr(reach, "Levels", None)
+    for goal in program.goals:
+        assert found.leads(goal) is None
+
+
 def test_no_more_is_written_down_than_in_proportion_to_the_program() -> None:
     chain = " ".join(f"p(R, {n}) -o p(R, {n + 1})." for n in range(9))
     assert leads(f"?p(R, 9). ?p(R, 8). p(R, 0). {chain}") is not None
