@@ -71,6 +71,8 @@ class _Parser:
         self._automaton = Automaton(source.file, self._builder)
         self._broken: set[str] = set()
         self._repairs = FILE_REPAIRS_MAX
+        self._is_doubtful = False
+        """The item has been repaired by leaving something out."""
         self._is_lost = False
         """It has been reported why the rest is not read."""
 
@@ -124,6 +126,7 @@ class _Parser:
         """Return the item that begins with `first`, or None if it has been given up."""
         automaton = self._automaton
         automaton.reset()
+        self._is_doubtful = False
         word, previous, count, repairs = first, first, 0, REPAIRS_MAX
         while True:
             if automaton.take(word):
@@ -144,6 +147,8 @@ class _Parser:
 
     def _finished(self, item: Item, count: int) -> Item | None:
         self._builder.finish()
+        if self._is_doubtful:
+            self._break(item.span.start, item.span.end)
         if count <= NESTING_MAX or not _is_deep(item):
             return item
         self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
@@ -174,6 +179,7 @@ class _Parser:
         if better is None:
             return False
         self._repairs -= 1
+        self._is_doubtful |= better.doubtful
         self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
         if better.forget:
             self._automaton.back()

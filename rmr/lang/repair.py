@@ -43,6 +43,8 @@ class Repair(NamedTuple):
     notes: tuple[Note, ...] = ()
     forget: bool = False
     """The word before it is left out."""
+    doubtful: bool = False
+    """Something is left out that was meant somehow: the item may say something else."""
 
 
 _Option = tuple[Reach, Repair]
@@ -123,7 +125,7 @@ def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
         yield automaton.reach(automaton.states[:-1], kinds), found
     if word.kind in {"DOT", END}:
         return
-    found = Repair((), *unexpected(automaton, misfit))
+    found = Repair((), *unexpected(automaton, misfit), doubtful=True)
     if not word.text[0].isalnum():
         comma = word._replace(kind="COMMA", text=",")
         yield automaton.reach(automaton.states, ["COMMA", *kinds[1:]]), found._replace(words=(comma,))

@@ -190,7 +190,7 @@ def test_a_missing_bracket_is_shown_with_the_one_it_closes():
     ],
 )
 def test_a_foreign_or_surplus_sign_is_one_mistake_and_the_item_is_read(text, place, hint):
-    errors = compile_source(text + " p(R, X, Y).").errors
+    errors = compile_source(text + " type p(robot, int). p(R, X, Y).").errors
     assert [(text[each.span.start : each.span.end], each.hint) for each in errors if each.code == "E001"] == [
         (place, hint)
     ]
