@@ -1,8 +1,8 @@
 """Where lines may break: from words to marks for the printer.
 
-An item stands on one line if it fits. If it does not, `-o` begins the line of the head; the conjuncts of the body have
-a line each if they do not fit on one, and so have the head's items. What stands in brackets breaks by the same rule, and
-so does an expression, before its loosest operators.
+An item stands on one line if it fits. If it does not, `-o` begins the line of the head; the conjuncts of the body
+have a line each if they do not fit on one, and so have the head's items. What stands in brackets breaks by the same
+rule, and so does an expression, before its loosest operators.
 
     location(R, L), edge(L, M)
         -o location(R, M),
