@@ -1,6 +1,6 @@
 """What the compiler says of ranks is what the robot finds out for itself, firing by firing."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from random import Random
 
@@ -34,6 +34,17 @@ from rmr.vm.store import Args
 
 ROBOTS = (1, 2)
 FIRINGS_MAX = 30
+FACTS_MAX, MATCHES_MAX = 40, 100
+"""Of one robot, and of one firing: a program in some hundreds makes ever more, and takes minutes."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def bounded() -> Iterator[None]:
+    """Let no robot hold, and no firing derive, more than programs with an end do."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rmr.vm.machine.FACTS_MAX", FACTS_MAX)
+        patch.setattr("rmr.vm.derive.MATCHES_MAX", MATCHES_MAX)
+        yield
 
 
 @dataclass
