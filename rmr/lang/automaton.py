@@ -105,6 +105,10 @@ class Automaton:
             self._recognise(self._tables.rules[~self._tables.actions[self.states[-1]][END]], end)
         return self._values[0]
 
+    def ends_with(self, word: Token, kind: str) -> bool:
+        """Whether `word` is of `kind` and was read last, and nothing has been made of it."""
+        return word.kind == kind and bool(self._values) and self._values[-1] is word
+
     def back(self) -> None:
         """Forget the word that was read last."""
         for each in (self.states, self._values, self._starts, self._ends):

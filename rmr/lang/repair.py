@@ -77,14 +77,15 @@ def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
         yield automaton.reach(automaton.states, [kind, *kinds[1:]]), found
     if kinds[:2] == ["VARIABLE", "LPAR"]:
         yield automaton.reach(automaton.states, ["NAME", *kinds[1:]]), _uncapitalised(misfit, word)
-    elif misfit.previous.kind == "VARIABLE" and word.kind == "LPAR":
+    elif word.kind == "LPAR" and automaton.ends_with(misfit.previous, "VARIABLE"):
         found = _uncapitalised(misfit, misfit.previous)
         found = found._replace(words=(*found.words, word), forget=True)
         yield automaton.reach(automaton.states[:-1], ["NAME", *kinds]), found
 
 
 def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
-    name = variable._replace(kind="NAME", text=variable.text.lstrip("_")[:1].lower() + variable.text[1:])
+    text = variable.text.strip("_") or "p"
+    name = variable._replace(kind="NAME", text=text[0].lower() + text[1:])
     hint = f"names of facts and actions begin with a lower-case letter: `{name.text}`"
     return Repair((name,), f"unexpected {quoted(variable)}", misfit.span(variable), hint)
 
@@ -120,7 +121,7 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
 def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     previous, word = misfit.previous, misfit.word
     kinds = [each.kind for each in misfit.following]
-    if previous.kind == "COMMA" and previous is not word:
+    if automaton.ends_with(previous, "COMMA"):
         found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=True)
         yield automaton.reach(automaton.states[:-1], kinds), found
     if word.kind in {"DOT", END}:
