@@ -4,13 +4,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rmr.bytecode import codec
+from rmr.bytecode.layout import SIZE_MAX
 from rmr.bytecode.program import Program
 from rmr.node.actions import Handler, MissingHandlers, check_handlers
 from rmr.node.provided import PROVIDED
 from rmr.node.userfile import ActionsError, load_actions
-
-PROGRAM_OCTETS_MAX = 1 << 20
-"""No program is that large; a file that is was never byte-code."""
 
 
 class RefusedError(Exception):
@@ -28,11 +26,9 @@ def load_program(path: Path) -> Loaded:
     """Return the verified program in `path`. Raises RefusedError."""
     try:
         with path.open("rb") as file:
-            data = file.read(PROGRAM_OCTETS_MAX + 1)
+            data = file.read(SIZE_MAX + 1)
     except OSError as error:
         raise RefusedError(f"{path}: {error.strerror or error}") from None
-    if len(data) > PROGRAM_OCTETS_MAX:
-        raise RefusedError(f"{path}: too large for byte-code")
     try:
         return Loaded(codec.decode(data), codec.digest(data))
     except codec.BytecodeError as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
+from rmr.bytecode.layout import SIZE_MAX
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file
 from rmr.lang.render import render_text
@@ -61,7 +62,8 @@ def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
 
 def _load_bytecode(path: Path) -> LoadedProgram:
     try:
-        octets = path.read_bytes()
+        with path.open("rb") as file:
+            octets = file.read(SIZE_MAX + 1)
         return LoadedProgram(codec.decode(octets), octets, codec.digest(octets), "")
     except OSError as error:
         raise ProgramError(f"{path}: {error.strerror}") from error
