@@ -1,6 +1,5 @@
-"""Diagnostics as text for people and as JSON for programs."""
+"""Diagnostics as text for people and as values for programs."""
 
-import json
 from collections.abc import Callable, Iterable, Mapping
 
 from rmr.lang.diagnostic import Diagnostic, Severity
@@ -18,13 +17,8 @@ def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]
     return "".join(_one(each, sources, _Paint(color)) for each in diagnostics)
 
 
-def render_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> str:
-    """Return `diagnostics` as a JSON list; lines and columns count from 1, the end is behind the last character."""
-    return json.dumps(to_json(diagnostics, sources), indent=2, ensure_ascii=False)
-
-
 def to_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> list[dict[str, object]]:
-    """Return what `render_json` writes, as values."""
+    """Return `diagnostics` as values for JSON; lines and columns count from 1, the end is behind the last character."""
     listed: list[dict[str, object]] = []
     for each in diagnostics:
         source = sources.get(each.span.file)

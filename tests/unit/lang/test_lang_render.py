@@ -1,7 +1,5 @@
-import json
-
 from rmr.lang.compiler import compile_file, compile_source
-from rmr.lang.render import render_json, render_text, to_json
+from rmr.lang.render import render_text, to_json
 
 
 def rendered(text, color=False):
@@ -93,7 +91,7 @@ def test_a_very_long_line_is_cut_around_the_place():
 
 def test_json_has_the_keys_that_the_contract_names():
     compilation = compile_source("p(R).\np(R, X).\n", "a.rmr")
-    listed = json.loads(render_json(compilation.diagnostics, {"a.rmr": compilation.source}))
+    listed = to_json(compilation.diagnostics, {"a.rmr": compilation.source})
     assert listed[0] == {
         "file": "a.rmr",
         "line": 2,
