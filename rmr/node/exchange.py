@@ -1,4 +1,4 @@
-"""Facts between robots: exactly once while both live (DESIGN: a fact travels until its *node* acknowledges it).
+"""Facts between robots: exactly once while both live (a fact travels until the *node* acknowledges it).
 
 Each delivery has (sender, epoch, sequence). The sender repeats it, with back-off, until the receiving node
 acknowledges; the receiver acknowledges every copy and hands on only the first. Fragments are acknowledged as

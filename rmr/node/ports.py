@@ -1,4 +1,4 @@
-"""The seam between one robot's mind and whatever hosts it, a process or the simulator (DESIGN 2).
+"""The seam between one robot's mind and whatever hosts it, a process or the simulator.
 
 Inputs are values that the host hands over, outputs are values that it takes away; nothing here sleeps,
 polls or reads a clock.

@@ -1,4 +1,4 @@
-"""The actions that every robot provides, written as a user would write them (CONTRACTS: actions in Python)."""
+"""The actions that every robot provides, written as a user would write them."""
 
 import math
 from typing import TYPE_CHECKING
