@@ -105,14 +105,16 @@ class Automaton:
             self._recognise(self._tables.rules[~self._tables.actions[self.states[-1]][END]], end)
         return self._values[0]
 
-    def ends_with(self, word: Token, kind: str) -> bool:
-        """Whether `word` is of `kind` and was read last, and nothing has been made of it."""
-        return word.kind == kind and bool(self._values) and self._values[-1] is word
+    def last(self, *kinds: str) -> list[Token]:
+        """Return the words that were read last if they are of these `kinds` and nothing has been made of them."""
+        values = self._values[-len(kinds) :]
+        found = tuple(each.kind for each in values if isinstance(each, Token))
+        return values if found == kinds else []
 
-    def back(self) -> None:
-        """Forget the word that was read last."""
+    def back(self, count: int) -> None:
+        """Forget the `count` words that were read last."""
         for each in (self.states, self._values, self._starts, self._ends):
-            each.pop()
+            del each[len(each) - count :]
 
     def unclosed(self, opening: str) -> Token | None:
         """Return the last word of kind `opening` whose counterpart has not been read."""

@@ -181,8 +181,7 @@ class _Parser:
         self._repairs -= 1
         self._is_doubtful |= better.doubtful
         self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
-        if better.forget:
-            self._automaton.back()
+        self._automaton.back(better.forget)
         self._ahead.extendleft(reversed(better.words))
         return True
 

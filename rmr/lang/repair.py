@@ -41,8 +41,8 @@ class Repair(NamedTuple):
     span: Span
     hint: str | None = None
     notes: tuple[Note, ...] = ()
-    forget: bool = False
-    """The word before it is left out."""
+    forget: int = 0
+    """Words before it that are left out."""
     doubtful: bool = False
     """Something is left out that was meant somehow: the item may say something else."""
 
@@ -77,10 +77,15 @@ def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
         yield automaton.reach(automaton.states, [kind, *kinds[1:]]), found
     if kinds[:2] == ["VARIABLE", "LPAR"]:
         yield automaton.reach(automaton.states, ["NAME", *kinds[1:]]), _uncapitalised(misfit, word)
-    elif word.kind == "LPAR" and automaton.ends_with(misfit.previous, "VARIABLE"):
-        found = _uncapitalised(misfit, misfit.previous)
-        found = found._replace(words=(*found.words, word), forget=True)
+    elif word.kind == "LPAR" and (last := automaton.last("VARIABLE")):
+        found = _uncapitalised(misfit, *last)
+        found = found._replace(words=(*found.words, word), forget=1)
         yield automaton.reach(automaton.states[:-1], ["NAME", *kinds]), found
+    elif (last := automaton.last("MINUS", "NAME")) and last[1].text == "o":
+        arrow = Token("ARROW", "-o", last[0].start, last[1].end)
+        hint = "an arrow is written `-o`, without a space"
+        found = Repair((arrow, word), "unexpected `- o`", misfit.span(arrow), hint, forget=2)
+        yield automaton.reach(automaton.states[:-2], ["ARROW", *kinds]), found
 
 
 def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
@@ -121,8 +126,8 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
 def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     previous, word = misfit.previous, misfit.word
     kinds = [each.kind for each in misfit.following]
-    if automaton.ends_with(previous, "COMMA"):
-        found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=True)
+    if automaton.last("COMMA"):
+        found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=1)
         yield automaton.reach(automaton.states[:-1], kinds), found
     if word.kind in {"DOT", END}:
         return

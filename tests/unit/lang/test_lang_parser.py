@@ -182,6 +182,7 @@ def test_a_missing_bracket_is_shown_with_the_one_it_closes():
         ("p(R; 1) -o q(R).", ";", "expected `)` or `,`"),
         ("p(R) -> q(R).", "->", "a rule is written `body -o head.`"),
         ("p(R) => q(R).", "=>", "a rule is written `body -o head.`"),
+        ("p(R) - o q(R).", "- o", "an arrow is written `-o`, without a space"),
         ("p(R, X), X == 1 -o q(R).", "==", "equality is written `=`"),
         ("p(R, X), X = 1 and X < 2 -o q(R).", "and", "write `,` between conditions, or `&&`"),
         ("p(R, X), (X = 1 or X = 2) -o q(R).", "or", "write `||`"),
