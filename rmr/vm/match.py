@@ -11,7 +11,7 @@ Which slots are bound when an atom is reached is known beforehand, so each atom 
 test, bound slots to compare with, slots to bind.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Reversible, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rmr.base.time import Instant
@@ -30,13 +30,17 @@ from rmr.bytecode.program import (
     Slot,
 )
 from rmr.vm.evaluate import NoValue, evaluate, same
-from rmr.vm.store import Fact, Store, is_open
+from rmr.vm.store import Fact, Facts, Store, is_open
 
 Args = tuple[Value, ...]
 Env = list[Value]
 Found = list[Fact]
 OnFailure = Callable[[int, Found, str], None]
 """Told (step, facts matched so far, reason) when an expression of a body has no value."""
+
+
+LOOKS_MAX = 1 << 20
+"""Facts that one search may look at: a body may be true of nothing among the millions of ways to join what it names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +142,7 @@ def agrees(step: AtomStep, args: Args, env: Env) -> bool:
     return all(args[position] == args[other] for position, other in step.twins)
 
 
-def candidates(step: AtomStep, store: Store, env: Env) -> Reversible[Fact]:
+def candidates(step: AtomStep, store: Store, env: Env) -> Facts:
     """Return facts, oldest first, among them all that match the atom."""
     table = store.tables[step.predicate]
     if step.tests:
@@ -191,6 +195,7 @@ class Search:
         self.taken = taken
         self.places = consumed_places(steps) if taken is not None else ()
         self.found: Found = []
+        self._looks_left = LOOKS_MAX
 
     def matches(self) -> Iterator[Found]:
         """Yield the facts of each match, one for each atom that is not ABSENT, with their values in `env`.
@@ -241,9 +246,20 @@ class Search:
 
     def facts(self, step: AtomStep) -> Iterator[Fact]:
         """Yield the facts that match the atom alone, oldest first."""
-        for fact in candidates(step, self.store, self.env):
+        for fact in self.candidates(step):
             if fact.serial not in self.gone and agrees(step, fact.args, self.env):
                 yield fact
+
+    def candidates(self, step: AtomStep) -> Facts:
+        """Return facts, oldest first, among them all that match the atom; none once too many have been looked at."""
+        if self._looks_left < 0:
+            return ()
+        facts = candidates(step, self.store, self.env)
+        self._looks_left -= len(facts)
+        if self._looks_left < 0:
+            self.on_failure(len(self.steps), [], f"the search for matches was given up after {LOOKS_MAX} facts")
+            return ()
+        return facts
 
     def holds(self, step: Step, index: int) -> bool:
         """Evaluate a condition, or bind a variable; False also if the expression has no value."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from rmr.base.time import Instant
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Atom, Bind, Conjunct, Guard, Instruction, Predicate, Slot
-from rmr.vm.match import AtomStep, Env, Found, OnFailure, Plan, Search, agrees, candidates, plan
+from rmr.vm.match import AtomStep, Env, Found, OnFailure, Plan, Search, agrees, plan
 from rmr.vm.store import Fact, Store
 
 
@@ -33,7 +33,7 @@ class Behind(Search):
         first = 0
         if self._after and all(self.found[i].serial == self._after[i] for i in range(level)):
             first = self._after[level] + (level + 1 == len(self._after))
-        for fact in candidates(step, self.store, self.env):
+        for fact in self.candidates(step):
             if fact.serial >= first and agrees(step, fact.args, self.env):
                 yield fact
 
@@ -121,7 +121,7 @@ class Fresh(Search):
         newest: list[Fact] = []
         if self._upto and self._plan.level == 0:
             return newest  # it would lie behind the bound
-        for fact in reversed(candidates(step, self.store, self.env)):
+        for fact in reversed(self.candidates(step)):
             if fact.serial <= self._since:
                 break
             newest.append(fact)

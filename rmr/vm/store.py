@@ -7,7 +7,8 @@ it in a table that is worth it. Values that Python calls equal but the language 
 where no type is fixed; the matcher compares those strictly.
 """
 
-from collections.abc import Reversible, Sequence
+from collections.abc import Iterator, Sequence
+from typing import Protocol
 
 from rmr.base.time import Instant
 from rmr.base.values import Value
@@ -41,6 +42,16 @@ class Fact:
         """Of its strings and lists."""
         self.held = True
         """False once it has been consumed or withdrawn."""
+
+
+class Facts(Protocol):
+    """Facts in the order of insertion."""
+
+    def __len__(self) -> int: ...
+
+    def __iter__(self) -> Iterator[Fact]: ...
+
+    def __reversed__(self) -> Iterator[Fact]: ...
 
 
 class Table:
@@ -91,7 +102,7 @@ class Table:
             if not bucket:
                 del index[fact.args[position]]
 
-    def probe(self, position: int, value: Value) -> Reversible[Fact]:
+    def probe(self, position: int, value: Value) -> Facts:
         """Return facts, oldest first, among them all whose argument at `position` is `value`."""
         if len(self.facts) < INDEX_FROM:
             return self.facts.values()

@@ -9,7 +9,7 @@ from vm_hand import INT, Hand, V, actions, code, fired, guard
 from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Debug, Operator, Place, Type
-from rmr.vm import derive, failures, goals, machine, once
+from rmr.vm import derive, failures, goals, machine, match, once
 from rmr.vm.events import BoundReached, ExpressionFailed, VmEvent
 from rmr.vm.failures import rule_place
 from rmr.vm.machine import Machine
@@ -212,6 +212,24 @@ def test_matches_that_an_absent_fact_allows_are_looked_for_again_and_none_is_los
     robot.run(0)
     assert [action.args for action in actions(robot.drain())] == [(number,) for number in range(8)]
     assert robot.dropped == {}
+
+
+@pytest.mark.parametrize("consumes", [False, True])
+def test_a_search_that_finds_nothing_ends_and_is_told(consumes: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a bound, three conjuncts over 600 facts take minutes within one call."""
+    monkeypatch.setattr(match, "LOOKS_MAX", 100)
+    hand = Hand()
+    p, go, out = hand.persistent("p", INT), hand.temporary("go"), hand.action("out")
+    for number in range(10):
+        hand.fact(p, number)
+    hand.fact(go)
+    never = guard(V(1), V(2), Op.ADD, V(3), Op.ADD, -1, Op.EQ)
+    atoms = [hand.atom(go) if consumes else hand.keep(go), *(hand.atom(p, V(slot)) for slot in (1, 2, 3))]
+    hand.rule([*atoms, never], [hand.head(out)])
+    robot = hand.machine()
+    told = [each.reason for each in robot.drain() if isinstance(each, ExpressionFailed)]
+    assert told == ["the search for matches was given up after 100 facts"]
+    assert robot.quiescent
 
 
 def test_many_persistent_facts_cost_no_more_than_their_number() -> None:
