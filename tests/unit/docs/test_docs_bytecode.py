@@ -18,7 +18,7 @@ from rmr.bytecode.program import Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
 from rmr.lang.compiler import compile_source
 from rmr.lang.provided import type_text
-from rmr.vm import assertions, derive, goals, machine, once, underway, watches
+from rmr.vm import assertions, derive, goals, machine, match, once, underway, watches
 
 PAGE = page("bytecode")
 
@@ -154,6 +154,7 @@ def test_what_a_robot_keeps_is_bounded_as_documented():
         "facts watched for other robots' jobs": watches.WATCHES_MAX,
         "matches, of a rule that consumes nothing, that have not fired": once.MATCHES_MAX,
     }
+    assert f"looked at {match.LOOKS_MAX} facts" in " ".join(PAGE.split())
     assert f"with more than {derive.MATCHES_MAX} matches of its comprehensions and aggregates" in PAGE
 
 
