@@ -38,7 +38,7 @@ def record(cls: type[T]) -> type[T]:
         "__eq__": lambda self, other: (
             values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
         ),
-        "__hash__": lambda self: hash(values(self)),
+        "__hash__": lambda self: values(self).__hash__(),
         "__repr__": _shown,
         _FIELDS: {name: _field(name, kind) for name, kind in cls.__annotations__.items()},
     }
