@@ -88,4 +88,6 @@ def outside_event(text: str) -> tuple[Instant, str]:
     when, colon, fact = text.partition(":")
     if not colon or not fact.strip():
         raise OptionError(f"{shown(text)} is no time and fact; write '2.5s: online(@3, l1)'")
+    if not fact.isascii() and any("\ud800" <= character <= "\udfff" for character in fact):
+        raise OptionError(f"{shown(text)} is not UTF-8")
     return duration(when), fact.strip()

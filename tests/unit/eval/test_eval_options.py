@@ -85,6 +85,12 @@ def test_what_is_no_share_is_refused_with_an_example(text):
         share(text)
 
 
+def test_an_outside_event_of_octets_that_are_no_text_is_refused():
+    assert outside_event('1s: say(@1, "\u00e9\U0001f600")')[1] == 'say(@1, "\u00e9\U0001f600")'
+    with pytest.raises(OptionError, match="is not UTF-8"):
+        outside_event(b'1s: say(@1, "\xff")'.decode("utf-8", "surrogateescape"))
+
+
 def test_an_outside_event_is_an_instant_and_a_fact():
     assert outside_event("2.5s: online(@3, l1)") == (seconds(2.5), "online(@3, l1)")
     assert outside_event('1:say(@1, "a: b")') == (seconds(1), 'say(@1, "a: b")')
