@@ -248,9 +248,10 @@ class Progress:
 def _conclude(ensemble: "Ensemble", until: int, interrupted: bool) -> None:
     """Say on stderr what did not arrive, and what still went on if the run did not become quiescent."""
     from rmr.eval.ether import LATENCY
-    from rmr.eval.report import reasons, undelivered
+    from rmr.eval.report import dropped, reasons, undelivered
 
     _warn(undelivered(ensemble))
+    _warn(dropped(ensemble))
     if ensemble.ether.slowed_at is not None:
         since, least = ensemble.ether.slowed_at / 1e9, LATENCY / 1e6
         _warn([f"robots answer each other without end; from {since:g} s on every frame takes {least:g} ms"])

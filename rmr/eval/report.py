@@ -79,6 +79,13 @@ def _outstanding(hosted: Hosted) -> Iterator[str]:
         yield "a fact for another robot is not acknowledged yet"
 
 
+def dropped(ensemble: Ensemble) -> Iterator[str]:
+    """Yield what was more than a robot keeps, and so was dropped."""
+    for identity, robot in ensemble.robots.items():
+        for what, count in robot.node.machine.dropped.items():
+            yield f"robot {identity} dropped {count} {what}: more than it keeps (`--trace` says where)"
+
+
 def undelivered(ensemble: Ensemble) -> Iterator[str]:
     """Yield what could not be delivered, each once, and why."""
     topology = ensemble.conditions.topology

@@ -22,11 +22,13 @@ RETRY_FIRST: Duration = milliseconds(150)
 RETRY_MAX: Duration = seconds(1)
 """Some 25 tries in a delivery's time: at 50 % loss both ways 1 in 1000 is given up."""
 TIME_TO_LIVE: Duration = seconds(30)
-"""After that a delivery is given up and reported."""
+"""After that a delivery is given up and reported. It begins when it is first sent; what still waits is given up when
+the other robot has acknowledged nothing for so long."""
 IN_FLIGHT_MAX = 8
 """Deliveries under way to one robot; more wait in order."""
-WAITING_MAX = 256
-"""Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end."""
+WAITING_MAX = 10_000
+"""Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end. All of
+them, and what is in flight, differ in their sequence numbers."""
 REMEMBERED_MAX = 256
 """Sequence numbers remembered per sender. A sender starts nothing that is this far ahead of what is under way, so
 that a repeat of the oldest is always known as one."""
@@ -70,6 +72,8 @@ class _Peer:
     in_flight: OrderedDict[int, _Outgoing] = field(default_factory=OrderedDict)
     waiting: deque[_Outgoing] = field(default_factory=deque)
     next_sequence: int = 0
+    heard: Instant = -TIME_TO_LIVE
+    """When it last acknowledged something."""
 
 
 @dataclass(slots=True)
@@ -128,9 +132,10 @@ class Exchange:
             if (peer.waiting[0].sequence - oldest) & 0xFFFF >= REMEMBERED_MAX:
                 return
             outgoing = peer.waiting.popleft()
-            if outgoing.expires <= now:
+            if max(outgoing.expires, peer.heard + TIME_TO_LIVE) <= now:
                 self._tell(Outcome.UNDELIVERED, outgoing)
                 continue
+            outgoing.expires = now + TIME_TO_LIVE
             peer.in_flight[outgoing.sequence] = outgoing
             self._transmit(now, outgoing)
 
@@ -172,6 +177,7 @@ class Exchange:
         peer = self._peers.get(source)
         if peer is None or epoch != self._epoch or sequence not in peer.in_flight:
             return
+        peer.heard = now
         self._tell(Outcome.DELIVERED, peer.in_flight.pop(sequence))
         self._fill(now, peer)
         if not any(other.in_flight for other in self._peers.values()):

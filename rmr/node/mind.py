@@ -66,13 +66,23 @@ class Mind:
         while events := self._machine.drain():
             had_news = True
             missed: int | None = None
+            actions: list[tuple[ActionDerived, int | None]] = []
             for event in events:
+                if isinstance(event, RuleFired):
+                    self._derive(now, actions)
                 if isinstance(event, ActionDerived):
-                    self._derived(now, event, missed)
+                    actions.append((event, missed))
                 else:
                     self._happened(now, event)
                 missed = event.job.assertion if isinstance(event, JobMissed) else None
+            self._derive(now, actions)
         return had_news
+
+    def _derive(self, now: Instant, actions: list[tuple[ActionDerived, int | None]]) -> None:
+        """Take up the actions of one firing, after its facts: a job that these start holds back what serves it."""
+        for event, missed in actions:
+            self._derived(now, event, missed)
+        actions.clear()
 
     def due(self, now: Instant) -> bool:
         """Return whether another `run` at this very instant has something to do."""

@@ -120,6 +120,18 @@ def test_what_has_waited_for_longer_than_its_time_is_given_up_unsent():
     assert exchange.idle
 
 
+def test_what_waits_for_a_robot_that_answers_is_not_given_up():
+    exchange = Exchange(1, 0, Random(0))
+    for _ in range(2 * IN_FLIGHT_MAX):
+        exchange.send(0, 1, FACT, b"x")
+    exchange.acknowledged(seconds(20), wire.encode_ack(0, 0), 1)
+    exchange.wake(TIME_TO_LIVE)
+    assert len(given_up(exchange)) == IN_FLIGHT_MAX - 1, "those that were in flight all the time"
+    exchange.news.clear()
+    exchange.wake(seconds(49))
+    assert given_up(exchange) == [], "the others are repeated for their whole time"
+
+
 def test_a_sender_does_not_run_so_far_ahead_that_the_receiver_forgets_what_it_may_repeat():
     exchange = Exchange(1, 0, Random(0))
     receiver = Exchange(1, 0, Random(0))
