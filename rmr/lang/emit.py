@@ -33,18 +33,9 @@ from rmr.lang.syntax import (
     Unary,
     Variable,
 )
-from rmr.lang.types import Types
+from rmr.lang.types import Types, converted
 
 _FUNCTIONS = {function.name: index for index, function in enumerate(FUNCTIONS)}
-
-
-def converted(value: Value, kind: Type) -> Value:
-    """Return `value` as an argument of type `kind` holds it: an int given to a float becomes one, in a list too."""
-    if kind.base is Base.FLOAT and type(value) is int:
-        return float(value)
-    if kind.element is not None and isinstance(value, tuple):
-        return tuple(converted(each, kind.element) for each in value)
-    return value
 
 
 class Emitter:

@@ -21,14 +21,13 @@ from rmr.bytecode.program import (
     Type,
 )
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.emit import converted
 from rmr.lang.fold import Folder
 from rmr.lang.names import meant
 from rmr.lang.parser import parse
 from rmr.lang.provided import PREDICATES, declaration_text, type_text
 from rmr.lang.source import Source, Span
 from rmr.lang.syntax import Call, Expression, Fact, FactItem, Literal, Mark, Variable, walk
-from rmr.lang.types import ROBOT, fits, literal_type
+from rmr.lang.types import ROBOT, converted, fits, literal_type
 
 
 class FactError(Exception):

@@ -16,7 +16,7 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
 from rmr.lang.source import Span
 from rmr.lang.syntax import Binary, Call, Expression, ListTerm, Literal, Unary, Variable
-from rmr.lang.types import BOOL, FUNCTIONS, INT, NUMBERS, ROBOT, SORTED, compatible, value_type
+from rmr.lang.types import BOOL, FUNCTIONS, INT, NUMBERS, ROBOT, SORTED, compatible, converted, join, value_type
 
 INSTRUCTIONS = {
     "+": Op.ADD,
@@ -70,7 +70,7 @@ class Folder:
         if len(values) < len(after) or not _agrees(expression, values):
             return expression
         try:
-            return Literal(_value(expression, values), expression.span)
+            return Literal(_widened(expression, values), expression.span)
         except NoValue as reason:
             self.valueless.append(Valueless(expression.span, str(reason), isinstance(reason, OutOfRange)))
             return expression
@@ -111,6 +111,16 @@ def _with_operands(expression: Compound, operands: list[Expression]) -> Compound
         case ListTerm(rest=rest):
             items, behind = (operands, None) if rest is None else (operands[:-1], operands[-1])
             return replace(expression, items=tuple(items), rest=behind)
+
+
+def _widened(expression: Compound, values: list[Value]) -> Value:
+    """Return the value of operands that agree, a float where inference makes int and float a float. Raises NoValue."""
+    value = _value(expression, values)
+    match expression:
+        case Call(name=name) if name.text == "if":
+            return converted(value, join(value_type(values[1]), value_type(values[2])))
+        case _:
+            return converted(value, value_type(value)) if isinstance(value, tuple) else value
 
 
 def _value(expression: Compound, values: list[Value]) -> Value:

@@ -153,6 +153,15 @@ def literal_type(literal: Literal) -> Type:
     return value_type(literal.value)
 
 
+def converted(value: Value, kind: Type) -> Value:
+    """Return `value` as an argument of type `kind` holds it: an int given to a float becomes one, in a list too."""
+    if kind.base is Base.FLOAT and type(value) is int:
+        return float(value)
+    if kind.element is not None and isinstance(value, tuple):
+        return tuple(converted(each, kind.element) for each in value)
+    return value
+
+
 def value_type(value: Value) -> Type:
     """Return the type of a value."""
     match value:
