@@ -1,8 +1,8 @@
 """A small vocabulary to make programs by hand, without the compiler: ``V(1)`` a variable, names are symbols."""
 
 from dataclasses import dataclass, field
-from random import Random
 
+from rmr.base.streams import Choices
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import (
@@ -40,6 +40,7 @@ from rmr.bytecode.program import (
     Strategy,
     Type,
 )
+from rmr.vm.engines import new_machine
 from rmr.vm.events import ActionDerived, FactSent, RuleFired, VmEvent
 from rmr.vm.machine import Machine
 
@@ -203,7 +204,7 @@ class Hand:
 
     def machine(self, robot: int = 1, seed: int = 0, **more: object) -> Machine:
         """A machine that has started and become quiet at instant 0."""
-        machine = Machine(self.program(), robot, Random(seed), **more)  # type: ignore[arg-type]
+        machine = new_machine(self.program(), robot, Choices(str(seed)), **more)  # type: ignore[arg-type]
         machine.start(0)
         machine.run(0)
         return machine

@@ -13,6 +13,32 @@ def stream(name: str) -> Random:
     return Random(name)
 
 
+class Choices:
+    """A stream of small random numbers in 8 octets: what one robot draws when several rules are satisfied.
+
+    SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014). A million
+    robots in columns of numpy draw the same numbers as a million machines.
+    """
+
+    __slots__ = ("state",)
+
+    GAMMA = 0x9E3779B97F4A7C15
+    MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+    MASK = (1 << 64) - 1
+
+    def __init__(self, name: str) -> None:
+        """The stream called `name`, for example ``"7/robot3/vm"``."""
+        self.state = stable_hash(name)
+
+    def below(self, bound: int) -> int:
+        """Return one of 0 .. `bound` - 1, each as likely as the others but for `bound` in 2**32."""
+        one, other = self.MULTIPLIERS
+        self.state = mixed = (self.state + self.GAMMA) & self.MASK
+        mixed = ((mixed ^ (mixed >> 30)) * one) & self.MASK
+        mixed = ((mixed ^ (mixed >> 27)) * other) & self.MASK
+        return ((mixed ^ (mixed >> 31)) >> 32) * bound >> 32
+
+
 def stable_hash(text: str, octets: int = 8) -> int:
     """Return an unsigned hash of `text` that is the same in every process (BLAKE2b, `octets` long)."""
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=octets).digest(), "big")

@@ -12,7 +12,7 @@ from typing import Any
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
-from rmr.base.streams import stream
+from rmr.base.streams import Choices, stream
 from rmr.base.time import NEVER, Instant, in_seconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
@@ -35,7 +35,7 @@ from rmr.node.trace import Level, Trace
 from rmr.node.turn import Phase, Turn
 from rmr.node.turns import Turns
 from rmr.node.wire import Hello
-from rmr.vm.machine import Machine
+from rmr.vm.engines import new_machine
 
 ROUNDS_MAX = 64
 """How often one call runs the machine again because actions have ended at once; the rest waits for the next frame."""
@@ -60,7 +60,7 @@ class Node:
         self._handlers = handlers
         check_handlers(program, {**PROVIDED, **handlers})
         name = f"{config.seed}/robot{config.robot}"
-        self.machine = Machine(program, config.robot, stream(f"{name}/vm"), trace=config.trace is Level.FACTS)
+        self.machine = new_machine(program, config.robot, Choices(f"{name}/vm"), trace=config.trace is Level.FACTS)
         self.senses = SensedFacts(program, self.machine)
         self.peers = Peers()
         self.driver: Driver | None = None

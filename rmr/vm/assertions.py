@@ -24,7 +24,7 @@ from rmr.vm.failures import Failures
 from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
 from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
-from rmr.vm.store import Args, Store
+from rmr.vm.store import Args, Holdings
 
 JOBS_MAX = 1024
 """Jobs remembered for the report; beyond that the oldest are forgotten."""
@@ -42,13 +42,15 @@ Entry = tuple[Instant, int, int, Job]
 class Assertions:
     """The jobs of one robot."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store, failures: Failures, dropped: Dropped) -> None:
+    def __init__(
+        self, program: Program, robot: Robot, holdings: Holdings, failures: Failures, dropped: Dropped
+    ) -> None:
         self.jobs: deque[Job] = deque(maxlen=JOBS_MAX)
         self.due: Instant = NEVER
         """The next deadline."""
         self._program = program
         self._robot = robot
-        self._store = store
+        self._holdings = holdings
         self._failures = failures
         self._dropped = dropped
         self._live: dict[Key, Job] = {}
@@ -188,9 +190,9 @@ class Assertions:
 
     def _holds(self, assertion: Assertion, bindings: Bindings) -> bool:
         """Tell whether F is persistent or sensed and holds."""
-        table = self._store.tables[assertion.finish.predicate]
-        return not table.linear and any(
-            pattern_agrees(assertion.finish.args, fact.args, bindings) for fact in table.facts.values()
+        finish = assertion.finish
+        return self._program.predicates[finish.predicate].kind is not Kind.TEMPORARY and any(
+            pattern_agrees(finish.args, args, bindings) for args in self._holdings.each(finish.predicate)
         )
 
     def _settle(self) -> None:

@@ -4,8 +4,7 @@ The machine acts on nothing but its own facts: whatever concerns the radio, the 
 operator leaves it as one of these events (the paper's NEW_ACTION and NEW_FACT, figure 6).
 """
 
-from dataclasses import dataclass
-
+from rmr.base.record import record
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.vm.job import Job
@@ -13,7 +12,7 @@ from rmr.vm.job import Job
 Args = tuple[Value, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RuleFired:
     """A rule was applied (paper IV.B, "Process The Rule")."""
 
@@ -22,7 +21,7 @@ class RuleFired:
     at: Instant
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FactSent:
     """A rule derived a fact of another robot: it must be carried there."""
 
@@ -33,7 +32,7 @@ class FactSent:
     """Without the owner."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class GoalSent:
     """A rule derived a goal of another robot: it must be carried there."""
 
@@ -44,7 +43,7 @@ class GoalSent:
     """Without the owner."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ActionDerived:
     """An action was derived, by a rule or by a missed deadline."""
 
@@ -59,28 +58,28 @@ class ActionDerived:
     """Another robot derived it and waits for its end: that robot, and the serial to hand to its `complete`."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JobStarted:
     """A fact that starts a time assertion's job was inserted; a job that ran already has started anew."""
 
     job: Job
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JobFinished:
     """The finish fact was inserted, in time or (``job.missed``) late."""
 
     job: Job
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class JobMissed:
     """A deadline passed without the finish fact; the violation action was derived."""
 
     job: Job
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FinishAwaited:
     """A job waits for a fact of another robot: that robot must be asked to report it (`Machine.await_finish`)."""
 
@@ -94,7 +93,7 @@ class FinishAwaited:
     """When the job started; what was inserted before does not count."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FinishSeen:
     """A fact for which another robot's job waits was inserted here: it must be told (`Machine.finish_seen`)."""
 
@@ -107,7 +106,7 @@ class FinishSeen:
     """When it was inserted."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class GoalAchieved:
     """A fact that matches an open goal was inserted, or held already."""
 
@@ -117,7 +116,7 @@ class GoalAchieved:
     at: Instant
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FactInserted:
     """Traced only: a fact of this robot now holds."""
 
@@ -126,7 +125,7 @@ class FactInserted:
     at: Instant
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FactRemoved:
     """Traced only: a fact was consumed or withdrawn."""
 
@@ -135,7 +134,7 @@ class FactRemoved:
     at: Instant
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ExpressionFailed:
     """An expression has no value (``1 / 0``): what needed it was left out."""
 
@@ -145,7 +144,7 @@ class ExpressionFailed:
     at: Instant
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class BoundReached:
     """More than the robot keeps was to be kept, for the first time; what does not fit is dropped and counted."""
 

@@ -21,7 +21,7 @@ from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import GoalAchieved
 from rmr.vm.match import pattern_agrees
 from rmr.vm.ranks import GoalKey, Ranks, goal_key, here
-from rmr.vm.store import Args, Store
+from rmr.vm.store import Args, Holdings
 
 GOALS_MAX = 1024
 """Open goals; one more is not opened. Every firing is held against them."""
@@ -37,10 +37,10 @@ GoalArgs = Patterns
 class Goals:
     """The goals of one robot."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store, dropped: Dropped) -> None:
+    def __init__(self, program: Program, robot: Robot, holdings: Holdings, dropped: Dropped) -> None:
         self._program = program
         self._robot = robot
-        self._store = store
+        self._holdings = holdings
         self._dropped = dropped
         self._open: dict[int, dict[GoalKey, Patterns]] = {}
         self._count = 0
@@ -62,9 +62,9 @@ class Goals:
             self._count += 1
             self._open.setdefault(predicate, {})[key] = args
             self._ranks.change(predicate, args)
-        for fact in self._store.tables[predicate].facts.values():
-            if pattern_agrees(args, fact.args):
-                return self.inserted(now, predicate, fact.args)
+        for fact in self._holdings.each(predicate):
+            if pattern_agrees(args, fact):
+                return self.inserted(now, predicate, fact)
         return []
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> list[GoalAchieved]:

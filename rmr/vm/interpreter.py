@@ -13,9 +13,10 @@ lead); a quiet machine does nothing.
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from random import Random
+from operator import attrgetter
 
 from rmr.base.identity import ByIdentity
+from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.bytecode.heads import bodies, codes
@@ -78,7 +79,7 @@ class Interpreter:
         robot: Robot,
         store: Store,
         goals: Goals,
-        rng: Random,
+        choices: Choices,
         failures: Failures,
         dropped: Dropped,
     ) -> None:
@@ -87,7 +88,7 @@ class Interpreter:
         self._store = store
         self._robot = robot
         self._goals = goals
-        self._rng = rng
+        self._choices = choices
         self._failures = failures
         self._textual = program.strategy is Strategy.TEXTUAL
         plans = enumerate(plans_of(program))
@@ -121,7 +122,7 @@ class Interpreter:
 
     def select(self, now: Instant) -> tuple[int, Derivation] | None:
         """Return the next firing (the rule's index, what it does), or None at quiescence."""
-        for state in self._stale:
+        for state in sorted(self._stale, key=attrgetter("index")):
             state.stale = False
             self._refresh(state, now)
         self._stale.clear()
@@ -129,7 +130,7 @@ class Interpreter:
         if not best:
             self.busy = False
             return None
-        state = best[0] if self._textual or len(best) == 1 else best[self._rng.randrange(len(best))]
+        state = best[0] if self._textual or len(best) == 1 else best[self._choices.below(len(best))]
         candidate = state.candidate
         assert candidate is not None
         if state.once is not None:

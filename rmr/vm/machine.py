@@ -1,6 +1,8 @@
 """The virtual machine of one robot: facts in, events out (paper IV.B, figure 6).
 
-The executable specification of what a program means. The host hands in facts from outside, goals, the ends of
+What all engines share: how a machine looks to its host, and what happens beside the rules, to goals, time
+assertions and actions. Engines differ in how they keep the facts and find the rule that goes next
+(`rmr.vm.engines`). The host hands in facts from outside, goals, the ends of
 actions and the time, calls `run`, and takes away what happened with `drain`. A firing is atomic: what the
 body consumed goes, then what the head derives comes, and only then is the next rule chosen. An insertion
 first discharges goals, then ends jobs, then starts them.
@@ -11,33 +13,31 @@ happens at `now`, and those at `now` after it. The machine holds no clock and ne
 the host sleeps until `next_wake`.
 """
 
-from random import Random
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 
+from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program, Slot
 from rmr.vm.assertions import Assertions
 from rmr.vm.bounds import Dropped
-from rmr.vm.derive import Chain, Derivation, Derived, Role, evaluated
+from rmr.vm.derive import Chain, Derived, Role, evaluated
 from rmr.vm.doubts import doubts
 from rmr.vm.evaluate import NoValue
 from rmr.vm.events import (
     ActionDerived,
-    FactInserted,
-    FactRemoved,
     FactSent,
     GoalSent,
     JobMissed,
-    RuleFired,
     VmEvent,
 )
 from rmr.vm.failures import Failures
 from rmr.vm.goals import GoalArgs, Goals
-from rmr.vm.interpreter import Interpreter
 from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
 from rmr.vm.outside import Gate
-from rmr.vm.store import Args, Fact, Store
+from rmr.vm.store import Args
 from rmr.vm.underway import UnderWay
 from rmr.vm.watches import Watches
 
@@ -54,14 +54,14 @@ ROBOT_NUMBER = "id"
 """The provided persistent predicate ``!id(R, N)``."""
 
 
-class Machine:
+class Machine(ABC):
     """Runs one program for one robot."""
 
     def __init__(
         self,
         program: Program,
         robot: int,
-        rng: Random,
+        choices: Choices,
         *,
         firing_budget: int = FIRING_BUDGET,
         trace: bool = False,
@@ -77,13 +77,39 @@ class Machine:
         self._failures = Failures(program, self._events, self._dropped)
         self._under_way = UnderWay(self.robot, self._dropped)
         self._gate = Gate(program.predicates)
-        self._store = Store(program.predicates)
-        self._goals = Goals(program, self.robot, self._store, self._dropped)
-        self._assertions = Assertions(program, self.robot, self._store, self._failures, self._dropped)
-        self._watches = Watches(program, self.robot, self._store, self._gate, self._dropped)
-        self._interpreter = Interpreter(
-            program, self.robot, self._store, self._goals, rng, self._failures, self._dropped
-        )
+        self._goals = Goals(program, self.robot, self, self._dropped)
+        self._assertions = Assertions(program, self.robot, self, self._failures, self._dropped)
+        self._watches = Watches(program, self.robot, self, self._gate, self._dropped)
+        self._choices = choices
+
+    # What engines do
+
+    busy: bool
+    """Whether a rule may be satisfied."""
+
+    @abstractmethod
+    def each(self, predicate: int) -> Iterable[Args]:
+        """Return the arguments of the facts of `predicate` that hold, oldest first."""
+
+    @abstractmethod
+    def dated(self, predicate: int) -> Iterable[tuple[Args, Instant]]:
+        """Return the same with the instants of their insertion."""
+
+    @abstractmethod
+    def _insert(self, now: Instant, predicate: int, args: Args) -> None:
+        """Insert a fact of this robot unless it is one of a set and holds, and all that follows from it (_inserted)."""
+
+    @abstractmethod
+    def _withdraw(self, now: Instant, predicate: int, args: Args) -> None:
+        """Remove the sensed fact if it holds."""
+
+    @abstractmethod
+    def _fire(self, now: Instant) -> None:
+        """Fire rules until none is satisfied, or until the budget is used."""
+
+    @abstractmethod
+    def _goals_changed(self, predicate: int) -> None:
+        """Take notice that goals of `predicate` have been opened or discharged."""
 
     # What the host hands in
 
@@ -125,9 +151,7 @@ class Machine:
             ValueError: the predicate is not sensed, or `args` are not what it declares.
         """
         self._arrive(now)
-        fact = self._store.tables[predicate].find(self._gate.sensed(predicate, args))
-        if fact is not None:
-            self._remove(now, fact)
+        self._withdraw(now, predicate, self._gate.sensed(predicate, args))
 
     def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
         """Take up an action that another robot derived for this one.
@@ -193,7 +217,7 @@ class Machine:
         self._now = now
         if self._assertions.due < now:
             self._miss(now - 1)
-        if self._interpreter.busy:
+        if self.busy:
             self._fire(now)
         if self._assertions.due <= now:
             self._miss(now)
@@ -203,12 +227,12 @@ class Machine:
     @property
     def quiescent(self) -> bool:
         """Whether no rule is satisfied, as far as the last `run` could tell."""
-        return not self._interpreter.busy
+        return not self.busy
 
     @property
     def next_wake(self) -> Instant:
         """When `run` is next needed: the next deadline; at once if rules may be satisfied; NEVER."""
-        return self._now if self._interpreter.busy else self._assertions.due
+        return self._now if self.busy else self._assertions.due
 
     @property
     def due(self) -> Instant:
@@ -247,20 +271,20 @@ class Machine:
 
     def held(self, predicate: int) -> list[Args]:
         """Return the arguments of the facts of `predicate` that hold, oldest first."""
-        return [fact.args for fact in self._store.tables[predicate].facts.values()]
+        return list(self.each(predicate))
 
     def holds(self, predicate: int, args: tuple[Pattern, ...]) -> bool:
         """Tell whether a fact that matches `args` holds; slots stand for anything."""
-        return any(pattern_agrees(args, fact.args) for fact in self._store.tables[predicate].facts.values())
+        return any(pattern_agrees(args, fact) for fact in self.each(predicate))
 
     def facts(self) -> list[str]:
         """Return the temporary and persistent facts, none that is provided, in program syntax, sorted."""
         texts: list[str] = []
-        for predicate, table in zip(self.program.predicates, self._store.tables, strict=True):
+        for index, predicate in enumerate(self.program.predicates):
             if predicate.provided or predicate.kind is Kind.SENSED:
                 continue
             mark = "!" if predicate.kind is Kind.PERSISTENT else ""
-            texts.extend(format_fact(predicate.name, (self.robot, *f.args), mark) for f in table.facts.values())
+            texts.extend(format_fact(predicate.name, (self.robot, *args), mark) for args in self.each(index))
         return sorted(texts)
 
     def goals(self) -> dict[str, list[list[object]] | list[str]]:
@@ -274,24 +298,6 @@ class Machine:
         self._now = now
         if self._assertions.due < now:
             self._miss(now - 1)
-
-    def _fire(self, now: Instant) -> None:
-        interpreter = self._interpreter
-        interpreter.resume()
-        for _ in range(self._budget):
-            firing = interpreter.select(now)
-            if firing is None:
-                return
-            self._apply(now, *firing)
-
-    def _apply(self, now: Instant, rule: int, derivation: Derivation) -> None:
-        """Fire a rule: remove what it consumes, then add what it derives."""
-        self.firings += 1
-        self._events.append(RuleFired(rule, now))
-        for fact in derivation.consumed:
-            self._remove(now, fact)
-        for chain in derivation.derived:
-            self._follow(now, chain)
 
     def _follow(self, now: Instant, chain: Chain) -> None:
         """Derive steps up to the first action; what stands behind it waits for its end."""
@@ -311,38 +317,31 @@ class Machine:
         else:
             self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
 
-    def _insert(self, now: Instant, predicate: int, args: Args) -> None:
-        if self._store.has(predicate, args):
-            return
-        if self._store.count >= FACTS_MAX or self._store.length >= FACTS_LENGTH_MAX:
-            few = self._store.count < FACTS_MAX
-            self._dropped.add("lengths" if few else "facts", FACTS_LENGTH_MAX if few else FACTS_MAX, now)
-            return
-        self._store.insert(predicate, args, now)
-        if self._trace:
-            self._events.append(FactInserted(predicate, args, now))
-        self._interpreter.touch(predicate)
+    def _is_full(self, now: Instant, count: int, length: int) -> bool:
+        """Tell whether one more fact is too many, given how many there are and how long, and count it as dropped."""
+        if count >= FACTS_MAX:
+            self._dropped.add("facts", FACTS_MAX, now)
+        elif length >= FACTS_LENGTH_MAX:
+            self._dropped.add("lengths", FACTS_LENGTH_MAX, now)
+        else:
+            return False
+        return True
+
+    def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
+        """Let a fact that has just been inserted discharge goals, then end jobs, then start them."""
         if self._goals.wanted(predicate):
             achieved = self._goals.inserted(now, predicate, args)
             if achieved:
                 self._events += achieved
-                self._interpreter.touch_goal(predicate)
+                self._goals_changed(predicate)
         if self._watches.concerns(predicate):
             self._events += self._watches.inserted(now, predicate, args)
         if self._assertions.concerns(predicate):
             self._events += self._assertions.inserted(now, predicate, args)
 
-    def _remove(self, now: Instant, fact: Fact) -> None:
-        self._store.remove(fact)
-        self._interpreter.touch(fact.predicate)
-        if self._watches.concerns(fact.predicate):
-            self._watches.removed(now, fact)
-        if self._trace:
-            self._events.append(FactRemoved(fact.predicate, fact.args, now))
-
     def _want(self, now: Instant, predicate: int, args: GoalArgs) -> None:
         self._events += self._goals.want(now, predicate, args)
-        self._interpreter.touch_goal(predicate)
+        self._goals_changed(predicate)
 
     def _act(self, now: Instant, item: Derived, then: Chain = (), origin: tuple[int, int] | None = None) -> None:
         """Report an action; its end is awaited if this robot executes it, or if steps follow."""

@@ -7,7 +7,7 @@ it in a table that is worth it. Values that Python calls equal but the language 
 where no type is fixed; the matcher compares those strictly.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 from rmr.base.time import Instant
@@ -26,6 +26,16 @@ INDEX_FROM = 12
 """Facts of a predicate from which on an index is cheaper than looking at each."""
 
 Args = tuple[Value, ...]
+
+
+class Holdings(Protocol):
+    """What the parts of a machine that are no rules ask of its facts."""
+
+    def each(self, predicate: int) -> Iterable[Args]:
+        """Return the arguments of the facts of `predicate` that hold, oldest first."""
+
+    def dated(self, predicate: int) -> Iterable[tuple[Args, Instant]]:
+        """Return the same with the instants of their insertion."""
 
 
 class Fact:
@@ -128,6 +138,14 @@ class Store:
         """How many characters and items their strings and lists hold."""
         self.newest = 0
         """The serial of the fact that was inserted last."""
+
+    def each(self, predicate: int) -> list[Args]:
+        """Return the arguments of the facts of `predicate` that hold, oldest first."""
+        return [fact.args for fact in self.tables[predicate].facts.values()]
+
+    def dated(self, predicate: int) -> list[tuple[Args, Instant]]:
+        """Return the same with the instants of their insertion."""
+        return [(fact.args, fact.at) for fact in self.tables[predicate].facts.values()]
 
     def has(self, predicate: int, args: Args) -> bool:
         """Tell whether inserting the fact would be none: it is one of a set and holds already."""

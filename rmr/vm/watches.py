@@ -19,7 +19,7 @@ from rmr.vm.events import FinishSeen
 from rmr.vm.match import pattern_agrees
 from rmr.vm.outside import Gate
 from rmr.vm.patterns import bind, instantiate, key_of, robot_of
-from rmr.vm.store import Args, Fact, Store
+from rmr.vm.store import Args, Holdings
 
 WATCHES_MAX = 256
 """Jobs of other robots for which a fact is watched; beyond that the oldest watch is dropped."""
@@ -47,10 +47,10 @@ class Held(NamedTuple):
 class Watches:
     """What one robot watches for others."""
 
-    def __init__(self, program: Program, robot: Robot, store: Store, gate: Gate, dropped: Dropped) -> None:
+    def __init__(self, program: Program, robot: Robot, holdings: Holdings, gate: Gate, dropped: Dropped) -> None:
         self._program = program
         self._robot = robot
-        self._store = store
+        self._holdings = holdings
         self._gate = gate
         self._dropped = dropped
         self._watches: dict[object, Watch] = {}
@@ -66,7 +66,7 @@ class Watches:
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> Iterator[FinishSeen]:
         """Yield the news of a fact for those who wait for it; each watch is over with the first."""
-        if self._store.tables[predicate].linear:
+        if self._program.predicates[predicate].kind is Kind.TEMPORARY:
             self._recent[predicate].append(Held(args, now, now))
         for key, watch in list(self._watches.items()):
             finish = self._program.assertions[watch.assertion].finish
@@ -74,10 +74,10 @@ class Watches:
                 del self._watches[key]
                 yield FinishSeen(watch.watcher, watch.assertion, args, now)
 
-    def removed(self, now: Instant, fact: Fact) -> None:
+    def removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
         """Remember a sensed fact that holds no longer: a request for the time when it did may be under way."""
-        if self._program.predicates[fact.predicate].kind is Kind.SENSED:
-            self._recent[fact.predicate].append(Held(fact.args, fact.at, now))
+        if self._program.predicates[predicate].kind is Kind.SENSED:
+            self._recent[predicate].append(Held(args, since, now))
 
     def ask(self, now: Instant, watcher: int, index: int, args: Args, since: Instant) -> FinishSeen | None:
         """Watch for the finish fact of a job that a fact with `args` started at `since`, or return that it is there.
@@ -115,8 +115,8 @@ class Watches:
 
     def _first(self, predicate: int, patterns: tuple[Pattern, ...], since: Instant) -> Held | None:
         """Return the fact that counted first, of those that hold or are remembered and match."""
-        table = self._store.tables[predicate]
-        held = [] if table.linear else [Held(fact.args, fact.at, since) for fact in table.facts.values()]
+        linear = self._program.predicates[predicate].kind is Kind.TEMPORARY
+        held = [] if linear else [Held(args, at, since) for args, at in self._holdings.dated(predicate)]
         fits = [
             each
             for each in (*self._recent[predicate], *held)

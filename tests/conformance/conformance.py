@@ -1,14 +1,15 @@
 """Runs a conformance case: octets and a script of what happens from outside in, a trace out (see README.md)."""
 
 import json
-from random import Random
 from typing import Any
 
+from rmr.base.streams import Choices
 from rmr.base.values import Robot, Value, format_fact, format_value
 from rmr.bytecode.program import ANY, Anything, Kind, Pattern, Program
 from rmr.lang.facts import read_fact
 from rmr.lang.fold import Folder
 from rmr.lang.syntax import Literal, Variable
+from rmr.vm.engines import new_machine
 from rmr.vm.events import (
     ActionDerived,
     BoundReached,
@@ -27,7 +28,7 @@ from rmr.vm.events import (
     VmEvent,
 )
 from rmr.vm.job import Job
-from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.machine import FIRING_BUDGET
 
 Line = dict[str, Any]
 """A line of a script or a trace: JSON."""
@@ -54,7 +55,9 @@ class Case:
         self.script = script
         self.robot: int = script.get("robot", 1)
         budget = script.get("budget", FIRING_BUDGET)
-        self.machine = Machine(program, self.robot, Random(script.get("seed", 0)), firing_budget=budget, trace=True)
+        self.machine = new_machine(
+            program, self.robot, Choices(str(script.get("seed", 0))), firing_budget=budget, trace=True
+        )
 
     def run(self) -> list[Line]:
         """Return what happens."""

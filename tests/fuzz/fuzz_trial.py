@@ -12,13 +12,15 @@ from random import Random
 
 import rmr.vm.match
 import rmr.vm.partial
+from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.codec import BytecodeError, decode, encode
 from rmr.bytecode.conform import conforms
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.program import ANY, Base, Kind, Program, Type
+from rmr.vm.engines import new_machine
 from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, VmEvent
-from rmr.vm.machine import FACTS_MAX, Machine
+from rmr.vm.machine import FACTS_MAX
 
 FIRINGS_MAX = 12
 """Firings of one run."""
@@ -111,7 +113,7 @@ class Trial:
         self.now = 0
         self.serials = [0, 1]
         robot = rng.choice([0, 1, 7, 65533])
-        self.machine = Machine(program, robot, Random(rng.random()), firing_budget=FIRINGS_MAX, trace=True)
+        self.machine = new_machine(program, robot, Choices(str(rng.random())), firing_budget=FIRINGS_MAX, trace=True)
 
     def run(self) -> None:
         """Start the machine and let things happen."""

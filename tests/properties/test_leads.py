@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from vm_hand import INT, ROBOT, Hand, V, actions, bind, code, guard
 
+from rmr.base.streams import Choices
 from rmr.base.values import Robot
 from rmr.bytecode.backwards import Backwards
 from rmr.bytecode.levels import Levels
@@ -28,7 +29,7 @@ from rmr.bytecode.program import (
 )
 from rmr.lang.reach import Reach, with_leads
 from rmr.vm import goals
-from rmr.vm.machine import Machine
+from rmr.vm.engines import new_machine
 from rmr.vm.ranks import Ranks
 from rmr.vm.store import Args
 
@@ -213,7 +214,7 @@ class Maker:
 
 def lived(program: Program, robot: int, seed: int) -> list[object]:
     """Return all that happens to a robot and on it."""
-    machine = Machine(program, robot, Random(seed), firing_budget=FIRINGS_MAX, trace=True)
+    machine = new_machine(program, robot, Choices(str(seed)), firing_budget=FIRINGS_MAX, trace=True)
     machine.start(0)
     happened: list[object] = []
     waiting: list[int] = []

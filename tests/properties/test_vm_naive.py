@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 from vm_hand import INT, OPEN, Hand, V, _, actions, bind, code, guard
 from vm_naive import Naive
 
+from rmr.base.streams import Choices
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Conjunct, Derived, Head, Kind, Operator
 from rmr.vm import once
+from rmr.vm.engines import new_machine
 from rmr.vm.events import FactInserted, FactRemoved
 from rmr.vm.machine import Machine
 
@@ -204,7 +206,7 @@ def together(naive: Naive, machine: Machine, stock: Counter[object], once_only: 
 def compare(drawn: Drawn) -> Machine:
     """Play the script on both machines; they do the same at every run."""
     program = drawn.hand.program()
-    naive, machine = Naive(program), Machine(program, 1, Random(0), firing_budget=1, trace=True)
+    naive, machine = Naive(program), new_machine(program, 1, Choices("0"), firing_budget=1, trace=True)
     stock = Counter[object]()
     machine.start(0)
     for what, predicate, args in drawn.script():

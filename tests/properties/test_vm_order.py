@@ -4,8 +4,9 @@ import subprocess
 import sys
 from random import Random
 
+from rmr.base.streams import Choices
 from rmr.lang.compiler import compile_source
-from rmr.vm.machine import Machine
+from rmr.vm.engines import new_machine
 
 TEXT = """
 type sensor near(robot, area). type action go(R: robot, A: area) -o in(R, A) else stuck(R, A).
@@ -28,7 +29,7 @@ def trace(seed: int) -> list[str]:
     compilation = compile_source(TEXT)
     assert compilation.program is not None, compilation.errors
     chance = Random(seed)
-    machine = Machine(compilation.program, 1, Random(seed), trace=True)
+    machine = new_machine(compilation.program, 1, Choices(str(seed)), trace=True)
     machine.start(0)
     near = compilation.program.index("near")
     assert near is not None

@@ -1,10 +1,9 @@
 """How far a firing is from an open goal, and what the machine makes of it; programs in source text."""
 
-from random import Random
-
 import pytest
 from vm_hand import INT, Hand, V, actions, code, fired, guard
 
+from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode import levels
 from rmr.bytecode.backwards import Backwards
@@ -13,6 +12,7 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Lead, Program
 from rmr.lang.compiler import compile_source
 from rmr.vm import ranks
+from rmr.vm.engines import new_machine
 from rmr.vm.machine import Machine
 
 SEEDS = range(20)
@@ -25,7 +25,7 @@ def compiled(text: str) -> Program:
 
 
 def machine(text: str, seed: int = 0, robot: int = 1) -> Machine:
-    made = Machine(compiled(text), robot, Random(seed))
+    made = new_machine(compiled(text), robot, Choices(str(seed)))
     made.start(0)
     made.run(0)
     return made
@@ -249,7 +249,7 @@ def test_ranks_follow_the_goals_as_they_open_and_are_achieved() -> None:
     assert token is not None
     assert g is not None
     for seed in SEEDS:
-        made = Machine(program, 1, Random(seed))
+        made = new_machine(program, 1, Choices(str(seed)))
         made.start(0)
         made.run(0)
         made.drain()
@@ -268,7 +268,7 @@ def test_a_goal_that_opens_ranks_matches_that_were_there_before() -> None:
     go, g = program.index("go"), program.index("g")
     assert go is not None
     assert g is not None
-    made = Machine(program, 1, Random(0))
+    made = new_machine(program, 1, Choices("0"))
     made.start(0)
     made.insert(0, go, ())
     made.want(0, g, ())

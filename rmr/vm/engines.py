@@ -1,0 +1,31 @@
+"""Which engine runs a program: the interpreter, which is the specification, or the code made from the program.
+
+Both do the same, firing by firing and draw by draw, and say so with the same events.
+"""
+
+from enum import Enum
+
+from rmr.base.streams import Choices
+from rmr.bytecode.program import Program
+from rmr.vm.interpreted import Interpreted
+from rmr.vm.machine import FIRING_BUDGET, Machine
+
+
+class Engine(Enum):
+    """How a machine runs its program."""
+
+    INTERPRETER = "interpreter"
+
+
+def new_machine(
+    program: Program,
+    robot: int,
+    choices: Choices,
+    *,
+    engine: Engine = Engine.INTERPRETER,
+    firing_budget: int = FIRING_BUDGET,
+    trace: bool = False,
+) -> Machine:
+    """Return a machine for a verified `program`; it draws from `choices` and fires `firing_budget` times in one run."""
+    del engine
+    return Interpreted(program, robot, choices, firing_budget=firing_budget, trace=trace)

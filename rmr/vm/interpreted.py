@@ -1,0 +1,89 @@
+"""The engine that is the specification: facts in a store, rules matched as the pages of the language say it.
+
+It takes the byte-code as it is and keeps nothing that could be wrong; whatever runs faster is held against it.
+"""
+
+from rmr.base.streams import Choices
+from rmr.base.time import Instant
+from rmr.bytecode.program import Program
+from rmr.vm.derive import Derivation
+from rmr.vm.events import FactInserted, FactRemoved, RuleFired
+from rmr.vm.interpreter import Interpreter
+from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.store import Args, Fact, Store
+
+
+class Interpreted(Machine):
+    """A machine that interprets its program."""
+
+    def __init__(
+        self,
+        program: Program,
+        robot: int,
+        choices: Choices,
+        *,
+        firing_budget: int = FIRING_BUDGET,
+        trace: bool = False,
+    ) -> None:
+        super().__init__(program, robot, choices, firing_budget=firing_budget, trace=trace)
+        self._store = Store(program.predicates)
+        self._interpreter = Interpreter(
+            program, self.robot, self._store, self._goals, choices, self._failures, self._dropped
+        )
+
+    @property
+    def busy(self) -> bool:  # type: ignore[override]
+        """Whether a rule may be satisfied."""
+        return self._interpreter.busy
+
+    def each(self, predicate: int) -> list[Args]:
+        """Return the arguments of the facts of `predicate` that hold, oldest first."""
+        return self._store.each(predicate)
+
+    def dated(self, predicate: int) -> list[tuple[Args, Instant]]:
+        """Return the same with the instants of their insertion."""
+        return self._store.dated(predicate)
+
+    def _insert(self, now: Instant, predicate: int, args: Args) -> None:
+        store = self._store
+        if store.has(predicate, args) or self._is_full(now, store.count, store.length):
+            return
+        store.insert(predicate, args, now)
+        if self._trace:
+            self._events.append(FactInserted(predicate, args, now))
+        self._interpreter.touch(predicate)
+        self._inserted(now, predicate, args)
+
+    def _withdraw(self, now: Instant, predicate: int, args: Args) -> None:
+        fact = self._store.tables[predicate].find(args)
+        if fact is not None:
+            self._remove(now, fact)
+
+    def _fire(self, now: Instant) -> None:
+        interpreter = self._interpreter
+        interpreter.resume()
+        for _ in range(self._budget):
+            firing = interpreter.select(now)
+            if firing is None:
+                return
+            self._apply(now, *firing)
+
+    def _apply(self, now: Instant, rule: int, derivation: Derivation) -> None:
+        """Fire a rule: remove what it consumes, then add what it derives."""
+        self.firings += 1
+        self._events.append(RuleFired(rule, now))
+        for fact in derivation.consumed:
+            self._remove(now, fact)
+        for chain in derivation.derived:
+            self._follow(now, chain)
+
+    def _remove(self, now: Instant, fact: Fact) -> None:
+        self._store.remove(fact)
+        self._interpreter.touch(fact.predicate)
+        if self._watches.concerns(fact.predicate):
+            self._watches.removed(now, fact.predicate, fact.args, fact.at)
+        if self._trace:
+            self._events.append(FactRemoved(fact.predicate, fact.args, now))
+
+    def _goals_changed(self, predicate: int) -> None:
+        self._interpreter.touch_goal(predicate)
