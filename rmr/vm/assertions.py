@@ -10,20 +10,20 @@ If F is another robot's, that robot is asked to report it (its side is watches.p
 as of the instant at which F was inserted there. News that comes after the deadline does not undo the miss.
 """
 
-from collections import deque
 from collections.abc import Iterator
 from heapq import heapify, heappop, heappush
 
 from rmr.base.time import NEVER, NS_PER_S, Instant
 from rmr.base.values import Robot, format_value
 from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
-from rmr.vm.bounds import Dropped
+from rmr.vm.bounds import Dropped, remember
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.failures import Failures
 from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
 from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
+from rmr.vm.shared import Mine
 from rmr.vm.store import Args, Holdings
 
 JOBS_MAX = 1024
@@ -42,10 +42,32 @@ Entry = tuple[Instant, int, int, Job]
 class Assertions:
     """The jobs of one robot."""
 
+    __slots__ = (
+        "_dropped",
+        "_failures",
+        "_holdings",
+        "_live",
+        "_mine",
+        "_program",
+        "_pushed",
+        "_queue",
+        "_robot",
+        "_serial",
+        "_undecided",
+        "due",
+        "jobs",
+    )
+
     def __init__(
-        self, program: Program, robot: Robot, holdings: Holdings, failures: Failures, dropped: Dropped
+        self,
+        program: Program,
+        robot: Robot,
+        mine: Mine,
+        holdings: Holdings,
+        failures: Failures,
+        dropped: Dropped,
     ) -> None:
-        self.jobs: deque[Job] = deque(maxlen=JOBS_MAX)
+        self.jobs: list[Job] = []
         self.due: Instant = NEVER
         """The next deadline."""
         self._program = program
@@ -59,13 +81,7 @@ class Assertions:
         self._pushed = 0
         self._undecided: dict[int, int] = {}
         """By serial, the jobs whose deadline may come: the number of the entry that holds it."""
-        self._mine = [(i, each) for i, each in enumerate(program.assertions) if each.robot in (None, robot)]
-        self._concerned = {each.start.predicate for _, each in self._mine}
-        self._concerned |= {each.finish.predicate for _, each in self._mine}
-
-    def concerns(self, predicate: int) -> bool:
-        """Tell whether inserting a fact of `predicate` may start or end a job."""
-        return predicate in self._concerned
+        self._mine = mine
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> list[VmEvent]:
         """Return what a fact's insertion brought about: it ends jobs before it starts one."""
@@ -178,7 +194,7 @@ class Assertions:
             self._undecided.pop(self._live.pop(next(iter(self._live))).serial, None)
             self._dropped.add("jobs", LIVE_MAX, now)
         self._live[key] = job
-        self.jobs.append(job)
+        remember(self.jobs, job, JOBS_MAX)
         return job
 
     def _finish(self, at: Instant, key: Key) -> VmEvent:

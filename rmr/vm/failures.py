@@ -27,13 +27,16 @@ def rule_place(program: Program, index: int) -> str:
 class Failures:
     """What has failed on one robot."""
 
+    __slots__ = ("_dropped", "_events", "_known", "_program", "_wait", "count")
+
     def __init__(self, program: Program, events: list[VmEvent], dropped: Dropped) -> None:
         """Tell `events`."""
         self.count = 0
         self._program = program
         self._events = events
         self._dropped = dropped
-        self._known: dict[Key, tuple[Fact, ...]] = {}
+        self._known: dict[Key, tuple[Fact, ...]] | None = None
+        """The failures of matches that are remembered; made with the first."""
         self._wait = 0
         """How many failures to pass over before room is made again."""
 
@@ -45,20 +48,24 @@ class Failures:
     def match(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[Fact], reason: str) -> None:
         """Count and tell, once, that a `step` in a part of a rule failed for `facts`."""
         key = (rule, part, step, *[fact.serial for fact in facts])
-        if key in self._known:
+        known = self._known
+        if known is None:
+            known = self._known = {}
+        if key in known:
             return
-        if len(self._known) >= FAILURES_MAX and not self._make_room():
+        if len(known) >= FAILURES_MAX and not self._make_room(known):
             self._dropped.add("failures", FAILURES_MAX, now)
             return
-        self._known[key] = tuple(facts)
+        known[key] = tuple(facts)
         self.tell(now, rule_place(self._program, rule), reason)
 
-    def _make_room(self) -> bool:
+    def _make_room(self, known: dict[Key, tuple[Fact, ...]]) -> bool:
         """Forget failures of which facts are gone; seldom while that leaves many, for it takes as long as there are."""
         if self._wait:
             self._wait -= 1
             return False
-        self._known = {key: facts for key, facts in self._known.items() if all(fact.held for fact in facts)}
-        if len(self._known) > FAILURES_MAX // 2:
+        for key in [key for key, facts in known.items() if not all(fact.held for fact in facts)]:
+            del known[key]
+        if len(known) > FAILURES_MAX // 2:
             self._wait = FAILURES_MAX
-        return len(self._known) < FAILURES_MAX
+        return len(known) < FAILURES_MAX

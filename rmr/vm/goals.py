@@ -7,7 +7,6 @@ which no open goal follows has none. An action that a firing derives counts as i
 they are this robot's.
 """
 
-from collections import deque
 from collections.abc import Iterable, Iterator
 
 from rmr.base.time import Instant, in_seconds
@@ -15,7 +14,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.backwards import Patterns
 from rmr.bytecode.program import ANY, Constant, Program
 from rmr.vm.assertions import goal_text
-from rmr.vm.bounds import Dropped
+from rmr.vm.bounds import Dropped, remember
 from rmr.vm.derive import Chain, Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import GoalAchieved
@@ -37,30 +36,29 @@ GoalArgs = Patterns
 class Goals:
     """The goals of one robot."""
 
+    __slots__ = ("_achieved", "_count", "_dropped", "_holdings", "_program", "_ranks", "_robot", "open")
+
     def __init__(self, program: Program, robot: Robot, holdings: Holdings, dropped: Dropped) -> None:
         self._program = program
         self._robot = robot
         self._holdings = holdings
         self._dropped = dropped
-        self._open: dict[int, dict[GoalKey, Patterns]] = {}
+        self.open: dict[int, dict[GoalKey, Patterns]] = {}
+        """The goals that are open, by predicate; a predicate without is missing."""
         self._count = 0
         self._ranks = Ranks(program, robot, self._wanted)
-        self._achieved: deque[tuple[str, float]] = deque(maxlen=ACHIEVED_MAX)
-
-    def wanted(self, predicate: int) -> bool:
-        """Tell whether a goal of `predicate` is open."""
-        return predicate in self._open
+        self._achieved: list[tuple[str, float]] = []
 
     def want(self, now: Instant, predicate: int, args: GoalArgs) -> list[GoalAchieved]:
         """Open a goal, or discharge it at once if a fact holds that matches."""
         args = here(args, self._robot)
         key = goal_key(predicate, args)
-        if key not in self._open.get(predicate, {}):
+        if key not in self.open.get(predicate, {}):
             if self._count >= GOALS_MAX:
                 self._dropped.add("goals", GOALS_MAX, now)
                 return []
             self._count += 1
-            self._open.setdefault(predicate, {})[key] = args
+            self.open.setdefault(predicate, {})[key] = args
             self._ranks.change(predicate, args)
         for fact in self._holdings.each(predicate):
             if pattern_agrees(args, fact):
@@ -69,28 +67,28 @@ class Goals:
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> list[GoalAchieved]:
         """Discharge the goals that a fact fulfils."""
-        goals = self._open.get(predicate, {})
+        goals = self.open.get(predicate, {})
         met = [key for key, goal in goals.items() if pattern_agrees(goal, args)]
         events = []
         for key in met:
             goal = goals.pop(key)
             self._count -= 1
             self._ranks.change(predicate, goal)
-            self._achieved.append((self._text(predicate, goal), in_seconds(now)))
+            remember(self._achieved, (self._text(predicate, goal), in_seconds(now)), ACHIEVED_MAX)
             values = tuple([each.value if isinstance(each, Constant) else ANY for each in goal])
             events.append(GoalAchieved(predicate, values, now))
         if not goals:
-            self._open.pop(predicate, None)
+            self.open.pop(predicate, None)
         return events
 
     def report(self) -> dict[str, list[list[object]] | list[str]]:
         """Return the goals achieved, each with the time in seconds, and those open, as the report lists them."""
-        still = [self._text(predicate, goal) for predicate, goals in self._open.items() for goal in goals.values()]
+        still = [self._text(predicate, goal) for predicate, goals in self.open.items() for goal in goals.values()]
         return {"achieved": [[text, at] for text, at in self._achieved], "open": sorted(still)}
 
     def nearest(self, rule: int) -> int | None:
         """Return the lowest rank that a firing of `rule` can have; None if no open goal follows."""
-        return self._ranks.nearest(rule) if self._open else None
+        return self._ranks.nearest(rule) if self.open else None
 
     def leading(self, predicate: int) -> list[int]:
         """Return the rules whose firings may get another rank when the goals of `predicate` change."""
@@ -101,7 +99,7 @@ class Goals:
         return self._ranks.of(rule, (fact for chain in derived for item in chain for fact in self._facts(item, now)))
 
     def _wanted(self) -> Iterator[tuple[int, Patterns]]:
-        return ((predicate, args) for predicate, goals in self._open.items() for args in goals.values())
+        return ((predicate, args) for predicate, goals in self.open.items() for args in goals.values())
 
     def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
         """Yield the facts of this robot that an item of a head is or, being an action, brings about."""

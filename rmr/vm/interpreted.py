@@ -16,6 +16,8 @@ from rmr.vm.store import Args, Fact, Store
 class Interpreted(Machine):
     """A machine that interprets its program."""
 
+    __slots__ = ("_interpreter", "_store")
+
     def __init__(
         self,
         program: Program,
@@ -80,8 +82,7 @@ class Interpreted(Machine):
     def _remove(self, now: Instant, fact: Fact) -> None:
         self._store.remove(fact)
         self._interpreter.touch(fact.predicate)
-        if self._watches.concerns(fact.predicate):
-            self._watches.removed(now, fact.predicate, fact.args, fact.at)
+        self._removed(now, fact.predicate, fact.args, fact.at)
         if self._trace:
             self._events.append(FactRemoved(fact.predicate, fact.args, now))
 

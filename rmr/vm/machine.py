@@ -2,10 +2,9 @@
 
 What all engines share: how a machine looks to its host, and what happens beside the rules, to goals, time
 assertions and actions. Engines differ in how they keep the facts and find the rule that goes next
-(`rmr.vm.engines`). The host hands in facts from outside, goals, the ends of
-actions and the time, calls `run`, and takes away what happened with `drain`. A firing is atomic: what the
-body consumed goes, then what the head derives comes, and only then is the next rule chosen. An insertion
-first discharges goals, then ends jobs, then starts them.
+(`rmr.vm.engines`). The host hands in facts from outside, goals, the ends of actions and the time, calls `run`, and
+takes away what happened with `drain`. A firing is atomic: what the body consumed goes, then what the head derives
+comes, and only then is the next rule chosen. An insertion first discharges goals, then ends jobs, then starts them.
 
 A deadline is part of the time in which the job may finish (t' - t <= d, paper III.E): what is inserted at the
 very instant of the deadline is in time, so deadlines before `now` are dealt with before anything else that
@@ -13,33 +12,21 @@ happens at `now`, and those at `now` after it. The machine holds no clock and ne
 the host sleeps until `next_wake`.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from abc import abstractmethod
 
 from rmr.base.streams import Choices
-from rmr.base.time import Instant
-from rmr.base.values import Robot, Value, format_fact
-from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program, Slot
-from rmr.vm.assertions import Assertions
-from rmr.vm.bounds import Dropped
+from rmr.base.time import NEVER, Instant
+from rmr.base.values import Value, format_fact
+from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
 from rmr.vm.derive import Chain, Derived, Role, evaluated
 from rmr.vm.doubts import doubts
 from rmr.vm.evaluate import NoValue
-from rmr.vm.events import (
-    ActionDerived,
-    FactSent,
-    GoalSent,
-    JobMissed,
-    VmEvent,
-)
-from rmr.vm.failures import Failures
-from rmr.vm.goals import GoalArgs, Goals
+from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
+from rmr.vm.goals import GoalArgs
 from rmr.vm.job import Job
 from rmr.vm.match import pattern_agrees
-from rmr.vm.outside import Gate
+from rmr.vm.parts import Parts
 from rmr.vm.store import Args
-from rmr.vm.underway import UnderWay
-from rmr.vm.watches import Watches
 
 FACTS_MAX = 100_000
 """Facts of one robot, of all kinds; what would be one more is not inserted. They take some 50 MB at most as a rule."""
@@ -50,12 +37,11 @@ FACTS_LENGTH_MAX = 4_000_000
 FIRING_BUDGET = 500
 """Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
 
-ROBOT_NUMBER = "id"
-"""The provided persistent predicate ``!id(R, N)``."""
 
-
-class Machine(ABC):
+class Machine(Parts):
     """Runs one program for one robot."""
+
+    __slots__ = ("_budget", "_choices", "_now", "_trace", "firings")
 
     def __init__(
         self,
@@ -66,34 +52,17 @@ class Machine(ABC):
         firing_budget: int = FIRING_BUDGET,
         trace: bool = False,
     ) -> None:
-        self.program = program
-        self.robot = Robot(robot)
+        super().__init__(program, robot)
         self.firings = 0
         self._budget = firing_budget
         self._trace = trace
         self._now: Instant = 0
-        self._events: list[VmEvent] = []
-        self._dropped = Dropped(self._events)
-        self._failures = Failures(program, self._events, self._dropped)
-        self._under_way = UnderWay(self.robot, self._dropped)
-        self._gate = Gate(program.predicates)
-        self._goals = Goals(program, self.robot, self, self._dropped)
-        self._assertions = Assertions(program, self.robot, self, self._failures, self._dropped)
-        self._watches = Watches(program, self.robot, self, self._gate, self._dropped)
         self._choices = choices
 
     # What engines do
 
     busy: bool
     """Whether a rule may be satisfied."""
-
-    @abstractmethod
-    def each(self, predicate: int) -> Iterable[Args]:
-        """Return the arguments of the facts of `predicate` that hold, oldest first."""
-
-    @abstractmethod
-    def dated(self, predicate: int) -> Iterable[tuple[Args, Instant]]:
-        """Return the same with the instants of their insertion."""
 
     @abstractmethod
     def _insert(self, now: Instant, predicate: int, args: Args) -> None:
@@ -115,13 +84,11 @@ class Machine(ABC):
 
     def start(self, now: Instant) -> None:
         """Insert the facts, then the goals, that the program states for this robot."""
-        number = self.program.index(ROBOT_NUMBER)
-        if number is not None and self.program.predicates[number].provided:
-            self.insert(now, number, (int(self.robot),))
-        for fact in self.program.facts:
-            if fact.owner is None or fact.owner == self.robot:
-                args = tuple([self.robot if isinstance(arg, Slot) else arg for arg in fact.args])
-                self._insert(now, fact.predicate, args)
+        shared = self._shared
+        if shared.number is not None:
+            self.insert(now, shared.number, (int(self.robot),))
+        for predicate, args in shared.facts(self.robot):
+            self._insert(now, predicate, args)
         for goal in self.program.goals:
             if goal.owner is None or goal.owner == self.robot:
                 self._want(now, goal.predicate, goal.args)
@@ -133,7 +100,7 @@ class Machine(ABC):
             ValueError: `args` (without the owner) are not what the predicate declares.
         """
         self._arrive(now)
-        self._insert(now, predicate, self._gate.fact(predicate, args))
+        self._insert(now, predicate, self._shared.gate.fact(predicate, args))
 
     def want(self, now: Instant, predicate: int, args: tuple[Value | Pattern, ...]) -> None:
         """Open a goal from outside; ANY among `args` matches anything.
@@ -142,7 +109,7 @@ class Machine(ABC):
             ValueError: `args` (without the owner) are not what the predicate declares.
         """
         self._arrive(now)
-        self._want(now, predicate, self._gate.goal(predicate, args))
+        self._want(now, predicate, self._shared.gate.goal(predicate, args))
 
     def withdraw(self, now: Instant, predicate: int, args: Args) -> None:
         """Remove a sensed fact that no longer holds; nothing happens if it does not hold.
@@ -151,7 +118,7 @@ class Machine(ABC):
             ValueError: the predicate is not sensed, or `args` are not what it declares.
         """
         self._arrive(now)
-        self._withdraw(now, predicate, self._gate.sensed(predicate, args))
+        self._withdraw(now, predicate, self._shared.gate.sensed(predicate, args))
 
     def derive_action(self, now: Instant, predicate: int, args: Args, origin: tuple[int, int] | None = None) -> None:
         """Take up an action that another robot derived for this one.
@@ -162,7 +129,8 @@ class Machine(ABC):
             ValueError: `args` (without the executor) are not what the action declares.
         """
         self._arrive(now)
-        self._act(now, Derived(Role.ACTION, predicate, self.robot, self._gate.action(predicate, args)), (), origin)
+        args = self._shared.gate.action(predicate, args)
+        self._act(now, Derived(Role.ACTION, predicate, self.robot, args), (), origin)
 
     def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
         """End an action: insert its effects, or the else effects, then derive the step behind it unless it failed.
@@ -207,7 +175,7 @@ class Machine(ABC):
         self._arrive(now)
         if not 0 <= assertion < len(self.program.assertions):
             raise ValueError(f"there is no assertion {assertion}")
-        args = self._gate.fact(self.program.assertions[assertion].finish.predicate, args)
+        args = self._shared.gate.fact(self.program.assertions[assertion].finish.predicate, args)
         events = self._assertions.seen(source, assertion, args, min(at, now))
         self._events += events
         return bool(events)
@@ -215,11 +183,13 @@ class Machine(ABC):
     def run(self, now: Instant) -> None:
         """Deal with the deadlines that are due and fire rules until quiescence, or until the budget is used."""
         self._now = now
-        if self._assertions.due < now:
+        jobs = self._any_jobs
+        if jobs is not None and jobs.due < now:
             self._miss(now - 1)
         if self.busy:
             self._fire(now)
-        if self._assertions.due <= now:
+        jobs = self._any_jobs
+        if jobs is not None and jobs.due <= now:
             self._miss(now)
 
     # What the host asks
@@ -232,12 +202,12 @@ class Machine(ABC):
     @property
     def next_wake(self) -> Instant:
         """When `run` is next needed: the next deadline; at once if rules may be satisfied; NEVER."""
-        return self._now if self.busy else self._assertions.due
+        return self._now if self.busy else self.due
 
     @property
     def due(self) -> Instant:
         """The next deadline of a job; NEVER."""
-        return self._assertions.due
+        return NEVER if self._any_jobs is None else self._any_jobs.due
 
     @property
     def jobs(self) -> list[Job]:
@@ -296,7 +266,8 @@ class Machine(ABC):
     def _arrive(self, now: Instant) -> None:
         """Let pass what was due before something happens at `now`."""
         self._now = now
-        if self._assertions.due < now:
+        jobs = self._any_jobs
+        if jobs is not None and jobs.due < now:
             self._miss(now - 1)
 
     def _follow(self, now: Instant, chain: Chain) -> None:
@@ -329,15 +300,21 @@ class Machine(ABC):
 
     def _inserted(self, now: Instant, predicate: int, args: Args) -> None:
         """Let a fact that has just been inserted discharge goals, then end jobs, then start them."""
-        if self._goals.wanted(predicate):
-            achieved = self._goals.inserted(now, predicate, args)
+        goals = self._any_goals
+        if goals is not None and predicate in goals.open:
+            achieved = goals.inserted(now, predicate, args)
             if achieved:
                 self._events += achieved
                 self._goals_changed(predicate)
-        if self._watches.concerns(predicate):
+        if predicate in self._affairs.asked:
             self._events += self._watches.inserted(now, predicate, args)
-        if self._assertions.concerns(predicate):
+        if predicate in self._affairs.concerned:
             self._events += self._assertions.inserted(now, predicate, args)
+
+    def _removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
+        """Remember a fact that has just been removed if another robot may yet ask for it."""
+        if predicate in self._affairs.asked:
+            self._watches.removed(now, predicate, args, since)
 
     def _want(self, now: Instant, predicate: int, args: GoalArgs) -> None:
         self._events += self._goals.want(now, predicate, args)
@@ -345,7 +322,7 @@ class Machine(ABC):
 
     def _act(self, now: Instant, item: Derived, then: Chain = (), origin: tuple[int, int] | None = None) -> None:
         """Report an action; its end is awaited if this robot executes it, or if steps follow."""
-        serial = self._under_way.begin(now, item, then)
+        serial = self._under_way.begin(now, item, then) if then or item.owner == self.robot else 0
         self._events.append(ActionDerived(serial, item.predicate, item.owner, item.args, origin))
 
     def _take_effect(self, now: Instant, where: str, effect: Effect, action: Derived) -> None:

@@ -7,13 +7,13 @@ firing brings about are looked for backwards from all open goals (levels.py), un
 the same: the compiler is silent where the search might be cut short.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
 from rmr.bytecode.backwards import HOME, Backwards, Patterns, Wanted
 from rmr.bytecode.levels import Levels
-from rmr.bytecode.program import Constant, Program
+from rmr.bytecode.program import Constant, Lead, Program
 from rmr.bytecode.wire import identity
 from rmr.vm.store import Args
 
@@ -28,15 +28,33 @@ reading = ByIdentity(Backwards)
 """A program read backwards; all robots share it."""
 
 
-def stated(program: Program, robot: Robot) -> dict[GoalKey, RuleRanks]:
-    """Return what the compiler has worked out for the goals of `robot`."""
-    return {
-        goal_key(goal.predicate, here(goal.args, robot)): {
-            lead.rule: SEARCH if lead.rank is None else lead.rank for lead in goal.leads
+class Stated:
+    """What the compiler has worked out for the goals that a program states."""
+
+    def __init__(self, program: Program) -> None:
+        self._leads = [(goal, _ranks(goal.leads)) for goal in program.goals if goal.leads is not None]
+        alike = all(goal.owner is None and HOME not in goal.args for goal, _ in self._leads)
+        self._alike = self._work_out(Robot(0)) if alike else None
+        """What is the same for all robots."""
+
+    def of(self, robot: Robot) -> Mapping[GoalKey, RuleRanks]:
+        """Return it for the goals of `robot`."""
+        return self._work_out(robot) if self._alike is None else self._alike
+
+    def _work_out(self, robot: Robot) -> dict[GoalKey, RuleRanks]:
+        return {
+            goal_key(goal.predicate, here(goal.args, robot)): ranks
+            for goal, ranks in self._leads
+            if goal.owner in (None, robot)
         }
-        for goal in program.goals
-        if goal.leads is not None and goal.owner in (None, robot)
-    }
+
+
+def _ranks(leads: Iterable[Lead]) -> RuleRanks:
+    return {lead.rule: SEARCH if lead.rank is None else lead.rank for lead in leads}
+
+
+stated = ByIdentity(Stated)
+"""Returns what a program's compiler has worked out; all robots share it."""
 
 
 def merged(leads: Iterable[RuleRanks]) -> RuleRanks:
@@ -60,18 +78,31 @@ def goal_key(predicate: int, args: Patterns) -> GoalKey:
 
 def here(args: Patterns, robot: Robot) -> Patterns:
     """Return a goal's arguments with `robot` in the place of the robot itself."""
-    return tuple([Constant(robot) if arg == HOME else arg for arg in args])
+    return tuple([Constant(robot) if arg == HOME else arg for arg in args]) if HOME in args else args
 
 
 class Ranks:
     """The ranks of one robot's firings; nothing is read backwards before it has to be."""
+
+    __slots__ = (
+        "_goals",
+        "_leading",
+        "_levels",
+        "_nearest",
+        "_program",
+        "_ranks",
+        "_robot",
+        "_stale",
+        "_stated",
+        "_unstated",
+    )
 
     def __init__(self, program: Program, robot: Robot, goals: Callable[[], Iterable[Wanted]]) -> None:
         """`goals` returns the open ones."""
         self._program = program
         self._robot = robot
         self._goals = goals
-        self._stated = stated(program, robot)
+        self._stated = stated(program).of(robot)
         self._unstated = False
         """A goal has been open of which the compiler says nothing."""
         self._leading: dict[int, list[int]] = {}

@@ -31,6 +31,8 @@ class Awaited(NamedTuple):
 class UnderWay:
     """The actions that one robot awaits."""
 
+    __slots__ = ("_actions", "_chains", "_dropped", "_robot", "_serial")
+
     def __init__(self, robot: Robot, dropped: Dropped) -> None:
         self._robot = robot
         self._dropped = dropped
@@ -39,15 +41,14 @@ class UnderWay:
         self._chains: dict[int, Chain] = {}
 
     def begin(self, now: Instant, action: Derived, then: Chain) -> int:
-        """Return an action's serial; 0 if nothing waits for its end."""
-        if action.owner != self._robot and not then:
-            return 0
-        self._make_room(now, bool(then))
-        self._serial += 1
-        self._actions[self._serial] = action
+        """Return the serial of an action which this robot executes, or behind which there are steps."""
+        if len(self._actions) >= ACTIONS_MAX or (then and len(self._chains) >= CHAINS_MAX):
+            self._make_room(now, bool(then))
+        self._serial = serial = self._serial + 1
+        self._actions[serial] = action
         if then:
-            self._chains[self._serial] = then
-        return self._serial
+            self._chains[serial] = then
+        return serial
 
     def end(self, serial: int, executor: int | None) -> Awaited | None:
         """Take out an action that has ended; None if it is not awaited, or not from `executor` (None: anybody)."""

@@ -7,18 +7,17 @@ fact that holds counts at once, as of the later of the start and its insertion, 
 newest are remembered. A job that starts anew asks again, and its older watch goes.
 """
 
-from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot
-from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, Kind, Pattern, Program, Slot
-from rmr.vm.bounds import Dropped
+from rmr.bytecode.program import Assertion, Kind, Pattern, Program
+from rmr.vm.bounds import Dropped, remember
 from rmr.vm.events import FinishSeen
 from rmr.vm.match import pattern_agrees
-from rmr.vm.outside import Gate
 from rmr.vm.patterns import bind, instantiate, key_of, robot_of
+from rmr.vm.shared import Shared
 from rmr.vm.store import Args, Holdings
 
 WATCHES_MAX = 256
@@ -47,27 +46,21 @@ class Held(NamedTuple):
 class Watches:
     """What one robot watches for others."""
 
-    def __init__(self, program: Program, robot: Robot, holdings: Holdings, gate: Gate, dropped: Dropped) -> None:
+    __slots__ = ("_dropped", "_holdings", "_program", "_recent", "_robot", "_shared", "_watches")
+
+    def __init__(self, program: Program, robot: Robot, holdings: Holdings, shared: Shared, dropped: Dropped) -> None:
         self._program = program
         self._robot = robot
         self._holdings = holdings
-        self._gate = gate
+        self._shared = shared
         self._dropped = dropped
         self._watches: dict[object, Watch] = {}
-        self._recent: dict[int, deque[Held]] = {
-            assertion.finish.predicate: deque(maxlen=RECENT_MAX)
-            for assertion in program.assertions
-            if _may_be_asked(assertion, robot)
-        }
-
-    def concerns(self, predicate: int) -> bool:
-        """Tell whether another robot's job may wait for a fact of `predicate`."""
-        return predicate in self._recent
+        self._recent: dict[int, list[Held]] = {}
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> Iterator[FinishSeen]:
         """Yield the news of a fact for those who wait for it; each watch is over with the first."""
         if self._program.predicates[predicate].kind is Kind.TEMPORARY:
-            self._recent[predicate].append(Held(args, now, now))
+            self._remember(predicate, Held(args, now, now))
         for key, watch in list(self._watches.items()):
             finish = self._program.assertions[watch.assertion].finish
             if finish.predicate == predicate and pattern_agrees(watch.patterns, args):
@@ -77,7 +70,7 @@ class Watches:
     def removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
         """Remember a sensed fact that holds no longer: a request for the time when it did may be under way."""
         if self._program.predicates[predicate].kind is Kind.SENSED:
-            self._recent[predicate].append(Held(args, since, now))
+            self._remember(predicate, Held(args, since, now))
 
     def ask(self, now: Instant, watcher: int, index: int, args: Args, since: Instant) -> FinishSeen | None:
         """Watch for the finish fact of a job that a fact with `args` started at `since`, or return that it is there.
@@ -86,8 +79,8 @@ class Watches:
             ValueError: no such job waits for a fact of this robot.
         """
         assertion = self._assertion(index, watcher)
-        start = assertion.start
-        bindings = bind(assertion.slots, start.args, self._gate.fact(start.predicate, args), Robot(watcher))
+        start = self._shared.gate.fact(assertion.start.predicate, args)
+        bindings = bind(assertion.slots, assertion.start.args, start, Robot(watcher))
         if bindings is None or robot_of(assertion.finisher, bindings) != self._robot:
             raise ValueError(f"no job of assertion {assertion.name} waits for a fact of this robot")
         patterns = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
@@ -102,6 +95,9 @@ class Watches:
         self._watches[key] = Watch(Robot(watcher), index, patterns)
         return None
 
+    def _remember(self, predicate: int, fact: Held) -> None:
+        remember(self._recent.setdefault(predicate, []), fact, RECENT_MAX)
+
     def _assertion(self, index: int, watcher: int) -> Assertion:
         """Return an assertion of which `watcher` may have a job. Raises ValueError."""
         if not 0 <= index < len(self._program.assertions):
@@ -109,7 +105,7 @@ class Watches:
         assertion = self._program.assertions[index]
         if watcher == self._robot or assertion.robot not in (None, watcher):
             raise ValueError(f"robot {watcher} asks this one for no finish of assertion {assertion.name}")
-        if not self.concerns(assertion.finish.predicate):
+        if assertion.finish.predicate not in self._shared.affairs(self._robot).asked:
             raise ValueError(f"the finish fact of assertion {assertion.name} is no other robot's affair")
         return assertion
 
@@ -119,15 +115,7 @@ class Watches:
         held = [] if linear else [Held(args, at, since) for args, at in self._holdings.dated(predicate)]
         fits = [
             each
-            for each in (*self._recent[predicate], *held)
+            for each in (*self._recent.get(predicate, ()), *held)
             if each.until >= since and pattern_agrees(patterns, each.args)
         ]
         return min(fits, key=lambda each: max(since, each.since), default=None)
-
-
-def _may_be_asked(assertion: Assertion, robot: Robot) -> bool:
-    """Tell whether the finish fact may be `robot`'s while the job is another's."""
-    finisher = assertion.finisher
-    if isinstance(finisher, Constant):
-        return finisher.value == robot and assertion.robot != robot
-    return isinstance(finisher, Slot) and finisher.index != SELF_SLOT

@@ -292,7 +292,7 @@ def test_the_memory_of_insertions_is_bounded(monkeypatch: pytest.MonkeyPatch) ->
 def test_robots_that_nobody_can_ask_remember_nothing() -> None:
     pair = Pair(finisher=V(0))
     pair.take(1)
-    assert not any(pair.taker._watches.concerns(each) for each in (pair.gave, pair.took))
+    assert not pair.taker._affairs.asked
 
 
 def three(deadline: object = 10) -> tuple[Hand, int, int]:
