@@ -105,7 +105,7 @@ def test_every_stream_of_chance_is_documented():
     opened = set()
     for folder in ("rmr", "agents", "world"):
         for path in (ROOT / folder).rglob("*.py"):
-            for name in re.findall(r"stream\(f\"([^\"]+)\"\)", path.read_text()):
+            for name in re.findall(r"(?:stream|Choices)\(f\"([^\"]+)\"\)", path.read_text()):
                 opened.add(name.removesuffix("/{config.epoch}").rsplit("/", 1)[1])
     assert opened == documented
 
