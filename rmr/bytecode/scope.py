@@ -28,6 +28,11 @@ def literal(code: Code) -> Value | None:
     return code[0].operand if len(code) == 1 and code[0].op in (Op.CONST, Op.INT) else None
 
 
+def type_of_value(value: Value) -> Type:
+    """Return the type of a constant; of a list nothing is said."""
+    return Type(_BASES[type(value)]) if type(value) in _BASES else UNKNOWN
+
+
 class Scope:
     """Grows conjunct by conjunct; at first only the robot itself has a slot with a value."""
 
@@ -79,7 +84,7 @@ class Scope:
             return UNKNOWN
         value = literal(code)
         if value is not None:
-            return Type(_BASES[type(value)]) if type(value) in _BASES else UNKNOWN
+            return type_of_value(value)
         operand = code[0].operand
         known = self.type_at(operand) if code[0].op is Op.LOAD and isinstance(operand, int) else None
         return UNKNOWN if known is None else known

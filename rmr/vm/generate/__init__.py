@@ -1,0 +1,1 @@
+"""Specialised Python source from verified programs."""

@@ -1,0 +1,230 @@
+"""Operators as Python source: as little of it as what is known of the operands allows.
+
+What is known to be right is written in place, with the check that is left. For the rest, and for what has no value,
+the very function is called that the interpreter calls, so that values and messages are the same.
+"""
+
+from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol
+from rmr.bytecode import arithmetic
+from rmr.bytecode.conform import LENGTH_MAX
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import Base, Type
+from rmr.vm.generate.known import (
+    BOOL,
+    FLOAT,
+    FLOAT_MAX,
+    INT,
+    NOTHING,
+    NUMBERS,
+    Bounds,
+    Known,
+    common,
+    comparable,
+    different,
+    within,
+)
+from rmr.vm.generate.ranges import RESULTS, negative, nonzero, quotient, remainder
+from rmr.vm.generate.source import Pool, Source, fails
+
+SIGNS = {
+    Op.ADD: "+",
+    Op.SUB: "-",
+    Op.MUL: "*",
+    Op.DIV: "/",
+    Op.MOD: "%",
+    Op.EQ: "==",
+    Op.NE: "!=",
+    Op.LT: "<",
+    Op.LE: "<=",
+    Op.GT: ">",
+    Op.GE: ">=",
+}
+
+CLASSES: dict[Base, tuple[str, type]] = {
+    Base.ROBOT: ("Robot", Robot),
+    Base.BOOL: ("bool", bool),
+    Base.STRING: ("str", str),
+    Base.SYMBOL: ("Symbol", Symbol),
+}
+"""Types whose values equal only values of the same type: their Python classes, by name."""
+
+
+def binary(op: Op, left: Source, right: Source, pool: Pool) -> Source:
+    """Return an operator of two operands."""
+    if op in (Op.EQ, Op.NE):
+        return _equal(op, left, right, pool)
+    if op in (Op.LT, Op.LE, Op.GT, Op.GE):
+        return _ordered(op, left, right, pool)
+    if left.known.base in NUMBERS and right.known.base in NUMBERS:
+        if op in RESULTS:
+            bounds = RESULTS[op](left.known.bounds, right.known.bounds)
+            text = f"{left.text} {SIGNS[op]} {right.text}"
+            return in_range(text, kind_of(left, right), bounds, left, right, pool=pool)
+        return _division(op, left, right, pool)
+    if op is Op.ADD and left.known.base is right.known.base is Base.LIST:
+        return _joined(left, right, pool)
+    return _by_function(op, left, right, pool)
+
+
+def unary(op: Op, operand: Source, pool: Pool) -> Source:
+    """Return an operator of one operand."""
+    if op is Op.NOT:
+        condition = truth(operand, pool)
+        return Source(f"(not {condition.text})", BOOL, condition.fails)
+    if op is Op.FLOAT:
+        return _float(operand, pool)
+    known = operand.known
+    if known.type is not None and known.base in NUMBERS:
+        return in_range(f"-{operand.text}", known.type, negative(known.bounds), operand, pool=pool)
+    return Source(f"{pool.helper('negate', arithmetic.UNARY[op])}({operand.text})", NOTHING, True)
+
+
+def truth(condition: Source, pool: Pool) -> Source:
+    """Return a condition that is certainly a Boolean or has no value."""
+    if condition.known.base is Base.BOOL:
+        return condition
+    return Source(f"{pool.helper('truth', arithmetic.truth)}({condition.text})", BOOL, True)
+
+
+def listed(items: list[Source], pool: Pool) -> Source:
+    """Return a list of `items`."""
+    kind = items[0].known.type if items else None
+    for item in items:
+        kind = None if kind is None or item.known.type is None else common(kind, item.known.type)
+    text = f"({''.join(f'{item.text}, ' for item in items).rstrip()})"
+    known = within(Type(Base.LIST, element=kind), (len(items), len(items)))
+    if all(_is_flat(item.known.type) for item in items):
+        return Source(text, known, fails(*items))
+    return Source(f"{pool.helper('built', arithmetic.built)}({text})", known, True)
+
+
+def in_range(text: str, kind: Type, bounds: Bounds, *operands: Source, pool: Pool) -> Source:
+    """Return the number `text` of type `kind`, checked unless it is known to be in range."""
+    known = within(kind, bounds)
+    lowest, highest = (-FLOAT_MAX, FLOAT_MAX) if kind.base is Base.FLOAT else (INT_MIN, INT_MAX)
+    low, high = bounds[0] >= lowest, bounds[1] <= highest
+    if low and high:
+        return Source(f"({text})", known, fails(*operands))
+    name = pool.temporary()
+    if kind.base is Base.FLOAT:
+        test = f"({name} := {text}) - {name} == 0.0"
+    elif low:
+        test = f"({name} := {text}) <= {INT_MAX}"
+    elif high:
+        test = f"({name} := {text}) >= {INT_MIN}"
+    else:
+        test = f"{INT_MIN} <= ({name} := {text}) <= {INT_MAX}"
+    return Source(f"({name} if {test} else {pool.helper('checked', arithmetic.checked)}({name}))", known, True)
+
+
+def kind_of(*operands: Source) -> Type:
+    """Return the type of a result of numbers: a float if one of them is."""
+    return FLOAT if any(operand.known.base is Base.FLOAT for operand in operands) else INT
+
+
+def _by_function(op: Op, left: Source, right: Source, pool: Pool) -> Source:
+    """Return the operator as the interpreter works it out."""
+    name = {Op.ADD: "add", Op.SUB: "subtract", Op.MUL: "multiply", Op.DIV: "divide", Op.MOD: "modulo"}[op]
+    text = f"{pool.helper(name, arithmetic.BINARY[op])}({left.text}, {right.text})"
+    if op is Op.DIV or Base.FLOAT in (left.known.base, right.known.base):
+        known = Known(FLOAT)
+    elif left.known.base is right.known.base:
+        known = Known(left.known.type)
+    else:
+        known = NOTHING
+    return Source(text, known, True)
+
+
+def _division(op: Op, left: Source, right: Source, pool: Pool) -> Source:
+    """Return a quotient or remainder of numbers; a dividend that may fail does so before a divisor of zero."""
+    whole = right.known.base is Base.INT
+    if nonzero(right.known.bounds):
+        return _divided(op, left, right, whole, pool)
+    name = pool.temporary()
+    first = ""
+    if left.fails:
+        dividend = pool.temporary()
+        first = f"({dividend} := {left.text}) is not None and "
+        left = Source(dividend, left.known, False)
+    divided = _divided(op, left, Source(name, right.known, False), whole, pool)
+    by_zero = f"{pool.helper('divide', arithmetic.BINARY[Op.DIV])}(1, 0)"
+    return Source(f"({divided.text} if {first}({name} := {right.text}) else {by_zero})", divided.known, True)
+
+
+def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> Source:
+    text, one, other = f"{left.text} {SIGNS[op]} {right.text}", left.known.bounds, right.known.bounds
+    if op is Op.DIV:
+        return in_range(text, FLOAT, quotient(one, other, whole=whole), left, right, pool=pool)
+    kind = kind_of(left, right)
+    bounds = remainder(one, other, whole=kind.base is Base.INT)
+    return Source(f"({text})", within(kind, bounds), fails(left, right))
+
+
+def _joined(left: Source, right: Source, pool: Pool) -> Source:
+    """Return two lists as one; of items without inside only the number can be too large."""
+    one, other = left.known, right.known
+    assert one.type is not None
+    assert other.type is not None
+    low, high = RESULTS[Op.ADD](one.bounds, other.bounds)
+    known = within(common(one.type, other.type) or Type(Base.LIST), (low, high))
+    text, built = f"{left.text} + {right.text}", pool.helper("built", arithmetic.built)
+    if not (_is_flat(one.element) and _is_flat(other.element)):
+        return Source(f"{built}({text})", known, True)
+    if high <= LENGTH_MAX:
+        return Source(f"({text})", known, fails(left, right))
+    name = pool.temporary()
+    return Source(f"({name} if len({name} := {text}) <= {LENGTH_MAX} else {built}({name}))", known, True)
+
+
+def _is_flat(kind: Type | None) -> bool:
+    """Tell whether values of `kind` have no characters or items that count."""
+    return kind is not None and kind.base in (Base.ROBOT, Base.INT, Base.FLOAT, Base.BOOL)
+
+
+def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
+    one, other = left.known.type or Type(Base.OPEN), right.known.type or Type(Base.OPEN)
+    failing = fails(left, right)
+    if comparable(one, other):
+        return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, failing)
+    if different(one, other) and not failing:
+        return Source(str(op is Op.NE), BOOL, False)
+    return Source(_same(op, left, right, pool), BOOL, failing)
+
+
+def _same(op: Op, left: Source, right: Source, pool: Pool) -> str:
+    """Return the comparison of values of which one's type is not known."""
+    negation = "not " if op is Op.NE else ""
+    for wanted, unknown, flip in ((right, left, False), (left, right, True)):
+        if wanted.known.base in CLASSES and unknown.known.base is Base.OPEN:
+            first, again = pool.held(unknown)
+            one, other = (wanted.text, first) if flip else (first, wanted.text)
+            kind = pool.helper(*CLASSES[wanted.known.base])
+            return f"({negation}({one} == {other} and type({again}) is {kind}))"
+    return f"({negation}{pool.helper('same', arithmetic.same)}({left.text}, {right.text}))"
+
+
+def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
+    one, other = left.known.base, right.known.base
+    if (one in NUMBERS and other in NUMBERS) or one is other is Base.STRING:
+        return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, fails(left, right))
+    name = {Op.LT: "less", Op.LE: "at_most", Op.GT: "greater", Op.GE: "at_least"}[op]
+    return Source(f"{pool.helper(name, arithmetic.BINARY[op])}({left.text}, {right.text})", BOOL, True)
+
+
+def _float(operand: Source, pool: Pool) -> Source:
+    """Return a number as a float, a list with its items so."""
+    known, kind = operand.known, operand.known.type
+    if kind is not None and _innermost(kind).base is Base.FLOAT:
+        return operand
+    if known.base is Base.INT:
+        return Source(f"({operand.text} + 0.0)", within(FLOAT, known.bounds), operand.fails)
+    if known.base is Base.LIST and known.element.base is Base.INT:
+        text = f"tuple(map(float, {operand.text}))"
+        return Source(text, within(Type(Base.LIST, element=FLOAT), known.bounds), operand.fails)
+    return Source(f"{pool.helper('as_float', arithmetic.UNARY[Op.FLOAT])}({operand.text})", NOTHING, True)
+
+
+def _innermost(kind: Type) -> Type:
+    while kind.element is not None:
+        kind = kind.element
+    return kind

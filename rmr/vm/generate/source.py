@@ -1,0 +1,79 @@
+"""What generated source is made of: one Python expression each, and the names that it uses.
+
+A Source can stand as an operand or argument. Python evaluates from left to right like the stack machine, so source
+that keeps the order of the operands fails where the byte-code fails and with the same message. Expressions have no
+other effect: the order of operands matters only when more than one of them may have no value.
+"""
+
+import re
+
+from rmr.base.record import record
+from rmr.base.values import Robot, Symbol, Value, format_value
+from rmr.vm.generate.known import Known
+
+_REPEATABLE = re.compile(r"[\w.]+|\(-[\w.]+\)")
+
+
+@record
+class Source:
+    """One Python expression."""
+
+    text: str
+    known: Known
+    """What is known of its value."""
+    fails: bool
+    """Whether it may raise NoValue; nothing else is ever raised."""
+
+
+class Pool:
+    """The names of one generated module: temporaries ``t0`` .., constants ``k0`` .., and the functions it calls."""
+
+    def __init__(self) -> None:
+        self.globals: dict[str, object] = {}
+        """What the generated module must find among its globals."""
+        self._temporaries = 0
+        self._constants: dict[str, str] = {}
+
+    def temporary(self) -> str:
+        """Return the name of a new local variable."""
+        self._temporaries += 1
+        return f"t{self._temporaries - 1}"
+
+    def constant(self, value: Value) -> str:
+        """Return the text that stands for `value`, with its type: a literal if there is one, else a global."""
+        if type(value) in (bool, int, float, str):
+            text = repr(value)
+            return f"({text})" if text.startswith("-") else text
+        assert isinstance(value, Symbol | Robot | tuple)
+        written = f"{type(value).__name__} {format_value(value)}"
+        if written not in self._constants:
+            self._constants[written] = self.named(value)
+        return self._constants[written]
+
+    def named(self, thing: object) -> str:
+        """Return a new global that holds `thing`."""
+        name = f"k{len(self.globals)}"
+        self.globals[name] = thing
+        return name
+
+    def helper(self, name: str, function: object) -> str:
+        """Return `name`, the global that holds `function`."""
+        assert self.globals.setdefault(name, function) is function, f"{name} is taken"
+        return name
+
+    def held(self, source: Source) -> tuple[str, str]:
+        """Return the text for the first use of a value that is needed again, and the text for each later use."""
+        if _REPEATABLE.fullmatch(source.text):
+            return source.text, source.text
+        name = self.temporary()
+        return f"({name} := {source.text})", name
+
+
+def fails(*sources: Source) -> bool:
+    """Tell whether one of `sources` may have no value."""
+    return any(source.fails for source in sources)
+
+
+def movable(*sources: Source) -> bool:
+    """Tell whether `sources` may be evaluated in any order: which of them fails is then no question."""
+    return sum(source.fails for source in sources) <= 1
