@@ -5,6 +5,7 @@ values, wider ones or none, the known bounds lie around the values.
 """
 
 from collections.abc import Callable
+from functools import partial
 from random import Random
 
 import pytest
@@ -260,12 +261,13 @@ class Case:
     environments: list[list[Value]]
 
 
-def drawn(seed: int) -> Case:
+def drawn(seed: int, *wanted: Base) -> Case:
+    """Return a case of one of the `wanted` types, if any is."""
     random = Random(seed)
     types = [Type(Base.ROBOT), *(drawn_type(random) for _ in range(SLOTS - 1))]
     environments = [[drawn_value(random, kind) for kind in types] for _ in range(VALUES)]
     known = {slot: widened(random, kind, [env[slot] for env in environments]) for slot, kind in enumerate(types)}
-    code = tuple(Drawn(random, types).code(random.choice([*SCALARS, Base.BOOL, Base.INT, Base.LIST]), DEPTH))
+    code = tuple(Drawn(random, types).code(random.choice(wanted or (*SCALARS, Base.INT, Base.LIST)), DEPTH))
     assert not examine(code, Constants()).wrong
     return Case(crooked(random, code) if random.random() < 0.1 else code, known, environments)
 
@@ -324,8 +326,8 @@ def check_expression(case: Case) -> int:
     call = function(source, pool)
     values = 0
     for env in case.environments:
-        expected = outcome(lambda env=env: evaluate(case.code, env, NOW))
-        assert outcome(lambda env=env: call(*env, NOW)) == expected, (source.text, env)
+        expected = outcome(partial(evaluate, case.code, env, NOW))
+        assert outcome(partial(call, *env, NOW)) == expected, (source.text, env)
         if expected[0] == "value":
             values += 1
             assert is_what_is_known(evaluate(case.code, env, NOW), source.known), (source, env)
@@ -341,10 +343,10 @@ def check_condition(case: Case) -> int:
     narrower = narrowed(case.code, case.known)
     held = 0
     for env in case.environments:
-        expected = outcome(lambda env=env: evaluate(case.code, env, NOW))
+        expected = outcome(partial(evaluate, case.code, env, NOW))
         if expected[0] == "value" and not expected[1].startswith("bool"):
             expected = "NoValue", "a condition that is neither true nor false"
-        assert outcome(lambda env=env: call(*env, NOW)) == expected
+        assert outcome(partial(call, *env, NOW)) == expected
         if expected == ("value", "bool true"):
             held += 1
             assert all(is_what_is_known(env[slot], known) for slot, known in narrower.items()), (narrower, env)
@@ -357,8 +359,8 @@ def test_source_has_the_value_of_its_code_and_fails_with_the_same_reason() -> No
 
 
 def test_a_guard_narrows_to_what_holds_of_all_values_for_which_it_is_true() -> None:
-    held = sum(check_condition(drawn(seed)) for seed in range(EXPRESSIONS, 2 * EXPRESSIONS))
-    assert held > EXPRESSIONS // 4
+    held = sum(check_condition(drawn(seed, Base.BOOL)) for seed in range(EXPRESSIONS, 2 * EXPRESSIONS))
+    assert held > EXPRESSIONS // 2
 
 
 @pytest.mark.parametrize("value", [each for values in SCALARS.values() for each in values] + [(), (1, (True, 1.0))])

@@ -47,7 +47,7 @@ def _interpreted(code: Code, names: Mapping[int, str], pool: Pool) -> Source:
     """Return a call of the interpreter."""
     used = {each.operand: True for each in code if each.op is Op.LOAD and isinstance(each.operand, int)}
     slots = "".join(f"{names[slot] if slot in used else None}, " for slot in range(max(used, default=-1) + 1))
-    text = f"{pool.helper('evaluate', evaluate)}({pool.named(code)}, ({slots.rstrip()}), now)"
+    text = f"{pool.helper('evaluate', evaluate)}({pool.object(code)}, ({slots.rstrip()}), now)"
     return Source(text, NOTHING, True)
 
 

@@ -6,9 +6,10 @@ other effect: the order of operands matters only when more than one of them may 
 """
 
 import re
+from typing import Any
 
 from rmr.base.record import record
-from rmr.base.values import Robot, Symbol, Value, format_value
+from rmr.base.values import Robot, Symbol, Value
 from rmr.vm.generate.known import Known
 
 _REPEATABLE = re.compile(r"[\w.]+|\(-[\w.]+\)")
@@ -32,7 +33,7 @@ class Pool:
         self.globals: dict[str, object] = {}
         """What the generated module must find among its globals."""
         self._temporaries = 0
-        self._constants: dict[str, str] = {}
+        self._constants: dict[tuple[type, Symbol | Robot], str] = {}
 
     def temporary(self) -> str:
         """Return the name of a new local variable."""
@@ -44,21 +45,23 @@ class Pool:
         if type(value) in (bool, int, float, str):
             text = repr(value)
             return f"({text})" if text.startswith("-") else text
-        assert isinstance(value, Symbol | Robot | tuple)
-        written = f"{type(value).__name__} {format_value(value)}"
-        if written not in self._constants:
-            self._constants[written] = self.named(value)
-        return self._constants[written]
+        if type(value) is tuple:
+            return self.object(value)
+        assert isinstance(value, Symbol | Robot)
+        key = (type(value), value)
+        if key not in self._constants:
+            self._constants[key] = self.object(value)
+        return self._constants[key]
 
-    def named(self, thing: object) -> str:
+    def object(self, thing: Any) -> str:
         """Return a new global that holds `thing`."""
         name = f"k{len(self.globals)}"
         self.globals[name] = thing
         return name
 
-    def helper(self, name: str, function: object) -> str:
-        """Return `name`, the global that holds `function`."""
-        assert self.globals.setdefault(name, function) is function, f"{name} is taken"
+    def helper(self, name: str, thing: Any) -> str:
+        """Return `name`, the global that holds `thing`, mostly a function."""
+        assert self.globals.setdefault(name, thing) is thing, f"{name} is taken"
         return name
 
     def held(self, source: Source) -> tuple[str, str]:
