@@ -17,6 +17,14 @@ NESTING_MAX = 16
 LENGTH_MAX = 65536
 """Characters of a text; items of a list, with the characters and items of its items: a robot has a small memory."""
 
+_NUMBERS: dict[type, Callable[..., bool]] = {
+    float: isfinite,
+    int: lambda value: INT_MIN <= value <= INT_MAX,
+    Robot: lambda value: 0 <= value <= ROBOT_ID_MAX,
+    bool: lambda _: True,
+}
+"""Tell of values that are no texts and no lists whether they are in range."""
+
 _CLASSES: dict[Base, type] = {
     Base.ROBOT: Robot,
     Base.INT: int,
@@ -39,7 +47,8 @@ def length(value: Value, nesting: int = 0) -> int:
         return _list_length(value, nesting)  # type: ignore[arg-type]
     if kind is str or kind is Symbol:
         return len(value) if _is_text(value) else LENGTH_MAX + 1  # type: ignore[arg-type]
-    return 0 if _in_range(value) else LENGTH_MAX + 1
+    in_range = _NUMBERS.get(kind)
+    return 0 if in_range is not None and in_range(value) else LENGTH_MAX + 1
 
 
 def _list_length(items: tuple[Value, ...], nesting: int) -> int:
@@ -59,17 +68,6 @@ def _is_text(text: str) -> bool:
     return text.isascii() or not any("\ud800" <= each <= "\udfff" for each in text)
 
 
-def _in_range(value: Value) -> bool:
-    kind = type(value)
-    if kind is float:
-        return isfinite(value)  # type: ignore[arg-type]
-    if kind is int:
-        return INT_MIN <= value <= INT_MAX  # type: ignore[operator]
-    if kind is Robot:
-        return 0 <= value <= ROBOT_ID_MAX  # type: ignore[operator]
-    return kind is bool
-
-
 def conforms(value: Value, kind: Type) -> bool:
     """Tell whether `value` may stand where `kind` is declared (an int is no float)."""
     return checker(kind)(value)
@@ -83,9 +81,10 @@ def checker(kind: Type) -> Callable[[Value], bool]:
         element = checker(kind.element or Type(Base.OPEN))
         return lambda value: type(value) is tuple and sound(value) and all(map(element, value))
     wanted = _CLASSES[kind.base]
-    if wanted is bool:
-        return lambda value: type(value) is wanted
-    return lambda value: type(value) is wanted and sound(value)
+    if wanted is str or wanted is Symbol:
+        return lambda value: type(value) is wanted and len(value) <= LENGTH_MAX and _is_text(value)
+    in_range = _NUMBERS[wanted]
+    return lambda value: type(value) is wanted and in_range(value)
 
 
 def fits(kind: Type, wanted: Type) -> bool:

@@ -46,7 +46,7 @@ class Goals:
         self.open: dict[int, dict[GoalKey, Patterns]] = {}
         """The goals that are open, by predicate; a predicate without is missing."""
         self._count = 0
-        self._ranks = Ranks(program, robot, self._wanted)
+        self._ranks = Ranks(program, robot, self.open)
         self._achieved: list[tuple[str, float]] = []
 
     def want(self, now: Instant, predicate: int, args: GoalArgs) -> list[GoalAchieved]:
@@ -59,7 +59,7 @@ class Goals:
                 return []
             self._count += 1
             self.open.setdefault(predicate, {})[key] = args
-            self._ranks.change(predicate, args)
+            self._ranks.change(key)
         for fact in self._holdings.each(predicate):
             if pattern_agrees(args, fact):
                 return self.inserted(now, predicate, fact)
@@ -73,7 +73,7 @@ class Goals:
         for key in met:
             goal = goals.pop(key)
             self._count -= 1
-            self._ranks.change(predicate, goal)
+            self._ranks.change(key)
             remember(self._achieved, (self._text(predicate, goal), in_seconds(now)), ACHIEVED_MAX)
             values = tuple([each.value if isinstance(each, Constant) else ANY for each in goal])
             events.append(GoalAchieved(predicate, values, now))
@@ -97,9 +97,6 @@ class Goals:
     def rank(self, rule: int, derived: Iterable[Chain], now: Instant) -> int | None:
         """Return how many firings lie between this one and an open goal: 0 if it derives one, None if none follows."""
         return self._ranks.of(rule, (fact for chain in derived for item in chain for fact in self._facts(item, now)))
-
-    def _wanted(self) -> Iterator[tuple[int, Patterns]]:
-        return ((predicate, args) for predicate, goals in self.open.items() for args in goals.values())
 
     def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
         """Yield the facts of this robot that an item of a head is or, being an action, brings about."""

@@ -37,6 +37,8 @@ FACTS_LENGTH_MAX = 4_000_000
 FIRING_BUDGET = 500
 """Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
 
+_FACT, _ACTION = Role.FACT, Role.ACTION  # looking up a member of an enumeration takes longer than an insertion should
+
 
 class Machine(Parts):
     """Runs one program for one robot."""
@@ -130,7 +132,7 @@ class Machine(Parts):
         """
         self._arrive(now)
         args = self._shared.gate.action(predicate, args)
-        self._act(now, Derived(Role.ACTION, predicate, self.robot, args), (), origin)
+        self._act(now, Derived(_ACTION, predicate, self.robot, args), (), origin)
 
     def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
         """End an action: insert its effects, or the else effects, then derive the step behind it unless it failed.
@@ -273,7 +275,7 @@ class Machine(Parts):
     def _follow(self, now: Instant, chain: Chain) -> None:
         """Derive steps up to the first action; what stands behind it waits for its end."""
         for place, item in enumerate(chain):
-            if item.role is Role.ACTION:
+            if item.role is _ACTION:
                 self._act(now, item, chain[place + 1 :])
                 return
             self._give(now, item)
@@ -281,9 +283,9 @@ class Machine(Parts):
     def _give(self, now: Instant, item: Derived) -> None:
         """Insert a fact or open a goal, here or at the robot that owns it."""
         if item.owner != self.robot:
-            event = FactSent if item.role is Role.FACT else GoalSent
+            event = FactSent if item.role is _FACT else GoalSent
             self._events.append(event(item.owner, item.predicate, item.args))
-        elif item.role is Role.FACT:
+        elif item.role is _FACT:
             self._insert(now, item.predicate, item.args)
         else:
             self._want(now, item.predicate, tuple([Constant(value) for value in item.args]))
@@ -322,8 +324,11 @@ class Machine(Parts):
 
     def _act(self, now: Instant, item: Derived, then: Chain = (), origin: tuple[int, int] | None = None) -> None:
         """Report an action; its end is awaited if this robot executes it, or if steps follow."""
-        serial = self._under_way.begin(now, item, then) if then or item.owner == self.robot else 0
-        self._events.append(ActionDerived(serial, item.predicate, item.owner, item.args, origin))
+        _, predicate, owner, args = item
+        serial = 0
+        if then or owner == self.robot:
+            serial = (self._any_actions or self._under_way).begin(now, item, then)
+        self._events.append(ActionDerived(serial, predicate, owner, args, origin))
 
     def _take_effect(self, now: Instant, where: str, effect: Effect, action: Derived) -> None:
         try:

@@ -5,7 +5,7 @@ checked here, so that the machine behind never meets a value that its predicate 
 a float is declared is converted; everything else that does not fit is the caller's mistake.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from rmr.base.values import Value
 from rmr.bytecode.conform import checker, conforms
@@ -16,12 +16,21 @@ from rmr.vm.store import Args
 class Gate:
     """Checks arguments against the declared types."""
 
+    __slots__ = ("_facts", "_fits", "_predicates")
+
     def __init__(self, predicates: Sequence[Predicate]) -> None:
         self._predicates = predicates
-        self._fits = [tuple([checker(kind) for kind in predicate.types]) for predicate in predicates]
+        self._fits = [_fits(predicate.types) for predicate in predicates]
+        self._facts = [
+            _refuse if predicate.kind is Kind.ACTION else fits
+            for predicate, fits in zip(predicates, self._fits, strict=True)
+        ]
+        """Tell whether arguments are those of a fact; this is asked for every fact that comes in."""
 
     def fact(self, predicate: int, args: Args) -> Args:
         """Return the arguments of a fact. Raises ValueError."""
+        if 0 <= predicate < len(self._facts) and self._facts[predicate](args):
+            return args
         declared = self._predicate(predicate)
         if declared.kind is Kind.ACTION:
             raise ValueError(f"{declared.name} is an action, not a fact")
@@ -63,13 +72,29 @@ class Gate:
         return self._predicates[index]
 
     def _convert(self, predicate: int, declared: Predicate, args: Args) -> Args:
-        fits = self._fits[predicate]
-        if len(args) != len(fits):
+        if self._fits[predicate](args):
+            return args
+        if len(args) != len(declared.types):
             raise _arity(declared, len(args))
-        for position, value in enumerate(args):
-            if not fits[position](value):
-                return tuple([_value(declared, i, kind, args[i]) for i, kind in enumerate(declared.types)])
-        return args
+        return tuple([_value(declared, i, kind, args[i]) for i, kind in enumerate(declared.types)])
+
+
+def _refuse(_: Args) -> bool:
+    return False
+
+
+def _fits(types: Sequence[Type]) -> Callable[[Args], bool]:
+    """Return the function that tells whether arguments are of `types`, without a conversion."""
+    fits = [checker(kind) for kind in types]
+    count = len(fits)
+    if count == 0:
+        return lambda args: not args
+    first, second = fits[0], fits[-1]
+    if count == 1:
+        return lambda args: len(args) == 1 and first(args[0])
+    if count == 2:
+        return lambda args: len(args) == 2 and first(args[0]) and second(args[1])
+    return lambda args: len(args) == count and all(fit(value) for fit, value in zip(fits, args, strict=True))
 
 
 def _arity(declared: Predicate, count: int) -> ValueError:

@@ -24,37 +24,81 @@ RuleRanks = dict[int, int]
 SEARCH = -1
 """In the place of a rank: it depends on the firing."""
 
-reading = ByIdentity(Backwards)
-"""A program read backwards; all robots share it."""
+
+class Leads:
+    """Which rules lead to goals of a predicate, looked for when it is first asked."""
+
+    __slots__ = ("_known", "_look")
+
+    def __init__(self, look: Callable[[int], list[int]]) -> None:
+        self._look = look
+        self._known: dict[int, list[int]] = {}
+
+    def to(self, predicate: int) -> list[int]:
+        """Return the rules from which something leads, or seems to lead, to a goal of `predicate`."""
+        rules = self._known.get(predicate)
+        if rules is None:
+            rules = self._known[predicate] = self._look(predicate)
+        return rules
 
 
 class Stated:
-    """What the compiler has worked out for the goals that a program states."""
+    """What the compiler has worked out for the goals that a program states for a robot."""
+
+    __slots__ = ("leads", "ranks")
+
+    def __init__(self, ranks: Mapping[GoalKey, RuleRanks]) -> None:
+        self.ranks = ranks
+        self.leads = Leads(self._lead)
+
+    def _lead(self, predicate: int) -> list[int]:
+        return sorted(merged(each for (goal, _), each in self.ranks.items() if goal == predicate))
+
+
+class Reading:
+    """What all robots of a program share: what is stated of its goals, and the program read backwards."""
 
     def __init__(self, program: Program) -> None:
-        self._leads = [(goal, _ranks(goal.leads)) for goal in program.goals if goal.leads is not None]
-        alike = all(goal.owner is None and HOME not in goal.args for goal, _ in self._leads)
+        self._program = program
+        self._read: Backwards | None = None
+        self._stated = [(goal, _ranks(goal.leads)) for goal in program.goals if goal.leads is not None]
+        alike = all(goal.owner is None and HOME not in goal.args for goal, _ in self._stated)
         self._alike = self._work_out(Robot(0)) if alike else None
-        """What is the same for all robots."""
+        """What is stated for all robots alike."""
+        self.leads = Leads(self._lead)
 
-    def of(self, robot: Robot) -> Mapping[GoalKey, RuleRanks]:
-        """Return it for the goals of `robot`."""
+    @property
+    def backwards(self) -> Backwards:
+        """The program read backwards, when it first has to be."""
+        if self._read is None:
+            self._read = Backwards(self._program)
+        return self._read
+
+    def stated(self, robot: Robot) -> Stated:
+        """Return what the compiler has worked out for the goals of `robot`."""
         return self._work_out(robot) if self._alike is None else self._alike
 
-    def _work_out(self, robot: Robot) -> dict[GoalKey, RuleRanks]:
-        return {
-            goal_key(goal.predicate, here(goal.args, robot)): ranks
-            for goal, ranks in self._leads
-            if goal.owner in (None, robot)
-        }
+    def _work_out(self, robot: Robot) -> Stated:
+        return Stated(
+            {
+                goal_key(goal.predicate, here(goal.args, robot)): ranks
+                for goal, ranks in self._stated
+                if goal.owner in (None, robot)
+            }
+        )
+
+    def _lead(self, predicate: int) -> list[int]:
+        distances = self.backwards.distances(predicate)
+        brought = enumerate(self.backwards.brought)
+        return [rule for rule, each in brought if any(fact in distances for fact in each)]
 
 
 def _ranks(leads: Iterable[Lead]) -> RuleRanks:
     return {lead.rule: SEARCH if lead.rank is None else lead.rank for lead in leads}
 
 
-stated = ByIdentity(Stated)
-"""Returns what a program's compiler has worked out; all robots share it."""
+reading = ByIdentity(Reading)
+"""Returns what the robots of a program share."""
 
 
 def merged(leads: Iterable[RuleRanks]) -> RuleRanks:
@@ -84,54 +128,38 @@ def here(args: Patterns, robot: Robot) -> Patterns:
 class Ranks:
     """The ranks of one robot's firings; nothing is read backwards before it has to be."""
 
-    __slots__ = (
-        "_goals",
-        "_leading",
-        "_levels",
-        "_nearest",
-        "_program",
-        "_ranks",
-        "_robot",
-        "_stale",
-        "_stated",
-        "_unstated",
-    )
+    __slots__ = ("_goals", "_levels", "_nearest", "_ranks", "_reading", "_robot", "_stale", "_stated", "_unstated")
 
-    def __init__(self, program: Program, robot: Robot, goals: Callable[[], Iterable[Wanted]]) -> None:
-        """`goals` returns the open ones."""
-        self._program = program
+    def __init__(self, program: Program, robot: Robot, goals: Mapping[int, Mapping[GoalKey, Patterns]]) -> None:
+        """`goals` are the open ones, by predicate."""
         self._robot = robot
         self._goals = goals
-        self._stated = stated(program).of(robot)
+        self._reading = reading(program)
+        self._stated = self._reading.stated(robot)
         self._unstated = False
         """A goal has been open of which the compiler says nothing."""
-        self._leading: dict[int, list[int]] = {}
         self._ranks: RuleRanks | None = None
         self._nearest: dict[int, int] | None = None
         self._levels: Levels | None = None
         self._stale = True
 
-    def change(self, predicate: int, args: Patterns) -> None:
+    def change(self, key: GoalKey) -> None:
         """Note that a goal has been opened or discharged."""
         self._stale = True
-        if not self._unstated and goal_key(predicate, args) not in self._stated:
+        if key not in self._stated.ranks:
             self._unstated = True
-            self._leading.clear()
 
     def leading(self, predicate: int) -> list[int]:
         """Return the rules whose firings may get another rank when the goals of `predicate` change."""
-        rules = self._leading.get(predicate)
-        if rules is None:
-            rules = self._leading[predicate] = list(self._lead(predicate))
-        return rules
+        return (self._reading if self._unstated else self._stated).leads.to(predicate)
 
     def nearest(self, rule: int) -> int | None:
         """Return the lowest rank that a firing of `rule` can have; None if no open goal follows from any."""
         rank = self._known(rule)
         if rank != SEARCH:
             return rank
-        distances = self._distances()
-        return min([distances[each] for each in self._reading.brought[rule] if each in distances], default=None)
+        distances, brought = self._distances(), self._reading.backwards.brought[rule]
+        return min([distances[each] for each in brought if each in distances], default=None)
 
     def of(self, rule: int, facts: Iterable[tuple[int, Args]]) -> int | None:
         """Return the rank of a firing of `rule` that brings about `facts`; None if no open goal follows."""
@@ -143,39 +171,27 @@ class Ranks:
         if not near:
             return None
         if self._levels is None:
-            self._levels = Levels(self._reading, self._goals(), self._robot)
+            self._levels = Levels(self._reading.backwards, self._wanted(), self._robot)
         return self._levels.lowest(near)
+
+    def _wanted(self) -> Iterator[Wanted]:
+        return ((predicate, args) for predicate, goals in self._goals.items() for args in goals.values())
 
     def _known(self, rule: int) -> int | None:
         """Return the rank of all firings of a rule, given the open goals; SEARCH if nobody has worked it out."""
         if self._stale:
             self._stale = False
             self._nearest = self._levels = None
-            leads = [self._stated.get(goal_key(*goal)) for goal in self._goals()]
+            leads = [self._stated.ranks.get(key) for goals in self._goals.values() for key in goals]
             known = [each for each in leads if each is not None]
             self._ranks = merged(known) if len(known) == len(leads) else None
         return SEARCH if self._ranks is None else self._ranks.get(rule)
-
-    def _lead(self, predicate: int) -> Iterator[int]:
-        """Yield the rules from which something leads, or seems to lead, to a goal of `predicate`."""
-        if not self._unstated:
-            ranks = merged(each for (goal, _), each in self._stated.items() if goal == predicate)
-            yield from sorted(ranks)
-            return
-        distances = self._reading.distances(predicate)
-        for rule, brought in enumerate(self._reading.brought):
-            if any(each in distances for each in brought):
-                yield rule
 
     def _distances(self) -> dict[int, int]:
         """Return for each predicate from which rules lead to an open goal the lowest rank possible."""
         if self._nearest is None:
             self._nearest = {}
-            for goal in dict.fromkeys(predicate for predicate, _ in self._goals()):
-                for predicate, distance in self._reading.distances(goal).items():
+            for goal in self._goals:
+                for predicate, distance in self._reading.backwards.distances(goal).items():
                     self._nearest[predicate] = min(distance, self._nearest.get(predicate, distance))
         return self._nearest
-
-    @property
-    def _reading(self) -> Backwards:
-        return reading(self._program)

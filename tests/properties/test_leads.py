@@ -275,7 +275,7 @@ def test_a_rank_that_the_compiler_knows_is_the_one_that_a_search_finds(seed: int
         def of(self, rule: int, facts: Iterable[tuple[int, Args]]) -> int | None:
             facts = list(facts)
             found = super().of(rule, facts)
-            assert found == Levels(reading, self._goals(), self._robot).lowest(facts)
+            assert found == Levels(reading, self._wanted(), self._robot).lowest(facts)
             return found
 
     with pytest.MonkeyPatch.context() as patch:

@@ -320,7 +320,7 @@ def test_machines_without_goals_do_not_read_backwards(monkeypatch: pytest.Monkey
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(ranks, "reading", never)
+    monkeypatch.setattr(ranks, "Backwards", never)
     assert len(way(TWO_WAYS.removeprefix("?g(R)."))) == 2
 
 
@@ -328,7 +328,7 @@ def test_goals_that_the_compiler_has_worked_out_need_no_search(monkeypatch: pyte
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(ranks, "reading", never)
+    monkeypatch.setattr(ranks, "Backwards", never)
     assert {tuple(way(TWO_WAYS, seed)) for seed in SEEDS} == {(0, 2)}
     with pytest.raises(AssertionError):
         way(TWO_WAYS + " go(R). go(R) -o ?h(R). h(R) -o 1.")
