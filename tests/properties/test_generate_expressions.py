@@ -313,7 +313,8 @@ def is_what_is_known(value: Value, known: Known) -> bool:
     if kind.base not in LIMITS:
         return True
     measure = len(value) if type(value) is str else value
-    return known.bounds[0] <= measure <= known.bounds[1]  # type: ignore[operator, return-value]
+    assert isinstance(measure, int | float)
+    return known.bounds[0] <= measure <= known.bounds[1]
 
 
 NAMES = {slot: f"x{slot}" for slot in range(SLOTS)}

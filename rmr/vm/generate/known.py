@@ -5,7 +5,7 @@ checks generated source can leave out: a sum whose bounds stay within 64 bits ca
 numbers rounds monotonically, so the bounds of a result are the results of the bounds, for floats as for ints.
 """
 
-from math import ceil, floor
+from math import ceil, floor, inf, nextafter
 
 from rmr.base.record import record
 from rmr.base.values import INT_MAX, INT_MIN, Value
@@ -118,16 +118,24 @@ def different(one: Type, other: Type) -> bool:
 
 
 def at_most(known: Known, most: Bound, *, strictly: bool = False) -> Known:
-    """Return what is known of a number or length that is not above `most`."""
+    """Return what is known of a number or length that is not above `most`, or, `strictly`, below it."""
     if known.base is not Base.FLOAT:
-        most = ceil(most) - 1 if strictly else floor(most)
+        bound: Bound = ceil(most) - 1 if strictly else floor(most)
+    else:
+        bound = float(most)
+        if strictly and bound >= most:
+            bound = nextafter(bound, -inf)
     low, high = known.bounds
-    return known if low > most else within(known.type or UNKNOWN, (low, min(high, most)))
+    return known if low > bound else within(known.type or UNKNOWN, (low, min(high, bound)))
 
 
 def at_least(known: Known, least: Bound, *, strictly: bool = False) -> Known:
-    """Return what is known of a number or length that is not below `least`."""
+    """Return what is known of a number or length that is not below `least`, or, `strictly`, above it."""
     if known.base is not Base.FLOAT:
-        least = floor(least) + 1 if strictly else ceil(least)
+        bound: Bound = floor(least) + 1 if strictly else ceil(least)
+    else:
+        bound = float(least)
+        if strictly and bound <= least:
+            bound = nextafter(bound, inf)
     low, high = known.bounds
-    return known if high < least else within(known.type or UNKNOWN, (max(low, least), high))
+    return known if high < bound else within(known.type or UNKNOWN, (max(low, bound), high))

@@ -1,23 +1,25 @@
 """What a condition says of the slots that it compares, once it is known to be true or false.
 
-Only comparisons of a number in a slot, or of the length of a list in one, bound anything; with the bounds of the
-other side, so that a guard after another one says more.
+Comparisons bound the number in a slot, or the length of a list in one, with the bounds of the other side, so that a
+guard after another one says more. Of ``N + 1`` it also says something that the sum has a value.
 """
 
 from collections.abc import Callable, Mapping
 
+from rmr.base.record import record
+from rmr.base.values import INT_MAX, INT_MIN
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import Base
-from rmr.vm.generate.known import NOTHING, NUMBERS, Bounds, Known, at_least, at_most, of_value
+from rmr.vm.generate.known import INT, NOTHING, NUMBERS, Bounds, Known, at_least, at_most, of_value, within
 from rmr.vm.generate.trees import Tree
+
+LEN = next(i for i, function in enumerate(FUNCTIONS) if function.name == "len")
 
 _OPPOSITE = {Op.LT: Op.GE, Op.LE: Op.GT, Op.GT: Op.LE, Op.GE: Op.LT, Op.EQ: Op.NE, Op.NE: Op.EQ}
 """What holds of two numbers if a comparison does not."""
 
 _MIRRORED = {Op.LT: Op.GT, Op.LE: Op.GE, Op.GT: Op.LT, Op.GE: Op.LE, Op.EQ: Op.EQ, Op.NE: Op.NE}
 """The comparison with its sides exchanged."""
-
-LEN = next(i for i, function in enumerate(FUNCTIONS) if function.name == "len")
 
 
 def assumed(node: Tree, outcome: bool, known: Mapping[int, Known]) -> dict[int, Known]:
@@ -37,41 +39,59 @@ def assumed(node: Tree, outcome: bool, known: Mapping[int, Known]) -> dict[int, 
     return narrower
 
 
+@record
+class _Measure:
+    """What is compared of a slot: its number, that and something more, or the length of what is in it."""
+
+    slot: int
+    bases: tuple[Base, ...] = NUMBERS
+    """Types whose bounds are those of what is compared."""
+    offset: int = 0
+
+
+def _measure(node: Tree) -> _Measure | None:
+    """Return what of a slot one side of a comparison is, if it is that."""
+    if node.op is Op.LOAD:
+        assert isinstance(node.operand, int)
+        return _Measure(node.operand)
+    if not node.parts or node.parts[0].op is not Op.LOAD:
+        return None
+    slot = node.parts[0].operand
+    assert isinstance(slot, int)
+    if node.op is Op.CALL and node.operand == LEN:
+        return _Measure(slot, (Base.LIST, Base.STRING))
+    if node.op in (Op.ADD, Op.SUB) and node.parts[1].op in (Op.CONST, Op.INT):
+        offset = node.parts[1].operand
+        return _Measure(slot, (Base.INT,), offset if node.op is Op.ADD else -offset) if type(offset) is int else None
+    return None
+
+
 def _bounds(node: Tree, known: Mapping[int, Known]) -> Bounds | None:
     """Return between what one side of a comparison lies if it is a number."""
-    slot = _slot(node)
     if node.op in (Op.CONST, Op.INT):
         assert node.operand is not None
-        side = of_value(node.operand)
-    elif slot is not None:
-        side = known.get(slot, NOTHING)
-    else:
+        constant = of_value(node.operand)
+        return constant.bounds if constant.base in NUMBERS else None
+    measure = _measure(node)
+    if measure is None or known.get(measure.slot, NOTHING).base not in measure.bases:
         return None
-    return side.bounds if side.base in _compared(node) else None
+    low, high = known[measure.slot].bounds
+    return within(INT, (low + measure.offset, high + measure.offset)).bounds if measure.offset else (low, high)
 
 
 def _narrow(known: dict[int, Known], node: Tree, op: Op, other: Bounds | None) -> None:
     """Note that the slot in `node` compares so with what lies within `other`."""
-    slot = _slot(node)
-    if slot is None or other is None or known.get(slot, NOTHING).base not in _compared(node):
+    measure = _measure(node)
+    if measure is None or known.get(measure.slot, NOTHING).base not in measure.bases:
         return
+    slot, offset = measure.slot, measure.offset
+    if offset:
+        known[slot] = at_least(at_most(known[slot], INT_MAX - offset), INT_MIN - offset)
+    if other is None or (offset and not all(type(bound) is int for bound in other)):
+        return
+    shifted = (other[0] - offset, other[1] - offset)
     for narrow in _NARROWERS.get(op, ()):
-        known[slot] = narrow(known[slot], other)
-
-
-def _slot(node: Tree) -> int | None:
-    """Return the slot whose value, or whose length, `node` is."""
-    if node.op is Op.CALL and node.operand == LEN:
-        (node,) = node.parts
-    if node.op is not Op.LOAD:
-        return None
-    assert isinstance(node.operand, int)
-    return node.operand
-
-
-def _compared(node: Tree) -> tuple[Base, ...]:
-    """Return the types of which the bounds are those of `node`: what has a length, or the numbers."""
-    return (Base.LIST, Base.STRING) if node.op is Op.CALL else NUMBERS
+        known[slot] = narrow(known[slot], shifted)
 
 
 _NARROWERS: dict[Op, tuple[Callable[[Known, Bounds], Known], ...]] = {

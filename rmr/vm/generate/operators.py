@@ -140,15 +140,15 @@ def _division(op: Op, left: Source, right: Source, pool: Pool) -> Source:
     whole = right.known.base is Base.INT
     if nonzero(right.known.bounds):
         return _divided(op, left, right, whole, pool)
-    name = pool.temporary()
     first = ""
     if left.fails:
         dividend = pool.temporary()
         first = f"({dividend} := {left.text}) is not None and "
         left = Source(dividend, left.known, False)
-    divided = _divided(op, left, Source(name, right.known, False), whole, pool)
+    divisor, again = pool.held(right)
+    divided = _divided(op, left, Source(again, right.known, False), whole, pool)
     by_zero = f"{pool.helper('divide', arithmetic.BINARY[Op.DIV])}(1, 0)"
-    return Source(f"({divided.text} if {first}({name} := {right.text}) else {by_zero})", divided.known, True)
+    return Source(f"({divided.text} if {first}{divisor} else {by_zero})", divided.known, True)
 
 
 def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> Source:
@@ -200,7 +200,8 @@ def _same(op: Op, left: Source, right: Source, pool: Pool) -> str:
             one, other = (wanted.text, first) if flip else (first, wanted.text)
             kind = pool.helper(*CLASSES[wanted.known.base])
             return f"({negation}({one} == {other} and type({again}) is {kind}))"
-    return f"({negation}{pool.helper('same', arithmetic.same)}({left.text}, {right.text}))"
+    text = f"{pool.helper('same', arithmetic.same)}({left.text}, {right.text})"
+    return f"({negation}{text})" if negation else text
 
 
 def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
