@@ -300,21 +300,19 @@ def function(source: Source, pool: Pool) -> Callable[..., Value]:
 
 def is_what_is_known(value: Value, known: Known) -> bool:
     """Tell whether `known` is true of `value`."""
-    if known.type is None:
-        return True
     kind = known.type
-    if kind.base is Base.LIST:
-        items = type(value) is tuple and all(is_what_is_known(item, Known(kind.element)) for item in value)
-        return items and known.bounds[0] <= len(value) <= known.bounds[1]  # type: ignore[arg-type]
-    if kind.base is Base.OPEN:
+    if kind is None or kind.base is Base.OPEN:
         return True
-    if type_of_value(value).base is not kind.base:
+    if kind.base is not (Base.LIST if type(value) is tuple else type_of_value(value).base):
         return False
     if kind.base not in LIMITS:
         return True
-    measure = len(value) if type(value) is str else value
+    low, high = known.bounds
+    if type(value) is tuple:
+        return low <= len(value) <= high and all(is_what_is_known(item, Known(kind.element)) for item in value)
+    measure = len(value) if isinstance(value, str) else value
     assert isinstance(measure, int | float)
-    return known.bounds[0] <= measure <= known.bounds[1]
+    return low <= measure <= high
 
 
 NAMES = {slot: f"x{slot}" for slot in range(SLOTS)}
