@@ -74,6 +74,8 @@ class BindStep:
 
     slot: int
     code: Code
+    again: bool = False
+    """It has a value already, which must be the same; the expression's stands (1 is 1.0, but sums may differ)."""
 
 
 Step = AtomStep | GuardStep | BindStep
@@ -267,6 +269,8 @@ class Search:
         try:
             value = evaluate(step.code, self.env, self.now)
             if isinstance(step, BindStep):
+                if step.again and not same(value, self.env[step.slot]):
+                    return False
                 self.env[step.slot] = value
                 return True
             if type(value) is not bool:

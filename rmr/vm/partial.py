@@ -5,16 +5,17 @@ a given one is passed over without looking deeper (`Behind`).
 
 For new facts the search begins with them (`Fresh`): for each atom in turn, that atom takes the new facts, the
 atoms before it older ones, those behind it any. So each match is found by the first atom that takes a new fact,
-and what is found depends on the new facts and what they join with, not on all facts there are.
+and what is found depends on the new facts and what they join with, not on all facts there are. A variable has the
+value that the first conjunct with it gives it, in whichever order they are tried.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 from rmr.base.time import Instant
-from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Atom, Bind, Conjunct, Guard, Instruction, Predicate, Slot
-from rmr.vm.match import AtomStep, Env, Found, OnFailure, Plan, Search, agrees, plan
+from rmr.bytecode.program import Atom, Conjunct, Predicate, Slot
+from rmr.vm.match import AtomStep, BindStep, Env, Found, OnFailure, Plan, Search, Step, agrees, plan
 from rmr.vm.store import Fact, Store
 
 
@@ -53,15 +54,19 @@ class FreshPlan(NamedTuple):
 def fresh_plans(body: tuple[Conjunct, ...], predicates: tuple[Predicate, ...]) -> Iterator[FreshPlan]:
     """Yield a plan for each atom of a body without ``not``."""
     atoms = [(place, each) for place, each in enumerate(body) if isinstance(each, Atom)]
+    usual = plan(body, predicates)
     for level, (place, atom) in enumerate(atoms):
         bound = {pattern.index for pattern in atom.args if isinstance(pattern, Slot)}
-        before = [_compared(each) if isinstance(each, Bind) and each.slot in bound else each for each in body[:place]]
-        yield FreshPlan(plan([atom, *before, *body[place + 1 :]], predicates), atom.predicate, place, level)
+        first, *steps = plan([atom, *body[:place], *body[place + 1 :]], predicates)
+        before = [_binding(step, own, bound) for step, own in zip(steps[:place], usual[:place], strict=True)]
+        yield FreshPlan((first, *before, *steps[place:]), atom.predicate, place, level)
 
 
-def _compared(bind: Bind) -> Guard:
-    """Return the condition that a variable has the value that it would else be given."""
-    return Guard((Instruction(Op.LOAD, bind.slot), *bind.code, Instruction(Op.EQ)))
+def _binding(step: Step, usual: Step, bound: set[int]) -> Step:
+    """Return a step that compares what is `bound` before its time, and then binds what it would bind as usual."""
+    if isinstance(step, AtomStep) and isinstance(usual, AtomStep):
+        return replace(step, binds=usual.binds)
+    return replace(step, again=step.slot in bound) if isinstance(step, BindStep) else step
 
 
 class Fresh(Search):

@@ -287,3 +287,19 @@ def test_facts_of_other_robots_in_the_program_are_not_this_ones() -> None:
     hand.fact(a, 2, owner=1)
     hand.fact(a, 3, owner=2)
     assert hand.machine(robot=2).facts() == ["a(@2, 1)", "a(@2, 3)"]
+
+
+@pytest.mark.parametrize("computed", [True, False])
+def test_a_variable_has_the_value_of_the_first_conjunct_whichever_fact_is_new(computed: bool) -> None:
+    hand = Hand()
+    given, other, out = hand.persistent("given", INT), hand.persistent("other", OPEN), hand.action("out", OPEN)
+    first = [hand.atom(given, V(1)), bind(V(2), V(1), 0, Op.ADD)] if computed else [hand.atom(given, V(2))]
+    odd = 2**53 + 1  # a float it is not
+    exact = guard(V(2), odd, Op.MUL, odd, Op.EQ)
+    hand.rule([*first, hand.atom(other, V(2)), exact], [hand.head(out, V(2))])
+    machine = hand.machine()
+    assert tell(machine, given, 1) == []
+    machine.insert(2, other, (1.0,))
+    machine.run(2)
+    (action,) = actions(machine.drain())
+    assert repr(action.args) == "(1,)"
