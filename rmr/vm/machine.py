@@ -214,7 +214,7 @@ class Machine(Parts):
     @property
     def jobs(self) -> list[Job]:
         """The jobs of all time assertions, in the order of their first start (the last `JOBS_MAX`)."""
-        return list(self._assertions.jobs)
+        return [] if self._any_jobs is None else list(self._any_jobs.jobs)
 
     @property
     def jobs_given_up(self) -> int:
@@ -239,7 +239,7 @@ class Machine(Parts):
 
     def serves(self, predicate: int, args: Args) -> list[Job]:
         """Return the scheduled jobs without finish that this action of the robot serves, first due first."""
-        return self._assertions.serving(predicate, args)
+        return [] if self._any_jobs is None else self._any_jobs.serving(predicate, args)
 
     def held(self, predicate: int) -> list[Args]:
         """Return the arguments of the facts of `predicate` that hold, oldest first."""
