@@ -123,9 +123,17 @@ def kind_of(*operands: Source) -> Type:
 
 
 def _by_function(op: Op, left: Source, right: Source, pool: Pool) -> Source:
-    """Return the operator as the interpreter works it out."""
+    """Return the operator as the interpreter works it out; ints are tried first where they may be."""
     name = {Op.ADD: "add", Op.SUB: "subtract", Op.MUL: "multiply", Op.DIV: "divide", Op.MOD: "modulo"}[op]
-    text = f"{pool.helper(name, arithmetic.BINARY[op])}({left.text}, {right.text})"
+    function = pool.helper(name, arithmetic.BINARY[op])
+    ints = _if_ints(left, right, pool) if op in RESULTS else None
+    if ints is None:
+        text = f"{function}({left.text}, {right.text})"
+    else:
+        test, one, other = ints
+        result = pool.temporary()
+        in_range = f"{INT_MIN} <= ({result} := {one} {SIGNS[op]} {other}) <= {INT_MAX}"
+        text = f"({result} if {test} and {in_range} else {function}({one}, {other}))"
     if op is Op.DIV or Base.FLOAT in (left.known.base, right.known.base):
         known = Known(FLOAT)
     elif left.known.base is right.known.base:
@@ -181,6 +189,21 @@ def _is_flat(kind: Type | None) -> bool:
     return kind is not None and kind.base in (Base.ROBOT, Base.INT, Base.FLOAT, Base.BOOL)
 
 
+def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | None:
+    """Return a test whether operands of which nothing is known are ints, and the text of both behind the test."""
+    one, other = left.known.base, right.known.base
+    if one is Base.OPEN and other is Base.OPEN:
+        (first, again), (second, second_again) = pool.held(left), pool.held(right)
+        return f"type({first}) is type({second}) is int", again, second_again
+    if (one, other) == (Base.OPEN, Base.INT) and pool.is_repeatable(right):
+        first, again = pool.held(left)
+        return f"type({first}) is int", again, right.text
+    if (one, other) == (Base.INT, Base.OPEN) and pool.is_repeatable(left):
+        second, again = pool.held(right)
+        return f"type({second}) is int", left.text, again
+    return None
+
+
 def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
     one, other = left.known.type or Type(Base.OPEN), right.known.type or Type(Base.OPEN)
     failing = fails(left, right)
@@ -193,15 +216,16 @@ def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 def _same(op: Op, left: Source, right: Source, pool: Pool) -> str:
     """Return the comparison of values of which one's type is not known."""
-    negation = "not " if op is Op.NE else ""
     for wanted, unknown, flip in ((right, left, False), (left, right, True)):
         if wanted.known.base in CLASSES and unknown.known.base is Base.OPEN:
             first, again = pool.held(unknown)
             one, other = (wanted.text, first) if flip else (first, wanted.text)
             kind = pool.helper(*CLASSES[wanted.known.base])
-            return f"({negation}({one} == {other} and type({again}) is {kind}))"
+            if op is Op.NE:
+                return f"({one} != {other} or type({again}) is not {kind})"
+            return f"({one} == {other} and type({again}) is {kind})"
     text = f"{pool.helper('same', arithmetic.same)}({left.text}, {right.text})"
-    return f"({negation}{text})" if negation else text
+    return f"(not {text})" if op is Op.NE else text
 
 
 def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
@@ -209,7 +233,12 @@ def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
     if (one in NUMBERS and other in NUMBERS) or one is other is Base.STRING:
         return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, fails(left, right))
     name = {Op.LT: "less", Op.LE: "at_most", Op.GT: "greater", Op.GE: "at_least"}[op]
-    return Source(f"{pool.helper(name, arithmetic.BINARY[op])}({left.text}, {right.text})", BOOL, True)
+    function = pool.helper(name, arithmetic.BINARY[op])
+    ints = _if_ints(left, right, pool)
+    if ints is None:
+        return Source(f"{function}({left.text}, {right.text})", BOOL, True)
+    test, first, second = ints
+    return Source(f"({first} {SIGNS[op]} {second} if {test} else {function}({first}, {second}))", BOOL, True)
 
 
 def _float(operand: Source, pool: Pool) -> Source:

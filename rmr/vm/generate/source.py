@@ -64,9 +64,14 @@ class Pool:
         assert self.globals.setdefault(name, thing) is thing, f"{name} is taken"
         return name
 
+    @staticmethod
+    def is_repeatable(source: Source) -> bool:
+        """Tell whether `source` is a name or literal, which costs nothing to use again."""
+        return _REPEATABLE.fullmatch(source.text) is not None
+
     def held(self, source: Source) -> tuple[str, str]:
         """Return the text for the first use of a value that is needed again, and the text for each later use."""
-        if _REPEATABLE.fullmatch(source.text):
+        if self.is_repeatable(source):
             return source.text, source.text
         name = self.temporary()
         return f"({name} := {source.text})", name
