@@ -1,0 +1,90 @@
+"""What docs/benchmarks.md shows of one taking: tables between two marks in the page, a figure, the data.
+
+The words around them are written by hand and stay. The figure needs matplotlib; without it the old one stays.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from systems import CLIPS, installed
+
+BEGIN, END = "<!-- taken: begin -->", "<!-- taken: end -->"
+"""What stands between is generated."""
+
+
+def write(folder: Path, data: dict[str, Any], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Renew the generated part of ``FOLDER.md``, and in the folder engine.json and engine.svg.
+
+    Raises:
+        ValueError: the page has no marks.
+    """
+    page = folder.with_suffix(".md")
+    text = page.read_text("utf-8")
+    page.write_text(renewed(text, tables(data, header, rows)), "utf-8")
+    folder.mkdir(exist_ok=True)
+    (folder / "engine.json").write_text(json.dumps(data, indent=1) + "\n", "utf-8")
+    if installed("matplotlib"):
+        draw(data["comparisons"], folder / "engine.svg")
+
+
+def renewed(text: str, generated: str) -> str:
+    """Return a page's text with what stands between the marks replaced.
+
+    Raises:
+        ValueError: there are no marks.
+    """
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"the page has no {BEGIN} ... {END}")
+    return f"{before}{BEGIN}\n{generated}{END}{after}"
+
+
+def tables(data: dict[str, Any], header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return the taking in Markdown: when and where, the comparisons, the costs of one machine."""
+    machine = data["machine"]
+    where = f"{machine['cores']} cores, {machine['system']}, CPython {machine['python']}, {data['rounds']} rounds"
+    lines = [f"Taken {data['taken'][:10]}: {where}.", "", *_table(header, rows), ""]
+    figures = [
+        (
+            figure["name"],
+            f"{figure['value']:.3g} {figure['unit']}",
+            "" if figure["target"] is None else f"<= {figure['target']:g} {figure['unit']}",
+            "" if figure["target"] is None else "met" if figure["met"] else "not met",
+        )
+        for figure in data["figures"]
+    ]
+    lines += _table(("one machine", "taken", "target", ""), figures)
+    lines += [f"\nNot installed: {', '.join(data['not installed'])}."] if data["not installed"] else []
+    return "\n".join(lines) + "\n"
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(line)} |" for line in (header, ["---"] * len(header), *rows)]
+
+
+def draw(comparisons: Sequence[dict[str, Any]], file: Path) -> None:
+    """Draw the ratios to CLIPS with their quartiles on a log axis, and the targets."""
+    import matplotlib as mpl
+    from matplotlib import pyplot
+
+    mpl.rcParams["svg.hashsalt"] = "engine"  # the same figure for the same data
+    shown = [each for each in comparisons if each["rival"] == CLIPS][::-1]
+    places = range(len(shown))
+    medians = [each["ratio"]["median"] for each in shown]
+    below = [each["ratio"]["median"] - each["ratio"]["low"] for each in shown]
+    above = [each["ratio"]["high"] - each["ratio"]["median"] for each in shown]
+    figure, axes = pyplot.subplots(figsize=(7, 0.42 * len(shown) + 1.2), layout="constrained")
+    axes.axvline(1.0, color="0.5", linewidth=1)
+    axes.errorbar(medians, places, xerr=[below, above], fmt="o", color="tab:blue", capsize=3, label="RMR / CLIPS")
+    axes.scatter([each["target"] for each in shown], places, marker="|", s=160, color="tab:red", label="target")
+    axes.set_xscale("log")
+    axes.set_yticks(list(places), [each["workload"] for each in shown])
+    axes.set_xlabel("processor time over that of CLIPS: median of the rounds, quartiles")
+    axes.grid(axis="x", which="both", color="0.9")
+    axes.set_axisbelow(True)
+    axes.legend(loc="best", frameon=False)
+    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    pyplot.close(figure)
