@@ -14,8 +14,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.vm": {"rmr.base", "rmr.bytecode"},
     "rmr.coord": {"rmr.base"},
     "rmr.radio": {"rmr.base"},
+    "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.vm"},
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
-    "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node"},
+    "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
     "rmr.bus": {"rmr.base", "rmr.node", "rmr.radio"},
     "rmr.cli": {"rmr.commands"},
     "rmr.commands": {"rmr.base", "rmr.bytecode", "rmr.eval", "rmr.lang", "rmr.vm"},
@@ -31,6 +32,7 @@ OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_worl
 
 LIBRARIES: dict[str, set[str]] = {
     "rmr.lang": {"lark"},
+    "rmr.columns": {"numpy"},
     "rmr.bus": {"zenoh", "msgpack"},
     "rmr.cli": {"click"},
     "rmr.commands": {"click", "rich"},
@@ -63,6 +65,7 @@ HEAVY = (
     "numpy",
     "click",
     "rmr.lang",
+    "rmr.columns",
     "rmr_world",
     "rmr_sim",
     "rmr_deploy",

@@ -1,0 +1,194 @@
+"""Which predicates hold at most one fact on a robot, whatever the rules do.
+
+Facts are resources: a rule takes what it consumes and gives what it derives. A group of predicates of which no rule
+gives more than it takes, and of which a robot is given one fact at most, never holds more than that one: it is a token
+that is passed on (a place invariant, as of a Petri net). Two more ways to come by a fact are no danger to a group: a
+rule that fires once in a robot's life, because all it matches stays for ever, counts as a fact that is given; and a
+rule that fires only while nothing of the group is there may give one.
+
+Of a persistent predicate, which is a set, it is also enough that all facts given and derived are the same one.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from rmr.bytecode.heads import items
+from rmr.bytecode.program import (
+    SELF,
+    Anything,
+    Atom,
+    DeriveFact,
+    InitialFact,
+    Kind,
+    Mode,
+    Program,
+    Rule,
+    Slot,
+)
+from rmr.bytecode.program import Derived as Item
+from rmr.bytecode.scope import literal
+from rmr.bytecode.wire import identity
+
+STEPS_MAX = 10_000
+"""Groups tried for all predicates of a program; what is not shown by then counts as not shown."""
+
+OWNER = "self"
+"""In a fact's key, the robot itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Several:
+    """A predicate of which a robot may hold several facts, as far as anybody can tell."""
+
+    predicate: int
+    derived: int
+    """A predicate of which too many come; often the same."""
+    rule: int | None
+    """The rule that gives more than it takes; None: several are stated."""
+
+
+class _Account:
+    """What one rule takes and gives."""
+
+    def __init__(self, rule: Rule, predicates: Sequence[Kind]) -> None:
+        atoms = [each for each in rule.body if isinstance(each, Atom)]
+        self.takes = _counted(each.predicate for each in atoms if each.mode is Mode.CONSUME)
+        self.gives = _counted(each.predicate for each in items(rule.head) if isinstance(each, DeriveFact))
+        self.without = 0
+        """The predicates of which nothing at all may be there."""
+        for each in atoms:
+            if each.mode is Mode.ABSENT and _matches_all(each):
+                self.without |= 1 << each.predicate
+        lasting = all(each.mode is Mode.READ and predicates[each.predicate] is Kind.PERSISTENT for each in atoms)
+        self.once = lasting
+        """It fires once in a robot's life."""
+
+    def surplus(self, group: int) -> int:
+        """Return how many more facts of a group the rule gives than it takes; 0 if that is no danger."""
+        gives, takes = _of(self.gives, group), _of(self.takes, group)
+        if self.once or (gives == 1 and group & ~self.without == 0):
+            return 0
+        return max(0, gives - takes)
+
+
+def several(program: Program, stated: Sequence[InitialFact]) -> Iterator[Several]:
+    """Yield the predicates of which it cannot be shown that a robot holds at most one fact.
+
+    `stated` are all facts that robots are given; others must not come from outside.
+    """
+    search = _Search(program, stated)
+    for predicate, declared in enumerate(program.predicates):
+        if declared.provided or declared.kind not in (Kind.TEMPORARY, Kind.PERSISTENT):
+            continue
+        if declared.kind is Kind.PERSISTENT and search.is_one(predicate):
+            continue
+        found = search.danger(predicate)
+        if found is not None:
+            yield found
+
+
+class _Search:
+    """Looks for a group of each predicate."""
+
+    def __init__(self, program: Program, stated: Sequence[InitialFact]) -> None:
+        self._program = program
+        self._stated = stated
+        kinds = [each.kind for each in program.predicates]
+        self._rules = [_Account(rule, kinds) for rule in program.rules]
+        self._given = _given(stated)
+        self._left = STEPS_MAX
+        self._safe = 0
+        """The predicates of groups that have been found."""
+
+    def danger(self, predicate: int) -> Several | None:
+        """Return what stands in the way of the predicate's first group; None if some group holds one fact at most."""
+        if self._safe >> predicate & 1:
+            return None
+        first: Several | None = None
+        known = {1 << predicate}
+        todo = [1 << predicate]
+        while todo and not (first and self._left <= 0):
+            self._left -= 1
+            group = todo.pop()
+            danger, larger = self._look(predicate, group)
+            if danger is None:
+                self._safe |= group
+                return None
+            first = first or danger
+            new = [each for each in larger if each not in known]
+            known.update(new)
+            todo += reversed(new)
+        return first
+
+    def _look(self, predicate: int, group: int) -> tuple[Several | None, list[int]]:
+        """Return what lets a group hold more than one fact, if anything, and the groups that may do better."""
+        if self._sum(group) > 1:
+            return Several(predicate, predicate, self._giver(group)), []
+        for index, rule in enumerate(self._rules):
+            if rule.surplus(group):
+                derived = next(each for each in rule.gives if group >> each & 1)
+                more = [group | 1 << each for each in rule.takes if not group >> each & 1]
+                return Several(predicate, derived, index), more
+        return None, []
+
+    def _sum(self, group: int) -> int:
+        """Return how many facts of a group a robot is given at most, by statement or by rules that fire once."""
+        stated = max((_of(given, group) for given in self._given), default=0)
+        return stated + sum(_of(rule.gives, group) for rule in self._rules if rule.once)
+
+    def _giver(self, group: int) -> int | None:
+        """Return a rule that fires once and gives facts of a group; None if too many are stated."""
+        return next((i for i, rule in enumerate(self._rules) if rule.once and _of(rule.gives, group)), None)
+
+    def is_one(self, predicate: int) -> bool:
+        """Tell whether all facts of a predicate, given to one robot and derived, are the same one."""
+        heads = [item for rule in self._program.rules for item in items(rule.head)]
+        derived = [_derived_key(item) for item in heads if isinstance(item, DeriveFact) and item.predicate == predicate]
+        given: dict[int | None, list[object]] = {None: []}
+        for fact in self._stated:
+            if fact.predicate == predicate:
+                given.setdefault(fact.owner, []).append(_stated_key(fact))
+        common = {*derived, *given.pop(None)}
+        return None not in common and all(len(common.union(own)) <= 1 for own in (*given.values(), ()))
+
+
+def _counted(predicates: Iterable[int]) -> dict[int, int]:
+    counts: dict[int, int] = {}
+    for predicate in predicates:
+        counts[predicate] = counts.get(predicate, 0) + 1
+    return counts
+
+
+def _of(counts: dict[int, int], group: int) -> int:
+    """Return how many of the counted are of a group."""
+    return sum(count for predicate, count in counts.items() if group >> predicate & 1)
+
+
+def _matches_all(atom: Atom) -> bool:
+    """Tell whether an atom matches every fact of its predicate."""
+    return all(isinstance(arg, Anything) for arg in atom.args)
+
+
+def _given(stated: Iterable[InitialFact]) -> list[dict[int, int]]:
+    """Return how many facts of each predicate a robot is given; what several robots are given stands once."""
+    owned: dict[int | None, list[int]] = {None: []}
+    for fact in stated:
+        owned.setdefault(fact.owner, []).append(fact.predicate)
+    common = owned.pop(None)
+    counts = (_counted([*common, *own]) for own in (*owned.values(), []))
+    return list({tuple(sorted(each.items())): each for each in counts}.values())
+
+
+def _stated_key(fact: InitialFact) -> object:
+    return tuple([OWNER if isinstance(arg, Slot) else identity(arg) for arg in fact.args])
+
+
+def _derived_key(item: Item) -> object | None:
+    """Return the key of a fact that is the same for every match; None if it is not."""
+    key: list[object] = []
+    for code in item.args:
+        value = literal(code)
+        if value is None and code != SELF:
+            return None
+        key.append(OWNER if value is None else identity(value))
+    return tuple(key)

@@ -1,0 +1,142 @@
+"""The columns of one block of robots: which facts hold, with which arguments, and what else a robot remembers.
+
+Beside facts these are: the goals that are open, and when the others were achieved; of each rule that consumes nothing
+whether it has fired for the match that stands; of each place where an expression can fail whether it has for the facts
+that stand, so that each failure counts once; and the stream from which the robot draws.
+"""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rmr.bytecode.program import InitialFact, Kind, Program, Slot
+from rmr.columns.layout import Layout
+from rmr.columns.numbers import Array
+
+if TYPE_CHECKING:
+    from rmr.columns.goals import Goals
+
+
+class Follows:
+    """What insertions of each predicate have to be told to; the same for all blocks."""
+
+    def __init__(self, program: Program, goals: "Goals") -> None:
+        self.goals = goals
+        self.fired: list[list[int]] = [[] for _ in program.predicates]
+        """Rules that may fire again."""
+        self.failed: list[list[int]] = [[] for _ in program.predicates]
+        """Places that may fail again."""
+        self.persistent = [each.kind is Kind.PERSISTENT for each in program.predicates]
+
+
+class Block:
+    """Some robots, a row each."""
+
+    def __init__(self, program: Program, layout: Layout, follows: Follows, robots: Array, streams: Array) -> None:
+        size = len(robots)
+        self.follows = follows
+        self.robots = robots
+        self.streams = streams
+        self.present: list[Array] = [np.zeros(size, np.bool_) for _ in program.predicates]
+        self.args = [[layout.column(kind.base, size) for kind in each.types] for each in program.predicates]
+        self.firings = np.zeros(size, np.uint32)
+        self.fired: dict[int, Array] = {}
+        """By rule; missing until it has fired somewhere."""
+        self.failed: dict[int, Array] = {}
+        """By place; missing until it has failed somewhere."""
+        self.failures: Array | None = None
+        """How often an expression had no value; None: never."""
+        self.open = [np.zeros(size, np.bool_) for _ in program.goals]
+        self.achieved_at = [np.zeros(size, np.uint32) for _ in program.goals]
+        """The tick."""
+        self.achieved_as = [np.zeros(size, np.uint16) for _ in program.goals]
+        """The how manieth of the robot's goals; 0: it is not achieved."""
+        self.live: list[int] = []
+        """Goals that are open somewhere."""
+        self.busy = np.ones(size, np.bool_)
+        """Which robots may have a rule satisfied."""
+        self.last: Array | None = None
+        """The rules with which robots used up the budget of their first run, -1 for none; None: no robot has."""
+        self.tick = 0
+
+    @property
+    def size(self) -> int:
+        """How many robots there are."""
+        return len(self.robots)
+
+    def insert(self, predicate: int, values: Sequence[Array], rows: Array) -> None:
+        """Insert a fact in `rows`, and let follow what follows from it; in a set that holds it this is no insertion."""
+        present = self.present[predicate]
+        if self.follows.persistent[predicate]:
+            rows = rows & ~present
+        for column, value in zip(self.args[predicate], values, strict=True):
+            if value is not column:
+                np.copyto(column, value, where=rows)
+        present |= rows
+        self._follow(predicate, rows)
+
+    def _follow(self, predicate: int, rows: Array) -> None:
+        """Let matches with the new facts be new ones, and goals be achieved."""
+        again = [self.fired[each] for each in self.follows.fired[predicate] if each in self.fired]
+        again += [self.failed[each] for each in self.follows.failed[predicate] if each in self.failed]
+        if again:
+            others = ~rows
+            for column in again:
+                np.logical_and(column, others, out=column)
+        if self.live:
+            self.follows.goals.inserted(self, predicate, rows)
+
+    def fail(self, place: int, rows: Array) -> None:
+        """Note that the expression at `place` has no value in `rows`."""
+        failed = self.failed.get(place)
+        if failed is None:
+            failed = self.failed[place] = np.zeros(self.size, np.bool_)
+        if self.failures is None:
+            self.failures = np.zeros(self.size, np.uint32)
+        self.failures += rows & ~failed
+        failed |= rows
+
+    def part(self, rows: slice) -> "Block":
+        """Return some rows as a block of their own; what the two share is changed by both."""
+        other = Block.__new__(Block)
+        other.follows, other.tick, other.live = self.follows, self.tick, list(self.live)
+        other.robots, other.streams, other.firings = self.robots[rows], self.streams[rows], self.firings[rows]
+        other.present = [each[rows] for each in self.present]
+        other.args = [[each[rows] for each in columns] for columns in self.args]
+        other.fired = {key: each[rows] for key, each in self.fired.items()}
+        other.failed = {key: each[rows] for key, each in self.failed.items()}
+        other.failures = None if self.failures is None else self.failures[rows]
+        other.busy, other.last = self.busy[rows], None if self.last is None else self.last[rows]
+        other.open = [each[rows] for each in self.open]
+        other.achieved_at = [each[rows] for each in self.achieved_at]
+        other.achieved_as = [each[rows] for each in self.achieved_as]
+        return other
+
+    def copy(self) -> "Block":
+        """Return a block that shares no column with this one."""
+        return deepcopy(self, {id(self.follows): self.follows})
+
+    @property
+    def octets(self) -> int:
+        """What all columns take, without what is needed for a moment only."""
+        several = [self.present, self.open, self.achieved_at, self.achieved_as, *self.args]
+        columns = [each for group in several for each in group]
+        columns += [self.robots, self.streams, self.firings, self.busy, *self.fired.values(), *self.failed.values()]
+        columns += [each for each in (self.failures, self.last) if each is not None]
+        return sum(each.nbytes for each in columns)
+
+
+def stated_values(fact: InitialFact, block: Block, program: Program, layout: Layout) -> list[Array]:
+    """Return the columns of a stated fact."""
+    types = program.predicates[fact.predicate].types
+    return [
+        block.robots if isinstance(arg, Slot) else layout.single(arg, kind.base)
+        for arg, kind in zip(fact.args, types, strict=True)
+    ]
+
+
+def owned(owner: int | None, robots: Array) -> Array:
+    """Return the rows of the robots for which something is stated."""
+    return np.ones(len(robots), np.bool_) if owner is None else robots == owner

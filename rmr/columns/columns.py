@@ -1,0 +1,226 @@
+"""The run of all robots: step by step, each step one firing of every robot that is not quiescent.
+
+In a step each row takes of its satisfied rules one of the best rank: the first in the text, or one that is drawn, with
+one draw from the row's stream and only where there is a choice.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rmr.base.values import Robot, format_fact
+from rmr.bytecode.columnar import NUMBER, obstacles
+from rmr.bytecode.program import InitialFact, Kind, Program, Strategy
+from rmr.columns.block import Block, Follows, owned, stated_values
+from rmr.columns.choices import below
+from rmr.columns.goals import Goals, Report
+from rmr.columns.layout import Layout
+from rmr.columns.numbers import Array
+from rmr.columns.rules import Match, column_rules
+
+ROWS = 1 << 14
+"""Robots of a block: what one step looks at fits into a second-level cache, and numpy's calls cost little."""
+
+
+class Columns:
+    """The robots of one program."""
+
+    def __init__(
+        self,
+        program: Program,
+        robots: Sequence[int],
+        streams: Array,
+        given: Sequence[InitialFact] = (),
+        rows: int = ROWS,
+    ) -> None:
+        """Begin with the stated facts and goals, then the `given` facts; `streams` are what the robots draw from.
+
+        Raises ValueError if the program cannot be run as columns (`rmr.bytecode.columnar.obstacles`).
+        """
+        if obstacles(program, given):
+            raise ValueError(f"not a program for columns: {obstacles(program, given)[0].text}")
+        self.program = program
+        self._layout = Layout(program, given)
+        self._goals = Goals(program, self._layout)
+        follows = Follows(program, self._goals)
+        self._rules = column_rules(program, self._layout, follows)
+        numbers, states = np.asarray(robots, np.uint16), np.array(streams, np.uint64)
+        parts = [slice(start, start + rows) for start in range(0, len(numbers), rows)]
+        self.blocks = [Block(program, self._layout, follows, numbers[each], states[each]) for each in parts]
+        for block in self.blocks:
+            self._start(block, given)
+
+    def _start(self, block: Block, given: Sequence[InitialFact]) -> None:
+        number = self.program.index(NUMBER)
+        if number is not None and self.program.predicates[number].provided:
+            block.insert(number, [block.robots], owned(None, block.robots))
+        self._state(block, self.program.facts)
+        for index, goal in enumerate(self.program.goals):
+            self._goals.want(block, index, owned(goal.owner, block.robots))
+        self._state(block, given)
+
+    def _state(self, block: Block, facts: Sequence[InitialFact]) -> None:
+        for fact in facts:
+            values = stated_values(fact, block, self.program, self._layout)
+            block.insert(fact.predicate, values, owned(fact.owner, block.robots))
+
+    # ---- the run
+
+    def run(self, budget: int, tick: int = 0, firings_max: int | None = None) -> int:
+        """Let every busy robot fire until none of its rules is satisfied, `budget` times at most, in frame `tick`.
+
+        Return how many robots have had their turn: all, or those before the first one that finds `firings_max` firings
+        made by the robots before it.
+        """
+        with np.errstate(all="ignore"):
+            return self._run(budget, tick, firings_max)
+
+    def _run(self, budget: int, tick: int, firings_max: int | None) -> int:
+        done, fired = 0, 0
+        todo, self.blocks = self.blocks, []
+        while todo:
+            block, *todo = todo
+            if firings_max is not None and fired + block.size * budget >= firings_max:
+                cut = self._cut(block, budget, tick, firings_max - fired)
+                if cut < block.size:
+                    before, after = block.part(slice(cut)), block.part(slice(cut, None))
+                    self._fire(before, budget, tick)
+                    self.blocks += [each for each in (before, after) if each.size] + todo
+                    return done + cut
+            fired += self._fire(block, budget, tick)
+            done += block.size
+            self.blocks.append(block)
+        return done
+
+    def _cut(self, block: Block, budget: int, tick: int, firings_max: int) -> int:
+        """Return before how many rows of a block less than `firings_max` firings are made in a run."""
+        trial = block.copy()
+        self._fire(trial, budget, tick)
+        made = (trial.firings - block.firings).astype(np.int64)
+        return int(np.count_nonzero(np.cumsum(made) - made < firings_max))
+
+    def _fire(self, block: Block, budget: int, tick: int) -> int:
+        """Run one block; return how many firings there were."""
+        if not block.busy.any():
+            return 0
+        before = int(block.firings.sum())
+        block.tick = tick
+        for left in reversed(range(budget)):
+            self._step(block, is_last=not left)
+            if not block.busy.any():
+                break
+        return int(block.firings.sum()) - before
+
+    def _step(self, block: Block, *, is_last: bool) -> None:
+        """Fire a rule in each row that has one satisfied: the others are not busy any more."""
+        matches = [match for rule in self._rules if (match := rule.match(block)) is not None]
+        if block.live and len(matches) > 1:
+            matches = self._nearest(block, matches)
+        fired = np.zeros(block.size, np.bool_)
+        chosen = np.full(block.size, -1, np.int32) if is_last and block.last is None else None
+        for match, rows in self._chosen(block, matches):
+            match.rule.fire(block, match, rows)
+            fired |= rows
+            if chosen is not None:
+                chosen[rows] = match.rule.index
+        block.firings += fired
+        block.busy = fired
+        block.last = block.last if chosen is None else chosen
+
+    def _nearest(self, block: Block, matches: list[Match]) -> list[Match]:
+        """Return the matches where they have the best rank."""
+        ranks = [self._goals.ranks(block, match.rule.index) for match in matches]
+        least = np.full(block.size, np.iinfo(np.uint32).max, np.uint32)
+        for match, rank in zip(matches, ranks, strict=True):
+            np.minimum(least, rank, out=least, where=match.rows)
+        return [match._replace(rows=match.rows & (rank == least)) for match, rank in zip(matches, ranks, strict=True)]
+
+    def _chosen(self, block: Block, matches: list[Match]) -> Iterator[tuple[Match, Array]]:
+        """Yield the matches and where each is the one that fires."""
+        if len(matches) < 2:
+            yield from ((match, match.rows) for match in matches)
+        elif self.program.strategy is Strategy.TEXTUAL:
+            left = np.ones(block.size, np.bool_)
+            for match in matches:
+                yield match, match.rows & left
+                left &= ~match.rows
+        else:
+            place = self._drawn(block, matches)
+            for match in matches:
+                yield match, match.rows & (place == 0)
+                place -= match.rows
+
+    def _drawn(self, block: Block, matches: list[Match]) -> Array:
+        """Return for each row which of its matches fires, counted from 0."""
+        number = np.zeros(block.size, np.int32)
+        for match in matches:
+            number += match.rows
+        place = np.zeros(block.size, np.int32)
+        rows = np.flatnonzero(number > 1)
+        if len(rows) == block.size:
+            place[:] = below(block.streams, number.astype(np.uint64))
+        elif len(rows):
+            states = block.streams[rows]
+            place[rows] = below(states, number[rows].astype(np.uint64))
+            block.streams[rows] = states
+        return place
+
+    # ---- what is told
+
+    @property
+    def firings(self) -> Array:
+        """How often each robot has fired."""
+        return np.concatenate([block.firings for block in self.blocks])
+
+    @property
+    def streams(self) -> Array:
+        """The state of each robot's stream."""
+        return np.concatenate([block.streams for block in self.blocks])
+
+    @property
+    def busy(self) -> Array:
+        """Which robots may have a rule satisfied: they have used up their budget, or have not been run."""
+        return np.concatenate([block.busy for block in self.blocks])
+
+    @property
+    def failed(self) -> int:
+        """How often an expression had no value, on all robots together."""
+        return sum(int(block.failures.sum()) for block in self.blocks if block.failures is not None)
+
+    def failures(self, robot: int) -> int:
+        """Return how often an expression had no value on one robot, told like the following by its place."""
+        block, row = self._row(robot)
+        return 0 if block.failures is None else int(block.failures[row])
+
+    def last(self, robot: int) -> int | None:
+        """Return the rule with which a robot used up its first budget; None if it did not."""
+        block, row = self._row(robot)
+        return None if block.last is None or block.last[row] < 0 else int(block.last[row])
+
+    def facts(self, robot: int) -> list[str]:
+        """Return what `Machine.facts` does of one robot."""
+        block, row = self._row(robot)
+        texts: list[str] = []
+        for index, predicate in enumerate(self.program.predicates):
+            if block.present[index][row] and not predicate.provided:
+                columns = zip(block.args[index], predicate.types, strict=True)
+                values = [self._layout.value(column, row, kind.base) for column, kind in columns]
+                mark = "!" if predicate.kind is Kind.PERSISTENT else ""
+                texts.append(format_fact(predicate.name, (Robot(block.robots[row]), *values), mark))
+        return sorted(texts)
+
+    def goals(self, robot: int) -> Report:
+        """Return what `Machine.goals` does of one robot."""
+        return self._goals.report(*self._row(robot))
+
+    def _row(self, robot: int) -> tuple[Block, int]:
+        for block in self.blocks:
+            if robot < block.size:
+                return block, robot
+            robot -= block.size
+        raise IndexError("no such robot")
+
+    @property
+    def octets(self) -> int:
+        """What all columns take."""
+        return sum(block.octets for block in self.blocks)

@@ -1,0 +1,231 @@
+"""What operators make of whole columns, bit for bit as `rmr.bytecode.arithmetic` does for single values.
+
+numpy wraps integers around, rounds them when they meet floats, and has its own sine. So overflow is looked for, and
+whatever numpy cannot do exactly is done value by value, which is slow and rare: products near 64 bits, integers
+beyond 2**53 among floats, angles. Values that stand for nothing (rows in which the fact does not hold) go through all
+of it unharmed.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from rmr.base.values import INT_MIN
+from rmr.bytecode.arithmetic import NoValue
+from rmr.bytecode.program import Base
+from rmr.bytecode.straight import work_out
+
+Array = npt.NDArray[Any]
+"""A column, or a single value that stands for a column of it."""
+
+EXACT = 1 << 53
+"""Integers up to this one are the same as floats."""
+SURE = float((1 << 63) - 8192)
+"""A product that is smaller as a float fits into 64 bits, whatever the three roundings on the way."""
+BEYOND = float(1 << 63)
+
+
+class Held(NamedTuple):
+    """A column of values."""
+
+    value: Array
+    valid: Array | None = None
+    """In which rows there is a value; None: in all."""
+
+
+Work = Callable[[list[Array], list[Base]], Held]
+
+
+def also(one: Array | None, other: Array | None) -> Array | None:
+    """Return where both hold; None is everywhere."""
+    if one is None or other is None:
+        return other if one is None else one
+    both: Array = one & other
+    return both
+
+
+def _floats(value: Array) -> Array:
+    """Return numbers as floats, rounded as Python rounds them."""
+    return value.astype(np.float64, copy=False)
+
+
+def _one_by_one(name: str, values: list[Array], rows: Array, found: Held) -> Held:
+    """Work out `rows` of a column as the interpreter does, into a column found already."""
+    columns = np.broadcast_arrays(*map(np.atleast_1d, values))
+    shape = columns[0].shape
+    value = np.array(np.broadcast_to(found.value, shape))
+    valid = np.ones(shape, np.bool_) if found.valid is None else np.array(np.broadcast_to(found.valid, shape))
+    places = np.flatnonzero(np.broadcast_to(rows, shape))
+    for place, *operands in zip(places.tolist(), *[each[places].tolist() for each in columns], strict=True):
+        try:
+            value[place] = work_out(name, operands)
+            valid[place] = True
+        except NoValue:
+            valid[place] = False
+    return Held(value, valid)
+
+
+def _large(value: Array, base: Base) -> Array | bool:
+    """Tell which integers floats cannot hold."""
+    return (value > EXACT) | (value < -EXACT) if base is Base.INT else False
+
+
+def _mended(name: str, values: list[Array], bases: list[Base], found: Held) -> Held:
+    """Return a column that was worked out with floats, made exact where integers are too large for that."""
+    rows = _large(values[0], bases[0]) | _large(values[-1], bases[-1])
+    return _one_by_one(name, values, np.asarray(rows), found) if np.any(rows) else found
+
+
+# ---- arithmetic
+
+
+def _finite(value: Array) -> Held:
+    return Held(value, np.isfinite(value))
+
+
+def _add(values: list[Array], bases: list[Base]) -> Held:
+    one, other = values
+    if Base.FLOAT in bases:
+        return _finite(_floats(one) + _floats(other))
+    total = one + other
+    return Held(total, ((one ^ total) & (other ^ total)) >= 0)
+
+
+def _sub(values: list[Array], bases: list[Base]) -> Held:
+    one, other = values
+    if Base.FLOAT in bases:
+        return _finite(_floats(one) - _floats(other))
+    rest = one - other
+    return Held(rest, ((one ^ other) & (one ^ rest)) >= 0)
+
+
+def _mul(values: list[Array], bases: list[Base]) -> Held:
+    one, other = values
+    about = _floats(one) * _floats(other)
+    if Base.FLOAT in bases:
+        return _finite(about)
+    sure = np.abs(about) < SURE
+    found = Held(one * other, sure)
+    return found if np.all(sure) else _one_by_one("mul", values, ~sure, found)
+
+
+def _div(values: list[Array], bases: list[Base]) -> Held:
+    one, other = values
+    share = _floats(one) / _floats(other)
+    found = Held(share, (other != 0) & np.isfinite(share))
+    return found if Base.FLOAT in bases else _mended("div", values, bases, found)
+
+
+def _mod(values: list[Array], bases: list[Base]) -> Held:
+    one, other = values
+    if Base.FLOAT not in bases:
+        return Held(np.remainder(one, other), other != 0)
+    rest = np.remainder(_floats(one), _floats(other))
+    return Held(rest, (other != 0) & np.isfinite(rest))
+
+
+def _neg(values: list[Array], bases: list[Base]) -> Held:
+    [value] = values
+    return Held(-value, None if bases[0] is Base.FLOAT else value != INT_MIN)
+
+
+def _abs(values: list[Array], bases: list[Base]) -> Held:
+    [value] = values
+    return Held(np.abs(value), None if bases[0] is Base.FLOAT else value != INT_MIN)
+
+
+def _floor(values: list[Array], bases: list[Base]) -> Held:
+    [value] = values
+    if bases[0] is Base.INT:
+        return Held(np.array(value))
+    whole = np.floor(value)
+    return Held(whole.astype(np.int64), (whole >= -BEYOND) & (whole < BEYOND))
+
+
+def _sqrt(values: list[Array], _: list[Base]) -> Held:
+    root = np.sqrt(_floats(values[0]))
+    return Held(root, values[0] >= 0)
+
+
+def _float(values: list[Array], _: list[Base]) -> Held:
+    return Held(values[0].astype(np.float64))
+
+
+def _id(values: list[Array], _: list[Base]) -> Held:
+    return Held(values[0].astype(np.int64))
+
+
+def _single(name: str) -> Work:
+    """Return what works a function out value by value."""
+
+    def work(values: list[Array], _: list[Base]) -> Held:
+        nothing = np.zeros(np.broadcast_shapes(*[each.shape for each in values]))
+        return _one_by_one(name, values, np.ones(nothing.shape, np.bool_), Held(nothing))
+
+    return work
+
+
+# ---- comparisons
+
+
+_COMPARED: dict[str, Callable[[Array, Array], Array]] = {
+    "eq": np.equal,
+    "ne": np.not_equal,
+    "lt": np.less,
+    "le": np.less_equal,
+    "gt": np.greater,
+    "ge": np.greater_equal,
+}
+
+
+def _compare(name: str) -> Work:
+    compared = _COMPARED[name]
+
+    def work(values: list[Array], bases: list[Base]) -> Held:
+        if bases[0] is bases[1]:
+            return Held(compared(*values))
+        found = Held(compared(_floats(values[0]), _floats(values[1])))
+        return Held(_mended(name, values, bases, found).value)
+
+    return work
+
+
+def same(one: Array, one_base: Base, other: Array, other_base: Base) -> Array:
+    """Return in which rows two columns of comparable types hold the same value."""
+    return WORK["eq"]([one, other], [one_base, other_base]).value
+
+
+def _choose(name: str) -> Work:
+    """Return what takes the smaller or larger of two; of equal ones (0.0 and -0.0) the first."""
+    better = _compare("lt" if name == "min" else "gt")
+
+    def work(values: list[Array], bases: list[Base]) -> Held:
+        second = better(values[::-1], bases[::-1]).value
+        one, other = map(_floats, values) if Base.FLOAT in bases else values
+        return Held(np.where(second, other, one))
+
+    return work
+
+
+WORK: dict[str, Work] = {
+    **{name: _compare(name) for name in _COMPARED},
+    **{name: _choose(name) for name in ("min", "max")},
+    **{name: _single(name) for name in ("sin", "cos", "atan2", "dist")},
+    "add": _add,
+    "sub": _sub,
+    "mul": _mul,
+    "div": _div,
+    "mod": _mod,
+    "neg": _neg,
+    "abs": _abs,
+    "floor": _floor,
+    "sqrt": _sqrt,
+    "float": _float,
+    "id": _id,
+    "not": lambda values, _: Held(~values[0]),
+    "alike": lambda values, _: Held(np.zeros_like(values[0], np.bool_)),
+    "unlike": lambda values, _: Held(np.ones_like(values[0], np.bool_)),
+}
+"""By operation: what it makes of columns that have a value in every row."""

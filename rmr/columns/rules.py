@@ -1,0 +1,254 @@
+"""Rules in columns: in which rows one is satisfied, and what it does where it fires.
+
+The steps of a body narrow the rows down one by one, as `rmr.vm.match` tries them for one robot. With at most one fact
+of each predicate a row has one match at most. A rule that consumes nothing fires once for it: until one of its facts
+is another one, or, with ``not`` in the body, until the match has been gone.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+from rmr.base.values import Value
+from rmr.bytecode.columnar import Slots, fallible
+from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, DeriveFact, Guard, Mode, Program, Rule, Steps
+from rmr.bytecode.straight import BASES, straight
+from rmr.columns.block import Block, Follows
+from rmr.columns.layout import Layout
+from rmr.columns.lines import Line
+from rmr.columns.numbers import Array, Held, also, same
+from rmr.vm.match import plan_atom
+
+Columns = list[Array | None]
+"""Those of a rule's variables."""
+
+
+class _Step(ABC):
+    """A conjunct."""
+
+    @abstractmethod
+    def narrow(self, block: Block, slots: Columns, rows: Array) -> Array:
+        """Return those of `rows` in which it holds, a new column, and bind its variables."""
+
+
+class _Term(NamedTuple):
+    """With what an argument is compared: a value, a variable, or an argument before it."""
+
+    place: int
+    base: Base
+    other_base: Base
+    value: Array | None = None
+    slot: int | None = None
+    twin: int = 0
+
+
+class _Fact(_Step):
+    """A fact that holds, or none that does."""
+
+    def __init__(self, atom: Atom, program: Program, slots: Slots, layout: Layout, *, again: bool) -> None:
+        """`again`: another conjunct has taken the one temporary fact of the predicate that there can be."""
+        step = plan_atom(atom, program.predicates, slots.bases)
+        types = [kind.base for kind in program.predicates[atom.predicate].types]
+        self._predicate = atom.predicate
+        self._absent = atom.mode is Mode.ABSENT
+        self._again = again
+        self._binds = step.binds
+        self._terms = [self._constant(place, types[place], value, layout) for place, value in step.tests]
+        self._terms += [_Term(place, types[place], slots.bases[slot], slot=slot) for place, slot in step.joins]
+        self._terms += [_Term(place, types[place], types[other], twin=other) for place, other in step.twins]
+        slots.match(atom)
+
+    @staticmethod
+    def _constant(place: int, base: Base, value: Value, layout: Layout) -> _Term:
+        return _Term(place, base, BASES[type(value)], layout.single(value, BASES[type(value)]))
+
+    def narrow(self, block: Block, slots: Columns, rows: Array) -> Array:
+        args, holds = block.args[self._predicate], block.present[self._predicate]
+        for term in self._terms:
+            other = slots[term.slot] if term.slot is not None else term.value
+            if other is None:
+                other = args[term.twin]
+            holds = holds & same(args[term.place], term.base, other, term.other_base)
+        if self._absent:
+            return rows & ~holds
+        for place, slot in self._binds:
+            slots[slot] = args[place]
+        return rows & holds & (not self._again)
+
+
+class _Condition(_Step):
+    """A condition, or a variable that an expression binds."""
+
+    def __init__(self, line: Line, place: int | None, slot: int | None = None) -> None:
+        self._line = line
+        self._place = place
+        self._slot = slot
+
+    def narrow(self, block: Block, slots: Columns, rows: Array) -> Array:
+        found = self._line(slots)
+        rows = _valid(block, found.valid, self._place, rows)
+        if self._slot is None:
+            return rows & found.value
+        slots[self._slot] = found.value
+        return rows
+
+
+def _valid(block: Block, valid: Array | None, place: int | None, rows: Array) -> Array:
+    """Return those of `rows` in which there is a value, and note the others."""
+    if valid is None:
+        return rows
+    assert place is not None
+    failed = rows & ~valid
+    if failed.any():
+        block.fail(place, failed)
+    return rows & valid
+
+
+class _Insertion(NamedTuple):
+    """A fact of the head."""
+
+    predicate: int
+    lines: list[Line]
+
+
+class _Part(NamedTuple):
+    """A part of the head: a fact, or facts in turn."""
+
+    insertions: list[_Insertion]
+    place: int | None
+
+
+class Match(NamedTuple):
+    """Where a rule is satisfied, and what it would derive there."""
+
+    rule: "ColumnRule"
+    rows: Array
+    derived: list[tuple[_Insertion, list[Held]]]
+
+
+class ColumnRule:
+    """One rule."""
+
+    def __init__(self, index: int, program: Program, layout: Layout, places: Iterator[int], follows: Follows) -> None:
+        """`places` numbers the places where expressions may fail; `follows` is told what concerns whom."""
+        rule = program.rules[index]
+        self.index = index
+        self._slots = rule.slots
+        bases = Slots(program)
+        atoms = [each for each in rule.body if isinstance(each, Atom)]
+        self._matched = [each.predicate for each in atoms if each.mode is not Mode.ABSENT]
+        self._steps = list(self._body(rule, program, bases, layout, places, follows))
+        self._head = list(self._parts(rule, bases, layout, places, follows))
+        consumed = [each.predicate for each in atoms if each.mode is Mode.CONSUME]
+        derived = [each.predicate for part in self._head for each in part.insertions]
+        self._removed = [each for each in consumed if each not in derived]
+        self._copied = sum(len(each.lines) for part in self._head for each in part.insertions) > 1
+        self.once = not consumed
+        self._changing = any(each.mode is Mode.ABSENT for each in atoms)
+        if self.once:
+            for predicate in self._matched:
+                follows.fired[predicate].append(index)
+
+    @staticmethod
+    def _body(
+        rule: Rule, program: Program, slots: Slots, layout: Layout, places: Iterator[int], follows: Follows
+    ) -> Iterator[_Step]:
+        """Yield the steps of a body."""
+        found: list[int] = []
+        for conjunct in rule.body:
+            if isinstance(conjunct, Guard):
+                operations = straight(conjunct.code, slots.bases)
+                yield _Condition(Line(operations, layout), _place(fallible(operations), found, places, follows))
+            elif isinstance(conjunct, Bind):
+                operations = slots.bind(conjunct)
+                place = _place(fallible(operations), found, places, follows)
+                yield _Condition(Line(operations, layout), place, conjunct.slot)
+            else:
+                linear = conjunct.mode in (Mode.CONSUME, Mode.KEEP)
+                yield _Fact(conjunct, program, slots, layout, again=linear and conjunct.predicate in found)
+                if conjunct.mode is not Mode.ABSENT:
+                    found.append(conjunct.predicate)
+
+    def _parts(
+        self, rule: Rule, slots: Slots, layout: Layout, places: Iterator[int], follows: Follows
+    ) -> Iterator[_Part]:
+        """Yield the parts of a head."""
+        for head in rule.head:
+            insertions, failing = [], False
+            for item in head.steps if isinstance(head, Steps) else (head,):
+                assert isinstance(item, DeriveFact)
+                lines = [straight(code, slots.bases) for code in item.args]
+                failing |= any(map(fallible, lines))
+                insertions.append(_Insertion(item.predicate, [Line(each, layout) for each in lines]))
+            yield _Part(insertions, _place(failing, self._matched, places, follows))
+
+    def match(self, block: Block) -> Match | None:
+        """Return where the rule is satisfied; None if nowhere."""
+        slots: Columns = [None] * self._slots
+        slots[SELF_SLOT] = block.robots
+        rows = self._narrowed(block, slots)
+        fired = block.fired.get(self.index)
+        if fired is not None:
+            if self._changing:
+                fired &= rows
+            rows = rows & ~fired
+        if not rows.any():
+            return None
+        derived: list[tuple[_Insertion, list[Held]]] = []
+        for part in self._head:
+            valid: Array | None = None
+            for insertion in part.insertions:
+                values = [line(slots) for line in insertion.lines]
+                derived.append((insertion, values))
+                for each in values:
+                    valid = also(valid, each.valid)
+            rows = _valid(block, valid, part.place, rows)
+        return Match(self, rows, derived) if rows.any() else None
+
+    def _narrowed(self, block: Block, slots: Columns) -> Array:
+        """Return where the body holds."""
+        rows = np.ones(block.size, np.bool_)
+        for step in self._steps:
+            rows = step.narrow(block, slots, rows)
+            if not rows.any():
+                break
+        return rows
+
+    def fire(self, block: Block, match: Match, rows: Array) -> None:
+        """Fire in `rows`: remove what is consumed, then insert what is derived."""
+        if self.once:
+            fired = block.fired.get(self.index)
+            if fired is None:
+                fired = block.fired[self.index] = np.zeros(block.size, np.bool_)
+            fired |= rows
+        values = [(insertion.predicate, self._kept(insertion, held)) for insertion, held in match.derived]
+        for predicate in self._removed:
+            block.present[predicate] ^= rows
+        for predicate, columns in values:
+            block.insert(predicate, columns, rows)
+
+    def _kept(self, insertion: _Insertion, values: Sequence[Held]) -> list[Array]:
+        """Return the columns to insert, apart from those that inserting changes."""
+        pairs = zip(insertion.lines, values, strict=True)
+        if not self._copied:
+            return [held.value for _, held in pairs]
+        return [held.value if line.slot in (None, SELF_SLOT) else held.value.copy() for line, held in pairs]
+
+
+def _place(failing: bool, found: Sequence[int], places: Iterator[int], follows: Follows) -> int | None:
+    """Number a place where an expression may fail for the facts `found` so far; None if it cannot."""
+    if not failing:
+        return None
+    place = next(places)
+    for predicate in dict.fromkeys(found):
+        follows.failed[predicate].append(place)
+    return place
+
+
+def column_rules(program: Program, layout: Layout, follows: Follows) -> list[ColumnRule]:
+    """Return all rules of a program."""
+    places = count()
+    return [ColumnRule(index, program, layout, places, follows) for index in range(len(program.rules))]
