@@ -19,7 +19,7 @@ from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
 from rmr.vm.derive import Chain, Derived, Role, evaluated
-from rmr.vm.doubts import doubts
+from rmr.vm.doubts import Doubts
 from rmr.vm.evaluate import NoValue
 from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
 from rmr.vm.goals import GoalArgs
@@ -147,10 +147,8 @@ class Machine(Parts):
             return False
         action, then = awaited
         if action.owner == self.robot:
-            predicate = self.program.predicates[action.predicate]
-            for effect in predicate.effects if ok else predicate.else_effects:
-                if self.program.predicates[effect.predicate].kind is not Kind.SENSED:
-                    self._take_effect(now, f"effect of {predicate.name}", effect, action)
+            for effect, doubts in self._shared.effects(action.predicate, ok):
+                self._take_effect(now, effect, doubts, action)
         if ok:
             self._follow(now, then)
         return True
@@ -330,11 +328,11 @@ class Machine(Parts):
             serial = (self._any_actions or self._under_way).begin(now, item, then)
         self._events.append(ActionDerived(serial, predicate, owner, args, origin))
 
-    def _take_effect(self, now: Instant, where: str, effect: Effect, action: Derived) -> None:
+    def _take_effect(self, now: Instant, effect: Effect, doubts: Doubts, action: Derived) -> None:
         try:
-            fact = evaluated(effect, [self.robot, *action.args], now, doubts(effect, self.program.predicates))
+            fact = evaluated(effect, [self.robot, *action.args], now, doubts)
         except NoValue as reason:
-            self._failures.tell(now, where, str(reason))
+            self._failures.tell(now, f"effect of {self.program.predicates[action.predicate].name}", str(reason))
             return
         self._give(now, fact)
 
@@ -344,8 +342,8 @@ class Machine(Parts):
             self._events.append(JobMissed(job))
             env: list[Value] = job.bindings  # type: ignore[assignment]
             try:
-                item = self.program.assertions[job.assertion].violation
-                violation = evaluated(item, env, job.deadline, doubts(item, self.program.predicates))
+                item, doubts = self._shared.violations[job.assertion]
+                violation = evaluated(item, env, job.deadline, doubts)
             except NoValue as reason:
                 self._failures.tell(job.deadline, f"violation of assertion {job.name}", str(reason))
                 continue

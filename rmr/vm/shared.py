@@ -1,4 +1,4 @@
-"""What all robots that run one program know of it alike: worked out once in a process, changed by nobody.
+"""What all robots that run one program know of it alike: worked out once in a process.
 
 A thousand robots of one process run one program. What a machine carries for itself is what has happened to it.
 """
@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, InitialFact, Program, Slot
+from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, Effect, InitialFact, Kind, Program, Slot
+from rmr.vm.doubts import Doubts, doubts
 from rmr.vm.outside import Gate
 from rmr.vm.store import Args
 
@@ -18,6 +19,10 @@ ROBOT_NUMBER = "id"
 
 Mine = tuple[tuple[int, Assertion], ...]
 """The time assertions of which a robot may have jobs, with their indices."""
+
+
+Effects = tuple[tuple[Effect, Doubts], ...]
+"""Effects, each with what its text leaves in doubt."""
 
 
 class Affairs(NamedTuple):
@@ -33,7 +38,7 @@ class Affairs(NamedTuple):
 class Shared:
     """What a program says to all its robots."""
 
-    __slots__ = ("_affairs", "_named", "_stated", "gate", "number")
+    __slots__ = ("_affairs", "_effects", "_named", "_program", "_stated", "gate", "number", "violations")
 
     def __init__(self, program: Program) -> None:
         number = program.index(ROBOT_NUMBER)
@@ -42,12 +47,30 @@ class Shared:
         self.gate = Gate(program.predicates)
         self._stated = [(fact, any(isinstance(arg, Slot) for arg in fact.args)) for fact in program.facts]
         """The stated facts, each with whether the robot itself stands in it."""
+        self._effects = [
+            tuple([_effects(effects, program) for effects in (predicate.else_effects, predicate.effects)])
+            for predicate in program.predicates
+        ]
+        """What an action's failure inserts, and its completion."""
+        self.violations = [(each.violation, doubts(each.violation, program.predicates)) for each in program.assertions]
+        """Of the time assertions, with what their texts leave in doubt."""
         self._affairs = _affairs(program, None)
-        self._named = {robot: _affairs(program, robot) for robot in _robots(program)}
+        self._named: dict[int, Affairs | None] = dict.fromkeys(_robots(program))
+        """Those of the robots that time assertions name, once there are such robots in this process."""
+        self._program = program
 
     def affairs(self, robot: Robot) -> Affairs:
         """Return what `robot` has to do with the time assertions."""
-        return self._named.get(robot, self._affairs)
+        if robot not in self._named:
+            return self._affairs
+        affairs = self._named[robot]
+        if affairs is None:
+            affairs = self._named[robot] = _affairs(self._program, robot)
+        return affairs
+
+    def effects(self, action: int, ok: bool) -> Effects:
+        """Return what the end of an action inserts; facts that are sensed are left to the senses."""
+        return self._effects[action][ok]
 
     def facts(self, robot: Robot) -> Iterator[tuple[int, Args]]:
         """Yield the predicates and arguments of the facts that the program states for `robot`."""
@@ -58,6 +81,12 @@ class Shared:
 
 shared_of = ByIdentity(Shared)
 """Returns what the robots of a program share."""
+
+
+def _effects(effects: tuple[Effect, ...], program: Program) -> Effects:
+    predicates = program.predicates
+    derived = [each for each in effects if predicates[each.predicate].kind is not Kind.SENSED]
+    return tuple([(each, doubts(each, predicates)) for each in derived])
 
 
 def _args(fact: InitialFact, robot: Robot) -> tuple[Value, ...]:
