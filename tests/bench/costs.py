@@ -35,9 +35,6 @@ PLACES = 3
 WARM = 500
 """Events before any is timed."""
 
-TRACED = 500
-"""Machines whose memory is measured, beside one that has made what all share."""
-
 MADE = 100
 """New machines that are timed together."""
 
@@ -152,8 +149,8 @@ def _quantiles(name: str, taken: Sequence[float], targets: tuple[float | None, f
     yield Figure(f"{name}, 99 of 100 within", statistics.quantiles(taken, n=100)[98], "us", targets[1])
 
 
-def memory(options: dict[str, Any]) -> Iterable[Figure]:
-    """All that one more machine of a program adds: facts, indices, counters, its stream of choices."""
+def memory(options: dict[str, Any], machines: int) -> Iterable[Figure]:
+    """All that one more machine adds, the mean of some: facts, indices, counters, its stream; code is shared."""
     thirty, eight = compiled(source()), compiled(ping_pong(20).source)
 
     def busy(number: int) -> Machine:
@@ -170,23 +167,23 @@ def memory(options: dict[str, Any]) -> Iterable[Figure]:
             machine.drain()
         return machine
 
-    yield Figure("memory of a machine, 30 rules, 50 facts, after ten events", _traced(busy) / 1e3, "kB", 15)
-    yield Figure("memory of a machine, 8 rules, 2 facts, after 40 firings", _traced(small) / 1e3, "kB", 4)
+    yield Figure("memory of a machine, 30 rules, 50 facts, after ten events", _traced(busy, machines) / 1e3, "kB", 15)
+    yield Figure("memory of a machine, 8 rules, 2 facts, after 40 firings", _traced(small, machines) / 1e3, "kB", 4)
 
 
-def _traced(make: Callable[[int], Machine]) -> float:
-    """Return the octets that one further machine adds."""
-    made = [make(number) for number in range(3)]
-    kept: list[Machine | None] = [None] * TRACED
+def _traced(make: Callable[[int], Machine], count: int) -> float:
+    """Return the octets that one further machine adds, others having made before what all share."""
+    others = [make(number) for number in range(3)]
+    kept: list[Machine | None] = [None] * count
     tracemalloc.start()
     try:
-        for place in range(TRACED):
+        for place in range(count):
             kept[place] = make(place)
         gc.collect()
-        return tracemalloc.get_traced_memory()[0] / TRACED
+        return tracemalloc.get_traced_memory()[0] / count
     finally:
         tracemalloc.stop()
-        del made
+        del others
 
 
 def load(options: dict[str, Any], rounds: int) -> Iterable[Figure]:

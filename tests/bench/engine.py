@@ -12,6 +12,7 @@ import argparse
 import collections
 import collections.abc
 import importlib
+import inspect
 import json
 import os
 import platform
@@ -29,10 +30,16 @@ from run import ROOT, Figure, UntakenError, show
 from systems import CLIPS, DURABLE, EXPERTA, RMR, ClipsSystem, RmrSystem, System, WrongResultError, installed
 from workloads import SUITE, Entry, Workload
 
-from rmr.vm.engines import Engine
+from rmr.vm.engines import Engine, new_machine
+
+USUAL: Engine = inspect.signature(new_machine).parameters["engine"].default
+"""What runs where nothing else is said."""
 
 EVENTS = 20_000
 """Of the latency: enough for the slowest of a hundred to be a distribution."""
+
+MACHINES = 500
+"""Whose memory is measured."""
 
 EXPERTA_FACTOR = 100
 """Times as fast as experta, at least."""
@@ -51,15 +58,16 @@ class Comparison:
     """Of RMR, in one run."""
     rival: str
     rmr_s: Timing
-    rival_s: Timing
-    ratio: Spread
+    rival_s: Timing | None
+    """None: the rival is not installed."""
+    ratio: Spread | None
     """RMR's time over the rival's."""
     target: float | None
 
     @property
     def met(self) -> bool | None:
-        """Whether the target holds; None: there is none."""
-        return None if self.target is None else self.ratio.median <= self.target
+        """Whether the target holds; None: there is none, or no rival."""
+        return None if self.target is None or self.ratio is None else self.ratio.median <= self.target
 
 
 @dataclass
@@ -118,7 +126,7 @@ def small(entry: Entry, plan: Plan) -> tuple[Workload, list[System]]:
 
 
 def compared(entry: Entry, workload: Workload, laps: Laps, runs: int) -> list[Comparison]:
-    """Return RMR beside each other system of one contest."""
+    """Return RMR beside each other system of one contest, or beside a CLIPS that is not there if there is none."""
     targets = {CLIPS: entry.target, EXPERTA: 1 / EXPERTA_FACTOR}
     mine = laps.pop(RMR)
     return [
@@ -128,11 +136,11 @@ def compared(entry: Entry, workload: Workload, laps: Laps, runs: int) -> list[Co
             workload.firings,
             rival,
             timing(mine, runs),
-            timing(theirs, runs),
-            ratio(mine, theirs),
+            timing(theirs, runs) if theirs else None,
+            ratio(mine, theirs) if theirs else None,
             targets.get(rival),
         )
-        for rival, theirs in laps.items()
+        for rival, theirs in (laps or {CLIPS: []}).items()
     ]
 
 
@@ -145,6 +153,8 @@ def compare(entry: Entry, plan: Plan) -> list[Comparison]:
     found = []
     for make, runs in ((large, 1 if plan.quick else entry.runs), (small, 1)):
         workload, systems = make(entry, plan)
+        if make is small and len(systems) == 1:
+            continue  # nobody to compare with
         laps = contest(systems, workload.ending, plan.rounds, runs)
         found += compared(entry, workload, laps, runs)
     return found
@@ -178,7 +188,7 @@ def groups(plan: Plan) -> dict[str, Callable[[], Iterable[Figure]]]:
     if CLIPS not in plan.missing:
         clips = importlib.import_module(MODULES[CLIPS])
         found["latency, CLIPS"] = lambda: costs.clips_latency(clips, events)
-    found["memory"] = lambda: costs.memory(plan.options)
+    found["memory"] = lambda: costs.memory(plan.options, 20 if plan.quick else MACHINES)
     found["load"] = lambda: costs.load(plan.options, plan.rounds)
     return found
 
@@ -193,13 +203,13 @@ def rows(comparisons: Iterable[Comparison]) -> list[tuple[str, ...]]:
     """Return the comparisons as the cells of a table."""
     return [
         (
-            f"{each.workload}",
+            each.workload,
             f"{each.size:,}",
             each.rival,
             microseconds(each.rmr_s, each.firings),
-            microseconds(each.rival_s, each.firings),
-            f"{each.ratio.median:.3g}",
-            f"{each.ratio.low:.3g} - {each.ratio.high:.3g}",
+            microseconds(each.rival_s, each.firings) if each.rival_s else "not installed",
+            f"{each.ratio.median:.3g}" if each.ratio else "",
+            f"{each.ratio.low:.3g} - {each.ratio.high:.3g}" if each.ratio else "",
             "" if each.target is None else f"<= {each.target:g}",
             {None: "", True: "met", False: "not met"}[each.met],
         )
@@ -222,12 +232,12 @@ def show_table(cells: Sequence[Sequence[str]]) -> None:
         print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
 
 
-def as_data(record: Record, plan: Plan, engine: str) -> dict[str, Any]:
+def as_data(record: Record, plan: Plan) -> dict[str, Any]:
     """Return the record for JSON."""
     return {
         "taken": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "system": platform.system()},
-        "engine": engine,
+        "engine": plan.options.get("engine", USUAL).value,
         "rounds": plan.rounds,
         "quick": plan.quick,
         "comparisons": [asdict(each) | {"met": each.met} for each in record.comparisons],
@@ -243,20 +253,19 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=15, help="rounds of each workload (default 15)")
     parser.add_argument("--quick", action="store_true", help="small sizes, nothing judged")
     parser.add_argument("--only", metavar="NAME", default="", help="only what has NAME in its name")
-    parser.add_argument("--engine", choices=[each.value for each in Engine], help="RMR's (default: what nodes use)")
+    parser.add_argument("--engine", choices=[each.value for each in Engine], default=USUAL.value, help="RMR's")
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "engine.json", metavar="FILE")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="renew FOLDER.md, and figure and data in FOLDER")
     arguments = parser.parse_args(words)
-    options = {"engine": Engine(arguments.engine)} if arguments.engine else {}
     missing = [name for name, module in MODULES.items() if not installed(module)]
-    plan = Plan(options, missing, arguments.rounds, arguments.quick)
+    plan = Plan({"engine": Engine(arguments.engine)}, missing, arguments.rounds, arguments.quick)
     record = take(arguments.only, plan)
     if record.comparisons:
         show_table([HEADER, *rows(record.comparisons)])
     for name in record.missing:
         print(f"{name}: not installed")
     show(record.figures, record.errors)
-    data = as_data(record, plan, arguments.engine or "default")
+    data = as_data(record, plan)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     arguments.output.write_text(json.dumps(data, indent=1) + "\n")
     if arguments.write:

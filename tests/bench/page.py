@@ -71,7 +71,7 @@ def draw(comparisons: Sequence[dict[str, Any]], file: Path) -> None:
     from matplotlib import pyplot
 
     mpl.rcParams["svg.hashsalt"] = "engine"  # the same figure for the same data
-    shown = [each for each in comparisons if each["rival"] == CLIPS][::-1]
+    shown = [each for each in comparisons if each["rival"] == CLIPS and each["ratio"]][::-1]
     places = range(len(shown))
     medians = [each["ratio"]["median"] for each in shown]
     below = [each["ratio"]["median"] - each["ratio"]["low"] for each in shown]
