@@ -4,7 +4,6 @@ A program that makes ever more facts, goals or chains thus costs one robot some 
 its memory or its pace. Each bound stands with what it bounds.
 """
 
-from collections.abc import Mapping
 from typing import TypeVar
 
 from rmr.base.time import Instant
@@ -20,8 +19,8 @@ def remember(items: list[T], item: T, bound: int) -> None:
     items.append(item)
 
 
-NOTHING: Mapping[str, int] = {}
-"""What has been dropped as a rule."""
+NOTHING: dict[str, int] = {}
+"""What has been dropped as a rule; nobody writes into it."""
 
 
 class Dropped:
@@ -31,11 +30,12 @@ class Dropped:
 
     def __init__(self, events: list[VmEvent]) -> None:
         """Report the first drop of each kind to `events`."""
-        self.counts: Mapping[str, int] = NOTHING
+        self.counts = NOTHING
         self._events = events
 
     def add(self, what: str, bound: int, now: Instant) -> None:
         """Note that one more did not fit."""
         if what not in self.counts:
             self._events.append(BoundReached(what, bound, now))
-        self.counts = {**self.counts, what: self.counts.get(what, 0) + 1}
+            self.counts = {**self.counts, what: 0}
+        self.counts[what] += 1

@@ -31,12 +31,14 @@ class Awaited(NamedTuple):
 class UnderWay:
     """The actions that one robot awaits."""
 
-    __slots__ = ("_actions", "_chains", "_dropped", "_robot", "_serial")
+    __slots__ = ("_actions", "_chains", "_dropped", "_forgotten", "_robot", "_serial")
 
     def __init__(self, robot: Robot, dropped: Dropped) -> None:
         self._robot = robot
         self._dropped = dropped
         self._serial = 0
+        self._forgotten = 0
+        """The serial of the last action that was forgotten: those that are awaited are younger."""
         self._actions: dict[int, Derived] = {}
         self._chains: dict[int, Chain] = {}
 
@@ -61,7 +63,12 @@ class UnderWay:
     def _make_room(self, now: Instant, chained: bool) -> None:
         """Forget the oldest action, or drop the oldest chain, where another one would be too many."""
         if len(self._actions) >= ACTIONS_MAX:
-            oldest = next(iter(self._actions))
+            oldest = (
+                self._forgotten + 1
+            )  # as a rule; a dictionary passes over all that have gone before it finds its first
+            if oldest not in self._actions:
+                oldest = next(iter(self._actions))
+            self._forgotten = oldest
             del self._actions[oldest]
             self._chains.pop(oldest, None)
             self._dropped.add("actions", ACTIONS_MAX, now)

@@ -10,6 +10,7 @@ from rmr.base.streams import Choices
 from rmr.base.time import Instant, seconds
 from rmr.base.values import Robot
 from rmr.bytecode.program import Program
+from rmr.vm import underway
 from rmr.vm.machine import Machine
 from rmr.vm.store import Args
 
@@ -108,3 +109,17 @@ def test_robots_that_an_assertion_names_have_affairs_of_their_own(robot: int, jo
     assert affairs.concerned == {begun, done}
     assert affairs.asked == ({begun} if robot == 8 else set())
     assert (affairs is others) is (robot == 9)
+
+
+def test_the_oldest_action_is_forgotten_in_whichever_order_others_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(underway, "ACTIONS_MAX", 2)
+    hand = Hand()
+    go = hand.action("go")
+    machine = hand.machine()
+    for _ in range(3):
+        machine.derive_action(1, go, ())
+    assert [machine.complete(2, serial, True) for serial in (1, 2)] == [False, True]
+    for _ in range(2):
+        machine.derive_action(3, go, ())
+    assert [machine.complete(4, serial, True) for serial in (3, 4, 5)] == [False, True, True]
+    assert machine.dropped == {"actions": 2}
