@@ -199,36 +199,10 @@ def progress(name: str) -> None:
         print(f"\r\x1b[K{name} ..." if name else "\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
-def rows(comparisons: Iterable[Comparison]) -> list[tuple[str, ...]]:
-    """Return the comparisons as the cells of a table."""
-    return [
-        (
-            each.workload,
-            f"{each.size:,}",
-            each.rival,
-            microseconds(each.rmr_s, each.firings),
-            microseconds(each.rival_s, each.firings) if each.rival_s else "not installed",
-            f"{each.ratio.median:.3g}" if each.ratio else "",
-            f"{each.ratio.low:.3g} - {each.ratio.high:.3g}" if each.ratio else "",
-            "" if each.target is None else f"<= {each.target:g}",
-            {None: "", True: "met", False: "not met"}[each.met],
-        )
-        for each in comparisons
-    ]
-
-
-HEADER = ("workload", "size", "rival", "RMR, us a firing", "rival's", "ratio", "quartiles", "target", "")
-
-
-def microseconds(taken: Timing, firings: int) -> str:
-    """Return time with loading for each of RMR's firings."""
-    return f"{taken.total.median / firings * 1e6:.2f}"
-
-
-def show_table(cells: Sequence[Sequence[str]]) -> None:
+def show_table(lines: Sequence[Sequence[str]]) -> None:
     """Print a table whose columns are as wide as their widest cell."""
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for line in cells:
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
         print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
 
 
@@ -260,16 +234,16 @@ def main(words: Sequence[str] | None = None) -> int:
     missing = [name for name, module in MODULES.items() if not installed(module)]
     plan = Plan({"engine": Engine(arguments.engine)}, missing, arguments.rounds, arguments.quick)
     record = take(arguments.only, plan)
+    data = as_data(record, plan)
     if record.comparisons:
-        show_table([HEADER, *rows(record.comparisons)])
+        show_table([page.HEADER, *page.rows(data)])
     for name in record.missing:
         print(f"{name}: not installed")
     show(record.figures, record.errors)
-    data = as_data(record, plan)
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     arguments.output.write_text(json.dumps(data, indent=1) + "\n")
     if arguments.write:
-        page.write(arguments.write, data, HEADER, rows(record.comparisons))
+        page.write(arguments.write, data)
     taken = bool(record.comparisons or record.figures) and not record.errors
     return 0 if taken and (arguments.quick or record.met) else 1
 

@@ -14,7 +14,13 @@ BEGIN, END = "<!-- taken: begin -->", "<!-- taken: end -->"
 """What stands between is generated."""
 
 
-def write(folder: Path, data: dict[str, Any], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+Data = dict[str, Any]
+"""A taking, as it stands in the JSON."""
+
+HEADER = ("workload", "size", "rival", "RMR, us a firing", "rival's", "ratio", "quartiles", "target", "")
+
+
+def write(folder: Path, data: Data) -> None:
     """Renew the generated part of ``FOLDER.md``, and in the folder engine.json and engine.svg.
 
     Raises:
@@ -22,7 +28,7 @@ def write(folder: Path, data: dict[str, Any], header: Sequence[str], rows: Seque
     """
     page = folder.with_suffix(".md")
     text = page.read_text("utf-8")
-    page.write_text(renewed(text, tables(data, header, rows)), "utf-8")
+    page.write_text(renewed(text, tables(data)), "utf-8")
     folder.mkdir(exist_ok=True)
     (folder / "engine.json").write_text(json.dumps(data, indent=1) + "\n", "utf-8")
     if installed("matplotlib"):
@@ -42,17 +48,43 @@ def renewed(text: str, generated: str) -> str:
     return f"{before}{BEGIN}\n{generated}{END}{after}"
 
 
-def tables(data: dict[str, Any], header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def rows(data: Data) -> list[tuple[str, ...]]:
+    """Return the comparisons as the cells of a table; times include loading and are for each of RMR's firings."""
+    return [
+        (
+            each["workload"],
+            f"{each['size']:,}",
+            each["rival"],
+            _microseconds(each["rmr_s"], each["firings"]),
+            _microseconds(each["rival_s"], each["firings"]) if each["rival_s"] else "not installed",
+            f"{each['ratio']['median']:.3g}" if each["ratio"] else "",
+            f"{each['ratio']['low']:.3g} - {each['ratio']['high']:.3g}" if each["ratio"] else "",
+            "" if each["target"] is None else f"<= {each['target']:g}",
+            _verdict(each["met"]),
+        )
+        for each in data["comparisons"]
+    ]
+
+
+def _microseconds(timing: Data, firings: int) -> str:
+    return f"{timing['total']['median'] / firings * 1e6:.2f}"
+
+
+def _verdict(met: bool | None) -> str:
+    return {None: "", True: "met", False: "not met"}[met]
+
+
+def tables(data: Data) -> str:
     """Return the taking in Markdown: when and where, the comparisons, the costs of one machine."""
     machine = data["machine"]
     where = f"{machine['cores']} cores, {machine['system']}, CPython {machine['python']}, {data['rounds']} rounds"
-    lines = [f"Taken {data['taken'][:10]}: {where}.", "", *_table(header, rows), ""]
+    lines = [f"Taken {data['taken'][:10]}: {where}.", "", *_table(HEADER, rows(data)), ""]
     figures = [
         (
             figure["name"],
             f"{figure['value']:.3g} {figure['unit']}",
             "" if figure["target"] is None else f"<= {figure['target']:g} {figure['unit']}",
-            "" if figure["target"] is None else "met" if figure["met"] else "not met",
+            _verdict(None if figure["target"] is None else figure["met"]),
         )
         for figure in data["figures"]
     ]
@@ -61,14 +93,14 @@ def tables(data: dict[str, Any], header: Sequence[str], rows: Sequence[Sequence[
     return "\n".join(lines) + "\n"
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    return [f"| {' | '.join(line)} |" for line in (header, ["---"] * len(header), *rows)]
+def _table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(line)} |" for line in (header, ["---"] * len(header), *lines)]
 
 
-def draw(comparisons: Sequence[dict[str, Any]], file: Path) -> None:
+def draw(comparisons: Sequence[Data], file: Path) -> None:
     """Draw the ratios to CLIPS with their quartiles on a log axis, and the targets."""
     import matplotlib as mpl
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     mpl.rcParams["svg.hashsalt"] = "engine"  # the same figure for the same data
     shown = [each for each in comparisons if each["rival"] == CLIPS and each["ratio"]][::-1]
@@ -81,10 +113,13 @@ def draw(comparisons: Sequence[dict[str, Any]], file: Path) -> None:
     axes.errorbar(medians, places, xerr=[below, above], fmt="o", color="tab:blue", capsize=3, label="RMR / CLIPS")
     axes.scatter([each["target"] for each in shown], places, marker="|", s=160, color="tab:red", label="target")
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_locator(ticker.NullLocator())
     axes.set_yticks(list(places), [each["workload"] for each in shown])
     axes.set_xlabel("processor time over that of CLIPS: median of the rounds, quartiles")
-    axes.grid(axis="x", which="both", color="0.9")
+    axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
-    axes.legend(loc="best", frameon=False)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     pyplot.close(figure)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import costs
 import engine
@@ -13,6 +14,7 @@ from workloads import SUITE, counter, tokens
 
 from rmr.vm.engines import Engine
 
+DOCS = Path(__file__).parents[3] / "docs"
 SIZES = {"counter": 9, "ping-pong": 9, "closure": 8, "gradient": 12, "join of 100": 6, "join of 1,000": 7}
 ALONE = engine.Plan({}, tuple(engine.MODULES), rounds=1, quick=True)
 
@@ -54,7 +56,7 @@ def test_a_rival_that_is_not_installed_is_told_and_is_no_error():
     record = engine.take("counter", ALONE)
     assert record.errors == []
     assert [(each.rival, each.ratio, each.met) for each in record.comparisons] == [(CLIPS, None, None)]
-    assert "not installed" in engine.rows(record.comparisons)[0]
+    assert "not installed" in page.rows(engine.as_data(record, ALONE))[0]
     assert record.met
 
 
@@ -85,7 +87,7 @@ class Noted(System):
 def test_every_system_runs_once_in_each_round_and_is_the_first_in_turn():
     turns = []
     laps = contest([Noted(name, turns) for name in "abc"], {"p": []}, rounds=3, runs=1)
-    assert "".join(turns) == "abcbcacab"
+    assert "".join(turns) == "abc" + "abcbcacab", "once to warm up"
     assert {name: len(of) for name, of in laps.items()} == {"a": 3, "b": 3, "c": 3}
 
 
@@ -113,12 +115,17 @@ def test_a_page_keeps_what_is_written_by_hand():
         page.renewed("by hand\n", "new\n")
 
 
-def test_a_taking_becomes_a_page_with_its_data(tmp_path):
+def test_a_taking_becomes_a_page_with_its_data(tmp_path, monkeypatch):
+    monkeypatch.setattr(page, "installed", lambda module: False)  # no figure
     folder = tmp_path / "benchmarks"
     folder.with_suffix(".md").write_text(f"{page.BEGIN}\n{page.END}\n")
-    record = engine.take("tokens", ALONE)
-    data = engine.as_data(record, ALONE)
-    data["comparisons"] = []  # nothing to draw
-    page.write(folder, data, engine.HEADER, engine.rows(record.comparisons))
+    page.write(folder, engine.as_data(engine.take("tokens", ALONE), ALONE))
     assert "| tokens | 500 | CLIPS |" in folder.with_suffix(".md").read_text()
     assert json.loads((folder / "engine.json").read_text())["rounds"] == 1
+
+
+def test_the_page_of_the_project_shows_its_data():
+    data = json.loads((DOCS / "benchmarks" / "engine.json").read_text())
+    assert {each["workload"] for each in data["comparisons"]} == {entry.title for entry in SUITE}
+    text = (DOCS / "benchmarks.md").read_text()
+    assert page.renewed(text, page.tables(data)) == text
