@@ -63,10 +63,8 @@ class UnderWay:
     def _make_room(self, now: Instant, chained: bool) -> None:
         """Forget the oldest action, or drop the oldest chain, where another one would be too many."""
         if len(self._actions) >= ACTIONS_MAX:
-            oldest = (
-                self._forgotten + 1
-            )  # as a rule; a dictionary passes over all that have gone before it finds its first
-            if oldest not in self._actions:
+            oldest = self._forgotten + 1
+            if oldest not in self._actions:  # seldom: to find its first a dictionary passes over all that have gone
                 oldest = next(iter(self._actions))
             self._forgotten = oldest
             del self._actions[oldest]
