@@ -1,0 +1,176 @@
+"""A little of what `engines.py` does at length: every engine does what the interpreter does, step by step.
+
+That the check can fail is shown by machines that are wrong on purpose, and that it has not gone blind by a count of
+what was alive in the cases.
+"""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from random import Random
+
+import pytest
+from fuzz_broken import BREAKS, SHOWS
+from fuzz_compare import Case, Seen, difference, expected
+from fuzz_engine_cases import SOURCES, compiled, judged, made, parted, smallest
+from fuzz_events import Script, from_json, to_json
+from fuzz_keep import kept, read, write
+from fuzz_programs import Lively
+
+from rmr.base.values import Robot, Symbol
+from rmr.bytecode.codec import encode
+from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.program import ANY, Constant, Operator
+from rmr.bytecode.verify import verify
+from rmr.vm.engines import Engine
+
+SEED = 20
+CASES = 1000
+PARTS = 5
+OTHERS = [engine for engine in Engine if engine is not Engine.INTERPRETER]
+
+ALIVE = [
+    *(f"strategy {each}" for each in ("random", "textual")),
+    *(f"body of {count} atoms" for count in range(5)),
+    *(f"aggregate {each.name.lower()}" for each in Operator),
+    *(f"argument {each}" for each in ["open", "robot", "int", "float", "bool", "string", "symbol", "list"]),
+    *(f"code {op.name}" for op in Op),
+    *(f"function {each.name}" for each in FUNCTIONS),
+    *(f"head {each}" for each in ("DeriveFact", "DeriveGoal", "DeriveAction", "of nothing")),
+    *(f"temporary {each}" for each in ("consume", "keep", "absent")),
+    *(f"{kind} {each}" for kind in ("persistent", "sensed") for each in ("read", "absent")),
+    *(f"inner temporary {each}" for each in ("consume", "keep", "absent")),
+    *(f"inner {kind} {each}" for kind in ("persistent", "sensed") for each in ("read", "absent")),
+    *(where + each for where in ("", "inner ") for each in ("guard", "bind", "join", "same predicate", "constant")),
+    *(where + each for where in ("", "inner ") for each in ("anonymous", "open type", "variable twice in an atom")),
+    *("comprehension", "steps", "plain head", "body of only not"),
+    *("rule that consumes", "rule that fires once", "rule that fires once with not", "match fired again"),
+    *("draw", "first of several", "rank decided", "effect", "step followed", "call refused"),
+    *(
+        f"call {each}"
+        for each in ["start", "run", "insert", "withdraw", "want", "derive_action", "complete", "await_finish"]
+    ),
+    *(f"call {each}" for each in ["finish_seen", "serves", "holds"]),
+    *(
+        f"event {each}"
+        for each in ["RuleFired", "FactSent", "GoalSent", "ActionDerived", "GoalAchieved", "ExpressionFailed"]
+    ),
+    *(f"event {each}" for each in ["JobStarted", "JobFinished", "JobMissed", "FinishAwaited", "FinishSeen"]),
+    *(f"a program {each}" for each in ("drawn", "compiled", "mutated")),
+]
+"""What must have been alive in some of the cases."""
+
+
+@pytest.fixture(scope="module")
+def played() -> list[tuple[Case, list[Seen], Counter[str]]]:
+    """The cases of the suite, and what the interpreter does in them."""
+    found = []
+    for number in range(CASES):
+        kind, case = made(SEED, number)
+        seen, alive = expected(case)
+        found.append((case, seen, alive.tally + Counter([f"a program {kind}"])))
+    return found
+
+
+@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize("engine", OTHERS, ids=lambda engine: engine.value)
+def test_every_engine_does_what_the_interpreter_does(played, engine, part):
+    found = [(number, difference(case, seen, engine)) for number, (case, seen, _) in enumerate(played[part::PARTS])]
+    assert [
+        f"case {number * PARTS + part}: {each.text(played[number * PARTS + part][0])}" for number, each in found if each
+    ] == []
+
+
+def test_no_construct_is_left_out(played):
+    alive = Counter(name for _, _, tally in played for name in +tally)
+    assert [name for name in ALIVE if not alive[name]] == []
+    assert sum(tally["event RuleFired"] > 2 for _, _, tally in played) > CASES // 3
+    assert sum(len(seen) < len(case.script) for case, seen, _ in played) < CASES // 10
+
+
+@pytest.mark.parametrize("wrong", BREAKS)
+def test_a_machine_that_is_wrong_is_found(played, wrong):
+    fitting = [(case, seen) for case, seen, alive in played if wrong not in SHOWS or alive[SHOWS[wrong]]]
+    assert any(parted(case, seen, Engine.INTERPRETER, wrong) for case, seen in fitting)
+
+
+def test_a_machine_is_held_against_itself_without_a_difference(played):
+    assert not any(difference(case, seen, Engine.INTERPRETER) for case, seen, _ in played[:200])
+
+
+@pytest.mark.parametrize("path", kept(), ids=lambda path: path.stem)
+@pytest.mark.parametrize("engine", OTHERS, ids=lambda engine: engine.value)
+def test_what_once_was_different_is_no_longer(engine, path):
+    case = read(path)
+    found = difference(case, expected(case)[0], engine)
+    assert not found, found.text(case)
+
+
+def test_a_case_is_made_from_its_seed_and_number_alone():
+    first = [repr(made(5, number)) for number in range(40)]
+    assert [repr(made(5, number)) for number in range(39, -1, -1)] == first[::-1]
+    assert repr(made(6, 7)) != first[7]
+
+
+def test_a_case_is_the_same_in_every_process():
+    code = "from fuzz_engine_cases import made; from fuzz_compare import expected\n"
+    code += "print([(repr(made(5, n)), expected(made(5, n)[1])[0]) for n in range(25)])"
+    paths = ":".join(map(str, (Path(__file__).parent, Path(__file__).parents[1])))
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": paths},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for seed in ("1", "2")
+    ]
+    assert runs[0].stdout == runs[1].stdout
+
+
+def test_every_drawn_program_verifies():
+    assert [reason for seed in range(100) for reason in verify(Lively(seed).program())] == []
+
+
+def test_every_source_that_compiles_is_tried():
+    assert len([number for number in range(len(SOURCES)) if compiled(number) is not None]) > 50
+
+
+def test_a_script_comes_back_from_json():
+    program = Lively(3).program()
+    steps = [step for seed in range(50) for step in Script(program, Random(seed)).steps()]
+    values = (1, 1.0, True, None, "a", Symbol("a"), Robot(1), (1, (-0.0,)), ANY, Constant(Robot(2)))
+    for args in [*(step.args for step in steps), values]:
+        assert repr(from_json(json.loads(json.dumps(to_json(args))))) == repr(args)
+
+
+def test_a_difference_is_made_small_and_kept(tmp_path):
+    wrong = "inner_matches_share_facts"
+    found = next(each for n in range(CASES) if (each := judged(SEED, n, Engine.INTERPRETER, wrong)).difference)
+    case, left = smallest(found, Engine.INTERPRETER, wrong)
+    assert left.kind() == found.difference.kind()
+    assert len(case.program.rules) == 1
+    assert len(encode(case.program, debug=True)) < len(encode(found.case.program, debug=True)) // 2
+    assert len(case.script) < len(found.case.script) // 2
+    path = tmp_path / "case.json"
+    write(path, case, left.text(case))
+    assert repr(read(path)) == repr(case)
+    assert parted(read(path), expected(read(path))[0], Engine.INTERPRETER, wrong) == left
+
+
+def test_values_that_python_calls_equal_are_different(played):
+    case, seen, _ = next(each for each in played if "(1," in each[1][-1].held[0] or "(True," in each[1][-1].held[0])
+    other = [each._replace(held=tuple(text.replace("1", "1.0") for text in each.held)) for each in seen]
+    found = difference(case, other, Engine.INTERPRETER)
+    assert found is not None
+    assert found.field == "held"
+
+
+def test_a_reference_that_looks_too_often_is_stopped(monkeypatch, played):
+    monkeypatch.setattr("fuzz_alive.LOOKS_MAX", 0)
+    case = next(case for case, _, alive in played if alive["join"])
+    assert len(expected(replace(case, budget=500))[0]) < len(case.script)
