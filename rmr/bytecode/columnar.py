@@ -41,6 +41,9 @@ FALLIBLE_MAX = 256
 """Places in the rules of a program at which an expression may have no value; a robot remembers the matches that failed
 there, and no more of them than fit."""
 
+GOALS_MAX = 256
+"""Goals that a program states: each takes columns of its own."""
+
 NUMBER = "id"
 """The provided predicate that a column can hold: it never changes."""
 
@@ -64,6 +67,11 @@ def obstacles(program: Program, given: Sequence[InitialFact] = ()) -> list[Obsta
     `given` are the facts that robots get beside the stated ones.
     """
     found = list(_Survey(program).obstacles())
+    found += [
+        Obstacle(f"a fact `{program.predicates[fact.predicate].name}` is given, which robots state themselves")
+        for fact in (*program.facts, *given)
+        if program.predicates[fact.predicate].provided
+    ]
     found += [_several(each, program) for each in several(program, (*program.facts, *given))]
     return list(dict.fromkeys(found))
 
@@ -112,7 +120,7 @@ class _Survey:
         places = self._program.debug.assertions if self._program.debug else ()
         for index, assertion in enumerate(self._program.assertions):
             place = places[index] if index < len(places) else None
-            yield Obstacle(f"the time assertion {assertion.name} watches each robot's time by itself", place)
+            yield Obstacle(f"the time assertion {assertion.name}: columns keep no deadlines", place)
 
     def _predicates(self) -> Iterator[Obstacle]:
         program = self._program
@@ -128,11 +136,13 @@ class _Survey:
                     yield Obstacle(f"argument {position + 2} of `{predicate.name}` {what}", place)
 
     def _goals(self) -> Iterator[Obstacle]:
+        if len(self._program.goals) > GOALS_MAX:
+            yield Obstacle(f"{len(self._program.goals)} goals are stated, at most {GOALS_MAX} are possible")
         for goal in self._program.goals:
             predicate = self._program.predicates[goal.predicate]
             place = predicate_place(self._program, goal.predicate)
             if predicate.provided:
-                yield Obstacle(f"a goal `{predicate.name}` is for what robots sense", place)
+                yield Obstacle(f"the goal `{predicate.name}` waits for what robots sense", place)
             elif goal.leads is None or any(lead.rank is None for lead in goal.leads):
                 yield Obstacle(
                     f"how near a firing brings the goal `{predicate.name}` depends on the match, or on the robot", place
@@ -187,7 +197,8 @@ class _Survey:
 
     def _head(self, head: Head, slots: Slots) -> Iterator[str]:
         if isinstance(head, Comprehension | Aggregate):
-            yield "a comprehension" if isinstance(head, Comprehension) else "an aggregate"
+            what = "a comprehension" if isinstance(head, Comprehension) else "an aggregate"
+            yield f"{what} is for many facts of a predicate, columns hold one"
             return
         for item in head.steps if isinstance(head, Steps) else (head,):
             yield from self._item(item, slots)
@@ -195,8 +206,9 @@ class _Survey:
     def _item(self, item: Derived, slots: Slots) -> Iterator[str]:
         predicate = self._program.predicates[item.predicate]
         if not isinstance(item, DeriveFact):
-            what = "goal" if isinstance(item, DeriveGoal) else "action"
-            yield f"the rule derives the {what} `{predicate.name}`, which one robot has and another has not"
+            is_goal = isinstance(item, DeriveGoal)
+            held = "goals that the program states" if is_goal else "facts, nobody carries actions out"
+            yield f"the rule derives the {'goal' if is_goal else 'action'} `{predicate.name}`: columns hold {held}"
         elif item.owner != SELF:
             yield f"the rule sends `{predicate.name}` to another robot"
         elif predicate.provided:
@@ -242,4 +254,5 @@ def _several(each: Several, program: Program) -> Obstacle:
     if each.rule is None:
         return Obstacle(f"{begin}: it is given more than one", predicate_place(program, each.predicate))
     place = rule_place(program, each.rule)
-    return Obstacle(f"{begin}: the rule derives `{derived}` and consumes no fact in its place", place)
+    way = f"let it consume one, or say `not {derived}(...)`"
+    return Obstacle(f"{begin}: the rule derives `{derived}` and consumes no fact in its place; {way}", place)

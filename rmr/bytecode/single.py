@@ -3,12 +3,13 @@
 Facts are resources: a rule takes what it consumes and gives what it derives. A group of predicates of which no rule
 gives more than it takes, and of which a robot is given one fact at most, never holds more than that one: it is a token
 that is passed on (a place invariant, as of a Petri net). Two more ways to come by a fact are no danger to a group: a
-rule that fires once in a robot's life, because all it matches stays for ever, counts as a fact that is given; and a
-rule that fires only while nothing of the group is there may give one.
+rule that fires once in a robot's life, because all it matches stays for ever, counts as a fact that is given; and, if
+there is no such rule, one that fires only while nothing of the group is there may give one.
 
 Of a persistent predicate, which is a set, it is also enough that all facts given and derived are the same one.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -29,8 +30,8 @@ from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import literal
 from rmr.bytecode.wire import identity
 
-STEPS_MAX = 10_000
-"""Groups tried for all predicates of a program; what is not shown by then counts as not shown."""
+STEPS_MAX = 200_000
+"""Rules and facts looked at for all groups of a program; what is not shown by then counts as not shown."""
 
 OWNER = "self"
 """In a fact's key, the robot itself."""
@@ -44,7 +45,7 @@ class Several:
     derived: int
     """A predicate of which too many come; often the same."""
     rule: int | None
-    """The rule that gives more than it takes; None: several are stated."""
+    """The rule that gives more than it takes, or one too many; None: several are stated."""
 
 
 class _Account:
@@ -59,16 +60,16 @@ class _Account:
         for each in atoms:
             if each.mode is Mode.ABSENT and _matches_all(each):
                 self.without |= 1 << each.predicate
-        lasting = all(each.mode is Mode.READ and predicates[each.predicate] is Kind.PERSISTENT for each in atoms)
-        self.once = lasting
+        self.once = all(each.mode is Mode.READ and predicates[each.predicate] is Kind.PERSISTENT for each in atoms)
         """It fires once in a robot's life."""
 
-    def surplus(self, group: int) -> int:
-        """Return how many more facts of a group the rule gives than it takes; 0 if that is no danger."""
-        gives, takes = _of(self.gives, group), _of(self.takes, group)
-        if self.once or (gives == 1 and group & ~self.without == 0):
-            return 0
-        return max(0, gives - takes)
+    def exceeds(self, group: int) -> bool:
+        """Tell whether the rule gives more facts of a group than it takes."""
+        return _of(self.gives, group) > _of(self.takes, group)
+
+    def fills(self, group: int) -> bool:
+        """Tell whether the rule gives one fact of a group, and that only while there is none."""
+        return _of(self.gives, group) == 1 and not group & ~self.without
 
 
 def several(program: Program, stated: Sequence[InitialFact]) -> Iterator[Several]:
@@ -92,10 +93,20 @@ class _Search:
 
     def __init__(self, program: Program, stated: Sequence[InitialFact]) -> None:
         self._program = program
-        self._stated = stated
         kinds = [each.kind for each in program.predicates]
         self._rules = [_Account(rule, kinds) for rule in program.rules]
-        self._given = _given(stated)
+        self._givers: list[list[int]] = [[] for _ in kinds]
+        """By predicate: the rules that derive it."""
+        self._derived: list[list[object]] = [[] for _ in kinds]
+        """By predicate: the keys of what is derived, None for one that depends on the match."""
+        for index, rule in enumerate(program.rules):
+            for predicate in self._rules[index].gives:
+                self._givers[predicate].append(index)
+            for item in items(rule.head):
+                self._derived[item.predicate].append(_derived_key(item))
+        self._stated: list[list[InitialFact]] = [[] for _ in kinds]
+        for fact in stated:
+            self._stated[fact.predicate].append(fact)
         self._left = STEPS_MAX
         self._safe = 0
         """The predicates of groups that have been found."""
@@ -108,7 +119,6 @@ class _Search:
         known = {1 << predicate}
         todo = [1 << predicate]
         while todo and not (first and self._left <= 0):
-            self._left -= 1
             group = todo.pop()
             danger, larger = self._look(predicate, group)
             if danger is None:
@@ -122,33 +132,27 @@ class _Search:
 
     def _look(self, predicate: int, group: int) -> tuple[Several | None, list[int]]:
         """Return what lets a group hold more than one fact, if anything, and the groups that may do better."""
-        if self._sum(group) > 1:
-            return Several(predicate, predicate, self._giver(group)), []
-        for index, rule in enumerate(self._rules):
-            if rule.surplus(group):
-                derived = next(each for each in rule.gives if group >> each & 1)
-                more = [group | 1 << each for each in rule.takes if not group >> each & 1]
+        members = list(_members(group))
+        self._left -= 1 + sum(len(self._givers[each]) + len(self._stated[each]) for each in members)
+        given = _most(fact for each in members for fact in self._stated[each])
+        if given > 1:
+            return Several(predicate, predicate, None), []
+        rules = [(each, index, self._rules[index]) for each in members for index in self._givers[each]]
+        lasting = any(rule.once for _, _, rule in rules)
+        for derived, index, rule in rules:
+            if rule.once:
+                given += _of(rule.gives, group)
+            if given > 1 or (not rule.once and rule.exceeds(group) and (lasting or not rule.fills(group))):
+                more = [group | 1 << taken for taken in rule.takes if not group >> taken & 1]
                 return Several(predicate, derived, index), more
         return None, []
 
-    def _sum(self, group: int) -> int:
-        """Return how many facts of a group a robot is given at most, by statement or by rules that fire once."""
-        stated = max((_of(given, group) for given in self._given), default=0)
-        return stated + sum(_of(rule.gives, group) for rule in self._rules if rule.once)
-
-    def _giver(self, group: int) -> int | None:
-        """Return a rule that fires once and gives facts of a group; None if too many are stated."""
-        return next((i for i, rule in enumerate(self._rules) if rule.once and _of(rule.gives, group)), None)
-
     def is_one(self, predicate: int) -> bool:
         """Tell whether all facts of a predicate, given to one robot and derived, are the same one."""
-        heads = [item for rule in self._program.rules for item in items(rule.head)]
-        derived = [_derived_key(item) for item in heads if isinstance(item, DeriveFact) and item.predicate == predicate]
         given: dict[int | None, list[object]] = {None: []}
-        for fact in self._stated:
-            if fact.predicate == predicate:
-                given.setdefault(fact.owner, []).append(_stated_key(fact))
-        common = {*derived, *given.pop(None)}
+        for fact in self._stated[predicate]:
+            given.setdefault(fact.owner, []).append(_stated_key(fact))
+        common = {*self._derived[predicate], *given.pop(None)}
         return None not in common and all(len(common.union(own)) <= 1 for own in (*given.values(), ()))
 
 
@@ -164,19 +168,22 @@ def _of(counts: dict[int, int], group: int) -> int:
     return sum(count for predicate, count in counts.items() if group >> predicate & 1)
 
 
+def _members(group: int) -> Iterator[int]:
+    while group:
+        yield (group & -group).bit_length() - 1
+        group &= group - 1
+
+
 def _matches_all(atom: Atom) -> bool:
     """Tell whether an atom matches every fact of its predicate."""
     return all(isinstance(arg, Anything) for arg in atom.args)
 
 
-def _given(stated: Iterable[InitialFact]) -> list[dict[int, int]]:
-    """Return how many facts of each predicate a robot is given; what several robots are given stands once."""
-    owned: dict[int | None, list[int]] = {None: []}
-    for fact in stated:
-        owned.setdefault(fact.owner, []).append(fact.predicate)
-    common = owned.pop(None)
-    counts = (_counted([*common, *own]) for own in (*owned.values(), []))
-    return list({tuple(sorted(each.items())): each for each in counts}.values())
+def _most(facts: Iterable[InitialFact]) -> int:
+    """Return how many of the facts one robot is given at most."""
+    owners = [fact.owner for fact in facts]
+    own = Counter(owner for owner in owners if owner is not None)
+    return owners.count(None) + max(own.values(), default=0)
 
 
 def _stated_key(fact: InitialFact) -> object:

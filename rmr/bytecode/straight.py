@@ -21,6 +21,8 @@ AND, OR = "and", "or"
 ALIKE, UNLIKE = "alike", "unlike"
 """``eq`` and ``ne`` of values of different kinds, which are never the same."""
 
+JUMPS = "jumps that are none of `if`, `and` and `or`"
+
 NUMBERS = (Base.INT, Base.FLOAT)
 BASES: dict[type, Base] = {
     bool: Base.BOOL,
@@ -57,8 +59,8 @@ class _Open(NamedTuple):
     """The condition, and the first branch when that is complete."""
     end: int
     """Where the ways meet again."""
-    depth: int
-    """Of the stack, without the value that decides."""
+    below: list[int]
+    """What is on the stack beneath the value that decides: no way changes it."""
 
 
 def straight(code: Code, slots: Mapping[int, Base]) -> tuple[Operation, ...]:
@@ -88,9 +90,16 @@ class _Line:
         """Join the ways that meet at `index`."""
         while self._open and self._open[-1].end == index:
             jump = self._open.pop()
-            if len(self._stack) != jump.depth + 1 or (jump.name == IF and len(jump.args) == 1):
-                raise Unsuitable("jumps that are none of `if`, `and` and `or`")
-            self._push(jump.name, (*jump.args, self._stack.pop()))
+            value = self._branch(jump)
+            if jump.name == IF and len(jump.args) == 1:
+                raise Unsuitable(JUMPS)
+            self._push(jump.name, (*jump.args, value))
+
+    def _branch(self, jump: _Open) -> int:
+        """Take the value of a branch that ends here."""
+        if not self._stack or self._stack[:-1] != jump.below:
+            raise Unsuitable(JUMPS)
+        return self._stack.pop()
 
     def add(self, index: int, instruction: Instruction) -> None:
         """Add what one instruction does."""
@@ -116,16 +125,16 @@ class _Line:
 
     def _jump(self, op: Op, index: int, target: int) -> None:
         if op is Op.JUMP:
-            if not self._open or self._open[-1].name != IF or self._open[-1].end != index + 1:
-                raise Unsuitable("jumps that are none of `if`, `and` and `or`")
-            jump = self._open.pop()
-            self._open.append(_Open(IF, (*jump.args, self._stack.pop()), target, jump.depth))
+            jump = self._open.pop() if self._open else None
+            if jump is None or jump.name != IF or jump.end != index + 1 or len(jump.args) != 1:
+                raise Unsuitable(JUMPS)
+            self._open.append(_Open(IF, (*jump.args, self._branch(jump)), target, jump.below))
             return
         condition = self._stack.pop()
         if self._operations[condition].base is not Base.BOOL:
             raise Unsuitable("a condition that is neither true nor false")
         name = {Op.AND: AND, Op.OR: OR}.get(op, IF)
-        self._open.append(_Open(name, (condition,), target, len(self._stack)))
+        self._open.append(_Open(name, (condition,), target, list(self._stack)))
 
     def _constant(self, value: Value) -> None:
         if type(value) not in BASES:

@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 @click.command("check", context_settings=SETTINGS)
 @click.argument("programs", metavar="PROG.rmr...", nargs=-1, required=True, type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the diagnostics as one JSON list on stdout.")
-@click.option("--explain", is_flag=True, help="Also say which rules reach which goals, what serves which assertion.")
+@click.option("--explain", is_flag=True, help="Also say which rules reach which goals, and so on.")
 @VERSION
 def command(programs: tuple[Path, ...], as_json: bool, explain: bool) -> None:
     """Check programs and print what is wrong with them.
 
     With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
-    which time assertions and how, and what each rule needs and sends. With --json that is one object.
+    which time assertions and how, what each rule needs and sends, and whether all robots can be run at once. With
+    --json that is one object.
     """
     from rmr.lang.compiler import compile_file
 

@@ -20,14 +20,17 @@ from rmr.eval.options import OptionError
 
 if TYPE_CHECKING:
     from rmr.bytecode.program import Program
-    from rmr.eval.ensemble import Ensemble, Sink
+    from rmr.eval.ensemble import Conditions, Sink
     from rmr.eval.given import Given, Wanted
+    from rmr.eval.report import Run
     from rmr.eval.topology import Topology
 
 PROGRESS_AFTER_S = 2.0
 """A run that takes longer tells on a terminal how it is getting on ..."""
 PROGRESS_EVERY_S = 0.5
 """... this often."""
+COLUMNAR = "columnar"
+"""The engine that takes all robots at once, where the program suits it."""
 WARNINGS_MAX = 8
 """Warnings of one kind that are shown; thousands of robots may give the same."""
 
@@ -84,6 +87,13 @@ _duration = _read_by(options.duration)
     "--action-time", metavar="T", callback=_duration, default="0s", show_default=True, help="Of every action."
 )
 @click.option("--strategy", type=click.Choice(["random", "textual"]), help="Instead of the program's own order.")
+@click.option(
+    "--engine",
+    type=click.Choice(["interpreter", "generated", COLUMNAR]),
+    default="generated",
+    show_default=True,
+    help="What runs the rules; the report is the same.",
+)
 @click.option("--trace", metavar="FILE", type=PATH, help="Write what happens as JSON lines.")
 @click.option("--json", "one_line", is_flag=True, help="The whole report on one line.")
 @VERSION
@@ -100,6 +110,7 @@ def command(
     latency: int,
     action_time: int,
     strategy: str | None,
+    engine: str,
     trace: Path | None,
     one_line: bool,
 ) -> None:
@@ -107,7 +118,7 @@ def command(
 
     The report is printed as JSON on stdout, messages on stderr. Durations: 500ms, 2s, 1.5min, or a number of seconds.
     """
-    from rmr.eval.ensemble import Conditions, Ensemble
+    from rmr.eval.ensemble import Conditions
     from rmr.eval.given import Wanted
 
     ids = dict.fromkeys(robots)
@@ -118,10 +129,10 @@ def command(
     _warn_of_strangers(given, given.program, ids)
     conditions = Conditions(ids, shape, seed, loss, latency, action_time)
     with _traced(trace, (program, facts)) as sink:
-        ensemble = Ensemble(_ordered(given.program, strategy), given, conditions, sink)
-        interrupted = _run(ensemble, until)
-    _conclude(ensemble, until, interrupted)
-    _print(ensemble, one_line)
+        run = _prepare(engine, _ordered(given.program, strategy), given, conditions, sink)
+        interrupted = _run(run, until)
+    _conclude(run, until, interrupted)
+    _print(run, one_line)
     sys.exit(EXIT_FAILED if interrupted else 0)
 
 
@@ -195,20 +206,37 @@ def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:
 # ---- the run
 
 
-def _run(ensemble: "Ensemble", until: int) -> bool:
+def _prepare(engine: str, program: "Program", given: "Given", conditions: "Conditions", sink: "Sink | None") -> "Run":
+    """Return the run by an engine; what does not suit columns is run by machines, and it is said why."""
+    from rmr.eval.ensemble import Ensemble
+    from rmr.vm.engines import Engine
+
+    if engine == COLUMNAR:
+        from rmr.eval.columnar import ColumnRun, hindrance
+
+        found = hindrance(program, given, traced=sink is not None)
+        if found is None:
+            return ColumnRun(program, given, conditions)
+        where = "" if found.place is None else f"{found.place.file}:{found.place.line}: "
+        click.echo(f"rmr eval: each robot by itself instead of columns: {where}{found.text}", err=True)
+        return Ensemble(program, given, conditions, sink)
+    return Ensemble(program, given, replace(conditions, engine=Engine(engine)), sink)
+
+
+def _run(run: "Run", until: int) -> bool:
     """Run; return whether Ctrl-C ended it. The second Ctrl-C ends the command at once."""
     interrupted = False
 
     def interrupt(*_: object) -> None:
         nonlocal interrupted
         interrupted = True
-        ensemble.stop()
+        run.stop()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     before = signal.signal(signal.SIGINT, interrupt)
-    progress = Progress(ensemble, until)
+    progress = Progress(run, until)
     try:
-        ensemble.run(until, progress.look)
+        run.run(until, progress.look)
     finally:
         signal.signal(signal.SIGINT, before)
         progress.clear()
@@ -218,8 +246,8 @@ def _run(ensemble: "Ensemble", until: int) -> bool:
 class Progress:
     """One line on a terminal that says how a long run is getting on."""
 
-    def __init__(self, ensemble: "Ensemble", until: int) -> None:
-        self._ensemble = ensemble
+    def __init__(self, run: "Run", until: int) -> None:
+        self._run = run
         self._until = until
         self._next = time.monotonic() + PROGRESS_AFTER_S
         self._shown = False
@@ -231,9 +259,9 @@ class Progress:
             return
         self._next = time.monotonic() + PROGRESS_EVERY_S
         self._shown = True
-        ensemble = self._ensemble
-        at = f"{ensemble.kernel.now / 1e9:.3f} s of {self._until / 1e9:g} s"
-        what = f"{counted(ensemble.firings, 'firings')}, {counted(ensemble.busy, 'robots')} not idle"
+        run = self._run
+        at = f"{run.now / 1e9:.3f} s of {self._until / 1e9:g} s"
+        what = f"{counted(run.firings, 'firings')}, {counted(run.busy, 'robots')} not idle"
         click.echo(f"\r\x1b[K{at}, {what}", nl=False, err=True)
 
     def clear(self) -> None:
@@ -245,34 +273,30 @@ class Progress:
 # ---- after the run
 
 
-def _conclude(ensemble: "Ensemble", until: int, interrupted: bool) -> None:
+def _conclude(run: "Run", until: int, interrupted: bool) -> None:
     """Say on stderr what did not arrive, and what still went on if the run did not become quiescent."""
-    from rmr.eval.ether import LATENCY
-    from rmr.eval.report import dropped, reasons, undelivered
+    from rmr.eval.report import reasons
 
-    _warn(undelivered(ensemble))
-    _warn(dropped(ensemble))
-    if ensemble.ether.slowed_at is not None:
-        since, least = ensemble.ether.slowed_at / 1e9, LATENCY / 1e6
-        _warn([f"robots answer each other without end; from {since:g} s on every frame takes {least:g} ms"])
-    if ensemble.quiescent:
+    for texts in run.warnings():
+        _warn(texts)
+    if run.quiescent:
         return
-    at = f"{(ensemble.kernel.now if interrupted or ensemble.exhausted else until) / 1e9:g} s"
+    at = f"{(run.now if interrupted or run.exhausted else until) / 1e9:g} s"
     if interrupted:
         why = f"interrupted at {at}"
-    elif ensemble.exhausted:
-        frames = counted(ensemble.ether.carried, "frames")
-        why = f"stopped at {at}, after {counted(ensemble.firings, 'firings')} and {frames} without an end in sight"
+    elif run.exhausted:
+        frames = counted(run.frames, "frames")
+        why = f"stopped at {at}, after {counted(run.firings, 'firings')} and {frames} without an end in sight"
     else:
         why = f"not quiescent at {at}"
     click.echo(f"rmr eval: {why}:", err=True)
-    for line in reasons(ensemble):
+    for line in reasons(run):
         click.echo(f"  {line}", err=True)
 
 
-def _print(ensemble: "Ensemble", one_line: bool) -> None:
+def _print(run: "Run", one_line: bool) -> None:
     from rmr.eval.layout import laid_out
     from rmr.eval.report import report
 
-    told = report(ensemble)
+    told = report(run)
     click.echo(json.dumps(told) if one_line else laid_out(told))

@@ -9,7 +9,7 @@ What happened last is what a robot noted, a firing or an event from outside. New
 (acknowledgements, repeats) and the coming and going of schedules are no such thing.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -20,8 +20,9 @@ from rmr.base.streams import stream
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Kind, Program
-from rmr.eval.ether import LATENCY, Ether, frame_text
+from rmr.eval.ether import LATENCY, Ether, Messages, frame_text
 from rmr.eval.given import Given, facts_by_owner, values
+from rmr.eval.report import dropped, entry, outstanding, slowed, undelivered
 from rmr.eval.topology import Topology
 from rmr.node.actions import Handler, RobotHandle
 from rmr.node.config import GivenFact, NodeConfig
@@ -29,6 +30,7 @@ from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.node.provided import FAILURE_REPEATS, NodeHandle
 from rmr.node.trace import Level
+from rmr.vm.engines import Engine
 
 FIRINGS_MAX = 2_000_000
 """Firings of one run, and as many hundredths more as there are robots. One that never becomes quiet fires 30,000 times
@@ -64,6 +66,7 @@ class Conditions:
     loss: float = 0.0
     latency: Duration = LATENCY
     action_time: Duration = 0
+    engine: Engine = Engine.GENERATED
 
 
 class Hosted:
@@ -140,6 +143,7 @@ class Ensemble:
             facts=tuple(self._facts_of(robot)),
             trace=Level.NOTES if self._sink is None else Level.FIRINGS,
             turn=max(conditions.action_time, TURN_MIN),
+            engine=conditions.engine,
         )
         ports = Ports(link, None, neighbors=_Neighbors(conditions.topology, robot))
         return Node(config, self.program, ports, self._handlers, self._digest)
@@ -161,8 +165,23 @@ class Ensemble:
     @property
     def exhausted(self) -> bool:
         """Whether the run has used up its firings or frames."""
-        hundredths = 100 + len(self.robots)
-        return self.firings * 100 >= FIRINGS_MAX * hundredths or self.ether.carried * 100 >= FRAMES_MAX * hundredths
+        robots = len(self.robots)
+        return self.firings >= most(FIRINGS_MAX, robots) or self.frames >= most(FRAMES_MAX, robots)
+
+    @property
+    def now(self) -> Instant:
+        """How far the run has come."""
+        return self.kernel.now
+
+    @property
+    def messages(self) -> Messages:
+        """What was on the air."""
+        return self.ether.messages
+
+    @property
+    def frames(self) -> int:
+        """How many frames were about something that the program says."""
+        return self.ether.carried
 
     def run(self, until: Instant, look: Callable[[], None] = lambda: None) -> bool:
         """Run to quiescence, or to `until` (included) at the latest; return whether it became quiescent.
@@ -186,6 +205,22 @@ class Ensemble:
     def stop(self) -> None:
         """End the run after the present call."""
         self._stopping = True
+
+    # ---- what is told
+
+    def entries(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield what the report says of each robot."""
+        return ((robot, entry(hosted)) for robot, hosted in self.robots.items())
+
+    def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
+        """Yield the robots that are not idle, with what each has yet to do."""
+        return ((robot, outstanding(hosted)) for robot, hosted in self.robots.items() if not hosted.idle)
+
+    def warnings(self) -> tuple[Iterator[str], ...]:
+        """Return what is to be said beside the report, by kind."""
+        return undelivered(self), dropped(self), slowed(self)
+
+    # ---- inside
 
     def _insert(self, fact: InitialFact, now: Instant) -> None:
         del self.outstanding[0]
@@ -231,6 +266,11 @@ class Ensemble:
         assert self._sink is not None
         note = {"what": "lost", "destination": destination, "frame": frame_text(payload)}
         self._sink([{"t": round(in_seconds(now), 6), "robot": source, **note}])
+
+
+def most(count: int, robots: int) -> int:
+    """Return a bound of a run with so many robots: `count` and a hundredth more for each."""
+    return -(-count * (100 + robots) // 100)
 
 
 class _Neighbors:

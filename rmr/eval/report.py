@@ -1,24 +1,75 @@
 """What is told of a run: the report, and in words what still went on at its end."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Protocol
 
-from rmr.base.time import in_seconds
-from rmr.eval.ensemble import Ensemble, Hosted
+from rmr.base.time import Instant, in_seconds
+from rmr.eval.ether import LATENCY, Messages
+from rmr.eval.given import Insertion
 from rmr.node.report import job_entry
+
+if TYPE_CHECKING:
+    from rmr.eval.ensemble import Ensemble, Hosted
 
 REASONS_MAX = 8
 """Reasons why a run did not become quiescent that are told; thousands of robots may have the same."""
 
 
-def report(ensemble: Ensemble) -> dict[str, Any]:
+class Run(Protocol):
+    """A run, whatever carries it out."""
+
+    firings: int
+    busy: int
+    """Robots that are not idle."""
+    happened: Instant
+    """When the last thing happened."""
+    outstanding: list[Insertion]
+    """Events from outside that are yet to come."""
+
+    @property
+    def now(self) -> Instant:
+        """How far the run has come."""
+
+    @property
+    def messages(self) -> Messages:
+        """What was on the air."""
+
+    @property
+    def frames(self) -> int:
+        """How many frames were about something that the program says."""
+
+    @property
+    def quiescent(self) -> bool:
+        """Whether nothing is left to do."""
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the run has used up its firings or frames."""
+
+    def run(self, until: Instant, look: Callable[[], None]) -> bool:
+        """Run to quiescence, or to `until` (included) at the latest; return whether it became quiescent."""
+
+    def stop(self) -> None:
+        """End the run soon."""
+
+    def entries(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield what the report says of each robot."""
+
+    def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
+        """Yield the robots that are not idle, with what each has yet to do."""
+
+    def warnings(self) -> tuple[Iterator[str], ...]:
+        """Return what is to be said beside the report, by kind."""
+
+
+def report(run: Run) -> dict[str, Any]:
     """Return the report of a run; equal seeds give equal reports."""
-    messages = ensemble.ether.messages
+    messages = run.messages
     return {
-        "quiescent": ensemble.quiescent,
-        "time_s": round(in_seconds(ensemble.happened), 6),
-        "firings": ensemble.firings,
-        "robots": {str(robot): _robot(hosted) for robot, hosted in ensemble.robots.items()},
+        "quiescent": run.quiescent,
+        "time_s": round(in_seconds(run.happened), 6),
+        "firings": run.firings,
+        "robots": {str(robot): each for robot, each in run.entries()},
         "messages": {
             "sent": messages.sent,
             "delivered": messages.delivered,
@@ -29,7 +80,35 @@ def report(ensemble: Ensemble) -> dict[str, Any]:
     }
 
 
-def _robot(hosted: Hosted) -> dict[str, Any]:
+def reasons(run: Run) -> list[str]:
+    """Return what still went on when the run was ended, a line each, REASONS_MAX at most."""
+    lines: list[str] = []
+    more = 0
+    for robot, unfinished in run.unfinished():
+        if len(lines) >= REASONS_MAX:
+            more += 1
+        else:
+            lines += [f"robot {robot}: {what}" for what in unfinished]
+    del lines[REASONS_MAX:]
+    if more:
+        lines.append(f"and {more} more robots are not idle")
+    still = len(run.outstanding)
+    if still:
+        others = f" and {still - 1} more" if still > 1 else ""
+        lines.append(f"--insert '{run.outstanding[0].text}'{others} yet to come")
+    return lines or ["a message is under way"]
+
+
+def satisfied(firings: int, last: str | None) -> str:
+    """Return in words that rules are satisfied; `last` is where the rule stands that was seen to fire last."""
+    return f"rules are still satisfied after {firings} firings" + (f", the last at {last}" if last is not None else "")
+
+
+# ---- of robots as nodes
+
+
+def entry(hosted: "Hosted") -> dict[str, Any]:
+    """Return what the report says of a robot."""
     node = hosted.node
     return {
         "facts": node.machine.facts(),
@@ -41,33 +120,11 @@ def _robot(hosted: Hosted) -> dict[str, Any]:
     }
 
 
-def reasons(ensemble: Ensemble) -> list[str]:
-    """Return what still went on when the run was ended, a line each, REASONS_MAX at most."""
-    lines: list[str] = []
-    more = 0
-    for hosted in ensemble.robots.values():
-        if hosted.idle:
-            continue
-        if len(lines) >= REASONS_MAX:
-            more += 1
-        else:
-            lines += [f"robot {hosted.robot}: {what}" for what in _outstanding(hosted)]
-    del lines[REASONS_MAX:]
-    if more:
-        lines.append(f"and {more} more robots are not idle")
-    still = len(ensemble.outstanding)
-    if still:
-        others = f" and {still - 1} more" if still > 1 else ""
-        lines.append(f"--insert '{ensemble.outstanding[0].text}'{others} yet to come")
-    return lines or ["a message is under way"]
-
-
-def _outstanding(hosted: Hosted) -> Iterator[str]:
+def outstanding(hosted: "Hosted") -> Iterator[str]:
     """Yield what a robot has yet to do, with names where there are any."""
     node = hosted.node
     if not node.machine.quiescent:
-        last = f", the last at {hosted.last_rule}" if hosted.last_rule is not None else ""
-        yield f"rules are still satisfied after {hosted.firings} firings{last}"
+        yield satisfied(hosted.firings, hosted.last_rule)
     for running in node.actions.running:
         yield f"action {running.text(hosted.robot)} is under way"
     for running in (*node.actions.held, *node.actions.queue):
@@ -79,17 +136,24 @@ def _outstanding(hosted: Hosted) -> Iterator[str]:
         yield "a fact for another robot is not acknowledged yet"
 
 
-def dropped(ensemble: Ensemble) -> Iterator[str]:
+def dropped(ensemble: "Ensemble") -> Iterator[str]:
     """Yield what was more than a robot keeps, and so was dropped."""
     for identity, robot in ensemble.robots.items():
         for what, count in robot.node.machine.dropped.items():
             yield f"robot {identity} dropped {count} {what}: more than it keeps (`--trace` says where)"
 
 
-def undelivered(ensemble: Ensemble) -> Iterator[str]:
+def undelivered(ensemble: "Ensemble") -> Iterator[str]:
     """Yield what could not be delivered, each once, and why."""
     topology = ensemble.conditions.topology
     for source, destination, name, why in ensemble.undelivered:
         known = destination in ensemble.robots
         told = "it is out of range" if known and not topology.adjacent(source, destination) else why
         yield f"`{name}` of robot {source} did not reach robot {destination}: {told}"
+
+
+def slowed(ensemble: "Ensemble") -> Iterator[str]:
+    """Yield that frames had to be slowed down, if they had."""
+    if ensemble.ether.slowed_at is not None:
+        since, least = in_seconds(ensemble.ether.slowed_at), LATENCY / 1e6
+        yield f"robots answer each other without end; from {since:g} s on every frame takes {least:g} ms"

@@ -10,6 +10,7 @@ from rmr.bytecode.program import Anything, Constant
 from rmr.node.trace import Level
 from rmr.node.turn import UNKNOWN_INSIDE
 from rmr.radio.phy import RadioConfig
+from rmr.vm.engines import Engine
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
@@ -34,5 +35,7 @@ class NodeConfig:
     """How often the robot was started before; tells its messages from those of an earlier life."""
     trace: Level = Level.NOTES
     """How much the robot notes for whoever watches it."""
+    engine: Engine = Engine.GENERATED
+    """What runs the program; all engines do the same."""
     turn: Duration = UNKNOWN_INSIDE
     """How long a turn is expected to last where no drive tells; extended while its action lasts longer."""

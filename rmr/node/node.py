@@ -60,7 +60,8 @@ class Node:
         self._handlers = handlers
         check_handlers(program, {**PROVIDED, **handlers})
         name = f"{config.seed}/robot{config.robot}"
-        self.machine = new_machine(program, config.robot, Choices(f"{name}/vm"), trace=config.trace is Level.FACTS)
+        choices, traced = Choices(f"{name}/vm"), config.trace is Level.FACTS
+        self.machine = new_machine(program, config.robot, choices, engine=config.engine, trace=traced)
         self.senses = SensedFacts(program, self.machine)
         self.peers = Peers()
         self.driver: Driver | None = None

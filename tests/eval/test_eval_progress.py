@@ -2,7 +2,6 @@
 
 import io
 import sys
-from types import SimpleNamespace
 
 import pytest
 
@@ -26,7 +25,7 @@ class Run:
 
     firings = 1200
     busy = 2
-    kernel = SimpleNamespace(now=1_500_000_000)
+    now = 1_500_000_000
 
 
 @pytest.mark.parametrize(

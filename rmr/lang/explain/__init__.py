@@ -2,13 +2,15 @@
 
 What is told is data (dataclasses that become JSON as they are); show.py puts it into words. Goals and the rules
 that lead there come from reach.py, assertions and the actions that serve them from serve.py: the same answers by
-which robots choose among rules and hold actions back.
+which robots choose among rules and hold actions back. Whether all robots can be run at once is found out in
+rmr.bytecode.columnar.
 """
 
 from dataclasses import dataclass
 
 from rmr.lang.compiler import Compilation
 from rmr.lang.explain.assertions import Assertions, ExplainedAssertion
+from rmr.lang.explain.columns import ExplainedColumns, explain_columns
 from rmr.lang.explain.goals import ExplainedGoal, Goals
 from rmr.lang.explain.rules import ExplainedRule, Rules
 from rmr.lang.explain.texts import Names, Texts, environments
@@ -24,6 +26,7 @@ class Explanation:
     assertions: tuple[ExplainedAssertion, ...]
     rules: tuple[ExplainedRule, ...]
     """In the order of the program; elsewhere rules are told by their place here."""
+    columns: ExplainedColumns
 
 
 def explain(compilation: Compilation) -> Explanation | None:
@@ -42,4 +45,5 @@ def explain(compilation: Compilation) -> Explanation | None:
         goals=tuple([goals.explain(*each) for each in zip(stated, program.goals, strict=True)]),
         assertions=tuple([assertions.explain(*each) for each in watched]),
         rules=tuple([rules.explain(each) for each in checked.rules]),
+        columns=explain_columns(program),
     )

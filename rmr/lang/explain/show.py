@@ -23,6 +23,9 @@ ENTRY_SHOWN_MAX = 500
 PLACES_SHOWN_MAX = 10
 """Rules shown by their places in one sentence."""
 
+OBSTACLES_SHOWN_MAX = 20
+"""Obstacles shown on the way to columns."""
+
 LABEL = 11
 """Columns for the words before an entry."""
 
@@ -30,6 +33,7 @@ GOALS = """\
 GOALS. The rank of a rule: how many further firings lead from it to the goal. The lowest goes first.
 At best: it depends on the match, or on the robot."""
 ASSERTIONS = "TIME ASSERTIONS. The actions that serve one are held back until it is the robot's turn."
+COLUMNS = "COLUMNS. Whether `rmr eval --engine columnar` takes all robots at once."
 RULES = "RULES. What they need, what comes of it, and what is sent to whom, with the octets that its values take."
 
 
@@ -57,6 +61,8 @@ class _Shown:
             for entry in entries:
                 yield ""
                 yield from entry
+        yield from ("", COLUMNS, "")
+        yield from self._columns()
 
     # ---- goals
 
@@ -138,6 +144,21 @@ class _Shown:
 
     def _at(self, rule: int) -> str:
         return _place(self._explanation.rules[rule].place)
+
+    # ---- columns
+
+    def _columns(self) -> Iterator[str]:
+        columns = self._explanation.columns
+        if columns.suited:
+            yield "  yes: a robot holds at most one fact of each predicate, and each rule changes its own robot alone"
+            return
+        yield "  no, it takes each by itself:"
+        for each in columns.obstacles[:OBSTACLES_SHOWN_MAX]:
+            where = "" if each.place is None else f"{_place(each.place)}  "
+            yield f"    {where}{_cut(each.text)}"
+        more = len(columns.obstacles[OBSTACLES_SHOWN_MAX:]) + columns.obstacles_left_out
+        if more:
+            yield f"    and {more} more"
 
 
 def _needs(needs: Needs) -> Iterator[str]:

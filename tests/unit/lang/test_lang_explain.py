@@ -18,9 +18,10 @@ from rmr.lang import serve
 from rmr.lang.compiler import compile_source
 from rmr.lang.explain import Explanation, explain
 from rmr.lang.explain import assertions as told_assertions
+from rmr.lang.explain import columns as told_columns
 from rmr.lang.explain import goals as told_goals
 from rmr.lang.explain import rules as told_rules
-from rmr.lang.explain.show import RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
+from rmr.lang.explain.show import OBSTACLES_SHOWN_MAX, RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
 from rmr.lang.explain.texts import Spot
 from rmr.node.wire import FACT_BODY_OCTETS_MAX, Delivery, Role, encode_delivery
 
@@ -118,6 +119,8 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
         "a rule": told_rules.ExplainedRule,
         "needs": told_rules.Needs,
         "a part of a head": told_rules.Part,
+        "an answer on columns": told_columns.ExplainedColumns,
+        "an obstacle": told_columns.ExplainedObstacle,
         "something derived": told_rules.Derived,
     }
     told = {name: [field.name for field in fields(kind)] for name, kind in kinds.items()}
@@ -126,7 +129,8 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
 
 def test_the_limits_of_the_page_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "explain.md").read_text("utf-8").partition("\n## Limits\n")[2].replace("10 000", "10000")
-    limits = [RULES_SHOWN_MAX, STEPS_SHOWN_MAX, told_goals.WAYS_MAX, levels.STEPS_MAX, serve.STEPS_MAX]
+    limits = [RULES_SHOWN_MAX, STEPS_SHOWN_MAX, told_goals.WAYS_MAX]
+    limits += [OBSTACLES_SHOWN_MAX, told_columns.OBSTACLES_MAX, levels.STEPS_MAX, serve.STEPS_MAX]
     assert told_assertions.STEPS_MAX == told_goals.WAYS_MAX
     assert [int(number) for number in re.findall(r"\d+", page)] == limits
 
@@ -181,6 +185,34 @@ def test_what_an_action_brings_about_elsewhere_is_sent_when_it_is_complete() -> 
     [rule] = explained(text).rules
     sent = [(each.what, each.text, each.to) for part in rule.head for each in part.derives if each.to is not None]
     assert sent == [("effect", "has(C, 300)", "C"), ("effect", "seen(@7, N + 1)", "@7")]
+
+
+# ---- columns
+
+
+def test_a_program_that_suits_columns_is_told_to() -> None:
+    explanation = explained("type a(robot, int). a(R, 1). a(R, X), X < 9 -o a(R, X + 1).")
+    assert explanation.columns == told_columns.ExplainedColumns(True, (), 0)
+    assert show(explanation).endswith(
+        "  yes: a robot holds at most one fact of each predicate, and each rule changes its own robot alone\n"
+    )
+
+
+def test_what_stands_in_the_way_of_columns_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "a(R, @2).\na(R, B) -o b(B), c(R, B).\n"
+    explanation = explained(text)
+    [obstacle] = explanation.columns.obstacles
+    assert (obstacle.text, obstacle.place) == ("the rule sends `b` to another robot", Spot("p.rmr", 2, 1))
+    assert "    p.rmr:2  the rule sends `b` to another robot\n" in show(explanation)
+    monkeypatch.setattr(told_columns, "OBSTACLES_MAX", 1)
+    columns = explained(text + "a(R, B) -o d(B).").columns
+    assert (columns.suited, len(columns.obstacles), columns.obstacles_left_out) == (False, 1, 1)
+
+
+def test_not_all_that_stands_in_the_way_of_columns_is_shown() -> None:
+    text = show(explained("a(R, @2)." + "a(R, B) -o b(B).\n" * (OBSTACLES_SHOWN_MAX + 3)))
+    assert text.count("the rule sends") == OBSTACLES_SHOWN_MAX
+    assert text.endswith("    and 3 more\n")
 
 
 # ---- sizes
