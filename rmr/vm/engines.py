@@ -7,6 +7,8 @@ from enum import Enum
 
 from rmr.base.streams import Choices
 from rmr.bytecode.program import Program
+from rmr.vm.generate.plan import is_small
+from rmr.vm.generated import machine_of
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.machine import FIRING_BUDGET, Machine
 
@@ -15,6 +17,7 @@ class Engine(Enum):
     """How a machine runs its program."""
 
     INTERPRETER = "interpreter"
+    GENERATED = "generated"
 
 
 def new_machine(
@@ -22,10 +25,10 @@ def new_machine(
     robot: int,
     choices: Choices,
     *,
-    engine: Engine = Engine.INTERPRETER,
+    engine: Engine = Engine.GENERATED,
     firing_budget: int = FIRING_BUDGET,
     trace: bool = False,
 ) -> Machine:
     """Return a machine for a verified `program`; it draws from `choices` and fires `firing_budget` times in one run."""
-    del engine
-    return Interpreted(program, robot, choices, firing_budget=firing_budget, trace=trace)
+    made = machine_of(program) if engine is Engine.GENERATED and is_small(program) else Interpreted
+    return made(program, robot, choices, firing_budget=firing_budget, trace=trace)

@@ -90,6 +90,10 @@ class Goals:
         """Return the lowest rank that a firing of `rule` can have; None if no open goal follows."""
         return self._ranks.nearest(rule) if self.open else None
 
+    def is_settled(self, rule: int) -> bool:
+        """Tell whether all firings of `rule` have the rank `nearest`, whatever they derive."""
+        return not self.open or self._ranks.is_settled(rule)
+
     def leading(self, predicate: int) -> list[int]:
         """Return the rules whose firings may get another rank when the goals of `predicate` change."""
         return self._ranks.leading(predicate)

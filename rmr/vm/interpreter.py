@@ -30,6 +30,9 @@ from rmr.vm.match import Env, OnFailure, Search
 from rmr.vm.once import Changing, Growing, Once
 from rmr.vm.store import Fact, Store
 
+NEVER_FAILING = (Op.LOAD, Op.CONST, Op.INT, Op.EQ, Op.NE)
+"""Instructions that have a value whatever they work on."""
+
 UNRANKED = 1 << 30
 """Comes after every rank."""
 
@@ -64,8 +67,7 @@ class RuleState:
         self.once: Once | None = None
         """Of a rule that consumes nothing: the matches that have not fired."""
         if not self.planned.taken:
-            negative = any(isinstance(item, Atom) and item.mode is Mode.ABSENT for item in rule.body)
-            self.once = (Changing if negative else Growing)(rule.body, program.predicates, store, dropped)
+            self.once = (Growing if is_plain(rule) else Changing)(rule.body, program.predicates, store, dropped)
         self.candidate: Candidate | None = None
         self.stale = False
 
@@ -188,6 +190,14 @@ def mentioned(rule: Rule) -> Iterator[int]:
         for conjunct in body:
             if isinstance(conjunct, Atom):
                 yield conjunct.predicate
+
+
+def is_plain(rule: Rule) -> bool:
+    """Tell whether matches of a body only come with facts and go with facts, and no expression of it can fail."""
+    return all(
+        item.mode is not Mode.ABSENT if isinstance(item, Atom) else all(each.op in NEVER_FAILING for each in item.code)
+        for item in rule.body
+    )
 
 
 def uses_now(code: Code) -> bool:

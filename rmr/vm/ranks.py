@@ -161,6 +161,10 @@ class Ranks:
         distances, brought = self._distances(), self._reading.backwards.brought[rule]
         return min([distances[each] for each in brought if each in distances], default=None)
 
+    def is_settled(self, rule: int) -> bool:
+        """Tell whether all firings of `rule` have the same rank, whatever they bring about."""
+        return self._known(rule) != SEARCH
+
     def of(self, rule: int, facts: Iterable[tuple[int, Args]]) -> int | None:
         """Return the rank of a firing of `rule` that brings about `facts`; None if no open goal follows."""
         rank = self._known(rule)

@@ -60,7 +60,7 @@ def _by_function(name: str, args: list[Source], pool: Pool) -> Source:
     known = RESULT_TYPES.get(name, NOTHING)
     texts = ", ".join(arg.text for arg in args)
     if name in functions.OTHERS:
-        return Source(f"{pool.helper(name, functions.OTHERS[name])}({texts})", known, True)
+        return Source(f"{pool.helper(f'{name}_of', functions.OTHERS[name])}({texts})", known, True)
     return Source(f"{pool.helper('call', functions.call)}({name!r}, [{texts}], now)", known, True)
 
 
@@ -184,7 +184,7 @@ def _looked(args: list[Source], sign: str, text: str, name: str, known: Known, p
     """Return `text` if the list's length compares so with the place."""
     (items, items_again), (place, place_again) = map(pool.held, args)
     found = text.format(place=place_again, items=items_again)
-    absent = f"{pool.helper(name, functions.OTHERS[name])}({items_again}, {place_again})"
+    absent = f"{pool.helper(f'{name}_of', functions.OTHERS[name])}({items_again}, {place_again})"
     return Source(f"({found} if len({items}) {sign} {place} >= 0 else {absent})", known, True)
 
 

@@ -34,8 +34,8 @@ def result(operator: Operator, values: list[Value]) -> Value | None:
     """What the aggregate of `values` is; None if it derives nothing."""
     machine = folding(operator, values)
     assert machine.program.predicates[2].name == "out"
-    facts = machine._store.tables[2].facts  # the value itself, of which `facts()` shows only the text
-    return next(iter(facts.values())).args[0] if facts else None
+    facts = machine.held(2)  # the value itself, of which `facts()` shows only the text
+    return facts[0][0] if facts else None
 
 
 @pytest.mark.parametrize(

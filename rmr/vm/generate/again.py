@@ -1,0 +1,43 @@
+"""The search as the specification does it: all conjuncts in the order of the text, each failure told.
+
+``each{rule}`` yields the matches one after another, the oldest facts first, conjunct by conjunct.
+"""
+
+from collections.abc import Sequence
+
+from rmr.vm.generate.body import ME, Body, Slots
+from rmr.vm.generate.layout import Table, tuple_of
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.plan import RulePlan
+from rmr.vm.generate.source import Pool
+
+
+class AgainWriter:
+    """Writes ``each{rule}``."""
+
+    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[Table], *, index: bool) -> None:
+        """Use new indices only if `index` says that all are not laid out yet."""
+        self._plan = plan
+        self._lines = lines
+        self._pool = pool
+        self._tables = tables
+        self._index = index
+
+    def write(self) -> None:
+        """Write the function."""
+        lines, plan = self._lines, self._plan
+        with lines.block(f"def each{plan.index}(vm, now):"):
+            lines(f"{ME} = vm.robot")
+            body = Body(
+                lines,
+                self._pool,
+                self._tables,
+                Slots(),
+                "return",
+                told=lambda place: f"vm.failed(now, {plan.index}, {len(plan.rule.head)}, {place}, "
+                f"{tuple_of(body.found)}, reason)",
+                may_index=self._index,
+            )
+            entry = plan.entry() if plan.atoms else "()"
+            body.seek(list(enumerate(plan.rule.body)), lambda: lines(f"yield {entry}"))
+        lines("")

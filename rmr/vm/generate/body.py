@@ -1,0 +1,266 @@
+"""The search for the matches of a body, written as nested loops (paper III.D).
+
+The conjuncts stand one in another in a given order. Each positive atom is a loop over the facts among which all
+that match must be, oldest first: all of a predicate, or what an index has for the values that are bound. Conditions
+stand as soon as what they need is bound and leave out the rest of the turn.
+"""
+
+from collections.abc import Callable, Sequence
+
+from rmr.bytecode.arithmetic import NoValue, same
+from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Slot, Type
+from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.known import Known
+from rmr.vm.generate.layout import SERIAL, Table, column, index_key
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.source import Pool, Source
+from rmr.vm.match import AtomStep, plan_atom
+
+ME = "me"
+"""The local variable that holds the robot itself."""
+
+Placed = tuple[int, Conjunct]
+"""A conjunct and its place in the body's text."""
+
+Limit = Callable[[int, str], str | None]
+"""Given an atom's place and its fact, the condition on which no later fact of its loop is of interest."""
+
+Told = Callable[[int], str]
+"""Given a conjunct's place, the call that tells of ``reason``, the NoValue that it raised."""
+
+INTERPRETED_FROM = 64
+"""Instructions of an expression from which on Python's own parser might not take its text."""
+
+
+class Slots:
+    """What a generated function has in a rule's slots."""
+
+    def __init__(self, me: str = ME, outer: "Slots | None" = None) -> None:
+        """Begin with the robot itself, or with all that is bound in `outer`."""
+        self.names: dict[int, str] = dict(outer.names) if outer else {SELF_SLOT: me}
+        self.known: dict[int, Known] = dict(outer.known) if outer else {SELF_SLOT: Known(Type(Base.ROBOT))}
+
+    def expression(self, code: Code, pool: Pool) -> Source:
+        """Return the source of an expression."""
+        return expression(code, self.names, self.known, pool)
+
+    def bind(self, step: AtomStep, table: Table, text: Callable[[int], str]) -> None:
+        """Bind what an atom binds; `text` returns where the argument at a position stands."""
+        for position, slot in step.binds:
+            kind = table.predicate.types[position]
+            self.names[slot] = text(position)
+            self.known[slot] = Known(None if kind.base is Base.OPEN else kind)
+
+
+class Body:
+    """Writes one search."""
+
+    def __init__(
+        self,
+        lines: Lines,
+        pool: Pool,
+        tables: Sequence[Table],
+        slots: Slots,
+        leave: str,
+        *,
+        fact: str = "f",
+        told: Told | None = None,
+        limit: Limit = lambda place, fact: None,
+        passed_over: Callable[[Atom, str], str | None] = lambda atom, fact: None,
+        spent: Callable[[int], str | None] = lambda place: None,
+        may_index: bool = True,
+    ) -> None:
+        """`leave` leaves the function, or the loop, in which the search stands; see `Told` and `Limit`.
+
+        `passed_over` returns on which further condition an atom does not take a fact, and `spent`, for the place of an
+        atom, on which nothing more can come of the facts found before it.
+        """
+        self.lines = lines
+        self.pool = pool
+        self.tables = tables
+        self.slots = slots
+        self.facts: dict[int, str] = {}
+        """By place: the variables that hold the facts found."""
+        self._fact = fact
+        self._skip = leave
+        self._told = told
+        self._limit = limit
+        self._passed_over = passed_over
+        self._spent = spent
+        self._may_index = may_index
+        self._places: list[tuple[int, int]] = []
+        """Of the facts found: place, predicate."""
+        self._loops: list[tuple[int, int]] = []
+        """Of the loops: how far in their insides stand, the atom's place."""
+
+    def take(self, place: int, atom: Atom, fact: str) -> None:
+        """Let `fact`, of which nothing is known but its predicate, be what an atom takes."""
+        table = self.tables[atom.predicate]
+        step = plan_atom(atom, self._predicates, self.slots.names)
+        self._test(step, fact)
+        self._found(place, step, table, fact)
+
+    def seek(self, order: Sequence[Placed], leaf: Callable[[], None]) -> None:
+        """Write the search for `order`; `leaf` writes what is done with each match."""
+        with self.lines.level():
+            for place, conjunct in order:
+                if isinstance(conjunct, Guard):
+                    self._guard(place, conjunct)
+                elif isinstance(conjunct, Bind):
+                    self._bind(place, conjunct)
+                elif conjunct.mode is Mode.ABSENT:
+                    self._absent(conjunct)
+                else:
+                    self._atom(place, conjunct)
+            leaf()
+            for depth, place in reversed(self._loops):
+                spent = self._spent(place)
+                if spent is not None:
+                    self.lines.depth = depth
+                    self.lines(f"if {spent}: break")
+
+    @property
+    def found(self) -> list[str]:
+        """The variables of the facts found, in the order of the text."""
+        return [self.facts[place] for place in sorted(self.facts)]
+
+    @property
+    def skip(self) -> str:
+        """The statement that leaves out the rest of the turn."""
+        return self._skip
+
+    @property
+    def _predicates(self) -> tuple:  # type: ignore[type-arg]
+        return tuple(table.predicate for table in self.tables)
+
+    def _guard(self, place: int, guard: Guard) -> None:
+        source = condition(guard.code, self.slots.names, self.slots.known, self.pool)
+        self._trying(place, source, f"if not {source.text}: {self._skip}")
+        self.slots.known.update(narrowed(guard.code, self.slots.known))
+
+    def _bind(self, place: int, bind: Bind) -> None:
+        source = self.slots.expression(bind.code, self.pool)
+        if bind.slot in self.slots.names:
+            equal = f"{self.pool.helper('same', same)}({self.slots.names[bind.slot]}, {source.text})"
+            self._trying(place, source, f"if not {equal}: {self._skip}")
+            return
+        name = f"b{bind.slot}"
+        self._trying(place, source, f"{name} = {source.text}")
+        self.slots.names[bind.slot] = name
+        self.slots.known[bind.slot] = source.known
+
+    def _trying(self, place: int, source: Source, line: str) -> None:
+        if self._told is None or not source.fails:
+            self.lines(line)
+            return
+        no_value = self.pool.helper("NoValue", NoValue)
+        self.lines("try:", f" {line}", f"except {no_value} as reason:", f" {self._told(place)}", f" {self._skip}")
+
+    def _atom(self, place: int, atom: Atom) -> None:
+        lines, table = self.lines, self.tables[atom.predicate]
+        step = plan_atom(atom, self._predicates, self.slots.names)
+        fact = f"{self._fact}{place}"
+        key = self._member(step, table)
+        if key is not None:
+            lines(f"{fact} = {table.name}.get({key})", f"if {fact} is None: {self._skip}")
+            stop = self._limit(place, fact)
+            if stop is not None:
+                lines(f"if {stop}: {self._skip}")
+        else:
+            lines(f"for {fact} in {self._candidates(step, table)}:")
+            lines.enter()
+            self._loops.append((lines.depth, place))
+            self._skip = "continue"
+            stop = self._limit(place, fact)
+            if stop is not None:
+                lines(f"if {stop}: break")
+            self._test(step, fact, self._others(atom, fact))
+        self._found(place, step, table, fact)
+
+    def _absent(self, atom: Atom) -> None:
+        lines, table = self.lines, self.tables[atom.predicate]
+        step = plan_atom(atom, self._predicates, self.slots.names)
+        key = self._member(step, table)
+        if key is not None:
+            lines(f"if {key} in {table.name}: {self._skip}")
+            return
+        tests = self._tests(step, "g")
+        passed_over = self._passed_over(atom, "g")
+        if passed_over is not None:
+            tests.append(passed_over)
+        if not tests:
+            lines(f"if {table.name}: {self._skip}")
+            return
+        with lines.block(f"for g in {self._candidates(step, table)}:"):
+            lines(f"if not ({' or '.join(tests)}): break")
+        lines("else:")
+        lines.enter()
+
+    def _others(self, atom: Atom, fact: str) -> list[str]:
+        """Return the conditions on which a fact is not taken although it matches."""
+        others: list[str] = []
+        if atom.mode is not Mode.READ:
+            others += [f"{fact} is {self.facts[place]}" for place, other in self._places if other == atom.predicate]
+        passed_over = self._passed_over(atom, fact)
+        if passed_over is not None:
+            others.append(passed_over)
+        return others
+
+    def _test(self, step: AtomStep, fact: str, others: Sequence[str] = ()) -> None:
+        tests = [*self._tests(step, fact), *others]
+        if tests:
+            self.lines(f"if {' or '.join(tests)}: {self._skip}")
+
+    def _tests(self, step: AtomStep, fact: str) -> list[str]:
+        """Return the conditions on which a fact does not match."""
+        pairs = [(column(fact, position), self.pool.constant(value)) for position, value in step.tests]
+        pairs += [(column(fact, position), self.slots.names[slot]) for position, slot in step.joins]
+        pairs += [(column(fact, position), column(fact, other)) for position, other in step.twins]
+        if step.strict:
+            return [f"not {self.pool.helper('same', same)}({one}, {other})" for one, other in pairs]
+        return [f"{one} != {other}" for one, other in pairs]
+
+    def _found(self, place: int, step: AtomStep, table: Table, fact: str) -> None:
+        self.facts[place] = fact
+        self._places.append((place, step.predicate))
+        self.slots.bind(step, table, lambda position: column(fact, position))
+
+    def _values(self, step: AtomStep) -> dict[int, str]:
+        """Return the texts of the arguments that are bound, by position."""
+        values = {position: self.pool.constant(value) for position, value in step.tests}
+        values.update({position: self.slots.names[slot] for position, slot in step.joins})
+        return values
+
+    def _member(self, step: AtomStep, table: Table) -> str | None:
+        """Return the key of the one fact of a set that can match, if all is bound."""
+        values = self._values(step)
+        if table.linear or step.strict or len(values) < table.arity:
+            return None
+        return table.key(self.pool, [values[position] for position in range(table.arity)])
+
+    def _candidates(self, step: AtomStep, table: Table) -> str:
+        """Return facts, oldest first, among them all that match."""
+        joins = [position for position, _ in step.joins]
+        positions = tuple(sorted(joins or [position for position, _ in step.tests]))
+        if not positions or not (self._may_index or positions in table.indices):
+            return f"{table.name}.values()"
+        values = self._values(step)
+        key = index_key(positions, [values[position] for position in positions])
+        return f"probe_{table.index_on(positions)}(vm, {key})"
+
+
+def positives(body: Sequence[Conjunct]) -> list[tuple[int, Atom]]:
+    """Return the atoms of a body that take a fact, with their places."""
+    return [(i, each) for i, each in enumerate(body) if isinstance(each, Atom) and each.mode is not Mode.ABSENT]
+
+
+def serial(fact: str) -> str:
+    """Return where a fact has its serial."""
+    return f"{fact}[{SERIAL}]"
+
+
+def slots_of(conjunct: Conjunct) -> set[int]:
+    """Return the slots that a conjunct names."""
+    if isinstance(conjunct, Atom):
+        return {pattern.index for pattern in conjunct.args if isinstance(pattern, Slot)}
+    return {i.operand for i in conjunct.code if i.op.name == "LOAD"}  # type: ignore[misc]

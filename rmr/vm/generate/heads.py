@@ -1,0 +1,251 @@
+"""What a match derives, written as source (paper III.D; the specification is `rmr.vm.derive`)."""
+
+from collections.abc import Sequence
+
+from rmr.base.values import Robot
+from rmr.bytecode.arithmetic import NoValue
+from rmr.bytecode.conform import fits
+from rmr.bytecode.program import (
+    SELF,
+    Aggregate,
+    Atom,
+    Base,
+    Bind,
+    Comprehension,
+    DeriveAction,
+    DeriveFact,
+    DeriveGoal,
+    Guard,
+    Kind,
+    Mode,
+    Operator,
+    Program,
+    Rule,
+    Steps,
+)
+from rmr.bytecode.program import Derived as Item
+from rmr.bytecode.scope import UNKNOWN, Scope
+from rmr.vm.aggregate import FOLDS, better
+from rmr.vm.derive import HEAD_PART, MATCHES_MAX, Derived, Role
+from rmr.vm.doubts import doubts, settle
+from rmr.vm.generate.body import ME, Body, Slots, positives, serial
+from rmr.vm.generate.expressions import narrowed
+from rmr.vm.generate.known import NOTHING
+from rmr.vm.generate.layout import Table, column, tuple_of
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.source import Pool, Source
+from rmr.vm.match import plan_atom
+
+ROLES: dict[type, Role] = {DeriveFact: Role.FACT, DeriveGoal: Role.GOAL, DeriveAction: Role.ACTION}
+
+
+class WrittenItem:
+    """One item of a head as source."""
+
+    def __init__(self, item: Item, slots: Slots, scope: Scope, pool: Pool, tables: Sequence[Table]) -> None:
+        predicates = [table.predicate for table in tables]
+        self.item = item
+        self.mine = item.owner == SELF
+        """It is this robot's, whatever the match."""
+        self.owner: Source = slots.expression(item.owner, pool)
+        self.args = [slots.expression(code, pool) for code in item.args]
+        declared = predicates[item.predicate].types
+        self.doubts = tuple(
+            doubt
+            for doubt in doubts(item, predicates, scope)
+            if not fits(self.args[doubt.place].known.type or UNKNOWN, declared[doubt.place])
+        )
+        self.surely_robot = self.owner.known.base is Base.ROBOT
+
+    @property
+    def fails(self) -> bool:
+        """Whether it may have no value."""
+        return bool(self.doubts) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
+
+    def write(self, lines: Lines, pool: Pool) -> str:
+        """Write what goes before and return the source of the `Derived`; raises NoValue where it has none."""
+        owner, args = self.owner.text, tuple_of([each.text for each in self.args])
+        if not self.surely_robot:
+            robot, no_value = pool.helper("Robot", Robot), pool.helper("NoValue", NoValue)
+            lines(f"owner = {owner}")
+            lines(f"if type(owner) is not {robot}: raise {no_value}('an owner that is no robot')")
+            owner = "owner"
+        if self.doubts:
+            lines(f"args = {args}", f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)")
+            args = "args"
+        role = pool.helper(f"ROLE_{ROLES[type(self.item)].name}", ROLES[type(self.item)])
+        return f"{pool.helper('Derived', Derived)}({role}, {self.item.predicate}, {owner}, {args})"
+
+
+def written_items(
+    rule: Rule, slots: Slots, program: Program, pool: Pool, tables: Sequence[Table]
+) -> list[list[WrittenItem]] | None:
+    """Return the chains of a head, or None if it has comprehensions or aggregates."""
+    scope = Scope()
+    scope.grow(rule.body, program.predicates)
+    chains: list[list[WrittenItem]] = []
+    for head in rule.head:
+        if isinstance(head, Comprehension | Aggregate):
+            return None
+        items = head.steps if isinstance(head, Steps) else (head,)
+        chains.append([WrittenItem(item, slots, scope, pool, tables) for item in items])
+    return chains
+
+
+def write_bindings(lines: Lines, pool: Pool, rule: Rule, tables: Sequence[Table], facts: dict[int, str]) -> Slots:
+    """Write what gives the rule's variables their values again, given the match's facts by place; return them."""
+    slots = Slots()
+    predicates = tuple(table.predicate for table in tables)
+    for place, conjunct in enumerate(rule.body):
+        if isinstance(conjunct, Bind):
+            source = slots.expression(conjunct.code, pool)
+            lines(f"b{conjunct.slot} = {source.text}")
+            slots.names[conjunct.slot] = f"b{conjunct.slot}"
+            slots.known[conjunct.slot] = source.known
+        elif isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
+            table, fact = tables[conjunct.predicate], facts[place]
+            step = plan_atom(conjunct, predicates, slots.names)
+            slots.bind(step, table, lambda position, fact=fact: column(fact, position))  # type: ignore[misc]
+        elif isinstance(conjunct, Guard):
+            slots.known.update(narrowed(conjunct.code, slots.known))
+    return slots
+
+
+class HeadWriter:
+    """Writes ``derive{rule}``: given a match's facts, what it consumes and the chains that it derives, or None."""
+
+    def __init__(self, program: Program, rule: int, lines: Lines, pool: Pool, tables: Sequence[Table], index: bool):
+        self._program = program
+        self._number = rule
+        self._rule = program.rules[rule]
+        self._lines = lines
+        self._pool = pool
+        self._tables = tables
+        self._may_index = index
+        atoms = positives(self._rule.body)
+        self._facts = {place: f"f{place}" for place, _ in atoms}
+        self._consumed = [f"({a.predicate}, {self._facts[place]})" for place, a in atoms if a.mode is Mode.CONSUME]
+
+    def write(self) -> None:
+        """Write the function."""
+        lines, pool, rule = self._lines, self._pool, self._rule
+        parameters = ", ".join(["vm", "now", *self._facts.values()])
+        scope = Scope()
+        scope.grow(rule.body, self._program.predicates)
+        with lines.block(f"def derive{self._number}({parameters}):"):
+            lines(f"{ME} = vm.robot")
+            slots = write_bindings(lines, pool, rule, self._tables, self._facts)
+            lines(f"consumed = [{', '.join(self._consumed)}]", "out = []", "part = matches = 0")
+            with lines.block("try:"):
+                lines("pass")
+                for part, head in enumerate(rule.head):
+                    lines(f"part = {part}")
+                    if isinstance(head, Comprehension | Aggregate):
+                        self._inner(part, head, slots, scope)
+                    else:
+                        steps = head.steps if isinstance(head, Steps) else (head,)
+                        self._chain([WrittenItem(each, slots, scope, pool, self._tables) for each in steps])
+            with lines.block(f"except {pool.helper('NoValue', NoValue)} as reason:"):
+                lines(f"vm.failed(now, {self._number}, {HEAD_PART}, part, {self._found([])}, reason)", "return None")
+            lines("return consumed, out")
+
+    def _chain(self, items: list[WrittenItem]) -> None:
+        names: list[str] = []
+        for number, item in enumerate(items):
+            source = item.write(self._lines, self._pool)
+            names.append(f"d{number}")
+            self._lines(f"d{number} = {source}")
+        self._lines(f"out.append({tuple_of(names)})")
+
+    def _found(self, inner: Sequence[str]) -> str:
+        return tuple_of([*self._facts.values(), *inner])
+
+    def _inner(self, part: int, head: Comprehension | Aggregate, outer: Slots, outer_scope: Scope) -> None:
+        lines, pool = self._lines, self._pool
+        slots, scope = Slots(outer=outer), Scope(outer_scope)
+        scope.grow(head.body, self._program.predicates)
+        lines("gone = {f[1] for _, f in consumed}", "taken = set()")
+        if isinstance(head, Aggregate):
+            lines("values = []", "best = None")
+        taking = [place for place, atom in positives(head.body) if atom.mode is Mode.CONSUME]
+        body = Body(
+            lines,
+            pool,
+            self._tables,
+            slots,
+            "continue",
+            fact="g",
+            told=lambda step: self._tell(part, step, body.found),
+            passed_over=self._passed_over,
+            spent=lambda place: next((f"{serial(f'g{each}')} in taken" for each in taking if each < place), None),
+            may_index=self._may_index,
+        )
+        with lines.block(f"for _ in {pool.helper('ONCE', (None,))}:"):
+            body.seek(list(enumerate(head.body)), lambda: self._leaf(part, head, body, outer, scope, taking))
+        if isinstance(head, Aggregate):
+            self._aggregated(head, outer, slots, scope)
+
+    def _passed_over(self, atom: Atom, fact: str) -> str | None:
+        if self._program.predicates[atom.predicate].kind is not Kind.TEMPORARY:
+            return None
+        if atom.mode is Mode.CONSUME:
+            return f"{serial(fact)} in gone or {serial(fact)} in taken"
+        return f"{serial(fact)} in gone"
+
+    def _tell(self, part: int, step: int, found: Sequence[str]) -> str:
+        return f"vm.failed(now, {self._number}, {part}, {step}, {self._found(found)}, reason)"
+
+    def _leaf(
+        self,
+        part: int,
+        head: Comprehension | Aggregate,
+        body: Body,
+        outer: Slots,
+        scope: Scope,
+        taking: Sequence[int],
+    ) -> None:
+        lines, pool = self._lines, self._pool
+        items = head.head if isinstance(head, Comprehension) else (head.head,)
+        no_value = pool.helper("NoValue", NoValue)
+        lines(f"matches += {len(items) or 1}")
+        text = f"more than {MATCHES_MAX} matches in one firing"
+        lines(f"if matches > {MATCHES_MAX}: raise {no_value}({text!r})")
+        names = []
+        with lines.block("try:"):
+            lines("pass")
+            if isinstance(head, Comprehension):
+                for number, item in enumerate(items):
+                    source = WrittenItem(item, body.slots, scope, pool, self._tables).write(lines, pool)
+                    lines(f"d{number} = {source}")
+                    names.append(f"(d{number},)")
+            elif head.term is not None:
+                lines(f"value = {body.slots.expression(head.term, pool).text}")
+            else:
+                lines("value = 1")
+        lines(f"except {no_value} as reason:", f" {self._tell(part, HEAD_PART, body.found)}", f" {body.skip}")
+        for place in taking:
+            lines(f"taken.add({serial(f'g{place}')})", f"consumed.append(({head.body[place].predicate}, g{place}))")
+        if isinstance(head, Comprehension):
+            lines(*[f"out.append({name})" for name in names])
+        elif head.operator in (Operator.MIN, Operator.MAX):
+            operator = pool.helper(f"OPERATOR_{head.operator.name}", head.operator)
+            with lines.block(f"if {pool.helper('better', better)}({operator}, value, best):"):
+                lines("best = value")
+                lines(*[f"w{slot} = {body.slots.names[slot]}" for slot in sorted(body.slots.names.keys() - outer.names.keys())])
+        else:
+            lines("values.append(value)")
+
+    def _aggregated(self, head: Aggregate, outer: Slots, inner: Slots, scope: Scope) -> None:
+        lines, pool = self._lines, self._pool
+        slots = Slots(outer=outer)
+        if head.operator in (Operator.MIN, Operator.MAX):
+            for slot in sorted(inner.names.keys() - outer.names.keys()):
+                slots.names[slot], slots.known[slot] = f"w{slot}", inner.known[slot]
+            slots.names[head.result], slots.known[head.result] = "best", NOTHING
+            with lines.block("if best is not None:"):
+                self._chain([WrittenItem(head.head, slots, scope, pool, self._tables)])
+            return
+        fold = pool.helper(f"FOLD_{head.operator.name}", FOLDS[head.operator])
+        lines(f"total = {fold}(values)")
+        slots.names[head.result], slots.known[head.result] = "total", NOTHING
+        self._chain([WrittenItem(head.head, slots, scope, pool, self._tables)])

@@ -1,0 +1,125 @@
+"""How a generated machine keeps its facts (the paper's tiny database, V.B.3).
+
+A fact is a list: whether it holds, its serial, its arguments; of predicates whose facts are asked for their age,
+the instant of its insertion. A table is a dict in the order of insertion: of temporary facts by serial, of sets by
+what tells their facts apart. An index, made when it is probed for the first time, holds for the values at some
+positions the facts that have them there, again in the order of insertion.
+"""
+
+from collections.abc import Sequence
+
+from rmr.bytecode.program import Kind, Predicate, Program
+from rmr.bytecode.wire import identity
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.source import Pool
+from rmr.vm.store import LONG, is_open
+
+HELD = 0
+"""Where a fact says whether it holds."""
+
+SERIAL = 1
+"""Where a fact has its serial."""
+
+ARGS = 2
+"""Where a fact's arguments begin."""
+
+FEW = 8
+"""Facts of a table up to which it is quicker to look at each than to probe an index."""
+
+Positions = tuple[int, ...]
+
+
+class Table:
+    """How the facts of one predicate are kept."""
+
+    def __init__(self, index: int, predicate: Predicate, dated: bool, concerned: bool) -> None:
+        self.index = index
+        self.predicate = predicate
+        self.arity = len(predicate.types)
+        self.linear = predicate.kind is Kind.TEMPORARY
+        self.open = any(map(is_open, predicate.types))
+        self.dated = dated
+        """A fact keeps the instant of its insertion."""
+        self.concerned = concerned
+        """Time assertions want to know of each new fact."""
+        self.long = [place for place, kind in enumerate(predicate.types) if kind.base in LONG]
+        self.name = f"vm.t{index}"
+        self.indices: dict[Positions, str] = {}
+
+    def key(self, pool: Pool, args: Sequence[str]) -> str:
+        """Return what tells a fact of a set apart, given the texts of its arguments."""
+        key = args[0] if self.arity == 1 else tuple_of(args)
+        return f"{pool.helper('identity', identity)}({key})" if self.open else key
+
+    def fact_key(self, pool: Pool, fact: str) -> str:
+        """Return where `fact` stands in the table."""
+        return f"{fact}[{SERIAL}]" if self.linear else self.key(pool, [column(fact, i) for i in range(self.arity)])
+
+    def args(self, fact: str) -> str:
+        """Return the arguments of `fact` as a tuple."""
+        return tuple_of([column(fact, place) for place in range(self.arity)])
+
+    def index_on(self, positions: Positions) -> str:
+        """Return the name of the index on `positions`; from now on there is one."""
+        return self.indices.setdefault(positions, f"x{self.index}_{len(self.indices)}")
+
+    def fact(self, pool: Pool, serial: str, args: Sequence[str]) -> str:
+        """Return a new fact."""
+        del pool
+        return f"[True, {', '.join([serial, *args, *(['now'] if self.dated else [])])}]"
+
+
+def tables_of(program: Program) -> list[Table]:
+    """Return the tables of a program."""
+    asked = {assertion.finish.predicate for assertion in program.assertions}
+    starting = {assertion.start.predicate for assertion in program.assertions}
+    return [Table(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
+
+
+def column(fact: str, position: int) -> str:
+    """Return an argument of `fact`."""
+    return f"{fact}[{ARGS + position}]"
+
+
+def tuple_of(texts: Sequence[str]) -> str:
+    """Return a tuple."""
+    return f"({', '.join(texts)}{',' if len(texts) == 1 else ''})"
+
+
+def index_key(positions: Positions, texts: Sequence[str]) -> str:
+    """Return where an index on `positions` has the facts with these values there."""
+    return texts[0] if len(positions) == 1 else tuple_of(texts)
+
+
+def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
+    """Write for each index how it is probed, and for each table how facts get into its indices and out of them."""
+    for table in tables:
+        for positions, name in table.indices.items():
+            key = index_key(positions, [column("f", position) for position in positions])
+            with lines.block(f"def probe_{name}(vm, key):"):
+                with lines.block(f"if len({table.name}) < {FEW}:"):
+                    lines(f"return {table.name}.values()")
+                lines(f"x = vm.{name}")
+                with lines.block("if x is None:"):
+                    lines(f"vm.{name} = x = {{}}")
+                    with lines.block(f"for f in {table.name}.values():"):
+                        lines(f"k = {key}", "b = x.get(k)")
+                        lines(f"if b is None: x[k] = {{f[{SERIAL}]: f}}", f"else: b[f[{SERIAL}]] = f")
+                lines("b = x.get(key)", "return () if b is None else b.values()")
+
+
+def write_indexing(lines: Lines, table: Table, fact: str) -> None:
+    """Write that a new fact gets into the indices that there are."""
+    for positions, name in table.indices.items():
+        key = index_key(positions, [column(fact, position) for position in positions])
+        with lines.block(f"if vm.{name} is not None:"):
+            lines(f"x = vm.{name}", f"k = {key}", "b = x.get(k)")
+            lines(f"if b is None: x[k] = {{{fact}[{SERIAL}]: {fact}}}", f"else: b[{fact}[{SERIAL}]] = {fact}")
+
+
+def write_forgetting(lines: Lines, table: Table, fact: str) -> None:
+    """Write that a fact gets out of the indices that there are."""
+    for positions, name in table.indices.items():
+        key = index_key(positions, [column(fact, position) for position in positions])
+        with lines.block(f"if vm.{name} is not None:"):
+            lines(f"x = vm.{name}", f"k = {key}", "b = x[k]", f"del b[{fact}[{SERIAL}]]", "if not b: del x[k]")

@@ -1,0 +1,45 @@
+"""Source text in the making: lines, each as deep as the block that it stands in."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class Lines:
+    """Collects the lines of a module."""
+
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+        self.depth = 0
+        """How far in the next line stands."""
+
+    def __call__(self, *lines: str) -> None:
+        """Add lines to the block."""
+        margin = " " * self.depth
+        self._lines += [margin + line for line in lines]
+
+    @contextmanager
+    def block(self, head: str) -> Iterator[None]:
+        """Add the line `head`; what is added meanwhile stands below it."""
+        self(head)
+        with self.level():
+            self.enter()
+            yield
+
+    @contextmanager
+    def level(self) -> Iterator[None]:
+        """Come back to where it stands now, however deep what is added meanwhile goes."""
+        depth = self.depth
+        yield
+        self.depth = depth
+
+    def enter(self) -> None:
+        """Let all that is added from here on stand one step further in, until the enclosing level ends."""
+        self.depth += 1
+
+    @property
+    def text(self) -> str:
+        """All of it."""
+        return "\n".join([*self._lines, ""])
+
+    def __len__(self) -> int:
+        return len(self._lines)

@@ -1,0 +1,167 @@
+"""The run loop: look again at the rules that something has changed for, choose one, fire it, until all is quiet.
+
+All rules fire in one function, found by halving. A rule whose head is nothing but facts, goals and actions that
+cannot fail is written out in line; what others derive is worked out when the match is found.
+"""
+
+from collections.abc import Sequence
+
+from rmr.bytecode.program import DeriveFact, Kind, Program, Strategy
+from rmr.vm.derive import Derived
+from rmr.vm.events import FactSent, RuleFired
+from rmr.vm.generate.body import ME, positives
+from rmr.vm.generate.facts import FactWriter
+from rmr.vm.generate.heads import WrittenItem, write_bindings, written_items
+from rmr.vm.generate.layout import Table, tuple_of
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.plan import RulePlan, Way
+from rmr.vm.generate.source import Pool
+
+IN_LINE_MAX = 12
+"""Rules that a predicate may concern so that the insertion of its facts is written out where they are derived."""
+
+TOLD_APART_MAX = 8
+"""Rules up to which the loop holds the event of each in a variable of its own; it is the same all through a run."""
+
+
+class LoopWriter:
+    """Writes ``fire``."""
+
+    def __init__(
+        self,
+        program: Program,
+        lines: Lines,
+        pool: Pool,
+        tables: Sequence[Table],
+        plans: Sequence[RulePlan],
+        facts: FactWriter,
+    ) -> None:
+        self._program = program
+        self._lines = lines
+        self._pool = pool
+        self._tables = tables
+        self._plans = plans
+        self._facts = facts
+        for name, thing in (("RuleFired", RuleFired), ("Derived", Derived), ("FactSent", FactSent)):
+            pool.helper(name, thing)
+
+    def write(self) -> None:
+        """Write the function."""
+        lines = self._lines
+        timed = sum(plan.bit for plan in self._plans if plan.timed and plan.valued)
+        with lines.block("def fire(vm, now):"):
+            lines(f"{ME} = vm.robot", "emit = vm._events.append")
+            if len(self._plans) <= TOLD_APART_MAX:
+                lines(*[f"e{plan.index} = None" for plan in self._plans])
+            else:
+                lines("told = {}")
+            if timed:
+                lines(f"vm.stale |= vm.ready & {timed}")
+            with lines.block("for _ in range(vm._budget):"):
+                with lines.block("if vm.wanting:"):
+                    lines("if vm.fire_wanted(now): continue", "return")
+                lines("stale = vm.stale")
+                with lines.block("if stale:"):
+                    lines("vm.stale = 0")
+                    with lines.block("while stale:"):
+                        lines("low = stale & -stale", "stale ^= low", "FIND[low](vm, now)")
+                lines("ready = vm.ready")
+                lines("if not ready:", " vm.busy = False", " return")
+                with lines.block("if ready & (ready - 1):"):
+                    if self._program.strategy is Strategy.TEXTUAL:
+                        lines("ready &= -ready")
+                    else:
+                        lines("for _ in range(vm._choices.below(ready.bit_count())): ready &= ready - 1")
+                        lines("ready &= -ready")
+                lines("vm.firings += 1")
+                if self._plans:
+                    self._choose(0, len(self._plans))
+
+    def _choose(self, first: int, end: int) -> None:
+        """Write the firing of one of the rules from `first` up to before `end`."""
+        if end - first == 1:
+            self._fire(self._plans[first])
+            return
+        middle = (first + end) // 2
+        with self._lines.block(f"if ready < {1 << middle}:"):
+            self._choose(first, middle)
+        with self._lines.block("else:"):
+            self._choose(middle, end)
+
+    def _fire(self, plan: RulePlan) -> None:
+        lines, r = self._lines, plan.index
+        if len(self._plans) <= TOLD_APART_MAX:
+            lines(f"if e{r} is None: e{r} = RuleFired({r}, now)", f"emit(e{r})")
+        else:
+            lines(f"e = told.get({r})", f"if e is None: told[{r}] = e = RuleFired({r}, now)", "emit(e)")
+        self._take(plan)
+        if plan.valued:
+            lines(f"vm.apply(now, vm.v{r})")
+            return
+        slots = write_bindings(lines, self._pool, plan.rule, self._tables, plan.facts)
+        chains = written_items(plan.rule, slots, self._program, self._pool, self._tables)
+        assert chains is not None
+        atoms = dict(positives(plan.rule.body))
+        made = [item for chain in chains for item in chain if isinstance(item.item, DeriveFact)]
+        in_line = len(made) <= len(plan.consumed) and all(map(self._is_in_line, made))
+        in_line = in_line and all(len(chain) == 1 for chain in chains)
+        change = (len(made) if in_line else 0) - len(plan.consumed)
+        if change:
+            lines(f"vm.count += {change}")
+        for place in plan.consumed:
+            self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
+        for chain in chains:
+            self._derive(chain, in_line)
+
+    def _take(self, plan: RulePlan) -> None:
+        """Write what takes the match out of what the rule keeps."""
+        lines, r, names = self._lines, plan.index, plan.names()
+        if plan.way is Way.SINGLE:
+            lines(f"{names[0]} = vm.m{r}")
+            if plan.may_break:
+                note = f"; vm.fired[{r}].fire(({names[0]}[1],))" if plan.once else ""
+                lines(f"if vm.broken & {plan.bit}: vm.stale |= {plan.bit}{note}")
+            with lines.block(f"if vm.o{r} or vm.q{r}:"):
+                lines(f"vm.m{r} = f = next{r}(vm)")
+                lines(f"if f is None: vm.ready &= {~plan.bit}")
+                if plan.valued:
+                    lines(f"else: vm.stale |= {plan.bit}")
+            lines(f"else: vm.m{r} = None; vm.ready &= {~plan.bit}")
+            return
+        if plan.way is Way.AGAIN:
+            lines(f"e = vm.k{r}.pop()")
+            if plan.once:
+                lines(f"vm.fired[{r}].fire(e[:{len(names)}])")
+        else:
+            lines(f"e = heappop(vm.k{r})")
+            if plan.once and plan.may_break:
+                lines(f"if vm.broken & {plan.bit}: vm.fired[{r}].fire(e[:{len(names)}])")
+        lines(f"vm.stale |= {plan.bit}")
+        if names:
+            lines(f"{', '.join([*['_'] * len(names), *names])} = e")
+
+    def _is_in_line(self, item: WrittenItem) -> bool:
+        """Tell whether a fact is inserted in line: for what a rule consumes there is as much room afterwards."""
+        predicate = self._program.predicates[item.item.predicate]
+        few = len(self._facts.readers(item.item.predicate)) <= IN_LINE_MAX
+        return item.mine and predicate.kind is Kind.TEMPORARY and few
+
+    def _derive(self, chain: list[WrittenItem], in_line: bool) -> None:
+        lines, pool = self._lines, self._pool
+        item = chain[0]
+        if len(chain) > 1 or not isinstance(item.item, DeriveFact):
+            sources = [each.write(lines, pool) for each in chain]
+            lines(f"vm._follow(now, {tuple_of(sources)})")
+            return
+        args = [each.text for each in item.args]
+        predicate = item.item.predicate
+        if item.mine and in_line:
+            names = [f"a{place}" for place in range(len(args))]
+            lines(*[f"{name} = {text}" for name, text in zip(names, args, strict=True)])
+            self._facts.add(predicate, names, "")
+        elif item.mine:
+            lines(f"add{predicate}({', '.join(['vm', 'now', *args])})")
+        else:
+            with lines.block(f"if (owner := {item.owner.text}) == {ME}:"):
+                lines(f"add{predicate}({', '.join(['vm', 'now', *args])})")
+            lines(f"else: emit(FactSent(owner, {predicate}, {tuple_of(args)}))")

@@ -1,0 +1,168 @@
+"""What is known of a rule before any fact is there: how its matches are found, and what may go wrong.
+
+A rule of one atom keeps a queue of the facts that it can take (SINGLE). One of several atoms, the tops, tries the
+facts of its first atom one after another, joins each with what there is, and joins each new fact of the other atoms
+with the tops that have been tried (JOIN). In both no combination of facts is looked at twice. What these ways do not
+cover is looked for anew whenever something has changed, as the specification does it (AGAIN): bodies with ``not`` or
+without an atom, and every rule from the moment on when an expression of it has had no value: which failures are
+told, and in which order, is part of the result.
+"""
+
+from enum import Enum
+
+from rmr.bytecode.conform import fits
+from rmr.bytecode.heads import bodies, codes
+from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
+from rmr.vm.generate.body import Placed, Slots, positives, slots_of
+from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.layout import Table, column
+from rmr.vm.generate.source import Pool
+from rmr.vm.interpreter import uses_now
+from rmr.vm.match import plan_atom
+from rmr.vm.store import is_open
+
+ATOMS_MAX = 8
+"""Atoms of one body up to which source is made: Python takes no more than twenty blocks one in another."""
+
+
+class Way(Enum):
+    """How the matches of a rule are found."""
+
+    SINGLE = 1
+    JOIN = 2
+    AGAIN = 3
+
+
+class RulePlan:
+    """What is known of one rule."""
+
+    def __init__(self, program: Program, index: int, tables: list[Table]) -> None:
+        rule = self.rule = program.rules[index]
+        self.index = index
+        self.bit = 1 << index
+        self.atoms = positives(rule.body)
+        """The atoms that take a fact, with their places."""
+        self.facts = {place: f"f{place}" for place, _ in self.atoms}
+        """By place, the variables that hold a match's facts."""
+        self.consumed = [place for place, atom in self.atoms if atom.mode is Mode.CONSUME]
+        self.once = not self.consumed
+        """It consumes nothing and fires once for each match."""
+        self.timed = any(map(uses_now, codes(rule.head)))
+        self.failing = failing(rule, tables)
+        """The places of the conjuncts that may have no value."""
+        self.absent = [each.predicate for each in rule.body if isinstance(each, Atom) and each.mode is Mode.ABSENT]
+        inner = [head.body for head in rule.head if isinstance(head, Comprehension | Aggregate)]
+        self.inner = sorted({each.predicate for body in inner for each in body if isinstance(each, Atom)})
+        """The predicates that comprehensions and aggregates read."""
+        self.way = self._way(tables)
+        self.valued = False
+        """What it derives is worked out when the match is found: it may have no value, or hangs on other facts."""
+
+    @property
+    def is_eager(self) -> bool:
+        """Whether all matches are looked for at once, so that failures show when the specification tells of them."""
+        return self.once and bool(self.failing)
+
+    @property
+    def may_break(self) -> bool:
+        """Whether an expression may have no value, so that the rule is matched anew from then on."""
+        return bool(self.failing) or self.valued
+
+    def names(self) -> list[str]:
+        """The fact variables in the order of the atoms."""
+        return list(self.facts.values())
+
+    def entry(self) -> str:
+        """What a match is kept as: the serials, then the facts."""
+        return f"({', '.join([*(f'{each}[1]' for each in self.names()), *self.names()])},)"
+
+    def read(self) -> set[int]:
+        """The predicates on which it depends whether the rule is satisfied and what it does."""
+        return {each.predicate for body in bodies(self.rule) for each in body if isinstance(each, Atom)}
+
+    def _way(self, tables: list[Table]) -> Way:
+        timed = any(uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind))
+        if self.absent or not self.atoms or timed:
+            return Way.AGAIN
+        if len(self.atoms) == 1 and not self.failing:
+            return Way.SINGLE
+        return Way.JOIN if is_settled(self.rule, tables) else Way.AGAIN
+
+
+def is_settled(rule: Rule, tables: list[Table]) -> bool:
+    """Tell whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
+    kinds: dict[int, Type] = {}
+    bound = {each.slot for each in rule.body if isinstance(each, Bind)}
+    for _, atom in positives(rule.body):
+        for pattern, kind in zip(atom.args, tables[atom.predicate].predicate.types, strict=True):
+            if isinstance(pattern, Slot):
+                known = kinds.get(pattern.index)
+                if pattern.index in bound or (known is not None and (is_open(kind) or not alike(kind, known))):
+                    return False
+                kinds[pattern.index] = kind
+    return True
+
+
+def alike(one: Type, other: Type) -> bool:
+    """Tell whether values of two types that are equal are the same; the names of symbol sets make no difference."""
+    return fits(one, other) and fits(other, one)
+
+
+def failing(rule: Rule, tables: list[Table]) -> list[int]:
+    """Return the places of a body's conjuncts that may have no value."""
+    slots, pool, places = Slots(), Pool(), list[int]()
+    predicates = tuple(table.predicate for table in tables)
+    for place, each in enumerate(rule.body):
+        if isinstance(each, Guard):
+            if condition(each.code, slots.names, slots.known, pool).fails:
+                places.append(place)
+            slots.known.update(narrowed(each.code, slots.known))
+        elif isinstance(each, Bind):
+            source = expression(each.code, slots.names, slots.known, pool)
+            slots.names[each.slot], slots.known[each.slot] = f"b{each.slot}", source.known
+            if source.fails:
+                places.append(place)
+        elif each.mode is not Mode.ABSENT:
+            step = plan_atom(each, predicates, slots.names)
+            slots.bind(step, tables[each.predicate], lambda position, place=place: column(f"f{place}", position))  # type: ignore[misc]
+    return places
+
+
+def order_from(plan: RulePlan, seed: int) -> list[Placed]:
+    """Return the other conjuncts of a rule in the order in which to join a new fact of the atom at place `seed`.
+
+    Conditions come as early as they can, and of the atoms first those of which most is bound. But nothing that
+    stands in the text behind a conjunct that may have no value comes before it, else a failure could be missed.
+    """
+    body = list(enumerate(plan.rule.body))
+    bound = slots_of(body[seed][1]) | {0}
+    left = [each for each in body if each[0] != seed]
+    order: list[Placed] = []
+    while left:
+        barrier = next((place for place, _ in left if place in plan.failing), len(body))
+        ready = [each for each in left if each[0] <= barrier and _is_ready(each, bound)]
+        best = min(ready, key=lambda each: _cost(each, bound))
+        left.remove(best)
+        order.append(best)
+        bound |= slots_of(best[1]) | ({best[1].slot} if isinstance(best[1], Bind) else set())
+    return order
+
+
+def _is_ready(placed: Placed, bound: set[int]) -> bool:
+    return isinstance(placed[1], Atom) or slots_of(placed[1]) <= bound
+
+
+def _cost(placed: Placed, bound: set[int]) -> tuple[int, int]:
+    """Return what is to come first: conditions, then the atoms with the fewest arguments free."""
+    place, conjunct = placed
+    if not isinstance(conjunct, Atom):
+        return -1, place
+    free = slots_of(conjunct) - bound
+    return len(free) + (0 if slots_of(conjunct) & bound else len(conjunct.args)), place
+
+
+def is_small(program: Program) -> bool:
+    """Tell whether source is made of a program: none of its bodies is beyond what Python takes."""
+    return all(
+        sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX for rule in program.rules for body in bodies(rule)
+    )

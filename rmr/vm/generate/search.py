@@ -1,0 +1,222 @@
+"""The functions that find the match with which a rule fires next: the oldest facts, conjunct by conjunct.
+
+``find{rule}`` is called when that match may have gone or an earlier one may have come, and leaves in the machine
+whether the rule is satisfied. Of a rule that joins atoms the machine keeps: the tops that have not been tried (a
+queue in two lists, the older one reversed), the top that may have more matches than the one found, the serial of the
+last top tried, the new facts of the other atoms, and a heap of the matches found. What lies behind the top that is
+open is not looked at before it is needed.
+"""
+
+from collections.abc import Sequence
+from heapq import heapify, heappop, heappush
+
+from rmr.bytecode.arithmetic import NoValue
+from rmr.vm.generate.body import ME, Body, Slots, serial
+from rmr.vm.generate.layout import Table
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.plan import RulePlan, Way, order_from
+from rmr.vm.generate.source import Pool
+
+NEW_MAX = 64
+"""New facts of one atom up to which each is joined with the tops; of more the tops are rather tried again."""
+
+KEPT_MAX = 4096
+"""Matches that a rule that consumes keeps; with more the tops are rather tried again, one after another."""
+
+
+class SearchWriter:
+    """Writes the search functions of one rule."""
+
+    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[Table]) -> None:
+        self._plan = plan
+        self._lines = lines
+        self._pool = pool
+        self._tables = tables
+        self._r = plan.index
+        self._places = [place for place, _ in plan.atoms]
+        for name, function in (("heappush", heappush), ("heappop", heappop), ("heapify", heapify)):
+            pool.helper(name, function)
+        pool.helper("NoValue", NoValue)
+
+    def write(self) -> None:
+        """Write what the rule's way needs."""
+        if self._plan.way is Way.SINGLE:
+            self._find_single()
+        elif self._plan.way is Way.JOIN:
+            self._from_top()
+            for place in self._places[1:]:
+                self._fresh(place)
+            self._find_join()
+
+    # One atom
+
+    def _find_single(self) -> None:
+        lines, r, bit = self._lines, self._r, self._plan.bit
+        with lines.block(f"def find{r}(vm, now):"):
+            self._if_broken()
+            lines(f"f = vm.m{r}")
+            with lines.block(f"if f is None or not f[0]: vm.m{r} = f = next{r}(vm)"):
+                pass
+            lines("if f is None:", f" vm.ready &= {~bit}", " return")
+            if self._plan.valued:
+                lines(f"vm.v{r} = v = derive{r}(vm, now, f)", f"if v is None: return vm.break_off({r}, now)")
+            lines(f"vm.ready |= {bit}")
+        with lines.block(f"def next{r}(vm):"):
+            self._pop("return f", "return None")
+
+    def _pop(self, found: str, empty: str) -> None:
+        """Write the loop that takes the oldest fact that holds out of the queue."""
+        lines, r = self._lines, self._r
+        lines(f"o = vm.o{r}")
+        with lines.block("while True:"):
+            with lines.block("if not o:"):
+                lines(f"o = vm.q{r}", "if not o:", f" vm.o{r} = None", f" {empty}")
+                lines("o.reverse()", f"vm.o{r} = o", f"vm.q{r} = None")
+            lines("f = o.pop()", f"if f[0]: {found}")
+
+    # Several atoms
+
+    def _from_top(self) -> None:
+        """Write the search below one top: the first match, or all of them if each fires once."""
+        lines, plan, r = self._lines, self._plan, self._r
+        top = self._places[0]
+        parameters = f"vm, now, {plan.facts[top]}{', kept' if plan.once else ''}"
+        with lines.block(f"def below{r}({parameters}):"):
+            lines(f"{ME} = vm.robot")
+            body = Body(lines, self._pool, self._tables, Slots(), "return")
+            before = [(i, each) for i, each in enumerate(plan.rule.body) if i < top]
+            after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
+            with lines.level():
+                body.seek(before, lambda: None)
+                body.take(top, plan.atoms[0][1], plan.facts[top])
+                leaf = f"kept.append({plan.entry()})" if plan.once else f"return {plan.entry()}"
+                body.seek(after, lambda: lines(leaf))
+
+    def _fresh(self, seed: int) -> None:
+        """Write the search for the matches in which the atom at place `seed` takes a new fact."""
+        lines, plan = self._lines, self._plan
+        top = self._places[0]
+        fact = plan.facts[seed]
+
+        def limit(place: int, found: str) -> str | None:
+            if place == top:
+                return f"{serial(found)} >= before"
+            return f"{serial(found)} > known" if place < seed else None
+
+        with lines.block(f"def fresh{self._r}_{seed}(vm, now, {fact}, before, known, kept):"):
+            lines(f"{ME} = vm.robot")
+            body = Body(lines, self._pool, self._tables, Slots(), "return", limit=limit)
+            body.take(seed, dict(plan.atoms)[seed], fact)
+            body.seek(order_from(plan, seed), lambda: lines(f"heappush(kept, {plan.entry()})"))
+
+    def _find_join(self) -> None:
+        lines, plan, r = self._lines, self._plan, self._r
+        failing = bool(plan.failing)
+        with lines.block(f"def find{r}(vm, now):"):
+            self._if_broken()
+            with lines.level():
+                if failing:
+                    lines("try:")
+                    lines.enter()
+                lines(f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
+                for place in self._places[1:]:
+                    self._join_new(place)
+                if plan.is_eager:
+                    self._try_tops()
+                    lines(f"vm.w{r} = vm.s")
+                    self._drop_gone()
+                    with lines.block("else:"):
+                        lines(f"vm.ready &= {~plan.bit}", "return")
+                else:
+                    lines(f"vm.w{r} = vm.s")
+                    self._drop_gone()
+                    with lines.block("else:"):
+                        self._try_tops()
+            if failing:
+                lines("except NoValue:", f" return vm.break_off({r}, now)")
+            if plan.valued:
+                names = [f"e[{len(self._places) + i}]" for i in range(len(self._places))]
+                lines("e = kept[0]", f"vm.v{r} = v = derive{r}(vm, now, {', '.join(names)})")
+                lines(f"if v is None: return vm.break_off({r}, now)")
+            lines(f"vm.ready |= {plan.bit}")
+
+    def _drop_gone(self) -> None:
+        """Write the loop that leaves at the head of the heap a match that holds, or takes its else."""
+        lines, n = self._lines, len(self._places)
+        with lines.block("while kept:"):
+            lines("e = kept[0]")
+            held = " and ".join(f"e[{n + i}][0]" for i in range(n))
+            lines(f"if {held}: break", "heappop(kept)")
+
+    def _try_tops(self) -> None:
+        """Write the search in the open top and then in the others, until there is a match."""
+        lines, plan, r = self._lines, self._plan, self._r
+        none = "break" if plan.is_eager else f"vm.ready &= {~plan.bit}; return"
+        if not plan.once and len(self._places) > 1:
+            lines(f"f = vm.c{r}")
+            with lines.block("if f is not None:"):
+                lines(f"e = below{r}(vm, now, f) if f[0] else None")
+                lines("if e is not None: kept.append(e)", f"else: vm.c{r} = None")
+            with lines.level():
+                lines("if not kept:")
+                lines.enter()
+                self._tops(none)
+            return
+        self._tops(none)
+
+    def _tops(self, none: str) -> None:
+        lines, plan, r = self._lines, self._plan, self._r
+        lines(f"o = vm.o{r}")
+        with lines.block("while True:"):
+            with lines.block("if not o:"):
+                lines(f"o = vm.q{r}", "if not o:", f" vm.o{r} = None", *(f" {each}" for each in none.split("; ")))
+                lines("o.reverse()", f"vm.o{r} = o", f"vm.q{r} = None")
+            lines("f = o.pop()", f"vm.l{r} = f[1]")
+            with lines.block("if f[0]:"):
+                if plan.once:
+                    lines(f"below{r}(vm, now, f, kept)")
+                    if not plan.is_eager:
+                        lines("if kept: break")
+                else:
+                    lines(f"e = below{r}(vm, now, f)")
+                    with lines.block("if e is not None:"):
+                        lines("kept.append(e)")
+                        if len(self._places) > 1:
+                            lines(f"vm.c{r} = f")
+                        lines("break")
+
+    def _join_new(self, place: int) -> None:
+        """Write what is done with the new facts of one atom that is not the first."""
+        lines, plan, r = self._lines, self._plan, self._r
+        with lines.block(f"if vm.n{r}_{place} is not None:"):
+            lines(f"new = vm.n{r}_{place}", f"vm.n{r}_{place} = None")
+            before = f"vm.l{r} + 1"
+            if not plan.once:
+                lines(f"f = vm.c{r}", f"before = vm.l{r} + (f is None or not f[0])")
+                if place != self._places[1]:
+                    with lines.block("if f is not None:"):
+                        n = len(self._places)
+                        lines(f"vm.k{r} = kept = [e for e in kept if e[{n}] is not f]", "heapify(kept)")
+                with lines.block(f"if len(new) > {NEW_MAX} or len(kept) > {KEPT_MAX}:"):
+                    lines(f"restart{r}(vm)", f"kept = vm.k{r}", "new = ()")
+            else:
+                lines(f"before = {before}")
+            with lines.block("for f in new:"):
+                lines(f"if f[0]: fresh{r}_{place}(vm, now, f, before, vm.w{r}, kept)")
+
+    def write_restart(self, top_gate: Sequence[str]) -> None:
+        """Write the function that lets all tops be tried again; `top_gate` are the conditions on a top ``f``."""
+        lines, plan, r = self._lines, self._plan, self._r
+        if plan.way is not Way.JOIN or plan.once or len(self._places) < 2:
+            return
+        table = self._tables[plan.atoms[0][1].predicate]
+        tests = f" if {' and '.join(top_gate)}" if top_gate else ""
+        with lines.block(f"def restart{r}(vm):"):
+            lines(f"{ME} = vm.robot", f"vm.k{r} = []", f"vm.c{r} = vm.q{r} = None", f"vm.l{r} = 0")
+            lines(*[f"vm.n{r}_{place} = None" for place in self._places[1:]])
+            lines(f"vm.o{r} = o = [f for f in {table.name}.values(){tests}]", "o.reverse()")
+
+    def _if_broken(self) -> None:
+        plan = self._plan
+        if plan.may_break:
+            self._lines(f"if vm.broken & {plan.bit}: return vm.again({plan.index}, now)")
