@@ -20,6 +20,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,9 @@ EXPERTA_FACTOR = 100
 
 MODULES = {CLIPS: "clips", EXPERTA: "experta", DURABLE: "durable"}
 """What is imported of each rival."""
+
+PACKAGES = {CLIPS: "clipspy", EXPERTA: "experta", DURABLE: "durable_rules"}
+"""What is installed of each."""
 
 
 @dataclass(frozen=True)
@@ -216,6 +220,7 @@ def as_data(record: Record, plan: Plan) -> dict[str, Any]:
         "quick": plan.quick,
         "comparisons": [asdict(each) | {"met": each.met} for each in record.comparisons],
         "figures": [asdict(each) | {"met": each.met} for each in record.figures],
+        "rivals": {PACKAGES[name]: version(PACKAGES[name]) for name in MODULES if name not in record.missing},
         "not installed": record.missing,
         "errors": record.errors,
     }

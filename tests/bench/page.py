@@ -78,7 +78,13 @@ def tables(data: Data) -> str:
     """Return the taking in Markdown: when and where, the comparisons, the costs of one machine."""
     machine = data["machine"]
     where = f"{machine['cores']} cores, {machine['system']}, CPython {machine['python']}, {data['rounds']} rounds"
-    lines = [f"Taken {data['taken'][:10]}: {where}.", "", *_table(HEADER, rows(data)), ""]
+    rivals = ", ".join(f"{name} {number}" for name, number in data["rivals"].items())
+    lines = [
+        f"Taken {data['taken'][:10]}: {where}; engine: {data['engine']}. Rivals: {rivals or 'none'}.",
+        "",
+        *_table(HEADER, rows(data)),
+        "",
+    ]
     figures = [
         (
             figure["name"],
