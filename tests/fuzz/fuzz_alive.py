@@ -139,7 +139,8 @@ def constructs(program: Program, rule: int) -> tuple[str, ...]:
 def _constructs(rule: Rule, predicates: tuple[Predicate, ...], strategy: Strategy) -> tuple[str, ...]:
     atoms = [each for each in rule.body if isinstance(each, Atom)]
     positive = [atom for atom in atoms if atom.mode is not Mode.ABSENT]
-    found = [f"strategy {strategy.name.lower()}", f"body of {len(positive)} atoms"]
+    count = len(positive)
+    found = [f"strategy {strategy.name.lower()}", "body of many atoms" if count > 4 else f"body of {count} atoms"]
     found += ["body of only not"] * bool(atoms and not positive)
     found += _in_body(rule.body, predicates, {SELF_SLOT}, "")
     taken = any(atom.mode is Mode.CONSUME for atom in atoms)
@@ -154,7 +155,7 @@ def _constructs(rule: Rule, predicates: tuple[Predicate, ...], strategy: Strateg
         *(each.code for body in bodies(rule) for each in body if isinstance(each, Guard | Bind)),
     ]
     for code in every:
-        found += [f"code {each.op.name}" for each in code]
+        found += [f"code {each.op.name}" for each in code] + ["code of many operations"] * (len(code) > 80)
         found += [f"function {FUNCTIONS[each.operand].name}" for each in code if each.op is Op.CALL]
     return tuple(dict.fromkeys(found))
 

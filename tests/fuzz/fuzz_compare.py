@@ -22,7 +22,7 @@ from rmr.vm.machine import Machine
 FIRINGS_MAX = 150
 """Firings after which a case ends."""
 
-FACTS_MAX = 80
+FACTS_MAX = 150
 """Facts with which a case ends."""
 
 
@@ -140,8 +140,10 @@ def expected(case: Case) -> tuple[list[Seen], Alive]:
             except TooLong:
                 break
             alive.look(case.script[number].call, seen[-1].result, seen[-1].events, seen[-1].draws)
-            held = sum(len(play.machine.held(index)) for index in range(len(case.program.predicates)))
-            if play.machine.firings > FIRINGS_MAX or held > FACTS_MAX:
+            held = [len(play.machine.held(index)) for index in range(len(case.program.predicates))]
+            alive.tally["many facts of a predicate"] += max(held, default=0) > 12
+            alive.tally["many rules"] += len(case.program.rules) > 8
+            if play.machine.firings > FIRINGS_MAX or sum(held) > FACTS_MAX:
                 break
     return seen, alive
 

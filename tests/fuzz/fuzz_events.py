@@ -35,6 +35,9 @@ PASSING = [0, 0, 0, 0, 1, NS_PER_S // 2, NS_PER_S // 2, NS_PER_S, 2 * NS_PER_S]
 OTHERS = [2, 2, 0, HOME, 3]
 """Robots that ask and report."""
 
+CROWDS = 0.008
+"""How often what happens is that many facts of a predicate come."""
+
 MISTAKES = 0.01
 """How often a call is a mistake."""
 
@@ -106,7 +109,7 @@ class Script:
         draws += [self.asked_late] * (2 * bool(self.watched))
         made: list[Step] = []
         for _ in range(rng.choice([1, 1, 2, 3])):
-            step = rng.choice(draws)()
+            step = self.crowd() if self.chance(CROWDS) else rng.choice(draws)()
             made += step if isinstance(step, list) else [step]
         return made
 
@@ -145,6 +148,12 @@ class Script:
             predicate = self.rng.randint(-1, len(self.program.predicates))
             return Step("insert", (self.now, predicate, ()))
         return self.inserted(predicate, self.values(predicate))
+
+    def crowd(self) -> list[Step]:
+        """Return so many facts of a predicate that looking at each is no longer the way to find one."""
+        predicate = self.any_fact()
+        types = self.program.predicates[predicate].types
+        return [self.inserted(predicate, tuple(map(self.value, types))) for _ in range(self.rng.choice([14, 30, 75]))]
 
     def feed(self) -> list[Step]:
         """Return facts that match the atoms of a rule's body together, whatever its conditions say."""

@@ -93,6 +93,9 @@ ATOMS = [0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 4]
 DEADLINES: list[Value] = [0, 1, 1, 2, 0.5, -1, 1.5]
 """Seconds, on the grid of the times at which something happens."""
 
+LARGE = 0.02
+"""How often there is more of something than anybody would write: rules, atoms, operations of an expression."""
+
 LINEAR = {"takes": (Mode.CONSUME,), "looks": (Mode.KEEP,), "both": (Mode.CONSUME, Mode.CONSUME, Mode.KEEP)}
 
 
@@ -157,9 +160,19 @@ class Lively(Maker):
         fitting = [slot for slot, known in bound.items() if known == kind or self.chance(0.005)]
         if fitting and self.chance(0.75):
             return (Instruction(Op.LOAD, self.rng.choice(fitting)),)
+        if not depth and kind in (INT, FLOAT) and self.chance(LARGE / 2):
+            return self.deep(bound, kind)
         if depth < 2 and self.chance(0.3):
             return compound(self.rng, lambda wanted: self.code(bound, wanted, depth + 1, now), kind)
         return (self.constant(kind if self.chance(0.99) else OPEN),)
+
+    def deep(self, bound: Bound, kind: Type) -> Code:
+        """An expression of many operations, nested to the left or to the right."""
+        parts = [self.code(bound, kind, 2, now=False) for _ in range(self.rng.choice([12, 45, 60]))]
+        ops = [(Instruction(self.rng.choice([Op.ADD, Op.SUB, Op.ADD])),) for _ in parts[1:]]
+        if self.chance(0.5):
+            return (*(each for part in parts for each in part), *(each for op in ops for each in op))
+        return (*parts[0], *(each for part, op in zip(parts[1:], ops, strict=True) for each in (*part, *op)))
 
     def condition_on(self, bound: Bound) -> Code:
         """A condition, mostly on what is bound."""
@@ -220,7 +233,9 @@ class Lively(Maker):
 
     def body(self, slots: range, bound: Bound) -> tuple[Conjunct, ...]:
         body: list[Conjunct] = []
-        count = self.rng.choice(ATOMS) if slots is OUTER else self.rng.choice([0, 1, 1, 1, 2, 2])
+        count = self.rng.choice(ATOMS if slots is OUTER else [0, 1, 1, 1, 2, 2])
+        if self.chance(LARGE):
+            count = self.rng.randint(5, 10)
         for _ in range(count):
             body.append(self.atom(slots, bound))
             body.extend(self.conditions(slots, bound, 0.18))
@@ -333,7 +348,8 @@ class Lively(Maker):
 
     def program(self) -> Program:
         rng = self.rng
-        rules = tuple(self.rule() for _ in range(rng.choice([1, 2, 2, 3, 3, 4, 5])))
+        size = rng.randint(9, 16) if self.chance(LARGE) else rng.choice([1, 2, 2, 3, 3, 4, 5])
+        rules = tuple(self.rule() for _ in range(size))
         assertions = tuple(self.assertion() for _ in range(rng.choice([0, 0, 0, 0, 1, 2])))
         program = Program(
             tuple(map(self.complete, self.bare)),

@@ -14,7 +14,7 @@ from random import Random
 
 import pytest
 from fuzz_broken import BREAKS, SHOWS
-from fuzz_compare import Case, Seen, difference, expected
+from fuzz_compare import Case, Play, Seen, difference, expected
 from fuzz_engine_cases import SOURCES, compiled, judged, made, parted, smallest
 from fuzz_events import Script, from_json, to_json
 from fuzz_keep import kept, read, write
@@ -46,6 +46,7 @@ ALIVE = [
     *(f"inner {kind} {each}" for kind in ("persistent", "sensed") for each in ("read", "absent")),
     *(where + each for where in ("", "inner ") for each in ("guard", "bind", "join", "same predicate", "constant")),
     *(where + each for where in ("", "inner ") for each in ("anonymous", "open type", "variable twice in an atom")),
+    *("many facts of a predicate", "many rules", "body of many atoms", "code of many operations"),
     *("comprehension", "steps", "plain head", "body of only not"),
     *("rule that consumes", "rule that fires once", "rule that fires once with not", "match fired again"),
     *("draw", "first of several", "rank decided", "effect", "step followed", "call refused"),
@@ -82,6 +83,15 @@ def test_every_engine_does_what_the_interpreter_does(played, engine, part):
     assert [
         f"case {number * PARTS + part}: {each.text(played[number * PARTS + part][0])}" for number, each in found if each
     ] == []
+
+
+@pytest.mark.parametrize("engine", Engine, ids=lambda engine: engine.value)
+def test_machines_of_one_program_share_nothing_that_changes(played, engine):
+    for case, seen, _ in played[:60]:
+        one, other = Play(case, engine), Play(case, engine)
+        late = [(one.step(number), number and other.step(number - 1)) for number in range(len(seen))]
+        assert [first for first, _ in late] == seen
+        assert [second for _, second in late[1:]] == seen[:-1]
 
 
 def test_no_construct_is_left_out(played):
