@@ -17,7 +17,7 @@ from fuzz_broken import BREAKS, SHOWS
 from fuzz_compare import Case, Play, Seen, difference, expected
 from fuzz_engine_cases import SOURCES, compiled, judged, made, parted, smallest
 from fuzz_events import Script, from_json, to_json
-from fuzz_keep import kept, read, write
+from fuzz_keep import KEPT, kept, read, write
 from fuzz_programs import Lively
 
 from rmr.base.values import Robot, Symbol
@@ -117,6 +117,15 @@ def test_what_once_was_different_is_no_longer(engine, path):
     case = read(path)
     found = difference(case, expected(case)[0], engine)
     assert not found, found.text(case)
+
+
+@pytest.mark.parametrize("wrong", BREAKS)
+def test_a_kept_case_shows_each_way_to_be_wrong(wrong):
+    case = read(KEPT / f"{wrong}.json")
+    seen, _ = expected(case)
+    assert len(seen) == len(case.script)
+    assert difference(case, seen, Engine.INTERPRETER) is None
+    assert parted(case, seen, Engine.INTERPRETER, wrong)
 
 
 def test_a_case_is_made_from_its_seed_and_number_alone():
