@@ -55,6 +55,7 @@ class RulePlan:
         self.inner = sorted({each.predicate for body in inner for each in body if isinstance(each, Atom)})
         """The predicates that comprehensions and aggregates read."""
         self.way = self._way(tables)
+        self._read = {each.predicate for body in bodies(rule) for each in body if isinstance(each, Atom)}
         self.valued = False
         """What it derives is worked out when the match is found: it may have no value, or hangs on other facts."""
 
@@ -78,7 +79,7 @@ class RulePlan:
 
     def read(self) -> set[int]:
         """The predicates on which it depends whether the rule is satisfied and what it does."""
-        return {each.predicate for body in bodies(self.rule) for each in body if isinstance(each, Atom)}
+        return self._read
 
     def _way(self, tables: list[Table]) -> Way:
         timed = any(uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind))

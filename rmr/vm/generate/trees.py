@@ -27,8 +27,26 @@ class _Unstructured(Exception):  # noqa: N818  (an outcome, not a fault)
     """The code has no tree."""
 
 
+TREES_MAX = 512
+"""Trees remembered: the same condition is written once for each way in which a rule is searched."""
+
+_trees: dict[int, tuple[Code, Tree | None]] = {}
+"""By the identity of the code: equal codes are not the same, for 1 equals 1.0."""
+
+
 def tree(code: Code) -> Tree | None:
     """Return the tree of verified `code`, or None."""
+    known = _trees.get(id(code))
+    if known is not None:
+        return known[1]
+    if len(_trees) >= TREES_MAX:
+        _trees.clear()
+    made = _tree(code)
+    _trees[id(code)] = code, made  # which keeps the code, so that no other one gets its identity
+    return made
+
+
+def _tree(code: Code) -> Tree | None:
     try:
         return _stretch(code, 0, len(code), 0)
     except _Unstructured:
