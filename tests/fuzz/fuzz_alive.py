@@ -44,6 +44,7 @@ DERIVATION = 4
 """Looks as which it counts to work out what one match derives."""
 
 FIRED = re.compile(r"RuleFired\(rule=(\d+),")
+BOUND = re.compile(r"BoundReached\(what='(\w+)'")
 UNDRAW = pow(Choices.GAMMA, -1, 1 << 64)
 
 
@@ -71,6 +72,7 @@ class Alive:
             self.tally["call refused"] += 1
         kinds = [event.split("(", 1)[0] for event in events]
         self.tally.update(f"event {kind}" for kind in kinds)
+        self.tally.update(f"bound of {what}" for what in BOUND.findall("\n".join(events)))
         if call == "complete" and result == "True" and {"FactInserted", "FactSent"} & {*kinds}:
             self.tally["effect"] += 1
         if call == "complete" and result == "True" and {"ActionDerived", "GoalSent"} & {*kinds}:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from fuzz_alive import Alive, TooLong, observed
+from fuzz_bounds import bounds
 from fuzz_events import Step
 from fuzz_programs import HOME
 
@@ -39,6 +40,8 @@ class Case:
     """Firings of one run."""
     draws: str
     """The name of the stream from which the machine draws."""
+    small: bool = False
+    """All bounds are small."""
 
 
 class Seen(NamedTuple):
@@ -53,6 +56,7 @@ class Seen(NamedTuple):
     due: int
     held: tuple[str, ...]
     facts: tuple[str, ...]
+    """Noted after the last step alone."""
     goals: str
     jobs: str
     counts: str
@@ -108,9 +112,10 @@ class Play:
             result = repr(getattr(self.machine, step.call)(*step.args))
         except Exception as error:
             result = f"{type(error).__name__}({error})"
-        return self.seen(result)
+        return self.seen(result, last=number + 1 == len(self.case.script))
 
-    def seen(self, result: str) -> Seen:
+    def seen(self, result: str, *, last: bool) -> Seen:
+        """Note everything; the facts in program syntax, which take the longest, only at the end."""
         machine = self.machine
         held = tuple([repr(machine.held(index)) for index in range(len(self.case.program.predicates))])
         return Seen(
@@ -121,7 +126,7 @@ class Play:
             next_wake=machine.next_wake,
             due=machine.due,
             held=held,
-            facts=tuple(machine.facts()),
+            facts=tuple(machine.facts()) if last else (),
             goals=repr(machine.goals()),
             jobs=repr(machine.jobs),
             counts=f"{machine.expression_failures} {machine.dropped}",
@@ -132,7 +137,7 @@ class Play:
 def expected(case: Case) -> tuple[list[Seen], Alive]:
     """Play a case on the interpreter, as far as it may go; return what was seen, and what was alive."""
     seen: list[Seen] = []
-    with observed(case.program, Choices(case.draws).state) as alive:
+    with bounds(case.small), observed(case.program, Choices(case.draws).state) as alive:
         play = Play(case, Engine.INTERPRETER)
         for number in range(len(case.script)):
             try:
@@ -150,14 +155,15 @@ def expected(case: Case) -> tuple[list[Seen], Alive]:
 
 def difference(case: Case, seen: list[Seen], engine: Engine) -> Difference | None:
     """Play a case on another engine as far as the reference was `seen`; return the first difference."""
-    try:
-        play = Play(case, engine)
-    except Exception as error:
-        return Difference(0, "result", "a machine", f"{type(error).__name__}({error})")
-    for number, reference in enumerate(seen):
-        other = play.step(number)
-        if other != reference:
-            return _first(number, reference, other)
+    with bounds(case.small):
+        try:
+            play = Play(case, engine)
+        except Exception as error:
+            return Difference(0, "result", "a machine", f"{type(error).__name__}({error})")
+        for number, reference in enumerate(seen):
+            other = play.step(number)
+            if other != reference:
+                return _first(number, reference, other)
     return None
 
 

@@ -39,6 +39,9 @@ KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2]
 BUDGETS = [1, 1, 1, 2, 2, 7, 7, 500]
 """Firings of one run: few, so that events come while rules are still satisfied."""
 
+SMALL_BOUNDS = 0.05
+"""How often the bounds are small."""
+
 MUTATIONS = 6
 """How often to try for a mutation that the verifier accepts."""
 
@@ -66,7 +69,8 @@ def made(seed: int, number: int) -> tuple[str, Case]:
     kind = rng.choice(KINDS)
     program = {"drawn": _drawn, "compiled": _compiled, "mutated": _mutated}[kind](rng)
     script = Script(program, rng).steps()
-    return kind, Case(program, tuple(script), rng.choice(BUDGETS), f"{seed}/{number}")
+    small = kind == "drawn" and rng.random() < SMALL_BOUNDS
+    return kind, Case(program, tuple(script), rng.choice(BUDGETS), f"{seed}/{number}", small)
 
 
 def judged(seed: int, number: int, engine: Engine, wrong: str | None = None) -> Judged:

@@ -28,6 +28,7 @@ def write(path: Path, case: Case, why: str) -> None:
         "why": why.splitlines(),
         "budget": case.budget,
         "draws": case.draws,
+        "small": case.small,
         "script": [[step.call, *(to_json(arg) for arg in step.args)] for step in case.script],
         "program": octets.hex(),
         "disassembly": disassemble(octets).splitlines(),
@@ -40,7 +41,8 @@ def read(path: Path) -> Case:
     """Return the case in a file."""
     thing = json.loads(path.read_text("utf-8"))
     script = tuple(Step(call, tuple(map(from_json, args))) for call, *args in thing["script"])
-    return Case(decode(bytes.fromhex(thing["program"])), script, thing["budget"], thing["draws"])
+    program = decode(bytes.fromhex(thing["program"]))
+    return Case(program, script, thing["budget"], thing["draws"], thing["small"])
 
 
 def _laid_out(thing: dict[str, object]) -> str:

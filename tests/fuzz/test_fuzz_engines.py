@@ -47,6 +47,7 @@ ALIVE = [
     *(where + each for where in ("", "inner ") for each in ("guard", "bind", "join", "same predicate", "constant")),
     *(where + each for where in ("", "inner ") for each in ("anonymous", "open type", "variable twice in an atom")),
     *("many facts of a predicate", "many rules", "body of many atoms", "code of many operations"),
+    *(f"bound of {each}" for each in ["facts", "actions", "chains", "goals"]),
     *("comprehension", "steps", "plain head", "body of only not"),
     *("rule that consumes", "rule that fires once", "rule that fires once with not", "match fired again"),
     *("draw", "first of several", "rank decided", "effect", "step followed", "call refused"),
@@ -87,7 +88,7 @@ def test_every_engine_does_what_the_interpreter_does(played, engine, part):
 
 @pytest.mark.parametrize("engine", Engine, ids=lambda engine: engine.value)
 def test_machines_of_one_program_share_nothing_that_changes(played, engine):
-    for case, seen, _ in played[:60]:
+    for case, seen, _ in [each for each in played if not each[0].small][:60]:
         one, other = Play(case, engine), Play(case, engine)
         late = [(one.step(number), number and other.step(number - 1)) for number in range(len(seen))]
         assert [first for first, _ in late] == seen

@@ -1,0 +1,40 @@
+"""Bounds so small that a short script reaches them: what every engine drops must be the same.
+
+A bound is a constant of the module that keeps to it, and other modules may have taken it from there; all of them are
+changed. An engine that writes bounds into the code that it makes must be asked for a program that it has not seen.
+"""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+SMALL = {
+    "FACTS_MAX": 12,
+    "FACTS_LENGTH_MAX": 30,
+    "GOALS_MAX": 2,
+    "ACHIEVED_MAX": 3,
+    "ACTIONS_MAX": 3,
+    "CHAINS_MAX": 1,
+    "JOBS_MAX": 3,
+    "LIVE_MAX": 2,
+    "WATCHES_MAX": 1,
+    "RECENT_MAX": 2,
+    "MATCHES_MAX": 5,
+}
+"""By name. Not of failures: which are forgotten hangs on how often a match is looked at, an engine's own affair."""
+
+ELSEWHERE = {"MATCHES_MAX": ("rmr.vm.once", "rmr.vm.generated")}
+"""Where a name means another bound, which is left as it is: of a rule's unfired matches here."""
+
+
+@contextmanager
+def bounds(small: bool) -> Iterator[None]:
+    """Let the bounds of all machines made meanwhile be small, or as they are."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in [name for name in sys.modules if small and name.startswith("rmr.vm.")]:
+            for name in SMALL.keys() & vars(sys.modules[module]).keys():
+                if module not in ELSEWHERE.get(name, ()):
+                    patch.setattr(sys.modules[module], name, SMALL[name])
+        yield
