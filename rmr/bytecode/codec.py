@@ -3,11 +3,13 @@
 `encode` and `decode` are inverse to each other but for what makes no difference to a run (the debug table).
 `decode` is the gate through which everything passes that a robot will run: whatever is wrong with the octets
 (no byte-code, another version, truncated, damaged, malformed, or well-formed but unsound) ends in a
-`BytecodeError` with the reason, never in another exception and never in a program.
+`BytecodeError` with the reason, never in another exception and never in a program. Octets that have passed are
+known by their hash for a while: they are the same program again.
 """
 
 import hashlib
 
+from rmr.base.identity import REMEMBERED_MAX
 from rmr.bytecode.decoder import decode_tables
 from rmr.bytecode.encoder import encode_tables
 from rmr.bytecode.layout import DEBUG, FLAG_DEBUG, FLAG_TEXTUAL, VERSION, assemble, read_layout
@@ -16,6 +18,9 @@ from rmr.bytecode.verify import verify
 from rmr.bytecode.wire import BytecodeError
 
 __all__ = ["VERSION", "BytecodeError", "decode", "digest", "encode"]
+
+_passed: dict[bytes, Program] = {}
+"""The newest programs that have passed, by the SHA-256 hash of their octets."""
 
 
 def encode(program: Program, *, debug: bool) -> bytes:
@@ -34,11 +39,22 @@ def encode(program: Program, *, debug: bool) -> bytes:
 
 
 def decode(data: bytes) -> Program:
-    """Return the verified program in `data`.
+    """Return the verified program in `data`, the same object for the same octets as long as they are remembered.
 
     Raises:
         BytecodeError: with the reason.
     """
+    key = hashlib.sha256(data).digest()
+    program = _passed.get(key)
+    if program is None:
+        program = _verified(data)
+        if len(_passed) >= REMEMBERED_MAX:
+            del _passed[next(iter(_passed))]
+        _passed[key] = program
+    return program
+
+
+def _verified(data: bytes) -> Program:
     program = decode_tables(data, read_layout(data))
     reasons = verify(program)
     if reasons:

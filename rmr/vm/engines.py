@@ -5,6 +5,7 @@ Both do the same, firing by firing and draw by draw, and say so with the same ev
 
 from enum import Enum
 
+from rmr.base.identity import ByIdentity
 from rmr.base.streams import Choices
 from rmr.bytecode.program import Program
 from rmr.vm.generate.plan import is_small
@@ -30,5 +31,11 @@ def new_machine(
     trace: bool = False,
 ) -> Machine:
     """Return a machine for a verified `program`; it draws from `choices` and fires `firing_budget` times in one run."""
-    made = machine_of(program) if engine is Engine.GENERATED and is_small(program) else Interpreted
+    made = _generated(program) if engine is Engine.GENERATED else Interpreted
     return made(program, robot, choices, firing_budget=firing_budget, trace=trace)
+
+
+_generated: ByIdentity[Program, type[Machine]] = ByIdentity(
+    lambda program: machine_of(program) if is_small(program) else Interpreted
+)
+"""Returns the class of a program's machines; what Python does not take is interpreted."""

@@ -7,6 +7,7 @@ from hashlib import blake2b
 import pytest
 from vm_hand import AREA, INT, ROBOT, Hand, V, code
 
+from rmr.base.identity import REMEMBERED_MAX
 from rmr.base.values import Symbol
 from rmr.bytecode.codec import VERSION, BytecodeError, decode, digest, encode
 from rmr.bytecode.conform import NESTING_MAX
@@ -327,3 +328,24 @@ def test_entries_that_name_the_same_constant_or_expression_share_it() -> None:
     first, second = (rule.head[0] for rule in program.rules)
     assert first.args[0] is second.args[0]  # type: ignore[union-attr]
     assert program.rules[0].body[0].args[0] is program.rules[1].body[0].args[0]  # type: ignore[union-attr]
+
+
+def test_the_same_octets_are_the_same_program_as_long_as_they_are_remembered():
+    octets = encode(sample(), debug=False)
+    program = decode(octets)
+    assert decode(bytes(bytearray(octets))) is program
+    for number in range(REMEMBERED_MAX):
+        hand = Hand()
+        hand.fact(hand.persistent("q", INT), number)
+        decode(encode(hand.program(), debug=False))
+    assert decode(octets) is not program
+    assert decode(octets) == program
+
+
+def test_octets_that_are_refused_are_refused_again_and_put_nothing_out_of_mind():
+    octets = encode(sample(), debug=False)
+    program = decode(octets)
+    for number in range(2 * REMEMBERED_MAX):
+        with pytest.raises(BytecodeError):
+            decode(octets[:-1] + bytes([octets[-1] ^ 1]) if number % 2 else octets[:number])
+    assert decode(octets) is program
