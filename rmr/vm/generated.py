@@ -16,7 +16,7 @@ from rmr.bytecode.program import Program, Strategy
 from rmr.bytecode.wire import identity
 from rmr.vm.derive import Chain
 from rmr.vm.evaluate import NoValue
-from rmr.vm.events import RuleFired
+from rmr.vm.events import FactInserted, FactRemoved, RuleFired
 from rmr.vm.generate.layout import ARGS, HELD, SERIAL
 from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
@@ -60,6 +60,7 @@ class Generated(Machine):
         "changed",
         "count",
         "fired",
+        "heed",
         "length",
         "ready",
         "s",
@@ -98,6 +99,8 @@ class Generated(Machine):
         """While goals are open: the rules that something has changed for."""
         self.wanting = False
         """Whether goals are open."""
+        self.heed = trace
+        """Whether somebody wants to know of each fact."""
         self.fired: dict[int, Unfired] = {}
         """Of the rules that are matched anew and consume nothing: which matches have fired."""
         self.searched: dict[int, Ranked | None] = {}
@@ -140,6 +143,7 @@ class Generated(Machine):
         self.searched.clear()
         if bool(self._any_goals and self._any_goals.open) != self.wanting:
             self.wanting = not self.wanting
+            self.heed = self._trace or self.wanting
             self.stale |= self.module.all_rules
 
     # What the generated code asks
@@ -148,10 +152,18 @@ class Generated(Machine):
         """Tell whether one more fact is too many, and count it as dropped."""
         return self._is_full(now, self.count, self.length)
 
-    def told(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
-        """Let all that waits for facts know of a new one; it concerns the `rules`."""
+    def came(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Let all that heeds facts know of a new one; it concerns the `rules`."""
+        if self._trace:
+            self._events.append(FactInserted(predicate, args, now))
         self.touched |= rules
         self._inserted(now, predicate, args)
+
+    def went(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Let all that heeds facts know that one has gone; it concerned the `rules`."""
+        if self._trace:
+            self._events.append(FactRemoved(predicate, args, now))
+        self.touched |= rules
 
     def failed(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[GoneFact], reason: NoValue) -> None:
         """Tell, once, that an expression has no value."""
@@ -171,8 +183,9 @@ class Generated(Machine):
         """Look for the match with which a rule fires as the specification does."""
         plan = self.module.plans[rule]
         for entry in self._matches(plan, now):
-            valued = self._derive(plan, entry, now) if plan.valued else None
-            if valued is not None or not plan.valued:
+            value = self.module.names[f"value{rule}"] if plan.valued else None
+            valued = value(self, now, *entry[len(plan.atoms) :]) if value is not None else None
+            if valued is not None or value is None:
                 self._offer(plan, entry, valued)
                 return
         self._offer(plan, None, None)
@@ -217,7 +230,7 @@ class Generated(Machine):
         plan, ranked = best[0 if textual else self._choices.below(len(best))]
         if ranked is None:
             entry = self._kept(plan)[0] if plan.way is not Way.AGAIN else getattr(self, f"k{plan.index}")[0]
-            valued = getattr(self, f"v{plan.index}") if plan.valued else self._derive(plan, entry, now)
+            valued = self._derive(plan, entry, now)
         else:
             _, entry, valued = ranked
         self.firings += 1
@@ -254,12 +267,11 @@ class Generated(Machine):
         r, size = plan.index, len(plan.atoms)
         if plan.way is Way.SINGLE:
             setattr(self, f"m{r}", None if entry is None else entry[size])
-            setattr(self, f"o{r}", None)
             setattr(self, f"q{r}", None)
         else:
             setattr(self, f"k{r}", [] if entry is None else [entry])
         if plan.way is Way.JOIN:
-            for name in (f"o{r}", f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]):
+            for name in (f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]):
                 setattr(self, name, None)
             setattr(self, f"l{r}", 1)  # facts that are not the first atom's count too
         if plan.valued:
@@ -307,18 +319,22 @@ class Generated(Machine):
         """Return the matches that a rule keeps, the oldest first; `everything` tries the tops that are left before."""
         r = plan.index
         if plan.way is Way.SINGLE:
-            facts = [getattr(self, f"m{r}"), *reversed(getattr(self, f"o{r}") or ()), *(getattr(self, f"q{r}") or ())]
+            facts = [getattr(self, f"m{r}"), *self._waiting(r)]
             return [(fact[SERIAL], fact) for fact in facts if fact is not None and fact[HELD]]
         kept: list[Entry] = getattr(self, f"k{r}")
         if everything:
-            tops = [*reversed(getattr(self, f"o{r}") or ()), *(getattr(self, f"q{r}") or ())]
-            setattr(self, f"o{r}", None)
+            tops = self._waiting(r)
             setattr(self, f"q{r}", None)
             for top in tops:
                 setattr(self, f"l{r}", top[SERIAL])
                 if top[HELD]:
                     self.module.names[f"below{r}"](self, now, top, kept)
         return sorted([entry for entry in kept if all(fact[HELD] for fact in entry[len(plan.atoms) :])])
+
+    def _waiting(self, rule: int) -> list[GoneFact]:
+        """Return the facts in the queue of a rule."""
+        queue = getattr(self, f"q{rule}")
+        return [] if queue is None else queue[queue[0] + 1 :]
 
     def _take(self, plan: RulePlan, entry: Entry) -> None:
         """Take a match out of what its rule keeps: it fires."""
@@ -331,10 +347,9 @@ class Generated(Machine):
             self.fired[r].fire(entry[: len(plan.atoms)])
         elif plan.way is Way.SINGLE:
             fact = entry[1]
-            if getattr(self, f"m{r}") is fact:
-                setattr(self, f"m{r}", self.module.names[f"next{r}"](self))
-            for name in (f"o{r}", f"q{r}"):
-                setattr(self, name, [each for each in getattr(self, name) or () if each is not fact] or None)
+            left = [each for each in (getattr(self, f"m{r}"), *self._waiting(r)) if each is not None and each is not fact]
+            setattr(self, f"m{r}", left[0] if left else None)
+            setattr(self, f"q{r}", [0, *left[1:]] if left[1:] else None)
         else:
             kept = getattr(self, f"k{r}")
             kept.remove(entry)

@@ -11,7 +11,7 @@ from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Slot, Type
 from rmr.vm.generate.expressions import condition, expression, narrowed
 from rmr.vm.generate.known import Known
-from rmr.vm.generate.layout import SERIAL, Table, column, index_key
+from rmr.vm.generate.layout import SERIAL, Table, candidates, column, index_key
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import AtomStep, plan_atom
@@ -246,7 +246,7 @@ class Body:
             return f"{table.name}.values()"
         values = self._values(step)
         key = index_key(positions, [values[position] for position in positions])
-        return f"probe_{table.index_on(positions)}(vm, {key})"
+        return candidates(table, positions, key)
 
 
 def positives(body: Sequence[Conjunct]) -> list[tuple[int, Atom]]:

@@ -5,12 +5,13 @@ a variable that stands twice, for a rule of one atom all its conditions) is test
 of it.
 """
 
+import re
 from collections.abc import Sequence
 
+from rmr.base.values import Robot, Symbol
 from rmr.bytecode.arithmetic import same
 from rmr.bytecode.conform import length
 from rmr.bytecode.program import Atom, Bind, Guard
-from rmr.vm.events import FactInserted, FactRemoved
 from rmr.vm.generate.body import Slots
 from rmr.vm.generate.expressions import condition, narrowed
 from rmr.vm.generate.layout import Table, column, write_forgetting, write_indexing
@@ -30,8 +31,7 @@ class FactWriter:
         self._tables = tables
         self._plans = plans
         self._predicates = tuple(table.predicate for table in tables)
-        for name, thing in (("FactInserted", FactInserted), ("FactRemoved", FactRemoved), ("length", length)):
-            pool.helper(name, thing)
+        pool.helper("length", length)
 
     def functions(self, predicate: int) -> None:
         """Write the functions for the facts of a predicate."""
@@ -42,25 +42,26 @@ class FactWriter:
                 lines(f"key = {table.key(self._pool, args)}", f"if key in {table.name}: return")
             lines(f"if (vm.count >= {FACTS_MAX} or vm.length >= {FACTS_LENGTH_MAX}) and vm.is_full(now): return")
             lines("vm.count += 1")
+            if self.readers(predicate):
+                lines("vm.busy = True")
             self.add(predicate, args, "key")
         with lines.block(f"def remove{predicate}(vm, now, f):"):
             lines("vm.count -= 1")
+            if self.readers(predicate):
+                lines("vm.busy = True")
             self.remove(predicate, "f")
 
     def add(self, predicate: int, args: Sequence[str], key: str) -> None:
         """Write that a fact is inserted, for which there is room, that holds not yet and is counted already."""
         lines, table = self._lines, self._tables[predicate]
-        if self.readers(predicate):
-            lines("vm.busy = True")
         lines(*[f"vm.length += length({args[place]})" for place in table.long])
         lines("s = vm.s = vm.s + 1", f"f = {table.fact(self._pool, 's', args)}")
         lines(f"{table.name}[{'s' if table.linear else key}] = f")
         write_indexing(lines, table, "f")
         tuple_ = f"({', '.join(args)}{',' if len(args) == 1 else ''})"
-        lines(f"if vm._trace: vm._events.append(FactInserted({predicate}, {tuple_}, now))")
         self._show(predicate, args)
-        touched = mask(self.readers(predicate))
-        lines(f"{'' if table.concerned else 'if vm.wanting: '}vm.told(now, {predicate}, {tuple_}, {touched})")
+        readers = mask(self.readers(predicate))
+        lines(f"{'' if table.concerned else 'if vm.heed: '}vm.came(now, {predicate}, {tuple_}, {readers})")
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
         """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""
@@ -71,22 +72,21 @@ class FactWriter:
         self.removed(predicate, but)
         if table.dated:
             lines(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])")
-        lines(f"if vm._trace: vm._events.append(FactRemoved({predicate}, {table.args(fact)}, now))")
-        if self.readers(predicate):
-            lines(f"if vm.wanting: vm.touched |= {mask(self.readers(predicate))}")
+        lines(f"if vm.heed: vm.went(now, {predicate}, {table.args(fact)}, {mask(self.readers(predicate))})")
 
     def removed(self, predicate: int, but: int = 0) -> None:
         """Write which rules are looked at again, except those in the mask `but`."""
         lines = self._lines
-        if self.readers(predicate):
-            lines("vm.busy = True")
         again = [plan for plan in self._plans if plan.way is Way.AGAIN and predicate in plan.read()]
-        free = mask([plan for plan in again if plan.once or predicate in plan.absent])
+        free = mask([plan for plan in again if plan.once or predicate in (*plan.absent, *plan.inner)])
         if free:
             lines(f"vm.stale |= {free}", f"vm.changed |= {free}")
         if_ready = mask(self.readers(predicate)) & ~free & ~but
         if if_ready:
             lines(f"vm.stale |= vm.ready & {if_ready}")
+        inner = mask([plan for plan in self.readers(predicate) if predicate in plan.inner]) & ~free
+        if inner:
+            lines(f"if vm.broken: vm.stale |= vm.broken & {inner}")
 
     def readers(self, predicate: int) -> list[RulePlan]:
         """Return the rules that name a predicate in a body."""
@@ -96,6 +96,7 @@ class FactWriter:
         """Write what each rule makes of a new fact."""
         lines = self._lines
         inner = 0
+        gates = Gates(lines, self._pool)
         for plan in self.readers(predicate):
             if plan.way is Way.AGAIN:
                 lines(f"vm.stale |= {plan.bit}", *([f"vm.changed |= {plan.bit}"] if plan.once else []))
@@ -104,55 +105,51 @@ class FactWriter:
                 inner |= plan.bit
             for place, atom in plan.atoms:
                 if atom.predicate == predicate:
-                    self._gate(plan, place, atom, args)
+                    self._gate(plan, place, atom, args, gates)
             if plan.once and plan.may_break:
                 lines(f"if vm.broken & {plan.bit}: vm.stale |= {plan.bit}; vm.changed |= {plan.bit}")
         if inner:
-            lines(f"vm.stale |= vm.ready & {inner}")
+            lines(f"vm.stale |= (vm.ready | vm.broken) & {inner}")
+        gates.write()
 
-    def _gate(self, plan: RulePlan, place: int, atom: Atom, args: Sequence[str]) -> None:
-        """Write that a rule takes notice of a fact for one of its atoms."""
-        lines, r = self._lines, plan.index
-        with lines.level():
-            if plan.way is Way.SINGLE:
-                self._conditions(plan, atom, args)
-                with lines.block(f"if vm.m{r} is None:"):
-                    lines(f"vm.m{r} = f", f"vm.{'stale' if plan.valued else 'ready'} |= {plan.bit}")
-                lines(f"elif vm.q{r} is None: vm.q{r} = [f]", f"else: vm.q{r}.append(f)")
-                return
-            tests = self.tests(atom, args)
-            first = place == plan.atoms[0][0]
-            if not first:
-                tests.insert(0, f"vm.l{r}")
-            if tests:
-                lines(f"if {' and '.join(tests)}:")
-                lines.enter()
-            queue = f"vm.q{r}" if first else f"vm.n{r}_{place}"
-            lines(f"if {queue} is None: {queue} = [f]", f"else: {queue}.append(f)")
-            lazy = first and not plan.is_eager and not plan.valued
-            lines(f"vm.stale |= {f'{plan.bit} & ~vm.ready' if lazy else plan.bit}")
+    def _gate(self, plan: RulePlan, place: int, atom: Atom, args: Sequence[str], gates: "Gates") -> None:
+        """Add that a rule takes notice of a fact for one of its atoms."""
+        r = plan.index
+        if plan.way is Way.SINGLE:
+            taken = [f"if vm.m{r} is None: vm.m{r} = f; vm.{'stale' if plan.valued else 'ready'} |= {plan.bit}"]
+            taken += [f"elif vm.q{r} is None: vm.q{r} = [0, f]", f"else: vm.q{r}.append(f)"]
+            self._conditions(plan, atom, args, taken, gates)
+            return
+        tests = self.tests(atom, args)
+        first = place == plan.atoms[0][0]
+        if not first:
+            tests.append(f"vm.l{r}")
+        queue = f"vm.q{r}" if first else f"vm.n{r}_{place}"
+        taken = [f"if {queue} is None: {queue} = [{'0, ' if first else ''}f]", f"else: {queue}.append(f)"]
+        lazy = first and not plan.is_eager and not plan.valued
+        gates.add(tests, [*taken, f"vm.stale |= {f'{plan.bit} & ~vm.ready' if lazy else plan.bit}"])
 
-    def _conditions(self, plan: RulePlan, atom: Atom, args: Sequence[str]) -> None:
-        """Write all the conditions of a rule of one atom, none of which can fail."""
-        lines, pool = self._lines, self._pool
+    def _conditions(
+        self, plan: RulePlan, atom: Atom, args: Sequence[str], taken: Sequence[str], gates: "Gates"
+    ) -> None:
+        """Add all the conditions of a rule of one atom, none of which can fail."""
         slots = Slots("vm.robot")
+        conditions: list[str] = []
         for conjunct in plan.rule.body:
             if isinstance(conjunct, Atom):
-                tests = self.tests(atom, args, slots)
-                if tests:
-                    lines(f"if {' and '.join(tests)}:")
-                    lines.enter()
+                conditions += self.tests(atom, args, slots)
                 step = plan_atom(atom, self._predicates, slots.names)
                 slots.bind(step, self._tables[atom.predicate], lambda position: args[position])
             elif isinstance(conjunct, Guard):
-                lines(f"if {condition(conjunct.code, slots.names, slots.known, pool).text}:")
-                lines.enter()
+                conditions.append(condition(conjunct.code, slots.names, slots.known, self._pool).text)
                 slots.known.update(narrowed(conjunct.code, slots.known))
             else:
                 assert isinstance(conjunct, Bind)
-                source = slots.expression(conjunct.code, pool)
-                lines(f"b{conjunct.slot} = {source.text}")
-                slots.names[conjunct.slot], slots.known[conjunct.slot] = f"b{conjunct.slot}", source.known
+                source = slots.expression(conjunct.code, self._pool)
+                name = f"b{conjunct.slot}"
+                conditions.append(f"(({name} := {source.text}), True)")
+                slots.names[conjunct.slot], slots.known[conjunct.slot] = name, source.known
+        gates.add(conditions, taken)
 
     def tests(self, atom: Atom, args: Sequence[str], slots: Slots | None = None) -> list[str]:
         """Return what the text of an atom alone demands of a fact."""
@@ -164,6 +161,75 @@ class FactWriter:
         if step.strict:
             return [f"{self._pool.helper('same', same)}({one}, {other})" for one, other in pairs]
         return [f"{one} == {other}" for one, other in pairs]
+
+
+class Gates:
+    """The conditions on which rules take notice of a fact.
+
+    Where several rules demand that one expression equals different constants, it is worked out once, and the rest of
+    a rule's conditions is looked at only where it does.
+    """
+
+    def __init__(self, lines: Lines, pool: Pool) -> None:
+        self._lines = lines
+        self._pool = pool
+        self._gates: list[tuple[Sequence[str], Sequence[str]]] = []
+
+    def add(self, conditions: Sequence[str], taken: Sequence[str]) -> None:
+        """Add what is done with a fact that meets all `conditions`."""
+        self._gates.append((conditions, taken))
+
+    def write(self) -> None:
+        """Write all that has been added."""
+        chosen: dict[str, list[tuple[str, int]]] = {}
+        for number, (conditions, _) in enumerate(self._gates):
+            equal = next((match for match in map(_EQUAL.fullmatch, conditions) if match and self._tells(match)), None)
+            if equal is not None and not any(":=" in each for each in conditions):
+                chosen.setdefault(equal["what"], []).append((equal["value"], number))
+        done: set[int] = set()
+        for what, cases in chosen.items():
+            if len({value for value, _ in cases}) >= CASES_FROM:
+                self._choose(what, cases)
+                done |= {number for _, number in cases}
+        for number, (conditions, taken) in enumerate(self._gates):
+            if number not in done:
+                self._gate(conditions, taken)
+
+    def _tells(self, match: re.Match[str]) -> bool:
+        """Tell whether an expression that equals the constant equals no other one."""
+        return type(self._pool.globals.get(match["value"], 0)) in (int, Symbol, Robot) and not _WORD.search(match["what"])
+
+    def _choose(self, what: str, cases: Sequence[tuple[str, int]]) -> None:
+        lines, word = self._lines, "if"
+        lines(f"c = {what}")
+        for value in dict.fromkeys(value for value, _ in cases):
+            with lines.block(f"{word} c == {value}:"):
+                for number in [number for other, number in cases if other == value]:
+                    conditions, taken = self._gates[number]
+                    self._gate([each for each in conditions if not _is(each, what, value)], taken)
+            word = "elif"
+
+    def _gate(self, conditions: Sequence[str], taken: Sequence[str]) -> None:
+        if not conditions:
+            self._lines(*taken)
+            return
+        with self._lines.block(f"if {' and '.join(conditions)}:"):
+            self._lines(*taken)
+
+
+CASES_FROM = 3
+"""Constants with which one expression is compared from which on it is worked out once."""
+
+_EQUAL = re.compile(r"\(?(?P<what>[^=!<>:]+?) == (?P<value>\d+|k\d+)\)?")
+"""An expression that must equal a constant."""
+
+_WORD = re.compile(r"\b(and|or|not|if|else|in|is)\b")
+"""What binds looser than a comparison."""
+
+
+def _is(condition: str, what: str, value: str) -> bool:
+    match = _EQUAL.fullmatch(condition)
+    return match is not None and (match["what"], match["value"]) == (what, value)
 
 
 def mask(plans: Sequence[RulePlan]) -> int:

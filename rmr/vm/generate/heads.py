@@ -112,9 +112,22 @@ def write_bindings(lines: Lines, pool: Pool, rule: Rule, tables: Sequence[Table]
 
 
 class HeadWriter:
-    """Writes ``derive{rule}``: given a match's facts, what it consumes and the chains that it derives, or None."""
+    """Writes ``derive{rule}``: given a match's facts, what it consumes and the chains that it derives, or None.
 
-    def __init__(self, program: Program, rule: int, lines: Lines, pool: Pool, tables: Sequence[Table], index: bool):
+    ``value{rule}`` is the same for nobody but the run loop: what it consumes and derives are calls.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        rule: int,
+        lines: Lines,
+        pool: Pool,
+        tables: Sequence[Table],
+        *,
+        index: bool,
+        calls: bool = False,
+    ) -> None:
         self._program = program
         self._number = rule
         self._rule = program.rules[rule]
@@ -124,7 +137,9 @@ class HeadWriter:
         self._may_index = index
         atoms = positives(self._rule.body)
         self._facts = {place: f"f{place}" for place, _ in atoms}
-        self._consumed = [f"({a.predicate}, {self._facts[place]})" for place, a in atoms if a.mode is Mode.CONSUME]
+        consumed = [(atom.predicate, self._facts[place]) for place, atom in atoms if atom.mode is Mode.CONSUME]
+        self._calls = calls
+        self._consumed = [self._removal(predicate, fact) for predicate, fact in consumed]
 
     def write(self) -> None:
         """Write the function."""
@@ -132,7 +147,7 @@ class HeadWriter:
         parameters = ", ".join(["vm", "now", *self._facts.values()])
         scope = Scope()
         scope.grow(rule.body, self._program.predicates)
-        with lines.block(f"def derive{self._number}({parameters}):"):
+        with lines.block(f"def {'value' if self._calls else 'derive'}{self._number}({parameters}):"):
             lines(f"{ME} = vm.robot")
             slots = write_bindings(lines, pool, rule, self._tables, self._facts)
             lines(f"consumed = [{', '.join(self._consumed)}]", "out = []", "part = matches = 0")
@@ -149,13 +164,27 @@ class HeadWriter:
                 lines(f"vm.failed(now, {self._number}, {HEAD_PART}, part, {self._found([])}, reason)", "return None")
             lines("return consumed, out")
 
+    def _removal(self, predicate: int, fact: str) -> str:
+        """Return how a fact that is consumed is listed."""
+        return f"({f'remove{predicate}' if self._calls else predicate}, {fact})"
+
+    def _as_call(self, item: WrittenItem) -> str | None:
+        """Return the call that inserts an item, and its arguments: a fact of this robot that cannot fail."""
+        if not self._calls or not isinstance(item.item, DeriveFact) or not item.mine or item.doubts:
+            return None
+        return f"({', '.join([f'add{item.item.predicate}', *[each.text for each in item.args]])},)"
+
     def _chain(self, items: list[WrittenItem]) -> None:
+        call = self._as_call(items[0]) if len(items) == 1 else None
+        if call is not None:
+            self._lines(f"out.append({call})")
+            return
         names: list[str] = []
         for number, item in enumerate(items):
             source = item.write(self._lines, self._pool)
             names.append(f"d{number}")
             self._lines(f"d{number} = {source}")
-        self._lines(f"out.append({tuple_of(names)})")
+        self._lines(f"out.append({'(follow, ' if self._calls else ''}{tuple_of(names)}{')' if self._calls else ''})")
 
     def _found(self, inner: Sequence[str]) -> str:
         return tuple_of([*self._facts.values(), *inner])
@@ -167,7 +196,7 @@ class HeadWriter:
         lines("gone = {f[1] for _, f in consumed}", "taken = set()")
         if isinstance(head, Aggregate):
             lines("values = []", "best = None")
-        taking = [place for place, atom in positives(head.body) if atom.mode is Mode.CONSUME]
+        taking = [(place, atom.predicate) for place, atom in positives(head.body) if atom.mode is Mode.CONSUME]
         body = Body(
             lines,
             pool,
@@ -177,7 +206,7 @@ class HeadWriter:
             fact="g",
             told=lambda step: self._tell(part, step, body.found),
             passed_over=self._passed_over,
-            spent=lambda place: next((f"{serial(f'g{each}')} in taken" for each in taking if each < place), None),
+            spent=lambda place: next((f"{serial(f'g{each}')} in taken" for each, _ in taking if each < place), None),
             may_index=self._may_index,
         )
         with lines.block(f"for _ in {pool.helper('ONCE', (None,))}:"):
@@ -202,7 +231,7 @@ class HeadWriter:
         body: Body,
         outer: Slots,
         scope: Scope,
-        taking: Sequence[int],
+        taking: Sequence[tuple[int, int]],
     ) -> None:
         lines, pool = self._lines, self._pool
         items = head.head if isinstance(head, Comprehension) else (head.head,)
@@ -215,16 +244,21 @@ class HeadWriter:
             lines("pass")
             if isinstance(head, Comprehension):
                 for number, item in enumerate(items):
-                    source = WrittenItem(item, body.slots, scope, pool, self._tables).write(lines, pool)
-                    lines(f"d{number} = {source}")
-                    names.append(f"(d{number},)")
+                    written = WrittenItem(item, body.slots, scope, pool, self._tables)
+                    source = self._as_call(written)
+                    if source is None:
+                        lines(f"d{number} = {written.write(lines, pool)}")
+                        names.append(f"(follow, (d{number},))" if self._calls else f"(d{number},)")
+                    else:
+                        lines(f"d{number} = {source}")
+                        names.append(f"d{number}")
             elif head.term is not None:
                 lines(f"value = {body.slots.expression(head.term, pool).text}")
             else:
                 lines("value = 1")
         lines(f"except {no_value} as reason:", f" {self._tell(part, HEAD_PART, body.found)}", f" {body.skip}")
-        for place in taking:
-            lines(f"taken.add({serial(f'g{place}')})", f"consumed.append(({head.body[place].predicate}, g{place}))")
+        for place, predicate in taking:
+            lines(f"taken.add({serial(f'g{place}')})", f"consumed.append({self._removal(predicate, f'g{place}')})")
         if isinstance(head, Comprehension):
             lines(*[f"out.append({name})" for name in names])
         elif head.operator in (Operator.MIN, Operator.MAX):

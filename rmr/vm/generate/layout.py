@@ -26,6 +26,9 @@ ARGS = 2
 FEW = 8
 """Facts of a table up to which it is quicker to look at each than to probe an index."""
 
+SPARE = 64
+"""Places of an index that may be empty, beside as many as there are facts, before it is made anew."""
+
 Positions = tuple[int, ...]
 
 
@@ -37,6 +40,8 @@ class Table:
         self.predicate = predicate
         self.arity = len(predicate.types)
         self.linear = predicate.kind is Kind.TEMPORARY
+        self.lasting = predicate.kind is Kind.PERSISTENT
+        """Its facts never go."""
         self.open = any(map(is_open, predicate.types))
         self.dated = dated
         """A fact keeps the instant of its insertion."""
@@ -91,35 +96,46 @@ def index_key(positions: Positions, texts: Sequence[str]) -> str:
     return texts[0] if len(positions) == 1 else tuple_of(texts)
 
 
+def candidates(table: Table, positions: Positions, key: str) -> str:
+    """Return facts, oldest first, among them all that have the values of `key` at `positions`."""
+    name = table.index_on(positions)
+    found = f"x.get({key}, NONE)" if table.lasting else f"x.get({key}, NO).values()"
+    return f"({found} if (x := vm.{name}) is not None else probe_{name}(vm, {key}))"
+
+
 def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
-    """Write for each index how it is probed, and for each table how facts get into its indices and out of them."""
+    """Write for each index how it is probed before it is there: a small table needs none."""
     for table in tables:
         for positions, name in table.indices.items():
-            key = index_key(positions, [column("f", position) for position in positions])
             with lines.block(f"def probe_{name}(vm, key):"):
                 with lines.block(f"if len({table.name}) < {FEW}:"):
                     lines(f"return {table.name}.values()")
-                lines(f"x = vm.{name}")
-                with lines.block("if x is None:"):
-                    lines(f"vm.{name} = x = {{}}")
-                    with lines.block(f"for f in {table.name}.values():"):
-                        lines(f"k = {key}", "b = x.get(k)")
-                        lines(f"if b is None: x[k] = {{f[{SERIAL}]: f}}", f"else: b[f[{SERIAL}]] = f")
-                lines("b = x.get(key)", "return () if b is None else b.values()")
+                lines(f"vm.{name} = x = {{}}")
+                with lines.block(f"for f in {table.name}.values():"):
+                    _write_entry(lines, table, positions, "f")
+                lines("return x.get(key, NONE)" if table.lasting else "return x.get(key, NO).values()")
 
 
 def write_indexing(lines: Lines, table: Table, fact: str) -> None:
     """Write that a new fact gets into the indices that there are."""
     for positions, name in table.indices.items():
-        key = index_key(positions, [column(fact, position) for position in positions])
-        with lines.block(f"if vm.{name} is not None:"):
-            lines(f"x = vm.{name}", f"k = {key}", "b = x.get(k)")
-            lines(f"if b is None: x[k] = {{{fact}[{SERIAL}]: {fact}}}", f"else: b[{fact}[{SERIAL}]] = {fact}")
+        with lines.block(f"if (x := vm.{name}) is not None:"):
+            _write_entry(lines, table, positions, fact)
+            if not table.lasting:
+                lines(f"if len(x) > {SPARE} + 2 * len({table.name}): vm.{name} = None")
+
+
+def _write_entry(lines: Lines, table: Table, positions: Positions, fact: str) -> None:
+    key = index_key(positions, [column(fact, position) for position in positions])
+    if table.lasting:
+        lines(f"b = x.get(k := {key})", f"if b is None: x[k] = [{fact}]", f"else: b.append({fact})")
+    else:
+        lines(f"b = x.get(k := {key})", f"if b is None: x[k] = {{{fact}[{SERIAL}]: {fact}}}")
+        lines(f"else: b[{fact}[{SERIAL}]] = {fact}")
 
 
 def write_forgetting(lines: Lines, table: Table, fact: str) -> None:
-    """Write that a fact gets out of the indices that there are."""
+    """Write that a fact gets out of the indices that there are; what it leaves empty is soon needed again."""
     for positions, name in table.indices.items():
         key = index_key(positions, [column(fact, position) for position in positions])
-        with lines.block(f"if vm.{name} is not None:"):
-            lines(f"x = vm.{name}", f"k = {key}", "b = x[k]", f"del b[{fact}[{SERIAL}]]", "if not b: del x[k]")
+        lines(f"if vm.{name} is not None: del vm.{name}[{key}][{fact}[{SERIAL}]]")

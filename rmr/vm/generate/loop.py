@@ -71,8 +71,8 @@ class LoopWriter:
                     if self._program.strategy is Strategy.TEXTUAL:
                         lines("ready &= -ready")
                     else:
-                        lines("for _ in range(vm._choices.below(ready.bit_count())): ready &= ready - 1")
-                        lines("ready &= -ready")
+                        lines("draw = vm._choices.below(ready.bit_count())")
+                        lines("while draw: ready &= ready - 1; draw -= 1", "ready &= -ready")
                 lines("vm.firings += 1")
                 if self._plans:
                     self._choose(0, len(self._plans))
@@ -96,7 +96,8 @@ class LoopWriter:
             lines(f"e = told.get({r})", f"if e is None: told[{r}] = e = RuleFired({r}, now)", "emit(e)")
         self._take(plan)
         if plan.valued:
-            lines(f"vm.apply(now, vm.v{r})")
+            lines(f"consumed, out = vm.v{r}", "for call, f in consumed: call(vm, now, f)")
+            lines("for call in out: call[0](vm, now, *call[1:])")
             return
         slots = write_bindings(lines, self._pool, plan.rule, self._tables, plan.facts)
         chains = written_items(plan.rule, slots, self._program, self._pool, self._tables)
@@ -121,22 +122,24 @@ class LoopWriter:
             if plan.may_break:
                 note = f"; vm.fired[{r}].fire(({names[0]}[1],))" if plan.once else ""
                 lines(f"if vm.broken & {plan.bit}: vm.stale |= {plan.bit}{note}")
-            with lines.block(f"if vm.o{r} or vm.q{r}:"):
-                lines(f"vm.m{r} = f = next{r}(vm)")
-                lines(f"if f is None: vm.ready &= {~plan.bit}")
-                if plan.valued:
-                    lines(f"else: vm.stale |= {plan.bit}")
-            lines(f"else: vm.m{r} = None; vm.ready &= {~plan.bit}")
+            lines(f"vm.m{r} = f = vm.q{r} and next_of(vm.q{r})")
+            lines(f"if f is None: vm.q{r} = None; vm.ready &= {~plan.bit}")
+            if plan.valued:
+                lines(f"else: vm.stale |= {plan.bit}")
             return
         if plan.way is Way.AGAIN:
             lines(f"e = vm.k{r}.pop()")
             if plan.once:
                 lines(f"vm.fired[{r}].fire(e[:{len(names)}])")
         else:
-            lines(f"e = heappop(vm.k{r})")
+            lines(f"kept = vm.k{r}", "e = heappop(kept)")
             if plan.once and plan.may_break:
                 lines(f"if vm.broken & {plan.bit}: vm.fired[{r}].fire(e[:{len(names)}])")
-        lines(f"vm.stale |= {plan.bit}")
+        if plan.once and not plan.may_break and plan.way is Way.JOIN:
+            lasting = all(self._tables[atom.predicate].lasting for _, atom in plan.atoms)
+            lines(f"{'if not kept: ' if lasting else ''}vm.stale |= {plan.bit}")
+        else:
+            lines(f"vm.stale |= {plan.bit}")
         if names:
             lines(f"{', '.join([*['_'] * len(names), *names])} = e")
 

@@ -18,12 +18,18 @@ from rmr.vm.generate.body import Slots
 from rmr.vm.generate.source import Pool
 
 
+def follow(vm: Any, now: int, chain: Any) -> None:
+    """Derive the items of a chain."""
+    vm._follow(now, chain)
+
+
 class Module:
     """The generated code of one program, shared by all its machines."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.pool = Pool()
+        self.pool.globals.update(NO={}, NONE=(), follow=follow)
         self.tables = tables_of(program)
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
@@ -43,7 +49,7 @@ class Module:
         self.all_rules = mask(self.plans)
         self.timed = mask([plan for plan in self.plans if plan.timed])
         self.slots: list[str] = self._slots
-        self._slow: set[int] = {plan.index for plan in self.plans if plan.way is Way.AGAIN}
+        self._slow: set[int] = set()
 
     def slow(self, rule: int) -> None:
         """Make the functions that enumerate a rule's matches as the specification does, unless they are there."""
@@ -51,9 +57,9 @@ class Module:
             return
         self._slow.add(rule)
         lines = Lines()
-        AgainWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
-        if not self.plans[rule].valued:
-            HeadWriter(self.program, rule, lines, self.pool, self.tables, index=False).write()
+        if self.plans[rule].way is not Way.AGAIN:
+            AgainWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
+        HeadWriter(self.program, rule, lines, self.pool, self.tables, index=False).write()
         exec(compile(lines.text, "<rules>", "exec"), self.names)
 
     def _is_valued(self, plan: RulePlan) -> bool:
@@ -78,7 +84,7 @@ class Module:
                 columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
                 search.write_restart(facts.tests(atom, columns))
             if plan.valued:
-                HeadWriter(self.program, plan.index, lines, self.pool, self.tables, index=True).write()
+                HeadWriter(self.program, plan.index, lines, self.pool, self.tables, index=True, calls=True).write()
         for predicate in range(len(self.program.predicates)):
             facts.functions(predicate)
         LoopWriter(self.program, lines, self.pool, self.tables, self.plans, facts).write()
@@ -92,13 +98,13 @@ class Module:
         for plan in self.plans:
             r = plan.index
             if plan.way is Way.SINGLE:
-                nothing += [f"m{r}", f"o{r}", f"q{r}"]
+                nothing += [f"m{r}", f"q{r}"]
             else:
                 nothing.append(f"k{r}")
             if plan.valued:
                 nothing.append(f"v{r}")
             if plan.way is Way.JOIN:
-                nothing += [f"o{r}", f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]]
+                nothing += [f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]]
                 zero += [f"l{r}", f"w{r}"]
         nothing += [name for table in self.tables for name in table.indices.values()]
         self._slots = [*nothing, *zero, *[f"t{table.index}" for table in self.tables]]

@@ -1,14 +1,14 @@
 """The functions that find the match with which a rule fires next: the oldest facts, conjunct by conjunct.
 
 ``find{rule}`` is called when that match may have gone or an earlier one may have come, and leaves in the machine
-whether the rule is satisfied. Of a rule that joins atoms the machine keeps: the tops that have not been tried (a
-queue in two lists, the older one reversed), the top that may have more matches than the one found, the serial of the
+whether the rule is satisfied. Of a rule that joins atoms the machine keeps: the tops that have not been tried, the top that may have more matches than the one found, the serial of the
 last top tried, the new facts of the other atoms, and a heap of the matches found. What lies behind the top that is
 open is not looked at before it is needed.
 """
 
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
+from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
 from rmr.vm.generate.body import ME, Body, Slots, serial
@@ -20,8 +20,29 @@ from rmr.vm.generate.source import Pool
 NEW_MAX = 64
 """New facts of one atom up to which each is joined with the tops; of more the tops are rather tried again."""
 
+TAKEN_MAX = 64
+"""Facts that have been taken out of a queue before it is made shorter, if they are the most of it."""
+
 KEPT_MAX = 4096
 """Matches that a rule that consumes keeps; with more the tops are rather tried again, one after another."""
+
+
+def next_of(queue: list[Any]) -> list[Any] | None:
+    """Take the oldest fact that holds out of a queue: its first item counts how many behind it have been taken."""
+    taken, last = queue[0], len(queue) - 1
+    while taken < last:
+        taken += 1
+        fact: list[Any] = queue[taken]
+        if fact[0]:
+            if taken > TAKEN_MAX and taken + taken > last:
+                del queue[1 : taken + 1]
+                taken = 0
+            queue[0] = taken
+            return fact
+    return None
+
+
+HELPERS = (("heappush", heappush), ("heappop", heappop), ("heapify", heapify), ("next_of", next_of))
 
 
 class SearchWriter:
@@ -34,7 +55,7 @@ class SearchWriter:
         self._tables = tables
         self._r = plan.index
         self._places = [place for place, _ in plan.atoms]
-        for name, function in (("heappush", heappush), ("heappop", heappop), ("heapify", heapify)):
+        for name, function in HELPERS:
             pool.helper(name, function)
         pool.helper("NoValue", NoValue)
 
@@ -55,24 +76,12 @@ class SearchWriter:
         with lines.block(f"def find{r}(vm, now):"):
             self._if_broken()
             lines(f"f = vm.m{r}")
-            with lines.block(f"if f is None or not f[0]: vm.m{r} = f = next{r}(vm)"):
+            with lines.block(f"if f is None or not f[0]: vm.m{r} = f = vm.q{r} and next_of(vm.q{r})"):
                 pass
             lines("if f is None:", f" vm.ready &= {~bit}", " return")
             if self._plan.valued:
-                lines(f"vm.v{r} = v = derive{r}(vm, now, f)", f"if v is None: return vm.break_off({r}, now)")
+                lines(f"vm.v{r} = v = value{r}(vm, now, f)", f"if v is None: return vm.break_off({r}, now)")
             lines(f"vm.ready |= {bit}")
-        with lines.block(f"def next{r}(vm):"):
-            self._pop("return f", "return None")
-
-    def _pop(self, found: str, empty: str) -> None:
-        """Write the loop that takes the oldest fact that holds out of the queue."""
-        lines, r = self._lines, self._r
-        lines(f"o = vm.o{r}")
-        with lines.block("while True:"):
-            with lines.block("if not o:"):
-                lines(f"o = vm.q{r}", "if not o:", f" vm.o{r} = None", f" {empty}")
-                lines("o.reverse()", f"vm.o{r} = o", f"vm.q{r} = None")
-            lines("f = o.pop()", f"if f[0]: {found}")
 
     # Several atoms
 
@@ -136,7 +145,7 @@ class SearchWriter:
                 lines("except NoValue:", f" return vm.break_off({r}, now)")
             if plan.valued:
                 names = [f"e[{len(self._places) + i}]" for i in range(len(self._places))]
-                lines("e = kept[0]", f"vm.v{r} = v = derive{r}(vm, now, {', '.join(names)})")
+                lines("e = kept[0]", f"vm.v{r} = v = value{r}(vm, now, {', '.join(names)})")
                 lines(f"if v is None: return vm.break_off({r}, now)")
             lines(f"vm.ready |= {plan.bit}")
 
@@ -166,24 +175,21 @@ class SearchWriter:
 
     def _tops(self, none: str) -> None:
         lines, plan, r = self._lines, self._plan, self._r
-        lines(f"o = vm.o{r}")
+        lines(f"q = vm.q{r}")
         with lines.block("while True:"):
-            with lines.block("if not o:"):
-                lines(f"o = vm.q{r}", "if not o:", f" vm.o{r} = None", *(f" {each}" for each in none.split("; ")))
-                lines("o.reverse()", f"vm.o{r} = o", f"vm.q{r} = None")
-            lines("f = o.pop()", f"vm.l{r} = f[1]")
-            with lines.block("if f[0]:"):
-                if plan.once:
-                    lines(f"below{r}(vm, now, f, kept)")
-                    if not plan.is_eager:
-                        lines("if kept: break")
-                else:
-                    lines(f"e = below{r}(vm, now, f)")
-                    with lines.block("if e is not None:"):
-                        lines("kept.append(e)")
-                        if len(self._places) > 1:
-                            lines(f"vm.c{r} = f")
-                        lines("break")
+            lines("f = q and next_of(q)", "if not f:", f" vm.q{r} = None", *(f" {each}" for each in none.split("; ")))
+            lines(f"vm.l{r} = f[1]")
+            if plan.once:
+                lines(f"below{r}(vm, now, f, kept)")
+                if not plan.is_eager:
+                    lines("if kept: break")
+            else:
+                lines(f"e = below{r}(vm, now, f)")
+                with lines.block("if e is not None:"):
+                    lines("kept.append(e)")
+                    if len(self._places) > 1:
+                        lines(f"vm.c{r} = f")
+                    lines("break")
 
     def _join_new(self, place: int) -> None:
         """Write what is done with the new facts of one atom that is not the first."""
@@ -212,9 +218,9 @@ class SearchWriter:
         table = self._tables[plan.atoms[0][1].predicate]
         tests = f" if {' and '.join(top_gate)}" if top_gate else ""
         with lines.block(f"def restart{r}(vm):"):
-            lines(f"{ME} = vm.robot", f"vm.k{r} = []", f"vm.c{r} = vm.q{r} = None", f"vm.l{r} = 0")
+            lines(f"{ME} = vm.robot", f"vm.k{r} = []", f"vm.c{r} = None", f"vm.l{r} = 0")
             lines(*[f"vm.n{r}_{place} = None" for place in self._places[1:]])
-            lines(f"vm.o{r} = o = [f for f in {table.name}.values(){tests}]", "o.reverse()")
+            lines(f"vm.q{r} = [0, *[f for f in {table.name}.values(){tests}]]")
 
     def _if_broken(self) -> None:
         plan = self._plan
