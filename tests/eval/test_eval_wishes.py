@@ -88,7 +88,7 @@ def test_a_topology_of_a_file_decides_who_hears_whom(bench):
         (["--loss", "2"], "Invalid value for '--loss': a share from 0 to 1"),
         (["--seed", "-1"], "Invalid value for '--seed'"),
         (["--strategy", "best"], "Invalid value for '--strategy'"),
-        (["--engine", "columnar"], "No such option"),
+        (["--engine", "clips"], "Invalid value for '--engine'"),
         (["--insert", "2s"], "--insert '2s': '2s' is no time and fact; write '2.5s: online(@3, l1)'"),
         (["--insert", "x: p(@1)"], "--insert 'x: p(@1)': 'x' is no duration"),
     ],

@@ -175,10 +175,12 @@ class Alone:
         self.machine: Machine = new_machine(program, robot, self.choices, engine=engine, firing_budget=budget)
         self.machine.start(0)
 
-    def run(self) -> None:
-        """One run within the budget."""
-        if not self.machine.quiescent:
-            self.machine.run(0)
+    def run(self, times: int = 1) -> None:
+        """So many runs within the budget; what happened is nobody's concern."""
+        for _each in range(times):
+            if not self.machine.quiescent:
+                self.machine.run(0)
+        self.machine.drain()
 
     @property
     def state(self) -> dict[str, object]:

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from rmr.bytecode.program import Program
 from rmr.columns.choices import streams
 from rmr.columns.columns import Columns
+from rmr.lang.compiler import compile_source
+from rmr.vm.engines import Engine
 
 ROBOTS = [0, 1, 2, 7, 65533]
 RUNS = 12
@@ -98,3 +100,33 @@ def test_a_run_that_is_cut_short_leaves_the_robots_behind_as_they_were(budget: i
             assert cut.columns.busy.tolist() == whole.columns.busy.tolist()[:done] + [True] * (len(made) - done)
             assert [cut.columns.facts(i) for i in range(done)] == [whole.columns.facts(i) for i in range(done)]
             assert [cut.columns.failures(i) for i in range(done)] == [whole.columns.failures(i) for i in range(done)]
+
+
+ROBOTS_AT_ONCE = 3_000
+WALK = """
+type side(robot, side).  type at(robot, int).
+side(R, heads).  at(R, 0).
+side(R, heads) -o side(R, tails).
+side(R, heads) -o side(R, edge).
+side(R, tails) -o side(R, heads).
+side(R, edge), at(R, X) -o side(R, heads), at(R, X + 1).
+"""
+"""Without a goal: what machines do to rank rules takes a minute."""
+
+
+def test_three_thousand_robots_fire_a_thousand_times_as_machines_do() -> None:
+    program = compile_source(WALK, "walk.rmr").program
+    assert program is not None
+    robots = range(1, ROBOTS_AT_ONCE + 1)
+    names = [f"7/robot{robot}/vm" for robot in robots]
+    columns = Columns(program, robots, streams(names), rows=1 << 10)
+    alone = [Alone(program, robot, name, 100, Engine.GENERATED) for robot, name in zip(robots, names, strict=True)]
+    for times in (1, 2, 7):
+        columns.run(100 * times)
+        for each in alone:
+            each.run(times)
+        assert columns.streams.tolist() == [each.choices.state for each in alone]
+        assert columns.firings.tolist() == [each.machine.firings for each in alone]
+        assert [columns.facts(place) for place in range(len(alone))] == [each.machine.facts() for each in alone]
+    assert columns.firings.tolist() == [1000] * ROBOTS_AT_ONCE
+    assert len({tuple(columns.facts(place)) for place in range(ROBOTS_AT_ONCE)}) > 30
