@@ -1,7 +1,8 @@
 """Bounds so small that a short script reaches them: what every engine drops must be the same.
 
 A bound is a constant of the module that keeps to it, and other modules may have taken it from there; all of them are
-changed. An engine that writes bounds into the code that it makes must be asked for a program that it has not seen.
+changed. Small too is what decides which way an engine goes to the same end, so that short scripts go all ways. An
+engine that writes bounds into the code that it makes must be asked for a program that it has not seen.
 """
 
 import sys
@@ -25,8 +26,22 @@ SMALL = {
 }
 """By name. Not of failures: which are forgotten hangs on how often a match is looked at, an engine's own affair."""
 
+TURNS = {
+    "CHUNK": 2,
+    "INDEX_FROM": 2,
+    "HOLES_MAX": 2,
+    "NEW_MAX": 2,
+    "KEPT_MAX": 5,
+    "TOLD_APART_MAX": 2,
+    "IN_LINE_MAX": 1,
+    "DEPTH_MAX": 3,
+}
+"""By name: from where on an engine goes another way to the same end."""
+
 ELSEWHERE = {"MATCHES_MAX": ("rmr.vm.once", "rmr.vm.generated")}
 """Where a name means another bound, which is left as it is: of a rule's unfired matches here."""
+
+ALL = SMALL | TURNS
 
 
 @contextmanager
@@ -34,7 +49,7 @@ def bounds(small: bool) -> Iterator[None]:
     """Let the bounds of all machines made meanwhile be small, or as they are."""
     with pytest.MonkeyPatch.context() as patch:
         for module in [name for name in sys.modules if small and name.startswith("rmr.vm.")]:
-            for name in SMALL.keys() & vars(sys.modules[module]).keys():
+            for name in ALL.keys() & vars(sys.modules[module]).keys():
                 if module not in ELSEWHERE.get(name, ()):
-                    patch.setattr(sys.modules[module], name, SMALL[name])
+                    patch.setattr(sys.modules[module], name, ALL[name])
         yield

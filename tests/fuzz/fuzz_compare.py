@@ -42,6 +42,8 @@ class Case:
     """The name of the stream from which the machine draws."""
     small: bool = False
     """All bounds are small."""
+    trace: bool = True
+    """Facts that come and go are told; engines may do without looking there when they are not."""
 
 
 class Seen(NamedTuple):
@@ -102,7 +104,7 @@ class Play:
         self.case = case
         self.choices = Choices(case.draws)
         self.machine: Machine = new_machine(
-            case.program, HOME, self.choices, engine=engine, firing_budget=case.budget, trace=True
+            case.program, HOME, self.choices, engine=engine, firing_budget=case.budget, trace=case.trace
         )
 
     def step(self, number: int) -> Seen:

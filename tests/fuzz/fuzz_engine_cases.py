@@ -39,7 +39,10 @@ KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2]
 BUDGETS = [1, 1, 1, 2, 2, 7, 7, 500]
 """Firings of one run: few, so that events come while rules are still satisfied."""
 
-SMALL_BOUNDS = 0.05
+TRACED = 0.7
+"""How often facts that come and go are told."""
+
+SMALL_BOUNDS = 0.1
 """How often the bounds are small."""
 
 MUTATIONS = 6
@@ -70,7 +73,7 @@ def made(seed: int, number: int) -> tuple[str, Case]:
     program = {"drawn": _drawn, "compiled": _compiled, "mutated": _mutated}[kind](rng)
     script = Script(program, rng).steps()
     small = kind == "drawn" and rng.random() < SMALL_BOUNDS
-    return kind, Case(program, tuple(script), rng.choice(BUDGETS), f"{seed}/{number}", small)
+    return kind, Case(program, tuple(script), rng.choice(BUDGETS), f"{seed}/{number}", small, rng.random() < TRACED)
 
 
 def judged(seed: int, number: int, engine: Engine, wrong: str | None = None) -> Judged:

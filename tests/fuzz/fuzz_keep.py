@@ -29,6 +29,7 @@ def write(path: Path, case: Case, why: str) -> None:
         "budget": case.budget,
         "draws": case.draws,
         "small": case.small,
+        "trace": case.trace,
         "script": [[step.call, *(to_json(arg) for arg in step.args)] for step in case.script],
         "program": octets.hex(),
         "disassembly": disassemble(octets).splitlines(),
@@ -42,7 +43,7 @@ def read(path: Path) -> Case:
     thing = json.loads(path.read_text("utf-8"))
     script = tuple(Step(call, tuple(map(from_json, args))) for call, *args in thing["script"])
     program = decode(bytes.fromhex(thing["program"]))
-    return Case(program, script, thing["budget"], thing["draws"], thing["small"])
+    return Case(program, script, thing["budget"], thing["draws"], thing["small"], thing["trace"])
 
 
 def _laid_out(thing: dict[str, object]) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from fuzz_bounds import ALL
 from fuzz_broken import BREAKS, SHOWS
 from fuzz_compare import Case, Play, Seen, difference, expected
 from fuzz_engine_cases import SOURCES, compiled, judged, made, parted, smallest
@@ -150,6 +151,11 @@ def test_a_case_is_the_same_in_every_process():
         for seed in ("1", "2")
     ]
     assert runs[0].stdout == runs[1].stdout
+
+
+def test_every_small_bound_is_one_of_some_module():
+    named = {name for module in [*sys.modules] if module.startswith("rmr.vm.") for name in vars(sys.modules[module])}
+    assert {*ALL} - named == set()
 
 
 def test_every_drawn_program_verifies():
