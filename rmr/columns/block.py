@@ -13,7 +13,7 @@ import numpy as np
 
 from rmr.bytecode.program import InitialFact, Kind, Program, Slot
 from rmr.columns.layout import Layout
-from rmr.columns.numbers import Array
+from rmr.columns.numbers import Array, write
 
 if TYPE_CHECKING:
     from rmr.columns.goals import Goals
@@ -73,7 +73,7 @@ class Block:
             rows = rows & ~present
         for column, value in zip(self.args[predicate], values, strict=True):
             if value is not column:
-                np.copyto(column, value, where=rows)
+                write(column, value, rows)
         present |= rows
         self._follow(predicate, rows)
 

@@ -15,7 +15,7 @@ from rmr.columns.block import Block, Follows, owned, stated_values
 from rmr.columns.choices import below
 from rmr.columns.goals import Goals, Report
 from rmr.columns.layout import Layout
-from rmr.columns.numbers import Array
+from rmr.columns.numbers import Array, unless
 from rmr.columns.rules import Match, column_rules
 
 ROWS = 1 << 14
@@ -122,7 +122,7 @@ class Columns:
             match.rule.fire(block, match, rows)
             fired |= rows
             if chosen is not None:
-                chosen[rows] = match.rule.index
+                np.putmask(chosen, rows, match.rule.index)
         block.firings += fired
         block.busy = fired
         block.last = block.last if chosen is None else chosen
@@ -130,10 +130,8 @@ class Columns:
     def _nearest(self, block: Block, matches: list[Match]) -> list[Match]:
         """Return the matches where they have the best rank."""
         ranks = [self._goals.ranks(block, match.rule.index) for match in matches]
-        least = np.full(block.size, np.iinfo(np.uint32).max, np.uint32)
-        for match, rank in zip(matches, ranks, strict=True):
-            np.minimum(least, rank, out=least, where=match.rows)
-        return [match._replace(rows=match.rows & (rank == least)) for match, rank in zip(matches, ranks, strict=True)]
+        least = np.minimum.reduce([unless(each.rows) | rank for each, rank in zip(matches, ranks, strict=True)])
+        return [each._replace(rows=each.rows & (rank == least)) for each, rank in zip(matches, ranks, strict=True)]
 
     def _chosen(self, block: Block, matches: list[Match]) -> Iterator[tuple[Match, Array]]:
         """Yield the matches and where each is the one that fires."""

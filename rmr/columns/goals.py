@@ -13,15 +13,12 @@ from rmr.base.time import in_seconds, tick_start
 from rmr.base.values import Robot
 from rmr.bytecode.program import Constant, InitialGoal, Program, Slot
 from rmr.columns.layout import Layout
-from rmr.columns.numbers import Array, same
+from rmr.columns.numbers import Array, same, unless
 from rmr.vm.assertions import goal_text
 from rmr.vm.ranks import here
 
 if TYPE_CHECKING:
     from rmr.columns.block import Block
-
-UNRANKED = np.uint32(1 << 30)
-"""Comes after every rank."""
 
 Report = dict[str, list[list[object]] | list[str]]
 
@@ -35,10 +32,12 @@ class Goals:
         self._of: list[list[int]] = [[] for _ in program.predicates]
         for index, goal in enumerate(program.goals):
             self._of[goal.predicate].append(index)
-        self._ranks: list[dict[int, np.uint32]] = [
-            {lead.rule: np.uint32(lead.rank) for lead in goal.leads or () if lead.rank is not None}
-            for goal in program.goals
-        ]
+        leads = [{lead.rule: lead.rank for lead in goal.leads or () if lead.rank is not None} for goal in program.goals]
+        places = {
+            rank: np.uint16(place) for place, rank in enumerate(sorted({r for each in leads for r in each.values()}))
+        }
+        self._ranks = [{rule: places[rank] for rule, rank in each.items()} for each in leads]
+        """By goal and rule: the place of the rank among all that there are."""
 
     def want(self, block: "Block", index: int, rows: Array) -> None:
         """Open a goal in `rows` unless the same one is open there, or discharge it at once if it is fulfilled."""
@@ -58,12 +57,11 @@ class Goals:
                 self._achieve(block, index, rows)
 
     def ranks(self, block: "Block", rule: int) -> Array:
-        """Return the ranks of a rule's firings."""
-        ranks = np.full(block.size, UNRANKED)
+        """Return the ranks of a rule's firings, as their places; the largest number comes after every rank."""
+        ranks = np.full(block.size, np.iinfo(np.uint16).max, np.uint16)
         for index in block.live:
             if rule in self._ranks[index]:
-                near = np.where(block.open[index], self._ranks[index][rule], UNRANKED)
-                np.minimum(ranks, near, out=ranks)
+                np.minimum(ranks, unless(block.open[index]) | self._ranks[index][rule], out=ranks)
         return ranks
 
     def report(self, block: "Block", row: int) -> Report:
@@ -86,8 +84,8 @@ class Goals:
         if met.any():
             order = 1 + sum((place > 0).astype(np.uint16) for place in block.achieved_as)
             still ^= met
-            np.copyto(block.achieved_at[index], block.tick, where=met)
-            np.copyto(block.achieved_as[index], order, where=met)
+            np.putmask(block.achieved_at[index], met, block.tick)
+            np.putmask(block.achieved_as[index], met, order)
         if not still.any():
             block.live.remove(index)
 

@@ -224,18 +224,21 @@ class ColumnRule:
             if fired is None:
                 fired = block.fired[self.index] = np.zeros(block.size, np.bool_)
             fired |= rows
-        values = [(insertion.predicate, self._kept(insertion, held)) for insertion, held in match.derived]
+        values = [(insertion.predicate, self._kept(block, insertion, held)) for insertion, held in match.derived]
         for predicate in self._removed:
             block.present[predicate] ^= rows
         for predicate, columns in values:
             block.insert(predicate, columns, rows)
 
-    def _kept(self, insertion: _Insertion, values: Sequence[Held]) -> list[Array]:
-        """Return the columns to insert, apart from those that inserting changes."""
-        pairs = zip(insertion.lines, values, strict=True)
+    def _kept(self, block: Block, insertion: _Insertion, values: Sequence[Held]) -> list[Array]:
+        """Return the columns to insert: copies of those that inserting changes, but for one that goes where it is."""
         if not self._copied:
-            return [held.value for _, held in pairs]
-        return [held.value if line.slot in (None, SELF_SLOT) else held.value.copy() for line, held in pairs]
+            return [held.value for held in values]
+        places = zip(insertion.lines, values, block.args[insertion.predicate], strict=True)
+        return [
+            held.value if line.slot in (None, SELF_SLOT) or held.value is column else held.value.copy()
+            for line, held, column in places
+        ]
 
 
 def _place(failing: bool, found: Sequence[int], places: Iterator[int], follows: Follows) -> int | None:
