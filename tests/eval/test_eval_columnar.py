@@ -1,6 +1,8 @@
 """`rmr eval --engine columnar`: the same octets as from machines, or from machines after all, and then why."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -76,7 +78,11 @@ def test_a_run_that_fires_without_end_ends_at_the_same_firing_of_the_same_robot(
 
 REFUSED = {
     "a program that does not suit": ("p(R). p(R). p(R) -o 1.", (), "p.rmr:1: a robot may hold several facts `p`"),
-    "--edges": ("type !near(robot, robot). p(R). p(R), near(R, B) -o 1.", ("--edges", "near"), "--edges gives a robot several facts"),
+    "--edges": (
+        "type !near(robot, robot). p(R). p(R), near(R, B) -o 1.",
+        ("--edges", "near"),
+        "--edges gives a robot several facts",
+    ),
     "--insert": ("p(R). p(R) -o 1.", ("--insert", "1s: p(@1)"), "--insert brings facts from outside"),
     "given facts": ("p(R). p(R) -o 1.", ("--facts", "f.rmr"), "a robot may hold several facts `p`: it is given more"),
     "--trace": ("p(R). p(R) -o 1.", ("--trace", "t.jsonl"), "--trace tells of every firing by itself"),
@@ -113,6 +119,21 @@ def columnar_run(program):
 
     given, robots = read_given(Wanted(Path(program))), dict.fromkeys((1, 2))
     return columnar.ColumnRun(given.program, given, Conditions(robots, read("complete", robots)))
+
+
+@pytest.mark.parametrize("words", [["check", "--explain", "p.rmr"], ["eval", "p.rmr", "--json"]])
+def test_who_does_not_ask_for_columns_does_not_load_numpy(bench, words):
+    bench.file("p.rmr", "p(R). p(R) -o 1.")
+    code = f"""
+import sys
+from rmr.cli import main
+try:
+    main({words})
+except SystemExit:
+    print("numpy" in sys.modules)
+"""
+    answer = subprocess.run([sys.executable, "-c", code], cwd=bench.folder, capture_output=True, text=True, check=True)
+    assert answer.stdout.splitlines()[-1] == "False"
 
 
 def test_an_engine_that_there_is_not_is_refused_with_those_that_there_are(bench):
