@@ -6,7 +6,6 @@ hang on what a match derives.
 """
 
 from collections.abc import Iterator, Sequence
-from heapq import heapify
 from typing import Any
 
 from rmr.base.identity import ByIdentity
@@ -26,14 +25,21 @@ from rmr.vm.once import MATCHES_MAX
 from rmr.vm.store import Args
 
 GoneFact = list[Any]
-Entry = tuple[Any, ...]
-"""A match as a rule keeps it: the serials of its facts, then the facts."""
+Entry = tuple[GoneFact, ...]
+"""The facts of a match."""
+
+Key = tuple[int, ...]
+"""Their serials, which name the match for ever."""
 
 Valued = tuple[list[GoneFact], list[Chain]]
 """What a match consumes and derives."""
 
 Ranked = tuple[int, Entry, Valued]
 """A match with its rank."""
+
+
+SWEPT_AFTER = 1000
+"""Firings, and one more for each fact, after which facts that are gone are swept out."""
 
 
 class SeenFact:
@@ -66,6 +72,7 @@ class Generated(Machine):
         "s",
         "searched",
         "stale",
+        "swept",
         "touched",
         "wanting",
     )
@@ -93,6 +100,8 @@ class Generated(Machine):
         self.stale = self.module.at_first
         self.changed = self.module.at_first
         """Of the rules that are matched anew: those that something has changed for."""
+        self.swept = SWEPT_AFTER
+        """How many firings there are before the tables that are lists are swept again."""
         self.broken = 0
         """The rules that are matched anew from now on because an expression of theirs had no value."""
         self.touched = 0
@@ -112,8 +121,10 @@ class Generated(Machine):
 
     def each(self, predicate: int) -> Iterator[Args]:
         """Yield the arguments of the facts of `predicate` that hold, oldest first."""
-        arity = self.module.tables[predicate].arity
-        return (tuple(fact[ARGS : ARGS + arity]) for fact in self._table(predicate).values())
+        table = self.module.tables[predicate]
+        facts: Any = getattr(self, f"t{predicate}")
+        held = [fact for fact in facts if fact[HELD]] if table.log else facts.values()
+        return (tuple(fact[ARGS : ARGS + table.arity]) for fact in held)
 
     def dated(self, predicate: int) -> list[tuple[Args, Instant]]:
         """Return the same with the instants of their insertion."""
@@ -136,6 +147,8 @@ class Generated(Machine):
 
     def _fire(self, now: Instant) -> None:
         self.touched |= self.module.timed
+        if self.firings > self.swept:
+            self.sweep()
         self.module.fire(self, now)
 
     def _goals_changed(self, predicate: int) -> None:
@@ -152,8 +165,13 @@ class Generated(Machine):
         """Tell whether one more fact is too many, and count it as dropped."""
         return self._is_full(now, self.count, self.length)
 
+    def told(self, now: Instant, predicate: int, args: Args) -> None:
+        """Let the time assertions know of a new fact that may concern them."""
+        if not self.heed:
+            self._inserted(now, predicate, args)
+
     def came(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
-        """Let all that heeds facts know of a new one; it concerns the `rules`."""
+        """Let all that heeds each fact know of a new one; it concerns the `rules`."""
         if self._trace:
             self._events.append(FactInserted(predicate, args, now))
         self.touched |= rules
@@ -164,6 +182,14 @@ class Generated(Machine):
         if self._trace:
             self._events.append(FactRemoved(predicate, args, now))
         self.touched |= rules
+
+    def sweep(self) -> None:
+        """Take the facts that are gone out of the tables that are lists."""
+        for table in self.module.tables:
+            if table.log:
+                facts = getattr(self, f"t{table.index}")
+                facts[:] = [fact for fact in facts if fact[HELD]]
+        self.swept = self.firings + SWEPT_AFTER + self.count
 
     def failed(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[GoneFact], reason: NoValue) -> None:
         """Tell, once, that an expression has no value."""
@@ -184,7 +210,7 @@ class Generated(Machine):
         plan = self.module.plans[rule]
         for entry in self._matches(plan, now):
             value = self.module.names[f"value{rule}"] if plan.valued else None
-            valued = value(self, now, *entry[len(plan.atoms) :]) if value is not None else None
+            valued = value(self, now, *entry) if value is not None else None
             if valued is not None or value is None:
                 self._offer(plan, entry, valued)
                 return
@@ -195,19 +221,18 @@ class Generated(Machine):
         plan = self.module.plans[rule]
         self.module.slow(rule)
         if plan.once:
-            size = len(plan.atoms)
-            unfired = {entry[:size] for entry in self._kept(plan)}
+            unfired = set(map(key_of, self._kept(plan)))
             known = getattr(self, f"w{rule}") if plan.way is Way.JOIN else self.s
             last = getattr(self, f"l{rule}") if plan.way is Way.JOIN else self.s
-            found = [entry[:size] for entry in self._each(plan, now)]
+            found = map(key_of, self._each(plan, now))
             fired = {key for key in found if key[0] <= last and max(key) <= known and key not in unfired}
             self.fired[rule] = Unfired(fired)
         self.broken |= plan.bit
         self.changed |= plan.bit
         self.again(rule, now)
 
-    def fire_wanted(self, now: Instant) -> bool:
-        """Fire a rule while goals are open: one that comes nearest to one of them; False if none is satisfied."""
+    def fire_heeded(self, now: Instant) -> bool:
+        """Fire a rule while each fact is heeded: one that comes nearest to an open goal; False if none is satisfied."""
         stale, self.stale = self.stale, 0
         touched, self.touched = self.touched, 0
         lowest, best = UNRANKED, list[tuple[RulePlan, Ranked | None]]()
@@ -229,7 +254,7 @@ class Generated(Machine):
         textual = self.program.strategy is Strategy.TEXTUAL or len(best) == 1
         plan, ranked = best[0 if textual else self._choices.below(len(best))]
         if ranked is None:
-            entry = self._kept(plan)[0] if plan.way is not Way.AGAIN else getattr(self, f"k{plan.index}")[0]
+            entry = self._kept(plan)[0] if plan.way is not Way.AGAIN else getattr(self, f"k{plan.index}")[-1]
             valued = self._derive(plan, entry, now)
         else:
             _, entry, valued = ranked
@@ -249,7 +274,7 @@ class Generated(Machine):
 
     def _derive(self, plan: RulePlan, entry: Entry, now: Instant) -> Valued | None:
         self.module.slow(plan.index)
-        valued: Valued | None = self.module.names[f"derive{plan.index}"](self, now, *entry[len(plan.atoms) :])
+        valued: Valued | None = self.module.names[f"derive{plan.index}"](self, now, *entry)
         return valued
 
     def _matches(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
@@ -259,14 +284,14 @@ class Generated(Machine):
         unfired = self.fired.setdefault(plan.index, Unfired(set()))
         if self.changed & plan.bit:
             self.changed &= ~plan.bit
-            unfired.look(self._each(plan, now), len(plan.atoms))
-        return unfired.each(len(plan.atoms))
+            unfired.look(self._each(plan, now))
+        return unfired.each()
 
     def _offer(self, plan: RulePlan, entry: Entry | None, valued: Valued | None) -> None:
         """Make a match, or none, the one with which a rule that is matched anew fires next."""
-        r, size = plan.index, len(plan.atoms)
+        r = plan.index
         if plan.way is Way.SINGLE:
-            setattr(self, f"m{r}", None if entry is None else entry[size])
+            setattr(self, f"m{r}", None if entry is None else entry[0])
             setattr(self, f"q{r}", None)
         else:
             setattr(self, f"k{r}", [] if entry is None else [entry])
@@ -282,7 +307,7 @@ class Generated(Machine):
 
     def _rank(self, plan: RulePlan, now: Instant, touched: bool) -> tuple[int, Ranked | None]:
         """Return the rank of a satisfied rule; with its match if that is not the one that it fires without goals."""
-        nearest = self._goals.nearest(plan.index)
+        nearest = self._goals.nearest(plan.index) if self.wanting else None
         if nearest is None:
             return UNRANKED, None
         if self._goals.is_settled(plan.index):
@@ -320,7 +345,7 @@ class Generated(Machine):
         r = plan.index
         if plan.way is Way.SINGLE:
             facts = [getattr(self, f"m{r}"), *self._waiting(r)]
-            return [(fact[SERIAL], fact) for fact in facts if fact is not None and fact[HELD]]
+            return [(fact,) for fact in facts if fact is not None and fact[HELD]]
         kept: list[Entry] = getattr(self, f"k{r}")
         if everything:
             tops = self._waiting(r)
@@ -329,7 +354,7 @@ class Generated(Machine):
                 setattr(self, f"l{r}", top[SERIAL])
                 if top[HELD]:
                     self.module.names[f"below{r}"](self, now, top, kept)
-        return sorted([entry for entry in kept if all(fact[HELD] for fact in entry[len(plan.atoms) :])])
+        return sorted([entry for entry in kept if all(fact[HELD] for fact in entry)])
 
     def _waiting(self, rule: int) -> list[GoneFact]:
         """Return the facts in the queue of a rule."""
@@ -344,16 +369,20 @@ class Generated(Machine):
         if not plan.once:
             return
         if plan.way is Way.AGAIN or self.broken & plan.bit:
-            self.fired[r].fire(entry[: len(plan.atoms)])
+            self.fired[r].fire(entry)
         elif plan.way is Way.SINGLE:
-            fact = entry[1]
+            fact = entry[0]
             left = [each for each in (getattr(self, f"m{r}"), *self._waiting(r)) if each is not None and each is not fact]
             setattr(self, f"m{r}", left[0] if left else None)
             setattr(self, f"q{r}", [0, *left[1:]] if left[1:] else None)
         else:
             kept = getattr(self, f"k{r}")
             kept.remove(entry)
-            heapify(kept)
+
+
+def key_of(entry: Entry) -> Key:
+    """Return the key of a match."""
+    return tuple([fact[SERIAL] for fact in entry])
 
 
 class Unfired:
@@ -361,35 +390,35 @@ class Unfired:
 
     __slots__ = ("_fired", "_left")
 
-    def __init__(self, fired: set[Entry]) -> None:
+    def __init__(self, fired: set[Key]) -> None:
         """`fired` are the keys of matches, the serials of their facts."""
         self._fired = fired
         self._left: list[Entry] = []
 
-    def look(self, matches: Iterator[Entry], size: int) -> None:
-        """Take all `matches` that there are now, of `size` facts: forget the fired ones that are gone."""
-        found: set[Entry] = set()
+    def look(self, matches: Iterator[Entry]) -> None:
+        """Take all `matches` that there are now: forget the fired ones that are gone."""
+        found: set[Key] = set()
         left: list[Entry] = []
         for entry in matches:
-            if entry[:size] in self._fired:
-                found.add(entry[:size])
+            if (key := key_of(entry)) in self._fired:
+                found.add(key)
             elif len(left) < MATCHES_MAX:
                 left.append(entry)
         self._fired = found
         self._left = left[::-1]
 
-    def each(self, size: int) -> Iterator[Entry]:
+    def each(self) -> Iterator[Entry]:
         """Yield the matches that have not fired, the oldest first."""
-        while self._left and not self._stands(self._left[-1], size):
+        while self._left and not self._stands(self._left[-1]):
             self._left.pop()
-        return (entry for entry in reversed(self._left) if self._stands(entry, size))
+        return (entry for entry in reversed(self._left) if self._stands(entry))
 
-    def fire(self, key: Entry) -> None:
+    def fire(self, entry: Entry) -> None:
         """Note that a match has fired."""
-        self._fired.add(key)
+        self._fired.add(key_of(entry))
 
-    def _stands(self, entry: Entry, size: int) -> bool:
-        return entry[:size] not in self._fired and all(fact[HELD] for fact in entry[size:])
+    def _stands(self, entry: Entry) -> bool:
+        return key_of(entry) not in self._fired and all(fact[HELD] for fact in entry)
 
 
 def _machine_of(program: Program) -> type[Generated]:

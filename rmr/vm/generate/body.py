@@ -35,9 +35,9 @@ INTERPRETED_FROM = 64
 class Slots:
     """What a generated function has in a rule's slots."""
 
-    def __init__(self, me: str = ME, outer: "Slots | None" = None) -> None:
+    def __init__(self, outer: "Slots | None" = None) -> None:
         """Begin with the robot itself, or with all that is bound in `outer`."""
-        self.names: dict[int, str] = dict(outer.names) if outer else {SELF_SLOT: me}
+        self.names: dict[int, str] = dict(outer.names) if outer else {SELF_SLOT: ME}
         self.known: dict[int, Known] = dict(outer.known) if outer else {SELF_SLOT: Known(Type(Base.ROBOT))}
 
     def expression(self, code: Code, pool: Pool) -> Source:
@@ -242,8 +242,8 @@ class Body:
         """Return facts, oldest first, among them all that match."""
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
-        if not positions or not (self._may_index or positions in table.indices):
-            return f"{table.name}.values()"
+        if not positions or table.log or not (self._may_index or positions in table.indices):
+            return table.facts
         values = self._values(step)
         key = index_key(positions, [values[position] for position in positions])
         return candidates(table, positions, key)

@@ -12,13 +12,13 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode.arithmetic import same
 from rmr.bytecode.conform import length
 from rmr.bytecode.program import Atom, Bind, Guard
-from rmr.vm.generate.body import Slots
+from rmr.vm import machine
+from rmr.vm.generate.body import ME, Slots
 from rmr.vm.generate.expressions import condition, narrowed
-from rmr.vm.generate.layout import Table, column, write_forgetting, write_indexing
+from rmr.vm.generate.layout import Table, column, tuple_of, write_forgetting, write_indexing
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.source import Pool
-from rmr.vm.machine import FACTS_LENGTH_MAX, FACTS_MAX
 from rmr.vm.match import plan_atom
 
 
@@ -38,41 +38,57 @@ class FactWriter:
         lines, table = self._lines, self._tables[predicate]
         args = [f"a{place}" for place in range(table.arity)]
         with lines.block(f"def add{predicate}({', '.join(['vm', 'now', *args])}):"):
-            if not table.linear:
-                lines(f"key = {table.key(self._pool, args)}", f"if key in {table.name}: return")
-            lines(f"if (vm.count >= {FACTS_MAX} or vm.length >= {FACTS_LENGTH_MAX}) and vm.is_full(now): return")
-            lines("vm.count += 1")
+            lines(f"{ME} = vm.robot")
+            lines(f"if {self._unwanted(predicate, args)}: return", "vm.count += 1")
             if self.readers(predicate):
                 lines("vm.busy = True")
             self.add(predicate, args, "key")
+            lines(f"if vm.heed: vm.came(now, {predicate}, {tuple_of(args)}, {mask(self.readers(predicate))})")
         with lines.block(f"def remove{predicate}(vm, now, f):"):
             lines("vm.count -= 1")
             if self.readers(predicate):
                 lines("vm.busy = True")
             self.remove(predicate, "f")
+            readers = mask(self.readers(predicate))
+            lines(f"if vm.heed: vm.went(now, {predicate}, {table.args('f')}, {readers})")
+
+    def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
+        """Write that a fact is inserted, if there is room and it is not one of a set that holds already."""
+        with self._lines.block(f"if not ({self._unwanted(predicate, args)}):"):
+            self._lines("vm.count += 1")
+            self.add(predicate, args, "key")
+
+    def _unwanted(self, predicate: int, args: Sequence[str]) -> str:
+        """Return the condition on which a fact is not inserted."""
+        table = self._tables[predicate]
+        full = f"(vm.count >= {machine.FACTS_MAX} or vm.length >= {machine.FACTS_LENGTH_MAX}) and vm.is_full(now)"
+        return full if table.linear else f"(key := {table.key(self._pool, args)}) in {table.name} or {full}"
 
     def add(self, predicate: int, args: Sequence[str], key: str) -> None:
         """Write that a fact is inserted, for which there is room, that holds not yet and is counted already."""
         lines, table = self._lines, self._tables[predicate]
         lines(*[f"vm.length += length({args[place]})" for place in table.long])
-        lines("s = vm.s = vm.s + 1", f"f = {table.fact(self._pool, 's', args)}")
-        lines(f"{table.name}[{'s' if table.linear else key}] = f")
+        if table.log:
+            lines(f"f = {table.fact('0', args)}", f"{table.name}.append(f)")
+        else:
+            lines("s = vm.s = vm.s + 1", f"f = {table.fact('s', args)}")
+            lines(f"{table.name}[{'s' if table.linear else key}] = f")
         write_indexing(lines, table, "f")
-        tuple_ = f"({', '.join(args)}{',' if len(args) == 1 else ''})"
         self._show(predicate, args)
-        readers = mask(self.readers(predicate))
-        lines(f"{'' if table.concerned else 'if vm.heed: '}vm.came(now, {predicate}, {tuple_}, {readers})")
+        if table.concerned:
+            lines(f"vm.told(now, {predicate}, {tuple_of(args)})")
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
         """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""
         lines, table = self._lines, self._tables[predicate]
-        lines(f"{fact}[0] = False", f"del {table.name}[{table.fact_key(self._pool, fact)}]")
+        lines(f"{fact}[0] = False")
+        if not table.log:
+            lines(f"del {table.name}[{table.fact_key(self._pool, fact)}]")
         lines(*[f"vm.length -= length({column(fact, place)})" for place in table.long])
         write_forgetting(lines, table, fact)
         self.removed(predicate, but)
         if table.dated:
             lines(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])")
-        lines(f"if vm.heed: vm.went(now, {predicate}, {table.args(fact)}, {mask(self.readers(predicate))})")
 
     def removed(self, predicate: int, but: int = 0) -> None:
         """Write which rules are looked at again, except those in the mask `but`."""
@@ -133,7 +149,7 @@ class FactWriter:
         self, plan: RulePlan, atom: Atom, args: Sequence[str], taken: Sequence[str], gates: "Gates"
     ) -> None:
         """Add all the conditions of a rule of one atom, none of which can fail."""
-        slots = Slots("vm.robot")
+        slots = Slots()
         conditions: list[str] = []
         for conjunct in plan.rule.body:
             if isinstance(conjunct, Atom):
@@ -153,7 +169,7 @@ class FactWriter:
 
     def tests(self, atom: Atom, args: Sequence[str], slots: Slots | None = None) -> list[str]:
         """Return what the text of an atom alone demands of a fact."""
-        names = (slots or Slots("vm.robot")).names
+        names = (slots or Slots()).names
         step = plan_atom(atom, self._predicates, names)
         pairs = [(args[position], self._pool.constant(value)) for position, value in step.tests]
         pairs += [(args[position], names[slot]) for position, slot in step.joins]

@@ -191,7 +191,7 @@ class HeadWriter:
 
     def _inner(self, part: int, head: Comprehension | Aggregate, outer: Slots, outer_scope: Scope) -> None:
         lines, pool = self._lines, self._pool
-        slots, scope = Slots(outer=outer), Scope(outer_scope)
+        slots, scope = Slots(outer), Scope(outer_scope)
         scope.grow(head.body, self._program.predicates)
         lines("gone = {f[1] for _, f in consumed}", "taken = set()")
         if isinstance(head, Aggregate):
@@ -271,7 +271,7 @@ class HeadWriter:
 
     def _aggregated(self, head: Aggregate, outer: Slots, inner: Slots, scope: Scope) -> None:
         lines, pool = self._lines, self._pool
-        slots = Slots(outer=outer)
+        slots = Slots(outer)
         if head.operator in (Operator.MIN, Operator.MAX):
             for slot in sorted(inner.names.keys() - outer.names.keys()):
                 slots.names[slot], slots.known[slot] = f"w{slot}", inner.known[slot]

@@ -3,7 +3,8 @@
 A fact is a list: whether it holds, its serial, its arguments; of predicates whose facts are asked for their age,
 the instant of its insertion. A table is a dict in the order of insertion: of temporary facts by serial, of sets by
 what tells their facts apart. An index, made when it is probed for the first time, holds for the values at some
-positions the facts that have them there, again in the order of insertion.
+positions the facts that have them there, again in the order of insertion. Temporary facts of which no rule asks but
+through its queue stand in a list, with those that are gone until the list is swept.
 """
 
 from collections.abc import Sequence
@@ -26,9 +27,6 @@ ARGS = 2
 FEW = 8
 """Facts of a table up to which it is quicker to look at each than to probe an index."""
 
-SPARE = 64
-"""Places of an index that may be empty, beside as many as there are facts, before it is made anew."""
-
 Positions = tuple[int, ...]
 
 
@@ -49,6 +47,8 @@ class Table:
         """Time assertions want to know of each new fact."""
         self.long = [place for place, kind in enumerate(predicate.types) if kind.base in LONG]
         self.name = f"vm.t{index}"
+        self.log = False
+        """It is a list, and its facts have no serials: nobody but queues and the host asks for them."""
         self.indices: dict[Positions, str] = {}
 
     def key(self, pool: Pool, args: Sequence[str]) -> str:
@@ -64,13 +64,17 @@ class Table:
         """Return the arguments of `fact` as a tuple."""
         return tuple_of([column(fact, place) for place in range(self.arity)])
 
+    @property
+    def facts(self) -> str:
+        """All facts, oldest first."""
+        return f"[f for f in {self.name} if f[{HELD}]]" if self.log else f"{self.name}.values()"
+
     def index_on(self, positions: Positions) -> str:
         """Return the name of the index on `positions`; from now on there is one."""
         return self.indices.setdefault(positions, f"x{self.index}_{len(self.indices)}")
 
-    def fact(self, pool: Pool, serial: str, args: Sequence[str]) -> str:
+    def fact(self, serial: str, args: Sequence[str]) -> str:
         """Return a new fact."""
-        del pool
         return f"[True, {', '.join([serial, *args, *(['now'] if self.dated else [])])}]"
 
 
@@ -99,8 +103,15 @@ def index_key(positions: Positions, texts: Sequence[str]) -> str:
 def candidates(table: Table, positions: Positions, key: str) -> str:
     """Return facts, oldest first, among them all that have the values of `key` at `positions`."""
     name = table.index_on(positions)
-    found = f"x.get({key}, NONE)" if table.lasting else f"x.get({key}, NO).values()"
+    found = _bucket(table, key)
     return f"({found} if (x := vm.{name}) is not None else probe_{name}(vm, {key}))"
+
+
+def _bucket(table: Table, key: str) -> str:
+    """Return what the index ``x`` has for a key."""
+    if table.lasting:
+        return f"x.get({key}, NONE)"
+    return f"(b if type(b := x.get({key}, NONE)) is tuple else b.values())"
 
 
 def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
@@ -113,7 +124,7 @@ def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
                 lines(f"vm.{name} = x = {{}}")
                 with lines.block(f"for f in {table.name}.values():"):
                     _write_entry(lines, table, positions, "f")
-                lines("return x.get(key, NONE)" if table.lasting else "return x.get(key, NO).values()")
+                lines(f"return {_bucket(table, 'key')}")
 
 
 def write_indexing(lines: Lines, table: Table, fact: str) -> None:
@@ -121,8 +132,6 @@ def write_indexing(lines: Lines, table: Table, fact: str) -> None:
     for positions, name in table.indices.items():
         with lines.block(f"if (x := vm.{name}) is not None:"):
             _write_entry(lines, table, positions, fact)
-            if not table.lasting:
-                lines(f"if len(x) > {SPARE} + 2 * len({table.name}): vm.{name} = None")
 
 
 def _write_entry(lines: Lines, table: Table, positions: Positions, fact: str) -> None:
@@ -130,12 +139,16 @@ def _write_entry(lines: Lines, table: Table, positions: Positions, fact: str) ->
     if table.lasting:
         lines(f"b = x.get(k := {key})", f"if b is None: x[k] = [{fact}]", f"else: b.append({fact})")
     else:
-        lines(f"b = x.get(k := {key})", f"if b is None: x[k] = {{{fact}[{SERIAL}]: {fact}}}")
+        lines(f"b = x.get(k := {key})", f"if b is None: x[k] = ({fact},)")
+        lines(f"elif type(b) is tuple: x[k] = {{b[0][{SERIAL}]: b[0], {fact}[{SERIAL}]: {fact}}}")
         lines(f"else: b[{fact}[{SERIAL}]] = {fact}")
 
 
 def write_forgetting(lines: Lines, table: Table, fact: str) -> None:
-    """Write that a fact gets out of the indices that there are; what it leaves empty is soon needed again."""
+    """Write that a fact gets out of the indices that there are."""
     for positions, name in table.indices.items():
         key = index_key(positions, [column(fact, position) for position in positions])
-        lines(f"if vm.{name} is not None: del vm.{name}[{key}][{fact}[{SERIAL}]]")
+        with lines.block(f"if (x := vm.{name}) is not None:"):
+            lines(f"b = x[k := {key}]", "if type(b) is tuple: del x[k]")
+            with lines.block("else:"):
+                lines(f"del b[{fact}[{SERIAL}]]", "if not b: del x[k]")

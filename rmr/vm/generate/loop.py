@@ -6,10 +6,11 @@ cannot fail is written out in line; what others derive is worked out when the ma
 
 from collections.abc import Sequence
 
-from rmr.bytecode.program import DeriveFact, Kind, Program, Strategy
+from rmr.base.streams import Choices
+from rmr.bytecode.program import DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
 from rmr.vm.derive import Derived
 from rmr.vm.events import FactSent, RuleFired
-from rmr.vm.generate.body import ME, positives
+from rmr.vm.generate.body import ME
 from rmr.vm.generate.facts import FactWriter
 from rmr.vm.generate.heads import WrittenItem, write_bindings, written_items
 from rmr.vm.generate.layout import Table, tuple_of
@@ -58,24 +59,32 @@ class LoopWriter:
             if timed:
                 lines(f"vm.stale |= vm.ready & {timed}")
             with lines.block("for _ in range(vm._budget):"):
-                with lines.block("if vm.wanting:"):
-                    lines("if vm.fire_wanted(now): continue", "return")
-                lines("stale = vm.stale")
-                with lines.block("if stale:"):
-                    lines("vm.stale = 0")
+                with lines.block("if vm.heed:"):
+                    lines("if vm.fire_heeded(now): continue", "return")
+                with lines.block("if vm.stale:"):
+                    lines("stale = vm.stale", "vm.stale = 0")
                     with lines.block("while stale:"):
                         lines("low = stale & -stale", "stale ^= low", "FIND[low](vm, now)")
                 lines("ready = vm.ready")
-                lines("if not ready:", " vm.busy = False", " return")
                 with lines.block("if ready & (ready - 1):"):
                     if self._program.strategy is Strategy.TEXTUAL:
                         lines("ready &= -ready")
                     else:
-                        lines("draw = vm._choices.below(ready.bit_count())")
-                        lines("while draw: ready &= ready - 1; draw -= 1", "ready &= -ready")
+                        self._draw()
+                lines("elif not ready:", " vm.busy = False", " return")
                 lines("vm.firings += 1")
                 if self._plans:
                     self._choose(0, len(self._plans))
+
+    def _draw(self) -> None:
+        """Write that one of the satisfied rules is drawn: `Choices.below` in line."""
+        lines = self._lines
+        one, other = Choices.MULTIPLIERS
+        lines("choices = vm._choices")
+        lines(f"choices.state = z = choices.state + {Choices.GAMMA} & {Choices.MASK}")
+        lines(f"z = (z ^ z >> 30) * {one} & {Choices.MASK}", f"z = (z ^ z >> 27) * {other} & {Choices.MASK}")
+        lines("draw = ((z ^ z >> 31) >> 32) * ready.bit_count() >> 32")
+        lines("while draw: ready &= ready - 1; draw -= 1", "ready &= -ready")
 
     def _choose(self, first: int, end: int) -> None:
         """Write the firing of one of the rules from `first` up to before `end`."""
@@ -102,17 +111,19 @@ class LoopWriter:
         slots = write_bindings(lines, self._pool, plan.rule, self._tables, plan.facts)
         chains = written_items(plan.rule, slots, self._program, self._pool, self._tables)
         assert chains is not None
-        atoms = dict(positives(plan.rule.body))
-        made = [item for chain in chains for item in chain if isinstance(item.item, DeriveFact)]
-        in_line = len(made) <= len(plan.consumed) and all(map(self._is_in_line, made))
-        in_line = in_line and all(len(chain) == 1 for chain in chains)
-        change = (len(made) if in_line else 0) - len(plan.consumed)
+        items = [item for chain in chains for item in chain]
+        made = [item for item in items if isinstance(item.item, DeriveFact)]
+        plain = all(len(chain) == 1 for chain in chains) and not any(isinstance(i.item, DeriveGoal) for i in items)
+        in_line = plain and all(map(self._is_in_line, made))
+        roomy = in_line and len(made) <= len(plan.consumed) and all(map(self._is_temporary, made))
+        change = (len(made) if roomy else 0) - len(plan.consumed)
         if change:
             lines(f"vm.count += {change}")
+        atoms = dict(plan.atoms)
         for place in plan.consumed:
             self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
         for chain in chains:
-            self._derive(chain, in_line)
+            self._derive(chain, in_line, roomy)
 
     def _take(self, plan: RulePlan) -> None:
         """Write what takes the match out of what the rule keeps."""
@@ -120,48 +131,51 @@ class LoopWriter:
         if plan.way is Way.SINGLE:
             lines(f"{names[0]} = vm.m{r}")
             if plan.may_break:
-                note = f"; vm.fired[{r}].fire(({names[0]}[1],))" if plan.once else ""
+                note = f"; vm.fired[{r}].fire(({names[0]},))" if plan.once else ""
                 lines(f"if vm.broken & {plan.bit}: vm.stale |= {plan.bit}{note}")
-            lines(f"vm.m{r} = f = vm.q{r} and next_of(vm.q{r})")
-            lines(f"if f is None: vm.q{r} = None; vm.ready &= {~plan.bit}")
-            if plan.valued:
-                lines(f"else: vm.stale |= {plan.bit}")
+            lines(f"if vm.q{r} is None: vm.m{r} = None; vm.ready ^= {plan.bit}")
+            with lines.block("else:"):
+                lines(f"vm.m{r} = f = next_of(vm.q{r})", f"if f is None: vm.q{r} = None; vm.ready ^= {plan.bit}")
+                if plan.valued:
+                    lines(f"else: vm.stale |= {plan.bit}")
             return
-        if plan.way is Way.AGAIN:
-            lines(f"e = vm.k{r}.pop()")
-            if plan.once:
-                lines(f"vm.fired[{r}].fire(e[:{len(names)}])")
-        else:
-            lines(f"kept = vm.k{r}", "e = heappop(kept)")
-            if plan.once and plan.may_break:
-                lines(f"if vm.broken & {plan.bit}: vm.fired[{r}].fire(e[:{len(names)}])")
-        if plan.once and not plan.may_break and plan.way is Way.JOIN:
-            lasting = all(self._tables[atom.predicate].lasting for _, atom in plan.atoms)
-            lines(f"{'if not kept: ' if lasting else ''}vm.stale |= {plan.bit}")
-        else:
-            lines(f"vm.stale |= {plan.bit}")
-        if names:
-            lines(f"{', '.join([*['_'] * len(names), *names])} = e")
+        lines(f"kept = vm.k{r}", f"{tuple_of(names)} = e = kept.pop()" if names else "e = kept.pop()")
+        if plan.once and plan.way is Way.AGAIN:
+            lines(f"vm.fired[{r}].fire(e)")
+        elif plan.once and plan.may_break:
+            lines(f"if vm.broken & {plan.bit}: vm.fired[{r}].fire(e)")
+        lasting = plan.once and all(self._tables[atom.predicate].lasting for _, atom in plan.atoms)
+        stays = lasting and plan.way is Way.JOIN and not plan.may_break
+        lines(f"{'if not kept: ' if stays else ''}vm.stale |= {plan.bit}")
 
     def _is_in_line(self, item: WrittenItem) -> bool:
-        """Tell whether a fact is inserted in line: for what a rule consumes there is as much room afterwards."""
-        predicate = self._program.predicates[item.item.predicate]
-        few = len(self._facts.readers(item.item.predicate)) <= IN_LINE_MAX
-        return item.mine and predicate.kind is Kind.TEMPORARY and few
+        """Tell whether the insertion of a fact is written out."""
+        return item.mine and len(self._facts.readers(item.item.predicate)) <= IN_LINE_MAX
 
-    def _derive(self, chain: list[WrittenItem], in_line: bool) -> None:
+    def _is_temporary(self, item: WrittenItem) -> bool:
+        """Tell whether there is room for a fact if another one has gone: it is never too long, and always new."""
+        table = self._tables[item.item.predicate]
+        return table.linear and not table.long
+
+    def _derive(self, chain: list[WrittenItem], in_line: bool, roomy: bool) -> None:
         lines, pool = self._lines, self._pool
         item = chain[0]
         if len(chain) > 1 or not isinstance(item.item, DeriveFact):
             sources = [each.write(lines, pool) for each in chain]
-            lines(f"vm._follow(now, {tuple_of(sources)})")
+            if len(sources) == 1 and isinstance(item.item, DeriveAction):
+                lines(f"vm._act(now, {sources[0]})")
+            else:
+                lines(f"vm._follow(now, {tuple_of(sources)})")
             return
         args = [each.text for each in item.args]
         predicate = item.item.predicate
         if item.mine and in_line:
             names = [f"a{place}" for place in range(len(args))]
             lines(*[f"{name} = {text}" for name, text in zip(names, args, strict=True)])
-            self._facts.add(predicate, names, "")
+            if roomy:
+                self._facts.add(predicate, names, "")
+            else:
+                self._facts.add_if_new(predicate, names)
         elif item.mine:
             lines(f"add{predicate}({', '.join(['vm', 'now', *args])})")
         else:

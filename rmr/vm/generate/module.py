@@ -9,7 +9,7 @@ from rmr.bytecode.program import Program
 from rmr.vm.generate.again import AgainWriter
 from rmr.vm.generate.facts import FactWriter, mask
 from rmr.vm.generate.heads import HeadWriter, write_bindings, written_items
-from rmr.vm.generate.layout import column, tables_of, write_probes
+from rmr.vm.generate.layout import Table, column, tables_of, write_probes
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.loop import LoopWriter
 from rmr.vm.generate.plan import RulePlan, Way
@@ -34,6 +34,8 @@ class Module:
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
             plan.valued = self._is_valued(plan)
+        for table in self.tables:
+            table.log = self._is_log(table)
         self.source = self._write()
         self.names: dict[str, Any] = self.pool.globals
         self.names["FIND"] = find = {}
@@ -69,6 +71,14 @@ class Module:
         slots = write_bindings(lines, pool, plan.rule, self.tables, plan.facts)
         chains = written_items(plan.rule, slots, self.program, pool, self.tables)
         return chains is None or any(item.fails for chain in chains for item in chain)
+
+    def _is_log(self, table: Table) -> bool:
+        """Tell whether only queues, and the host, ask for the facts of a predicate."""
+        readers = [plan for plan in self.plans if table.index in plan.read()]
+        single = all(
+            plan.way is Way.SINGLE and not plan.may_break and table.index not in plan.inner for plan in readers
+        )
+        return table.linear and not table.dated and single
 
     def _write(self) -> str:
         lines = Lines()
@@ -110,4 +120,4 @@ class Module:
         self._slots = [*nothing, *zero, *[f"t{table.index}" for table in self.tables]]
         with lines.block("def reset(vm):"):
             lines("pass", *[f"vm.{name} = None" for name in nothing], *[f"vm.{name} = 0" for name in zero])
-            lines(*[f"{table.name} = {{}}" for table in self.tables])
+            lines(*[f"{table.name} = {'[]' if table.log else '{}'}" for table in self.tables])

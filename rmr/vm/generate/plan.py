@@ -15,7 +15,7 @@ from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
 from rmr.vm.generate.body import Placed, Slots, positives, slots_of
 from rmr.vm.generate.expressions import condition, expression, narrowed
-from rmr.vm.generate.layout import Table, column
+from rmr.vm.generate.layout import Table, column, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.interpreter import uses_now
 from rmr.vm.match import plan_atom
@@ -74,8 +74,8 @@ class RulePlan:
         return list(self.facts.values())
 
     def entry(self) -> str:
-        """What a match is kept as: the serials, then the facts."""
-        return f"({', '.join([*(f'{each}[1]' for each in self.names()), *self.names()])},)"
+        """What a match is kept as: its facts, the oldest match is the least."""
+        return tuple_of(self.names())
 
     def read(self) -> set[int]:
         """The predicates on which it depends whether the rule is satisfied and what it does."""

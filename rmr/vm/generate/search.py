@@ -1,13 +1,13 @@
 """The functions that find the match with which a rule fires next: the oldest facts, conjunct by conjunct.
 
 ``find{rule}`` is called when that match may have gone or an earlier one may have come, and leaves in the machine
-whether the rule is satisfied. Of a rule that joins atoms the machine keeps: the tops that have not been tried, the top that may have more matches than the one found, the serial of the
-last top tried, the new facts of the other atoms, and a heap of the matches found. What lies behind the top that is
-open is not looked at before it is needed.
+whether the rule is satisfied. Of a rule that joins atoms the machine keeps: the tops that have not been tried, the
+top that may have more matches than the one found, the serial of the last top tried, the new facts of the other atoms,
+and the matches found, the oldest last. What lies behind the top that is open is not looked at before it is needed.
+Matches are compared by their facts, and facts by their serials, but for those that are gone: they come to the end.
 """
 
 from collections.abc import Sequence
-from heapq import heapify, heappop, heappush
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
@@ -42,7 +42,7 @@ def next_of(queue: list[Any]) -> list[Any] | None:
     return None
 
 
-HELPERS = (("heappush", heappush), ("heappop", heappop), ("heapify", heapify), ("next_of", next_of))
+
 
 
 class SearchWriter:
@@ -55,8 +55,7 @@ class SearchWriter:
         self._tables = tables
         self._r = plan.index
         self._places = [place for place, _ in plan.atoms]
-        for name, function in HELPERS:
-            pool.helper(name, function)
+        pool.helper("next_of", next_of)
         pool.helper("NoValue", NoValue)
 
     def write(self) -> None:
@@ -116,7 +115,7 @@ class SearchWriter:
             lines(f"{ME} = vm.robot")
             body = Body(lines, self._pool, self._tables, Slots(), "return", limit=limit)
             body.take(seed, dict(plan.atoms)[seed], fact)
-            body.seek(order_from(plan, seed), lambda: lines(f"heappush(kept, {plan.entry()})"))
+            body.seek(order_from(plan, seed), lambda: lines(f"kept.append({plan.entry()})"))
 
     def _find_join(self) -> None:
         lines, plan, r = self._lines, self._plan, self._r
@@ -132,6 +131,7 @@ class SearchWriter:
                     self._join_new(place)
                 if plan.is_eager:
                     self._try_tops()
+                    lines("if len(kept) > 1: kept.sort(reverse=True)")
                     lines(f"vm.w{r} = vm.s")
                     self._drop_gone()
                     with lines.block("else:"):
@@ -144,18 +144,17 @@ class SearchWriter:
             if failing:
                 lines("except NoValue:", f" return vm.break_off({r}, now)")
             if plan.valued:
-                names = [f"e[{len(self._places) + i}]" for i in range(len(self._places))]
-                lines("e = kept[0]", f"vm.v{r} = v = value{r}(vm, now, {', '.join(names)})")
+                lines(f"vm.v{r} = v = value{r}(vm, now, *kept[-1])")
                 lines(f"if v is None: return vm.break_off({r}, now)")
             lines(f"vm.ready |= {plan.bit}")
 
     def _drop_gone(self) -> None:
-        """Write the loop that leaves at the head of the heap a match that holds, or takes its else."""
-        lines, n = self._lines, len(self._places)
+        """Write the loop that leaves at the end of what is kept a match that holds, or takes its else."""
+        lines = self._lines
         with lines.block("while kept:"):
-            lines("e = kept[0]")
-            held = " and ".join(f"e[{n + i}][0]" for i in range(n))
-            lines(f"if {held}: break", "heappop(kept)")
+            lines("e = kept[-1]")
+            held = " and ".join(f"e[{place}][0]" for place in range(len(self._places)))
+            lines(f"if {held}: break", "kept.pop()")
 
     def _try_tops(self) -> None:
         """Write the search in the open top and then in the others, until there is a match."""
@@ -182,7 +181,7 @@ class SearchWriter:
             if plan.once:
                 lines(f"below{r}(vm, now, f, kept)")
                 if not plan.is_eager:
-                    lines("if kept: break")
+                    lines("if kept: kept.reverse(); break")
             else:
                 lines(f"e = below{r}(vm, now, f)")
                 with lines.block("if e is not None:"):
@@ -196,19 +195,17 @@ class SearchWriter:
         lines, plan, r = self._lines, self._plan, self._r
         with lines.block(f"if vm.n{r}_{place} is not None:"):
             lines(f"new = vm.n{r}_{place}", f"vm.n{r}_{place} = None")
-            before = f"vm.l{r} + 1"
-            if not plan.once:
+            if plan.once:
+                lines(f"before = vm.l{r} + 1")
+            else:
                 lines(f"f = vm.c{r}", f"before = vm.l{r} + (f is None or not f[0])")
                 if place != self._places[1]:
-                    with lines.block("if f is not None:"):
-                        n = len(self._places)
-                        lines(f"vm.k{r} = kept = [e for e in kept if e[{n}] is not f]", "heapify(kept)")
+                    lines("if f is not None and kept and kept[0][0] is f: del kept[0]")
                 with lines.block(f"if len(new) > {NEW_MAX} or len(kept) > {KEPT_MAX}:"):
                     lines(f"restart{r}(vm)", f"kept = vm.k{r}", "new = ()")
-            else:
-                lines(f"before = {before}")
             with lines.block("for f in new:"):
                 lines(f"if f[0]: fresh{r}_{place}(vm, now, f, before, vm.w{r}, kept)")
+            lines("if len(kept) > 1: kept.sort(reverse=True)")
 
     def write_restart(self, top_gate: Sequence[str]) -> None:
         """Write the function that lets all tops be tried again; `top_gate` are the conditions on a top ``f``."""
