@@ -34,10 +34,14 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--case", type=int, help="show this one alone")
-    parser.add_argument("--engine", choices=names, default=names[-1], help="the engine held against the interpreter")
-    parser.add_argument("--broken", choices=list(BREAKS), help="let the engine be wrong on purpose")
+    parser.add_argument("--engine", choices=names, default=Engine.GENERATED.value, help="held against the interpreter")
+    parser.add_argument(
+        "--broken", choices=list(BREAKS), help="hold an interpreter against it that is wrong on purpose"
+    )
     parser.add_argument("--into", type=Path, default=Path(__file__).parent / "kept", help="folder for small cases")
     options = parser.parse_args()
+    if options.broken:
+        options.engine = Engine.INTERPRETER.value
     if options.case is not None:
         return repeat(options.seed, options.case, options.engine, options.broken)
     return campaign(options)
