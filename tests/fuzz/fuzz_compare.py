@@ -40,6 +40,7 @@ class Case:
     """Firings of one run."""
     draws: str
     """The name of the stream from which the machine draws."""
+    robot: int = HOME
     small: bool = False
     """All bounds are small."""
     trace: bool = True
@@ -104,7 +105,7 @@ class Play:
         self.case = case
         self.choices = Choices(case.draws)
         self.machine: Machine = new_machine(
-            case.program, HOME, self.choices, engine=engine, firing_budget=case.budget, trace=case.trace
+            case.program, case.robot, self.choices, engine=engine, firing_budget=case.budget, trace=case.trace
         )
 
     def step(self, number: int) -> Seen:

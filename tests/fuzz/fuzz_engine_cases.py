@@ -16,7 +16,7 @@ from fuzz_broken import broken
 from fuzz_compare import Case, Difference, Seen, difference, expected
 from fuzz_events import Script
 from fuzz_mutations import parts, restructured
-from fuzz_programs import Lively
+from fuzz_programs import HOME, Lively
 from fuzz_shrink import shrunk
 
 from rmr.bytecode.codec import BytecodeError, decode
@@ -38,6 +38,9 @@ SOURCES = sorted(
 KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2]
 BUDGETS = [1, 1, 1, 2, 2, 7, 7, 500]
 """Firings of one run: few, so that events come while rules are still satisfied."""
+
+ROBOTS = [HOME] * 5 + [2]
+"""On which robot the program runs; most of what is drawn is for the first."""
 
 TRACED = 0.7
 """How often facts that come and go are told."""
@@ -73,7 +76,8 @@ def made(seed: int, number: int) -> tuple[str, Case]:
     program = {"drawn": _drawn, "compiled": _compiled, "mutated": _mutated}[kind](rng)
     script = Script(program, rng).steps()
     small = kind == "drawn" and rng.random() < SMALL_BOUNDS
-    return kind, Case(program, tuple(script), rng.choice(BUDGETS), f"{seed}/{number}", small, rng.random() < TRACED)
+    budget, robot, traced = rng.choice(BUDGETS), rng.choice(ROBOTS), rng.random() < TRACED
+    return kind, Case(program, tuple(script), budget, f"{seed}/{number}", robot, small, traced)
 
 
 def judged(seed: int, number: int, engine: Engine, wrong: str | None = None) -> Judged:

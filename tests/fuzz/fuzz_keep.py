@@ -28,6 +28,7 @@ def write(path: Path, case: Case, why: str) -> None:
         "why": why.splitlines(),
         "budget": case.budget,
         "draws": case.draws,
+        "robot": case.robot,
         "small": case.small,
         "trace": case.trace,
         "script": [[step.call, *(to_json(arg) for arg in step.args)] for step in case.script],
@@ -43,7 +44,7 @@ def read(path: Path) -> Case:
     thing = json.loads(path.read_text("utf-8"))
     script = tuple(Step(call, tuple(map(from_json, args))) for call, *args in thing["script"])
     program = decode(bytes.fromhex(thing["program"]))
-    return Case(program, script, thing["budget"], thing["draws"], thing["small"], thing["trace"])
+    return Case(program, script, *[thing[each] for each in ("budget", "draws", "robot", "small", "trace")])
 
 
 def _laid_out(thing: dict[str, object]) -> str:
