@@ -5,7 +5,7 @@ is here is what the generated code seldom needs: rules that are matched anew aft
 hang on what a match derives.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from rmr.base.identity import ByIdentity
@@ -134,6 +134,23 @@ class Generated(Machine):
     def _table(self, predicate: int) -> dict[Any, GoneFact]:
         table: dict[Any, GoneFact] = getattr(self, f"t{predicate}")
         return table
+
+    def insert(self, now: Instant, predicate: int, args: Args) -> None:
+        """Insert a fact from outside, of any kind; a sensed or persistent one that holds is no insertion.
+
+        Raises:
+            ValueError: `args` (without the owner) are not what the predicate declares.
+        """
+        self._now = now
+        jobs = self._any_jobs
+        if jobs is not None and jobs.due < now:
+            self._miss(now - 1)
+        self.module.arrive[predicate](self, now, args)
+
+    def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
+        add = self.module.add
+        for predicate, args in facts:
+            add[predicate](self, now, *args)
 
     def _insert(self, now: Instant, predicate: int, args: Args) -> None:
         self.module.add[predicate](self, now, *args)
@@ -372,7 +389,9 @@ class Generated(Machine):
             self.fired[r].fire(entry)
         elif plan.way is Way.SINGLE:
             fact = entry[0]
-            left = [each for each in (getattr(self, f"m{r}"), *self._waiting(r)) if each is not None and each is not fact]
+            left = [
+                each for each in (getattr(self, f"m{r}"), *self._waiting(r)) if each is not None and each is not fact
+            ]
             setattr(self, f"m{r}", left[0] if left else None)
             setattr(self, f"q{r}", [0, *left[1:]] if left[1:] else None)
         else:

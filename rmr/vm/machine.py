@@ -13,6 +13,7 @@ the host sleeps until `next_wake`.
 """
 
 from abc import abstractmethod
+from collections.abc import Iterable
 
 from rmr.base.streams import Choices
 from rmr.base.time import NEVER, Instant
@@ -89,8 +90,7 @@ class Machine(Parts):
         shared = self._shared
         if shared.number is not None:
             self.insert(now, shared.number, (int(self.robot),))
-        for predicate, args in shared.facts(self.robot):
-            self._insert(now, predicate, args)
+        self._insert_all(now, shared.facts(self.robot))
         for goal in self.program.goals:
             if goal.owner is None or goal.owner == self.robot:
                 self._want(now, goal.predicate, goal.args)
@@ -132,7 +132,7 @@ class Machine(Parts):
         """
         self._arrive(now)
         args = self._shared.gate.action(predicate, args)
-        self._act(now, Derived(_ACTION, predicate, self.robot, args), (), origin)
+        self._act(now, predicate, self.robot, args, (), origin)
 
     def complete(self, now: Instant, serial: int, ok: bool, executor: int | None = None) -> bool:
         """End an action: insert its effects, or the else effects, then derive the step behind it unless it failed.
@@ -146,7 +146,7 @@ class Machine(Parts):
         if awaited is None:
             return False
         action, then = awaited
-        if action.owner == self.robot:
+        if action.executor == self.robot:
             for effect, doubts in self._shared.effects(action.predicate, ok):
                 self._take_effect(now, effect, doubts, action)
         if ok:
@@ -263,6 +263,11 @@ class Machine(Parts):
 
     # What happens inside
 
+    def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
+        """Insert facts, given with their predicates."""
+        for predicate, args in facts:
+            self._insert(now, predicate, args)
+
     def _arrive(self, now: Instant) -> None:
         """Let pass what was due before something happens at `now`."""
         self._now = now
@@ -274,7 +279,7 @@ class Machine(Parts):
         """Derive steps up to the first action; what stands behind it waits for its end."""
         for place, item in enumerate(chain):
             if item.role is _ACTION:
-                self._act(now, item, chain[place + 1 :])
+                self._act(now, item.predicate, item.owner, item.args, chain[place + 1 :])
                 return
             self._give(now, item)
 
@@ -320,15 +325,23 @@ class Machine(Parts):
         self._events += self._goals.want(now, predicate, args)
         self._goals_changed(predicate)
 
-    def _act(self, now: Instant, item: Derived, then: Chain = (), origin: tuple[int, int] | None = None) -> None:
+    def _act(
+        self,
+        now: Instant,
+        predicate: int,
+        executor: int,
+        args: Args,
+        then: Chain = (),
+        origin: tuple[int, int] | None = None,
+    ) -> None:
         """Report an action; its end is awaited if this robot executes it, or if steps follow."""
-        _, predicate, owner, args = item
-        serial = 0
-        if then or owner == self.robot:
-            serial = (self._any_actions or self._under_way).begin(now, item, then)
-        self._events.append(ActionDerived(serial, predicate, owner, args, origin))
+        if then or executor == self.robot:
+            under_way = self._any_actions or self._under_way
+            self._events.append(under_way.begin(now, predicate, executor, args, then, origin))
+        else:
+            self._events.append(ActionDerived(0, predicate, executor, args, origin))
 
-    def _take_effect(self, now: Instant, effect: Effect, doubts: Doubts, action: Derived) -> None:
+    def _take_effect(self, now: Instant, effect: Effect, doubts: Doubts, action: ActionDerived) -> None:
         try:
             fact = evaluated(effect, [self.robot, *action.args], now, doubts)
         except NoValue as reason:
@@ -347,4 +360,4 @@ class Machine(Parts):
             except NoValue as reason:
                 self._failures.tell(job.deadline, f"violation of assertion {job.name}", str(reason))
                 continue
-            self._act(job.deadline, violation)
+            self._act(job.deadline, violation.predicate, violation.owner, violation.args)

@@ -3,7 +3,7 @@
 A thousand robots of one process run one program. What a machine carries for itself is what has happened to it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from rmr.base.identity import ByIdentity
@@ -38,7 +38,7 @@ class Affairs(NamedTuple):
 class Shared:
     """What a program says to all its robots."""
 
-    __slots__ = ("_affairs", "_effects", "_named", "_program", "_stated", "gate", "number", "violations")
+    __slots__ = ("_affairs", "_effects", "_named", "_program", "_stated", "_told", "gate", "number", "violations")
 
     def __init__(self, program: Program) -> None:
         number = program.index(ROBOT_NUMBER)
@@ -47,6 +47,9 @@ class Shared:
         self.gate = Gate(program.predicates)
         self._stated = [(fact, any(isinstance(arg, Slot) for arg in fact.args)) for fact in program.facts]
         """The stated facts, each with whether the robot itself stands in it."""
+        alike = all(fact.owner is None and not itself for fact, itself in self._stated)
+        self._told: list[tuple[int, Args]] | None = list(self._each_fact(0)) if alike else None
+        """Their predicates and arguments if they are the same for all robots."""
         self._effects = [
             tuple([_effects(effects, program) for effects in (predicate.else_effects, predicate.effects)])
             for predicate in program.predicates
@@ -72,11 +75,14 @@ class Shared:
         """Return what the end of an action inserts; facts that are sensed are left to the senses."""
         return self._effects[action][ok]
 
-    def facts(self, robot: Robot) -> Iterator[tuple[int, Args]]:
-        """Yield the predicates and arguments of the facts that the program states for `robot`."""
+    def facts(self, robot: Robot) -> Iterable[tuple[int, Args]]:
+        """Return the predicates and arguments of the facts that the program states for `robot`."""
+        return self._each_fact(robot) if self._told is None else self._told
+
+    def _each_fact(self, robot: int) -> Iterator[tuple[int, Args]]:
         for fact, itself in self._stated:
             if fact.owner is None or fact.owner == robot:
-                yield fact.predicate, _args(fact, robot) if itself else fact.args  # type: ignore[misc]
+                yield fact.predicate, _args(fact, Robot(robot)) if itself else fact.args  # type: ignore[misc]
 
 
 shared_of = ByIdentity(Shared)

@@ -11,7 +11,8 @@ from typing import NamedTuple
 from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.vm.bounds import Dropped
-from rmr.vm.derive import Chain, Derived
+from rmr.vm.derive import Chain
+from rmr.vm.events import ActionDerived, Args
 
 ACTIONS_MAX = 1024
 """Actions of which the end is awaited; beyond that the oldest are forgotten."""
@@ -23,7 +24,7 @@ CHAINS_MAX = 256
 class Awaited(NamedTuple):
     """An action of which the end is awaited."""
 
-    action: Derived
+    action: ActionDerived
     then: Chain
     """The steps behind it."""
 
@@ -39,23 +40,31 @@ class UnderWay:
         self._serial = 0
         self._forgotten = 0
         """The serial of the last action that was forgotten: those that are awaited are younger."""
-        self._actions: dict[int, Derived] = {}
+        self._actions: dict[int, ActionDerived] = {}
         self._chains: dict[int, Chain] = {}
 
-    def begin(self, now: Instant, action: Derived, then: Chain) -> int:
-        """Return the serial of an action which this robot executes, or behind which there are steps."""
+    def begin(
+        self,
+        now: Instant,
+        predicate: int,
+        executor: int,
+        args: Args,
+        then: Chain = (),
+        origin: tuple[int, int] | None = None,
+    ) -> ActionDerived:
+        """Return the report of an action which this robot executes, or behind which there are steps."""
         if len(self._actions) >= ACTIONS_MAX or (then and len(self._chains) >= CHAINS_MAX):
             self._make_room(now, bool(then))
         self._serial = serial = self._serial + 1
-        self._actions[serial] = action
+        self._actions[serial] = action = ActionDerived(serial, predicate, executor, args, origin)
         if then:
             self._chains[serial] = then
-        return serial
+        return action
 
     def end(self, serial: int, executor: int | None) -> Awaited | None:
         """Take out an action that has ended; None if it is not awaited, or not from `executor` (None: anybody)."""
         action = self._actions.get(serial)
-        if action is None or executor not in (None, action.owner):
+        if action is None or executor not in (None, action.executor):
             return None
         del self._actions[serial]
         return Awaited(action, self._chains.pop(serial, ()))
@@ -74,5 +83,5 @@ class UnderWay:
             oldest = next(iter(self._chains))
             del self._chains[oldest]
             self._dropped.add("chains", CHAINS_MAX, now)
-            if self._actions[oldest].owner != self._robot:
+            if self._actions[oldest].executor != self._robot:
                 del self._actions[oldest]  # awaited for nothing else

@@ -160,12 +160,13 @@ class LoopWriter:
     def _derive(self, chain: list[WrittenItem], in_line: bool, roomy: bool) -> None:
         lines, pool = self._lines, self._pool
         item = chain[0]
+        if len(chain) == 1 and isinstance(item.item, DeriveAction):
+            action = f"{item.item.predicate}, {item.owner.text}, {tuple_of([each.text for each in item.args])}"
+            lines(f"vm._act(now, {action})")
+            return
         if len(chain) > 1 or not isinstance(item.item, DeriveFact):
             sources = [each.write(lines, pool) for each in chain]
-            if len(sources) == 1 and isinstance(item.item, DeriveAction):
-                lines(f"vm._act(now, {sources[0]})")
-            else:
-                lines(f"vm._follow(now, {tuple_of(sources)})")
+            lines(f"vm._follow(now, {tuple_of(sources)})")
             return
         args = [each.text for each in item.args]
         predicate = item.item.predicate

@@ -1,12 +1,17 @@
 """The module made from a program: its source, and what Python makes of it.
 
-Source is made of verified programs only, on the machine that runs it, and never read from anywhere.
+Source is made of verified programs only, on the machine that runs it, and never read from anywhere. Python takes
+longer to compile it than all else that is done to load a program, so what only one rule needs waits, as text, until
+that rule is looked at.
 """
 
+from collections.abc import Callable
 from typing import Any
 
-from rmr.bytecode.program import Program
+from rmr.base.time import Instant
+from rmr.bytecode.program import Kind, Program
 from rmr.vm.generate.again import AgainWriter
+from rmr.vm.generate.arrivals import write_arrival
 from rmr.vm.generate.facts import FactWriter, mask
 from rmr.vm.generate.heads import HeadWriter, write_bindings, written_items
 from rmr.vm.generate.layout import Table, column, tables_of, write_probes
@@ -14,8 +19,10 @@ from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.loop import LoopWriter
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.search import SearchWriter
-from rmr.vm.generate.body import Slots
 from rmr.vm.generate.source import Pool
+from rmr.vm.outside import Gate
+from rmr.vm.shared import shared_of
+from rmr.vm.store import Args
 
 
 def follow(vm: Any, now: int, chain: Any) -> None:
@@ -36,15 +43,15 @@ class Module:
             plan.valued = self._is_valued(plan)
         for table in self.tables:
             table.log = self._is_log(table)
-        self.source = self._write()
         self.names: dict[str, Any] = self.pool.globals
-        self.names["FIND"] = find = {}
-        exec(compile(self.source, "<rules>", "exec"), self.names)
-        for plan in self.plans:
-            find[plan.bit] = self.names[f"find{plan.index}"]
+        self._waiting: dict[int, str] = {}
+        """By rule, the source of its own functions, until it is needed."""
+        self._find = self.names["FIND"] = {plan.bit: self._first_look(plan) for plan in self.plans}
+        self.run(self._write())
         count = len(program.predicates)
         self.add = [self.names[f"add{predicate}"] for predicate in range(count)]
         self.remove = [self.names[f"remove{predicate}"] for predicate in range(count)]
+        self.arrive = Arrivals(self, shared_of(program).gate)
         self.fire = self.names["fire"]
         self.reset = self.names["reset"]
         self.at_first = mask([plan for plan in self.plans if plan.way is Way.AGAIN])
@@ -53,16 +60,37 @@ class Module:
         self.slots: list[str] = self._slots
         self._slow: set[int] = set()
 
+    def search(self, rule: int) -> None:
+        """Make the functions that look for a rule's matches, unless they are there."""
+        source = self._waiting.pop(rule, None)
+        if source is not None:
+            self.run(source)
+            self._find[self.plans[rule].bit] = self.names[f"find{rule}"]
+
     def slow(self, rule: int) -> None:
         """Make the functions that enumerate a rule's matches as the specification does, unless they are there."""
         if rule in self._slow:
             return
         self._slow.add(rule)
+        self.search(rule)
         lines = Lines()
         if self.plans[rule].way is not Way.AGAIN:
             AgainWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
         HeadWriter(self.program, rule, lines, self.pool, self.tables, index=False).write()
-        exec(compile(lines.text, "<rules>", "exec"), self.names)
+        self.run(lines.text)
+
+    def run(self, source: str) -> None:
+        """Let Python make functions of `source`."""
+        exec(compile(source, "<rules>", "exec"), self.names)
+
+    def _first_look(self, plan: RulePlan) -> Callable[[Any, Instant], None]:
+        """Return what stands for the function that looks for a rule's matches until there is one."""
+
+        def find(vm: Any, now: Instant) -> None:
+            self.search(plan.index)
+            self._find[plan.bit](vm, now)
+
+        return find
 
     def _is_valued(self, plan: RulePlan) -> bool:
         if plan.way is Way.AGAIN:
@@ -84,22 +112,28 @@ class Module:
         lines = Lines()
         facts = FactWriter(lines, self.pool, self.tables, self.plans)
         for plan in self.plans:
-            search = SearchWriter(plan, lines, self.pool, self.tables)
-            search.write()
-            if plan.way is Way.AGAIN:
-                AgainWriter(plan, lines, self.pool, self.tables, index=True).write()
-                lines(f"def find{plan.index}(vm, now): vm.again({plan.index}, now)")
-            else:
-                place, atom = plan.atoms[0]
-                columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
-                search.write_restart(facts.tests(atom, columns))
-            if plan.valued:
-                HeadWriter(self.program, plan.index, lines, self.pool, self.tables, index=True, calls=True).write()
+            self._waiting[plan.index] = self._search(plan, facts)
         for predicate in range(len(self.program.predicates)):
             facts.functions(predicate)
         LoopWriter(self.program, lines, self.pool, self.tables, self.plans, facts).write()
         write_probes(lines, self.tables)
         self._write_reset(lines)
+        return lines.text
+
+    def _search(self, plan: RulePlan, facts: FactWriter) -> str:
+        """Return the source of a rule's own functions; what indices they need is laid out with that."""
+        lines = Lines()
+        search = SearchWriter(plan, lines, self.pool, self.tables)
+        search.write()
+        if plan.way is Way.AGAIN:
+            AgainWriter(plan, lines, self.pool, self.tables, index=True).write()
+            lines(f"def find{plan.index}(vm, now): vm.again({plan.index}, now)")
+        else:
+            atom = plan.atoms[0][1]
+            columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
+            search.write_restart(facts.tests(atom, columns))
+        if plan.valued:
+            HeadWriter(self.program, plan.index, lines, self.pool, self.tables, index=True, calls=True).write()
         return lines.text
 
     def _write_reset(self, lines: Lines) -> None:
@@ -119,5 +153,29 @@ class Module:
         nothing += [name for table in self.tables for name in table.indices.values()]
         self._slots = [*nothing, *zero, *[f"t{table.index}" for table in self.tables]]
         with lines.block("def reset(vm):"):
-            lines("pass", *[f"vm.{name} = None" for name in nothing], *[f"vm.{name} = 0" for name in zero])
+            lines("".join([f"vm.{name} = " for name in nothing]) + "None")
+            lines("".join([f"vm.{name} = " for name in zero]) + "0")
             lines(*[f"{table.name} = {'[]' if table.log else '{}'}" for table in self.tables])
+
+
+class Arrivals(dict[int, Callable[[Any, Instant, Args], None]]):
+    """By predicate, the function that checks and inserts a fact from outside, made with the first one."""
+
+    def __init__(self, module: Module, gate: Gate) -> None:
+        super().__init__()
+        self._module = module
+        self._gate = gate
+
+    def __missing__(self, predicate: int) -> Callable[[Any, Instant, Args], None]:
+        tables = self._module.tables
+        if not 0 <= predicate < len(tables) or tables[predicate].predicate.kind is Kind.ACTION:
+            return lambda _vm, _now, args: self._refuse(predicate, args)
+        lines = Lines()
+        name = write_arrival(lines, tables[predicate], self._module.pool, self._gate)
+        self._module.run(lines.text)
+        arrive = self[predicate] = self._module.names[name]
+        return arrive  # type: ignore[no-any-return]
+
+    def _refuse(self, predicate: int, args: Args) -> None:
+        """Raise ValueError: there are no facts of the predicate."""
+        self._gate.fact(predicate, args)

@@ -30,7 +30,7 @@ class Pool:
     """The names of one generated module: temporaries ``t0`` .., constants ``k0`` .., and the functions it calls."""
 
     def __init__(self) -> None:
-        self.globals: dict[str, object] = {}
+        self.globals: dict[str, Any] = {}
         """What the generated module must find among its globals."""
         self._temporaries = 0
         self._constants: dict[tuple[type, Symbol | Robot], str] = {}

@@ -1,0 +1,41 @@
+"""How a fact from outside gets in: one function for each predicate that checks the arguments and inserts the fact.
+
+It says of the values that come as a rule that they are what the predicate declares. Whatever else comes is left to
+the gate, which looks more closely, converts, or refuses it.
+"""
+
+from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
+from rmr.bytecode.conform import LENGTH_MAX
+from rmr.bytecode.program import Base
+from rmr.vm.generate.layout import Table
+from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.source import Pool
+from rmr.vm.outside import Gate
+
+CHECKS = {
+    Base.ROBOT: f"type({{0}}) is Robot and 0 <= {{0}} <= {ROBOT_ID_MAX}",
+    Base.INT: f"type({{0}}) is int and {INT_MIN} <= {{0}} <= {INT_MAX}",
+    Base.FLOAT: "type({0}) is float and {0} - {0} == 0.0",
+    Base.BOOL: "type({0}) is bool",
+    Base.STRING: f"type({{0}}) is str and len({{0}}) <= {LENGTH_MAX} and {{0}}.isascii()",
+    Base.SYMBOL: f"type({{0}}) is Symbol and len({{0}}) <= {LENGTH_MAX} and {{0}}.isascii()",
+}
+"""What makes sure that a value conforms (`rmr.bytecode.conform`); there is nothing as short for lists."""
+
+
+def write_arrival(lines: Lines, table: Table, pool: Pool, gate: Gate) -> str:
+    """Write the function for the facts of a predicate that is no action and return its name."""
+    index, name = table.index, f"arrive{table.index}"
+    add, checked = f"add{index}(vm, now, ", f"*{pool.helper('gate', gate)}.fact({index}, args))"
+    for helper, thing in (("Robot", Robot), ("Symbol", Symbol)):
+        pool.helper(helper, thing)
+    bases = [kind.base for kind in table.predicate.types]
+    with lines.block(f"def {name}(vm, now, args):"):
+        if bases and all(base in CHECKS for base in bases):
+            names = [f"a{place}" for place in range(len(bases))]
+            with lines.block(f"if len(args) == {len(bases)}:"):
+                lines(f"{', '.join(names)}, = args")
+                lines(f"if {' and '.join([CHECKS[base].format(a) for base, a in zip(bases, names, strict=True)])}:")
+                lines(f" return {add}{', '.join(names)})")
+        lines(f"{add}{checked}")
+    return name
