@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 
-from rmr.vm.generate.body import ME, Body, Slots
+from rmr.vm.generate.body import ME, Body, Slots, loads
 from rmr.vm.generate.layout import Table, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan
@@ -28,6 +28,7 @@ class AgainWriter:
         lines, plan = self._lines, self._plan
         with lines.block(f"def each{plan.index}(vm, now):"):
             lines(f"{ME} = vm.robot")
+            mark = lines.mark()
             body = Body(
                 lines,
                 self._pool,
@@ -40,4 +41,5 @@ class AgainWriter:
             )
             entry = plan.entry() if plan.atoms else "()"
             body.seek(list(enumerate(plan.rule.body)), lambda: lines(f"yield {entry}"))
+            lines.insert(mark, loads(body))
         lines("")

@@ -11,7 +11,7 @@ from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Slot, Type
 from rmr.vm.generate.expressions import condition, expression, narrowed
 from rmr.vm.generate.known import Known
-from rmr.vm.generate.layout import SERIAL, Table, candidates, column, index_key
+from rmr.vm.generate.layout import SERIAL, Positions, Table, candidates, column, index_key
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import AtomStep, plan_atom
@@ -90,6 +90,8 @@ class Body:
         self._may_index = may_index
         self._places: list[tuple[int, int]] = []
         """Of the facts found: place, predicate."""
+        self.uses: dict[str, None] = {}
+        """The indices that are probed: each is to be in a variable of its name."""
         self._loops: list[tuple[int, int]] = []
         """Of the loops: how far in their insides stand, the atom's place."""
 
@@ -113,6 +115,8 @@ class Body:
                 else:
                     self._atom(place, conjunct)
             leaf()
+            if self.lines.is_open:
+                self.lines("pass")
             for depth, place in reversed(self._loops):
                 spent = self._spent(place)
                 if spent is not None:
@@ -167,14 +171,15 @@ class Body:
             if stop is not None:
                 lines(f"if {stop}: {self._skip}")
         else:
-            lines(f"for {fact} in {self._candidates(step, table)}:")
+            candidates, sure = self._candidates(step, table)
+            lines(f"for {fact} in {candidates}:")
             lines.enter()
             self._loops.append((lines.depth, place))
             self._skip = "continue"
             stop = self._limit(place, fact)
             if stop is not None:
                 lines(f"if {stop}: break")
-            self._test(step, fact, self._others(atom, fact))
+            self._test(step, fact, self._others(atom, fact), sure)
         self._found(place, step, table, fact)
 
     def _absent(self, atom: Atom) -> None:
@@ -184,15 +189,13 @@ class Body:
         if key is not None:
             lines(f"if {key} in {table.name}: {self._skip}")
             return
-        tests = self._tests(step, "g")
+        candidates, sure = self._candidates(step, table)
+        tests = self._tests(step, "g", sure)
         passed_over = self._passed_over(atom, "g")
         if passed_over is not None:
             tests.append(passed_over)
-        if not tests:
-            lines(f"if {table.name}: {self._skip}")
-            return
-        with lines.block(f"for g in {self._candidates(step, table)}:"):
-            lines(f"if not ({' or '.join(tests)}): break")
+        with lines.block(f"for g in {candidates}:"):
+            lines(f"if not ({' or '.join(tests)}): break" if tests else "break")
         lines("else:")
         lines.enter()
 
@@ -206,15 +209,16 @@ class Body:
             others.append(passed_over)
         return others
 
-    def _test(self, step: AtomStep, fact: str, others: Sequence[str] = ()) -> None:
-        tests = [*self._tests(step, fact), *others]
+    def _test(self, step: AtomStep, fact: str, others: Sequence[str] = (), sure: Positions = ()) -> None:
+        tests = [*self._tests(step, fact, sure), *others]
         if tests:
             self.lines(f"if {' or '.join(tests)}: {self._skip}")
 
-    def _tests(self, step: AtomStep, fact: str) -> list[str]:
-        """Return the conditions on which a fact does not match."""
-        pairs = [(column(fact, position), self.pool.constant(value)) for position, value in step.tests]
-        pairs += [(column(fact, position), self.slots.names[slot]) for position, slot in step.joins]
+    def _tests(self, step: AtomStep, fact: str, sure: Positions = ()) -> list[str]:
+        """Return the conditions on which a fact does not match; at the positions `sure` it does."""
+        bound = [(position, self.pool.constant(value)) for position, value in step.tests]
+        bound += [(position, self.slots.names[slot]) for position, slot in step.joins]
+        pairs = [(column(fact, position), text) for position, text in bound if position not in sure]
         pairs += [(column(fact, position), column(fact, other)) for position, other in step.twins]
         if step.strict:
             return [f"not {self.pool.helper('same', same)}({one}, {other})" for one, other in pairs]
@@ -238,20 +242,27 @@ class Body:
             return None
         return table.key(self.pool, [values[position] for position in range(table.arity)])
 
-    def _candidates(self, step: AtomStep, table: Table) -> str:
-        """Return facts, oldest first, among them all that match."""
+    def _candidates(self, step: AtomStep, table: Table) -> tuple[str, Positions]:
+        """Return facts, oldest first, among them all that match, and at which positions they surely do."""
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
         if not positions or table.log or not (self._may_index or positions in table.indices):
-            return table.facts
+            return table.facts, ()
         values = self._values(step)
         key = index_key(positions, [values[position] for position in positions])
-        return candidates(table, positions, key)
+        text = candidates(table, positions, key)
+        self.uses.setdefault(table.indices[positions])
+        return text, () if step.strict else positions
 
 
 def positives(body: Sequence[Conjunct]) -> list[tuple[int, Atom]]:
     """Return the atoms of a body that take a fact, with their places."""
     return [(i, each) for i, each in enumerate(body) if isinstance(each, Atom) and each.mode is not Mode.ABSENT]
+
+
+def loads(body: Body) -> list[str]:
+    """Return what puts the indices that a search probes into variables."""
+    return [f"{name} = vm.{name}" for name in body.uses]
 
 
 def serial(fact: str) -> str:

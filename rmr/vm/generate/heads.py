@@ -26,9 +26,11 @@ from rmr.bytecode.program import (
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.aggregate import FOLDS, better
-from rmr.vm.derive import HEAD_PART, MATCHES_MAX, Derived, Role
+from rmr.vm import derive as limits
+from rmr.vm import machine
+from rmr.vm.derive import HEAD_PART, Derived, Role
 from rmr.vm.doubts import doubts, settle
-from rmr.vm.generate.body import ME, Body, Slots, positives, serial
+from rmr.vm.generate.body import ME, Body, Slots, loads, positives, serial
 from rmr.vm.generate.expressions import narrowed
 from rmr.vm.generate.known import NOTHING
 from rmr.vm.generate.layout import Table, column, tuple_of
@@ -193,7 +195,9 @@ class HeadWriter:
         lines, pool = self._lines, self._pool
         slots, scope = Slots(outer), Scope(outer_scope)
         scope.grow(head.body, self._program.predicates)
-        lines("gone = {f[1] for _, f in consumed}", "taken = set()")
+        atoms = [each for each in head.body if isinstance(each, Atom)]
+        if any(self._program.predicates[each.predicate].kind is Kind.TEMPORARY for each in atoms):
+            lines("gone = {f[1] for _, f in consumed}", "taken = set()")
         if isinstance(head, Aggregate):
             lines("values = []", "best = None")
         taking = [(place, atom.predicate) for place, atom in positives(head.body) if atom.mode is Mode.CONSUME]
@@ -209,8 +213,10 @@ class HeadWriter:
             spent=lambda place: next((f"{serial(f'g{each}')} in taken" for each, _ in taking if each < place), None),
             may_index=self._may_index,
         )
+        mark = lines.mark()
         with lines.block(f"for _ in {pool.helper('ONCE', (None,))}:"):
             body.seek(list(enumerate(head.body)), lambda: self._leaf(part, head, body, outer, scope, taking))
+        lines.insert(mark, loads(body))
         if isinstance(head, Aggregate):
             self._aggregated(head, outer, slots, scope)
 
@@ -236,27 +242,34 @@ class HeadWriter:
         lines, pool = self._lines, self._pool
         items = head.head if isinstance(head, Comprehension) else (head.head,)
         no_value = pool.helper("NoValue", NoValue)
-        lines(f"matches += {len(items) or 1}")
-        text = f"more than {MATCHES_MAX} matches in one firing"
-        lines(f"if matches > {MATCHES_MAX}: raise {no_value}({text!r})")
+        if len(items) > 1 or len(positives(head.body)) > 1 or limits.MATCHES_MAX < machine.FACTS_MAX:
+            lines(f"matches += {len(items) or 1}")
+            text = f"more than {limits.MATCHES_MAX} matches in one firing"
+            lines(f"if matches > {limits.MATCHES_MAX}: raise {no_value}({text!r})")
+        if isinstance(head, Comprehension):
+            written = [WrittenItem(item, body.slots, scope, pool, self._tables) for item in items]
+            fails = any(item.fails for item in written)
+        else:
+            term = body.slots.expression(head.term, pool) if head.term is not None else None
+            fails = term is not None and term.fails
         names = []
-        with lines.block("try:"):
-            lines("pass")
+        with lines.level():
+            if fails:
+                lines("try:")
+                lines.enter()
             if isinstance(head, Comprehension):
-                for number, item in enumerate(items):
-                    written = WrittenItem(item, body.slots, scope, pool, self._tables)
-                    source = self._as_call(written)
+                for number, item in enumerate(written):
+                    source = self._as_call(item)
                     if source is None:
-                        lines(f"d{number} = {written.write(lines, pool)}")
+                        lines(f"d{number} = {item.write(lines, pool)}")
                         names.append(f"(follow, (d{number},))" if self._calls else f"(d{number},)")
                     else:
                         lines(f"d{number} = {source}")
                         names.append(f"d{number}")
-            elif head.term is not None:
-                lines(f"value = {body.slots.expression(head.term, pool).text}")
             else:
-                lines("value = 1")
-        lines(f"except {no_value} as reason:", f" {self._tell(part, HEAD_PART, body.found)}", f" {body.skip}")
+                lines(f"value = {term.text if term is not None else 1}")
+        if fails:
+            lines(f"except {no_value} as reason:", f" {self._tell(part, HEAD_PART, body.found)}", f" {body.skip}")
         for place, predicate in taking:
             lines(f"taken.add({serial(f'g{place}')})", f"consumed.append({self._removal(predicate, f'g{place}')})")
         if isinstance(head, Comprehension):

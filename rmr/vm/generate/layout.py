@@ -101,30 +101,32 @@ def index_key(positions: Positions, texts: Sequence[str]) -> str:
 
 
 def candidates(table: Table, positions: Positions, key: str) -> str:
-    """Return facts, oldest first, among them all that have the values of `key` at `positions`."""
+    """Return the facts, oldest first, that have the values of `key` at `positions`; the index is in a variable."""
     name = table.index_on(positions)
-    found = _bucket(table, key)
-    return f"({found} if (x := vm.{name}) is not None else probe_{name}(vm, {key}))"
+    return f"({_bucket(table, name, key)} if {name} is not None else probe_{name}(vm, {key}))"
 
 
-def _bucket(table: Table, key: str) -> str:
-    """Return what the index ``x`` has for a key."""
+def _bucket(table: Table, index: str, key: str) -> str:
+    """Return what an index has for a key."""
     if table.lasting:
-        return f"x.get({key}, NONE)"
-    return f"(b if type(b := x.get({key}, NONE)) is tuple else b.values())"
+        return f"{index}.get({key}, NONE)"
+    return f"(b if type(b := {index}.get({key}, NONE)) is tuple else b.values())"
 
 
 def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
     """Write for each index how it is probed before it is there: a small table needs none."""
     for table in tables:
         for positions, name in table.indices.items():
+            key = index_key(positions, [column("f", position) for position in positions])
             with lines.block(f"def probe_{name}(vm, key):"):
-                with lines.block(f"if len({table.name}) < {FEW}:"):
-                    lines(f"return {table.name}.values()")
-                lines(f"vm.{name} = x = {{}}")
-                with lines.block(f"for f in {table.name}.values():"):
-                    _write_entry(lines, table, positions, "f")
-                lines(f"return {_bucket(table, 'key')}")
+                lines(f"x = vm.{name}")
+                with lines.block("if x is None:"):
+                    with lines.block(f"if len({table.name}) < {FEW}:"):
+                        lines(f"return [f for f in {table.name}.values() if {key} == key]")
+                    lines(f"vm.{name} = x = {{}}")
+                    with lines.block(f"for f in {table.name}.values():"):
+                        _write_entry(lines, table, positions, "f")
+                lines(f"return {_bucket(table, 'x', 'key')}")
 
 
 def write_indexing(lines: Lines, table: Table, fact: str) -> None:

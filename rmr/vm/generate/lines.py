@@ -1,6 +1,6 @@
 """Source text in the making: lines, each as deep as the block that it stands in."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 
@@ -35,6 +35,20 @@ class Lines:
     def enter(self) -> None:
         """Let all that is added from here on stand one step further in, until the enclosing level ends."""
         self.depth += 1
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the last line begins a block in which nothing stands yet."""
+        return bool(self._lines) and self._lines[-1].endswith(":")
+
+    def mark(self) -> int:
+        """Return a place for `insert`."""
+        return len(self._lines)
+
+    def insert(self, mark: int, lines: Iterable[str]) -> None:
+        """Add lines, as deep as the line before, at a place where none have been added yet."""
+        margin = " " * self.depth
+        self._lines[mark:mark] = [margin + line for line in lines]
 
     @property
     def text(self) -> str:

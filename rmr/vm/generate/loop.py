@@ -144,9 +144,10 @@ class LoopWriter:
             lines(f"vm.fired[{r}].fire(e)")
         elif plan.once and plan.may_break:
             lines(f"if vm.broken & {plan.bit}: vm.fired[{r}].fire(e)")
-        lasting = plan.once and all(self._tables[atom.predicate].lasting for _, atom in plan.atoms)
-        stays = lasting and plan.way is Way.JOIN and not plan.may_break
-        lines(f"{'if not kept: ' if stays else ''}vm.stale |= {plan.bit}")
+        if plan.lasting and not plan.may_break:
+            lines(f"if not kept: vm.stale |= {plan.bit}")
+        else:
+            lines(f"vm.stale |= {plan.bit}")
 
     def _is_in_line(self, item: WrittenItem) -> bool:
         """Tell whether the insertion of a fact is written out."""

@@ -55,6 +55,9 @@ class RulePlan:
         self.inner = sorted({each.predicate for body in inner for each in body if isinstance(each, Atom)})
         """The predicates that comprehensions and aggregates read."""
         self.way = self._way(tables)
+        lasting = all(tables[atom.predicate].lasting for _, atom in self.atoms)
+        self.lasting = self.way is Way.JOIN and self.once and lasting and not self.failing
+        """Nothing undoes its matches, and none fails."""
         self._read = {each.predicate for body in bodies(rule) for each in body if isinstance(each, Atom)}
         self.valued = False
         """What it derives is worked out when the match is found: it may have no value, or hangs on other facts."""

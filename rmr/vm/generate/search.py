@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
-from rmr.vm.generate.body import ME, Body, Slots, serial
+from rmr.vm.generate.body import ME, Body, Slots, loads, serial
 from rmr.vm.generate.layout import Table
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way, order_from
@@ -64,6 +64,11 @@ class SearchWriter:
             self._find_single()
         elif self._plan.way is Way.JOIN:
             self._from_top()
+            if self._plan.lasting and not self._plan.may_break:
+                for place in self._places[1:]:
+                    self._fresh(place)
+                self._find_lasting()
+                return
             for place in self._places[1:]:
                 self._fresh(place)
             self._find_join()
@@ -91,6 +96,7 @@ class SearchWriter:
         parameters = f"vm, now, {plan.facts[top]}{', kept' if plan.once else ''}"
         with lines.block(f"def below{r}({parameters}):"):
             lines(f"{ME} = vm.robot")
+            mark = lines.mark()
             body = Body(lines, self._pool, self._tables, Slots(), "return")
             before = [(i, each) for i, each in enumerate(plan.rule.body) if i < top]
             after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
@@ -99,6 +105,7 @@ class SearchWriter:
                 body.take(top, plan.atoms[0][1], plan.facts[top])
                 leaf = f"kept.append({plan.entry()})" if plan.once else f"return {plan.entry()}"
                 body.seek(after, lambda: lines(leaf))
+            lines.insert(mark, loads(body))
 
     def _fresh(self, seed: int) -> None:
         """Write the search for the matches in which the atom at place `seed` takes a new fact."""
@@ -113,9 +120,40 @@ class SearchWriter:
 
         with lines.block(f"def fresh{self._r}_{seed}(vm, now, {fact}, before, known, kept):"):
             lines(f"{ME} = vm.robot")
+            mark = lines.mark()
             body = Body(lines, self._pool, self._tables, Slots(), "return", limit=limit)
             body.take(seed, dict(plan.atoms)[seed], fact)
             body.seek(order_from(plan, seed), lambda: lines(f"kept.append({plan.entry()})"))
+            lines.insert(mark, loads(body))
+
+    def _find_lasting(self) -> None:
+        """Write the search of a rule that fires once for facts that never go: nothing can undo what is kept."""
+        lines, plan, r = self._lines, self._plan, self._r
+        top, atom = plan.atoms[0]
+        fact = plan.facts[top]
+        with lines.block(f"def find{r}(vm, now):"):
+            lines(f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
+            for place in self._places[1:]:
+                self._join_new(place)
+            lines(f"vm.w{r} = vm.s")
+            with lines.block("if not kept:"):
+                lines(f"q = vm.q{r}", f"if q is None: vm.ready &= {~plan.bit}; return")
+                lines(f"{ME} = vm.robot", "taken = q[0]", "last = len(q) - 1")
+                mark = lines.mark()
+                with lines.block("while taken < last:"):
+                    lines("taken += 1", f"{fact} = q[taken]")
+                    body = Body(lines, self._pool, self._tables, Slots(), "continue")
+                    body.seek([(i, each) for i, each in enumerate(plan.rule.body) if i < top], lambda: None)
+                    body.take(top, atom, fact)
+                    after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
+                    body.seek(after, lambda: lines(f"kept.append({plan.entry()})"))
+                    lines("if kept: break")
+                lines(f"vm.l{r} = q[taken][1]")
+                lines(f"if taken == last: vm.q{r} = None")
+                lines(f"elif taken > {TAKEN_MAX} and taken + taken > last: del q[1:taken + 1]; q[0] = 0")
+                lines("else: q[0] = taken", f"if not kept: vm.ready &= {~plan.bit}; return", "kept.reverse()")
+                lines.insert(mark, loads(body))
+            lines(f"vm.ready |= {plan.bit}")
 
     def _find_join(self) -> None:
         lines, plan, r = self._lines, self._plan, self._r
