@@ -22,7 +22,7 @@ IN_LINE_MAX = 12
 """Rules that a predicate may concern so that the insertion of its facts is written out where they are derived."""
 
 TOLD_APART_MAX = 8
-"""Rules up to which the loop holds the event of each in a variable of its own; it is the same all through a run."""
+"""Rules up to which all fire in the loop itself, with the event of each, the same all through a run, in a variable."""
 
 
 class LoopWriter:
@@ -52,7 +52,7 @@ class LoopWriter:
         timed = sum(plan.bit for plan in self._plans if plan.timed and plan.valued)
         with lines.block("def fire(vm, now):"):
             lines(f"{ME} = vm.robot", "emit = vm._events.append")
-            if len(self._plans) <= TOLD_APART_MAX:
+            if self.is_one:
                 lines(*[f"e{plan.index} = None" for plan in self._plans])
             else:
                 lines("told = {}")
@@ -73,8 +73,26 @@ class LoopWriter:
                         self._draw()
                 lines("elif not ready:", " vm.busy = False", " return")
                 lines("vm.firings += 1")
-                if self._plans:
+                if not self.is_one:
+                    lines(
+                        "e = told.get(ready)",
+                        "if e is None:",
+                        " told[ready] = e = RuleFired(ready.bit_length() - 1, now)",
+                    )
+                    lines("emit(e)", "FIRE[ready](vm, now, emit)")
+                elif self._plans:
                     self._choose(0, len(self._plans))
+
+    @property
+    def is_one(self) -> bool:
+        """Whether all rules fire in the loop itself."""
+        return len(self._plans) <= TOLD_APART_MAX
+
+    def write_rule(self, plan: RulePlan) -> None:
+        """Write the function in which one of many rules fires."""
+        with self._lines.block(f"def fire{plan.index}(vm, now, emit):"):
+            self._lines(f"{ME} = vm.robot")
+            self._fire(plan)
 
     def _draw(self) -> None:
         """Write that one of the satisfied rules is drawn: `Choices.below` in line."""
@@ -89,6 +107,7 @@ class LoopWriter:
     def _choose(self, first: int, end: int) -> None:
         """Write the firing of one of the rules from `first` up to before `end`."""
         if end - first == 1:
+            self._lines(f"if e{first} is None: e{first} = RuleFired({first}, now)", f"emit(e{first})")
             self._fire(self._plans[first])
             return
         middle = (first + end) // 2
@@ -99,10 +118,6 @@ class LoopWriter:
 
     def _fire(self, plan: RulePlan) -> None:
         lines, r = self._lines, plan.index
-        if len(self._plans) <= TOLD_APART_MAX:
-            lines(f"if e{r} is None: e{r} = RuleFired({r}, now)", f"emit(e{r})")
-        else:
-            lines(f"e = told.get({r})", f"if e is None: told[{r}] = e = RuleFired({r}, now)", "emit(e)")
         self._take(plan)
         if plan.valued:
             lines(f"consumed, out = vm.v{r}", "for call, f in consumed: call(vm, now, f)")

@@ -1,8 +1,8 @@
 """The module made from a program: its source, and what Python makes of it.
 
 Source is made of verified programs only, on the machine that runs it, and never read from anywhere. Python takes
-longer to compile it than all else that is done to load a program, so what only one rule needs waits, as text, until
-that rule is looked at.
+longer to compile it than all else that is done to load a program, so what only one rule or predicate needs waits until
+it is called for the first time.
 """
 
 from collections.abc import Callable
@@ -46,11 +46,17 @@ class Module:
         self.names: dict[str, Any] = self.pool.globals
         self._waiting: dict[int, str] = {}
         """By rule, the source of its own functions, until it is needed."""
-        self._find = self.names["FIND"] = {plan.bit: self._first_look(plan) for plan in self.plans}
+        self.names["FIND"] = {
+            plan.bit: self._first(self.search, plan.index, f"find{plan.index}") for plan in self.plans
+        }
+        self.names["FIRE"] = {
+            plan.bit: self._first(self.search, plan.index, f"fire{plan.index}") for plan in self.plans
+        }
+        predicates = range(len(program.predicates))
+        self.add = [self._first(self.change, predicate, f"add{predicate}") for predicate in predicates]
+        self.remove = [self._first(self.change, predicate, f"remove{predicate}") for predicate in predicates]
+        self._changing: set[int] = set()
         self.run(self._write())
-        count = len(program.predicates)
-        self.add = [self.names[f"add{predicate}"] for predicate in range(count)]
-        self.remove = [self.names[f"remove{predicate}"] for predicate in range(count)]
         self.arrive = Arrivals(self, shared_of(program).gate)
         self.fire = self.names["fire"]
         self.reset = self.names["reset"]
@@ -64,8 +70,24 @@ class Module:
         """Make the functions that look for a rule's matches, unless they are there."""
         source = self._waiting.pop(rule, None)
         if source is not None:
-            self.run(source)
-            self._find[self.plans[rule].bit] = self.names[f"find{rule}"]
+            plan, lines = self.plans[rule], Lines()
+            loop = self._loop(lines)
+            if not loop.is_one:
+                loop.write_rule(plan)
+            self.run(source + lines.text)
+            self.names["FIND"][plan.bit] = self.names[f"find{rule}"]
+            self.names["FIRE"][plan.bit] = self.names[f"fire{rule}"]
+
+    def change(self, predicate: int) -> None:
+        """Make the functions that insert and remove facts of a predicate, unless they are there."""
+        if predicate in self._changing:
+            return
+        self._changing.add(predicate)
+        lines = Lines()
+        self._facts(lines).functions(predicate)
+        self.run(lines.text)
+        self.add[predicate] = self.names[f"add{predicate}"]
+        self.remove[predicate] = self.names[f"remove{predicate}"]
 
     def slow(self, rule: int) -> None:
         """Make the functions that enumerate a rule's matches as the specification does, unless they are there."""
@@ -83,14 +105,21 @@ class Module:
         """Let Python make functions of `source`."""
         exec(compile(source, "<rules>", "exec"), self.names)
 
-    def _first_look(self, plan: RulePlan) -> Callable[[Any, Instant], None]:
-        """Return what stands for the function that looks for a rule's matches until there is one."""
+    def _first(self, make: Callable[[int], None], index: int, name: str) -> Callable[..., None]:
+        """Return what stands for the function `name` until it is called for the first time: then `make` makes it."""
 
-        def find(vm: Any, now: Instant) -> None:
-            self.search(plan.index)
-            self._find[plan.bit](vm, now)
+        def first(*args: Any) -> None:
+            make(index)
+            self.names[name](*args)
 
-        return find
+        self.names[name] = first
+        return first
+
+    def _facts(self, lines: Lines) -> FactWriter:
+        return FactWriter(lines, self.pool, self.tables, self.plans)
+
+    def _loop(self, lines: Lines) -> LoopWriter:
+        return LoopWriter(self.program, lines, self.pool, self.tables, self.plans, self._facts(lines))
 
     def _is_valued(self, plan: RulePlan) -> bool:
         if plan.way is Way.AGAIN:
@@ -110,12 +139,10 @@ class Module:
 
     def _write(self) -> str:
         lines = Lines()
-        facts = FactWriter(lines, self.pool, self.tables, self.plans)
+        facts = self._facts(lines)
         for plan in self.plans:
             self._waiting[plan.index] = self._search(plan, facts)
-        for predicate in range(len(self.program.predicates)):
-            facts.functions(predicate)
-        LoopWriter(self.program, lines, self.pool, self.tables, self.plans, facts).write()
+        self._loop(lines).write()
         write_probes(lines, self.tables)
         self._write_reset(lines)
         return lines.text
