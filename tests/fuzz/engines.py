@@ -3,8 +3,8 @@
     python tests/fuzz/engines.py --cases 100000 --seed 1 --jobs 2
     python tests/fuzz/engines.py --seed 1 --case 4711
 
-The second form shows one case. Of each kind of difference the first case is made small and written into a folder
-(by default tests/fuzz/kept, where the suite plays it for ever); the exit status is 1 if there is a difference.
+The second form shows one case. Of each kind of difference the first case is made small and written into a folder; put
+into tests/fuzz/kept, the suite plays it for ever. The exit status is 1 if there is a difference.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def main() -> int:
     parser.add_argument(
         "--broken", choices=list(BREAKS), help="hold an interpreter against it that is wrong on purpose"
     )
-    parser.add_argument("--into", type=Path, default=Path(__file__).parent / "kept", help="folder for small cases")
+    parser.add_argument("--into", type=Path, default=Path("build/fuzz"), help="folder for small cases")
     options = parser.parse_args()
     if options.broken:
         options.engine = Engine.INTERPRETER.value
