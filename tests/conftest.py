@@ -1,8 +1,13 @@
 """Makes the helpers that stand in this folder (`vm_hand`) importable from every test."""
 
 import signal
+from collections.abc import Iterator
 
+import pytest
+import vm_hand
 from hypothesis import settings
+
+from rmr.vm.engines import Engine
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # A suite that runs in a shell's background is started with SIGINT ignored, and so would be every process it starts.
@@ -11,3 +16,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # The same examples in every run, so that only a change makes a test fail; campaigns over seeds run outside the suite.
 settings.register_profile("suite", derandomize=True, print_blob=True)
 settings.load_profile("suite")
+
+
+@pytest.fixture(scope="module", params=Engine, ids=lambda engine: engine.value)
+def each_engine(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let all machines that `vm_hand` makes for a module be of one engine, then of the next."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vm_hand, "engine", request.param)
+        yield

@@ -40,7 +40,7 @@ from rmr.bytecode.program import (
     Strategy,
     Type,
 )
-from rmr.vm.engines import new_machine
+from rmr.vm.engines import Engine, new_machine
 from rmr.vm.events import ActionDerived, FactSent, RuleFired, VmEvent
 from rmr.vm.machine import Machine
 
@@ -50,6 +50,9 @@ INT = Type(Base.INT)
 FLOAT = Type(Base.FLOAT)
 OPEN = Type(Base.OPEN)
 _ = ANY
+
+engine = Engine.GENERATED
+"""The engine of the machines made here; with ``usefixtures("each_engine")`` a module's tests run once for each."""
 
 
 @dataclass(frozen=True)
@@ -204,10 +207,20 @@ class Hand:
 
     def machine(self, robot: int = 1, seed: int = 0, **more: object) -> Machine:
         """A machine that has started and become quiet at instant 0."""
-        machine = new_machine(self.program(), robot, Choices(str(seed)), **more)  # type: ignore[arg-type]
-        machine.start(0)
-        machine.run(0)
-        return machine
+        return started(self.program(), robot, seed, **more)
+
+
+def machine_of(program: Program, robot: int = 1, seed: int = 0, **more: object) -> Machine:
+    """A machine as it is before it starts."""
+    return new_machine(program, robot, Choices(str(seed)), **{"engine": engine, **more})  # type: ignore[arg-type]
+
+
+def started(program: Program, robot: int = 1, seed: int = 0, **more: object) -> Machine:
+    """A machine that has started and become quiet at instant 0."""
+    machine = machine_of(program, robot, seed, **more)
+    machine.start(0)
+    machine.run(0)
+    return machine
 
 
 def fired(events: list[VmEvent]) -> list[int]:

@@ -9,7 +9,7 @@ from rmr.bytecode.program import ANY, Anything, Kind, Pattern, Program
 from rmr.lang.facts import read_fact
 from rmr.lang.fold import Folder
 from rmr.lang.syntax import Literal, Variable
-from rmr.vm.engines import new_machine
+from rmr.vm.engines import Engine, new_machine
 from rmr.vm.events import (
     ActionDerived,
     BoundReached,
@@ -50,14 +50,13 @@ def as_lines(trace: list[Line]) -> str:
 class Case:
     """One robot that runs a program."""
 
-    def __init__(self, program: Program, script: dict[str, Any]) -> None:
+    def __init__(self, program: Program, script: dict[str, Any], engine: Engine) -> None:
         self.program = program
         self.script = script
         self.robot: int = script.get("robot", 1)
         budget = script.get("budget", FIRING_BUDGET)
-        self.machine = new_machine(
-            program, self.robot, Choices(str(script.get("seed", 0))), firing_budget=budget, trace=True
-        )
+        choices = Choices(str(script.get("seed", 0)))
+        self.machine = new_machine(program, self.robot, choices, engine=engine, firing_budget=budget, trace=True)
 
     def run(self) -> list[Line]:
         """Return what happens."""

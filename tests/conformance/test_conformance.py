@@ -1,4 +1,4 @@
-"""Compiler and machine make of each case what stands beside it.
+"""Compiler and machine, whichever engine runs it, make of each case what stands beside it.
 
 Run with RMR_REWRITE=1 to write octets and traces anew, and review them as a diff.
 """
@@ -15,6 +15,7 @@ from rmr.bytecode.heads import bodies
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import Aggregate, Comprehension, Constant, Kind, Mode, Operator, Program, Slot, Steps
 from rmr.lang.compiler import compile_file
+from rmr.vm.engines import Engine
 
 CASES = Path(__file__).parent / "cases"
 SOURCES = sorted(CASES.glob("*.rmr"))
@@ -40,12 +41,13 @@ def test_the_compiler_writes_the_octets(source):
     assert data == octets(source)
 
 
+@pytest.mark.parametrize("engine", Engine, ids=lambda engine: engine.value)
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
-def test_the_machine_leaves_the_trace(source):
+def test_the_machine_leaves_the_trace(source, engine):
     script = json.loads(source.with_suffix(".json").read_text())
-    trace = as_lines(Case(decode(octets(source)), script).run())
+    trace = as_lines(Case(decode(octets(source)), script, engine).run())
     beside = source.with_suffix(".jsonl")
-    if REWRITE:
+    if REWRITE and engine is Engine.INTERPRETER:
         beside.write_text(trace)
     assert trace == beside.read_text()
 

@@ -4,14 +4,13 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from vm_hand import machine_of
 
-from rmr.base.streams import Choices
 from rmr.base.time import Instant, seconds
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file, compile_source
-from rmr.vm.engines import new_machine
 from rmr.vm.events import ActionDerived, FactSent, JobFinished, JobMissed, RuleFired, VmEvent
 from rmr.vm.machine import Machine
 
@@ -30,7 +29,7 @@ def printed(figure: str) -> Program:
 
 
 def started(program: Program, robot: int = 1, seed: int = 0, now: Instant = 0) -> Machine:
-    machine = new_machine(program, robot, Choices(str(seed)))
+    machine = machine_of(program, robot, seed)
     machine.start(now)
     machine.run(now)
     return machine

@@ -4,15 +4,13 @@ from collections import Counter
 from collections.abc import Callable
 
 import pytest
-from vm_hand import AREA, ROBOT, Hand, V, actions, bind, code, fired, guard, sent
+from vm_hand import AREA, ROBOT, Hand, V, actions, bind, code, fired, guard, sent, started
 
-from rmr.base.streams import Choices
 from rmr.base.time import seconds
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode import codec
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Effect, Program
-from rmr.vm.engines import new_machine
 from rmr.vm.events import GoalAchieved, JobFinished, JobMissed
 from rmr.vm.machine import Machine
 
@@ -42,10 +40,7 @@ def figure_4() -> Program:
 
 
 def ran(program: Program, seed: int, robot: int = 1) -> Machine:
-    machine = new_machine(program, robot, Choices(str(seed)))
-    machine.start(0)
-    machine.run(0)
-    return machine
+    return started(program, robot, seed)
 
 
 def drive(machine: Machine) -> list[str]:

@@ -4,7 +4,7 @@ import subprocess
 import sys
 from collections import Counter
 
-from vm_hand import AREA, Hand, V, actions, fired
+from vm_hand import AREA, Hand, V, actions, fired, started
 
 from rmr.base.values import Symbol
 from rmr.bytecode.codec import decode, encode
@@ -26,7 +26,8 @@ def choices(rules: int = 4, wanted: tuple[int, ...] = (), textual: bool = False)
 
 
 def chosen(hand: Hand, seeds: int = 600) -> Counter[int]:
-    return Counter(fired(hand.machine(seed=seed).drain())[0] for seed in range(seeds))
+    program = hand.program()
+    return Counter(fired(started(program, seed=seed).drain())[0] for seed in range(seeds))
 
 
 def test_iv_a_the_byte_code_holds_numbers_and_offsets_of_facts_and_rules() -> None:
@@ -83,8 +84,9 @@ def test_iv_b_derived_actions_are_passed_to_the_robot() -> None:
 
 SCRIPT = """
 import sys; sys.path[:0] = {path!r}
-from test_vm_section_4 import choices, fired
-print([fired(choices(wanted=(0, 2)).machine(seed=seed).drain()) for seed in range(50)])
+from test_vm_section_4 import choices, fired, started
+program = choices(wanted=(0, 2)).program()
+print([fired(started(program, seed=seed).drain()) for seed in range(50)])
 """
 
 

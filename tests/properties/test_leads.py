@@ -7,9 +7,8 @@ from random import Random
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from vm_hand import INT, ROBOT, Hand, V, actions, bind, code, guard
+from vm_hand import INT, ROBOT, Hand, V, actions, bind, code, guard, machine_of
 
-from rmr.base.streams import Choices
 from rmr.base.values import Robot
 from rmr.bytecode.backwards import Backwards
 from rmr.bytecode.levels import Levels
@@ -29,7 +28,7 @@ from rmr.bytecode.program import (
 )
 from rmr.lang.reach import Reach, with_leads
 from rmr.vm import goals
-from rmr.vm.engines import new_machine
+from rmr.vm.engines import Engine
 from rmr.vm.ranks import Ranks
 from rmr.vm.store import Args
 
@@ -212,9 +211,9 @@ class Maker:
         return self.hand.program()
 
 
-def lived(program: Program, robot: int, seed: int) -> list[object]:
+def lived(program: Program, robot: int, seed: int, engine: Engine = Engine.INTERPRETER) -> list[object]:
     """Return all that happens to a robot and on it."""
-    machine = new_machine(program, robot, Choices(str(seed)), firing_budget=FIRINGS_MAX, trace=True)
+    machine = machine_of(program, robot, seed, engine=engine, firing_budget=FIRINGS_MAX, trace=True)
     machine.start(0)
     happened: list[object] = []
     waiting: list[int] = []
@@ -249,7 +248,8 @@ def test_a_robot_lives_the_same_life_with_what_the_compiler_found_and_without(se
     bare = Maker(seed).program()
     program = with_leads(bare)
     for robot in ROBOTS:
-        assert lived(program, robot, seed) == lived(bare, robot, seed)
+        life = lived(bare, robot, seed)
+        assert all(lived(program, robot, seed, engine) == life for engine in Engine)
 
 
 @checked

@@ -4,13 +4,11 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vm_hand import OPEN, Hand, V, actions
+from vm_hand import OPEN, Hand, V, actions, machine_of
 
-from rmr.base.streams import Choices
 from rmr.base.values import INT_MAX, INT_MIN, Value
 from rmr.bytecode.arithmetic import same
 from rmr.bytecode.program import Operator
-from rmr.vm.engines import new_machine
 from rmr.vm.machine import Machine
 
 ints = st.integers(INT_MIN, INT_MAX) | st.integers(-9, 9)
@@ -25,7 +23,7 @@ def aggregated(operator: Operator, values: list[Value], keep: bool) -> tuple[lis
     body = [hand.keep(n, V(1)) if keep else hand.atom(n, V(1))]
     term = None if operator is Operator.COUNT else V(1)
     hand.rule([hand.atom(go)], [hand.fold(operator, term, V(2), body, hand.head(out, V(2)), V(1))])
-    machine = new_machine(hand.program(), 1, Choices("0"))
+    machine = machine_of(hand.program())
     for value in values:
         machine.insert(0, n, (value,))
     machine.insert(0, go, ())

@@ -1,20 +1,21 @@
-"""The machine does what its rules mean: held against a naive one, on random programs and random facts."""
+"""Machines do what their rules mean: held against a naive one, on random programs and random facts."""
 
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vm_hand import INT, OPEN, Hand, V, _, actions, bind, code, guard
+from vm_hand import INT, OPEN, Hand, V, _, actions, bind, code, guard, machine_of
 from vm_naive import Naive
 
-from rmr.base.streams import Choices
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Conjunct, Derived, Head, Kind, Operator
 from rmr.vm import once
-from rmr.vm.engines import new_machine
+from rmr.vm.engines import Engine
 from rmr.vm.events import FactInserted, FactRemoved
 from rmr.vm.machine import Machine
 
@@ -178,57 +179,71 @@ def texts(naive: Naive) -> list[str]:
     return sorted(found)
 
 
-def together(naive: Naive, machine: Machine, stock: Counter[object], once_only: bool) -> bool:
-    """Let both fire until neither can, or once, rule by rule; False if there is no end to it.
+@dataclass
+class Watched:
+    """A machine, and what has come less what has gone: no fact is lost, doubled or taken twice."""
 
-    `stock` is what has come less what has gone: no fact is lost, doubled or taken twice.
-    """
+    machine: Machine
+    stock: Counter[object] = field(default_factory=Counter)
+
+    def agrees(self, naive: Naive) -> None:
+        """See that the machine does what `naive` has just done."""
+        self.machine.run(0)
+        events = self.machine.drain()
+        assert [(each.predicate, each.args) for each in actions(events)] == naive.log
+        self.stock.update([(each.predicate, each.args) for each in events if isinstance(each, FactInserted)])
+        self.stock.subtract([(each.predicate, each.args) for each in events if isinstance(each, FactRemoved)])
+        assert +self.stock == Counter((fact.predicate, fact.args) for fact in naive.facts)
+        assert min(self.stock.values(), default=0) >= 0
+        assert (self.machine.firings, self.machine.facts()) == (naive.firings, texts(naive))
+
+
+def together(naive: Naive, machines: list[Watched], once_only: bool) -> bool:
+    """Let all fire until none can, or once, rule by rule; False if there is no end to it."""
     fired = True
     while fired:
         if naive.firings >= FIRINGS_MAX or len(naive.facts) > FACTS_MAX:
             return False
         fired = naive.fire()
-        machine.run(0)
-        events = machine.drain()
-        assert [(each.predicate, each.args) for each in actions(events)] == naive.log
+        for each in machines:
+            each.agrees(naive)
         naive.log.clear()
-        stock.update([(each.predicate, each.args) for each in events if isinstance(each, FactInserted)])
-        stock.subtract([(each.predicate, each.args) for each in events if isinstance(each, FactRemoved)])
-        assert +stock == Counter((fact.predicate, fact.args) for fact in naive.facts)
-        assert min(stock.values(), default=0) >= 0
-        assert (machine.firings, machine.facts()) == (naive.firings, texts(naive))
         if once_only:
             return True
-    assert machine.quiescent
+    assert all(each.machine.quiescent for each in machines)
     return True
 
 
-def compare(drawn: Drawn) -> Machine:
-    """Play the script on both machines; they do the same at every run."""
+def compare(drawn: Drawn, engines: Sequence[Engine] = tuple(Engine)) -> Machine:
+    """Play the script on a machine of each engine and on the naive one; they do the same at every run."""
     program = drawn.hand.program()
-    naive, machine = Naive(program), new_machine(program, 1, Choices("0"), firing_budget=1, trace=True)
-    stock = Counter[object]()
-    machine.start(0)
+    naive = Naive(program)
+    machines = [machine_of(program, engine=engine, firing_budget=1, trace=True) for engine in engines]
+    watched = list(map(Watched, machines))
+    for machine in machines:
+        machine.start(0)
     for what, predicate, args in drawn.script():
         if what == "insert":
-            machine.insert(0, predicate, args)
             naive.insert(predicate, args)
+            for machine in machines:
+                machine.insert(0, predicate, args)
         elif what == "withdraw":
-            machine.withdraw(0, predicate, args)
             naive.withdraw(predicate, args)
-        elif not together(naive, machine, stock, what == "fire"):
+            for machine in machines:
+                machine.withdraw(0, predicate, args)
+        elif not together(naive, watched, what == "fire"):
             break
-    assert set(machine.dropped) <= {"failures"}
-    return machine
+    assert all(set(machine.dropped) <= {"failures"} for machine in machines)
+    return machines[0]
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=120)
 @given(seeds)
 def test_rules_consume_derive_and_aggregate_as_a_naive_machine_does(seed: int) -> None:
     compare(Drawn(seed))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=120)
 @given(seeds)
 def test_a_rule_that_consumes_nothing_fires_once_for_each_match_oldest_first(seed: int) -> None:
     compare(Drawn(seed, consuming=0.1, negative=0.0, inner=0.1))
@@ -239,16 +254,16 @@ def test_a_rule_that_consumes_nothing_fires_once_for_each_match_oldest_first(see
 def test_so_it_does_however_few_matches_are_looked_for_at_a_time(seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(once, "CHUNK", 1 + seed % 3)
-        compare(Drawn(seed, consuming=0.1, negative=0.0, inner=0.1))
+        compare(Drawn(seed, consuming=0.1, negative=0.0, inner=0.1), [Engine.INTERPRETER])
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=120)
 @given(seeds)
 def test_a_match_that_an_absent_fact_undoes_fires_again_when_it_has_come_back(seed: int) -> None:
     compare(Drawn(seed, consuming=0.1, negative=0.7, inner=0.0))
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=120)
 @given(seeds)
 def test_facts_that_come_between_firings_bring_each_match_once_in_its_order(seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:

@@ -90,7 +90,7 @@ def test_what_cannot_fail_is_written_in_place_without_a_check(parts: tuple[objec
         ((X, X, Op.MUL), "(t0 if (t0 := x * x) - t0 == 0.0 else checked(t0))"),
         ((N, M, Op.MOD), "((n % m) if m else divide(1, 0))"),
         ((X, "call:sqrt"), "(sqrt(x) if x >= 0 else call('sqrt', [x], now))"),
-        ((Q, N, "call:nth"), "(q[n] if len(q) > n >= 0 else nth(q, n))"),
+        ((Q, N, "call:nth"), "(q[n] if len(q) > n >= 0 else nth_of(q, n))"),
         ((ANY, Op.NEG), "negate(any)"),
         ((ANY, 1, Op.LT), "(any < 1 if type(any) is int else less(any, 1))"),
         ((TEXT, N, Op.LT), "less(text, n)"),

@@ -12,6 +12,8 @@ from rmr.vm.evaluate import same
 from rmr.vm.events import ExpressionFailed
 from rmr.vm.machine import Machine
 
+pytestmark = pytest.mark.usefixtures("each_engine")
+
 GO = "go"
 
 

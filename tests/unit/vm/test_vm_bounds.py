@@ -3,16 +3,17 @@
 from dataclasses import replace
 
 import pytest
-from vm_hand import INT, Hand, V, actions, code, fired, guard
+from vm_hand import INT, Hand, V, actions, code, fired, guard, machine_of, started
 
-from rmr.base.streams import Choices
 from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Debug, Operator, Place, Type
 from rmr.vm import derive, failures, goals, machine, match, once
-from rmr.vm.engines import new_machine
+from rmr.vm.engines import Engine
 from rmr.vm.events import BoundReached, ExpressionFailed, VmEvent
 from rmr.vm.failures import rule_place
+
+pytestmark = pytest.mark.usefixtures("each_engine")
 
 
 def reached(events: list[VmEvent]) -> list[tuple[str, int]]:
@@ -186,7 +187,7 @@ def test_matches_that_wait_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     hand = Hand()
     p, q, out = hand.persistent("p", INT), hand.persistent("q", INT), hand.action("out", INT, INT)
     hand.rule([hand.atom(p, V(1)), hand.atom(q, V(2))], [hand.head(out, V(1), V(2))])
-    robot = new_machine(hand.program(), 1, Choices("0"))
+    robot = machine_of(hand.program(), engine=Engine.INTERPRETER)
     for number in range(5):
         robot.insert(0, p, (number,))
     robot.insert(0, q, (0,))
@@ -239,7 +240,7 @@ def test_many_persistent_facts_cost_no_more_than_their_number() -> None:
     hand.rule([hand.atom(p, V(1))], [hand.head(q, V(1))])
     hand.rule([hand.atom(p, V(1)), hand.atom(q, V(1))], [hand.head(r, V(1))])
     hand.rule([hand.atom(q, V(1)), hand.keep(r, V(1))], [hand.head(out, V(1))])
-    robot = new_machine(hand.program(), 1, Choices("0"), firing_budget=10**6)
+    robot = machine_of(hand.program(), firing_budget=10**6)
     for number in range(3000):
         robot.insert(0, p, (number,))
     robot.run(0)
@@ -256,9 +257,7 @@ def test_a_failure_names_the_rules_place_in_the_source_or_its_number() -> None:
     program = hand.program()
     placed = replace(program, debug=Debug(rules=(Place("corridor.rmr", 12, 3),)))
     for each, where in ((program, "rule 0"), (placed, "rule at corridor.rmr:12")):
-        robot = new_machine(each, 1, Choices("0"))
-        robot.start(0)
-        robot.run(0)
+        robot = started(each)
         assert [event.where for event in robot.drain() if isinstance(event, ExpressionFailed)] == [where]
         assert rule_place(each, 0) == where
 

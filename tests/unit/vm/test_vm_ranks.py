@@ -1,9 +1,8 @@
 """How far a firing is from an open goal, and what the machine makes of it; programs in source text."""
 
 import pytest
-from vm_hand import INT, Hand, V, actions, code, fired, guard
+from vm_hand import INT, Hand, V, actions, code, fired, guard, machine_of, started
 
-from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode import levels
 from rmr.bytecode.backwards import Backwards
@@ -12,8 +11,9 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Lead, Program
 from rmr.lang.compiler import compile_source
 from rmr.vm import ranks
-from rmr.vm.engines import new_machine
 from rmr.vm.machine import Machine
+
+pytestmark = pytest.mark.usefixtures("each_engine")
 
 SEEDS = range(20)
 
@@ -25,10 +25,7 @@ def compiled(text: str) -> Program:
 
 
 def machine(text: str, seed: int = 0, robot: int = 1) -> Machine:
-    made = new_machine(compiled(text), robot, Choices(str(seed)))
-    made.start(0)
-    made.run(0)
-    return made
+    return started(compiled(text), robot, seed)
 
 
 def way(text: str, seed: int = 0) -> list[int]:
@@ -249,9 +246,7 @@ def test_ranks_follow_the_goals_as_they_open_and_are_achieved() -> None:
     assert token is not None
     assert g is not None
     for seed in SEEDS:
-        made = new_machine(program, 1, Choices(str(seed)))
-        made.start(0)
-        made.run(0)
+        made = started(program, seed=seed)
         made.drain()
         made.insert(0, token, ())
         made.run(0)
@@ -268,7 +263,7 @@ def test_a_goal_that_opens_ranks_matches_that_were_there_before() -> None:
     go, g = program.index("go"), program.index("g")
     assert go is not None
     assert g is not None
-    made = new_machine(program, 1, Choices("0"))
+    made = machine_of(program)
     made.start(0)
     made.insert(0, go, ())
     made.want(0, g, ())
@@ -331,7 +326,7 @@ def test_goals_that_the_compiler_has_worked_out_need_no_search(monkeypatch: pyte
     monkeypatch.setattr(ranks, "Backwards", never)
     assert {tuple(way(TWO_WAYS, seed)) for seed in SEEDS} == {(0, 2)}
     with pytest.raises(AssertionError):
-        way(TWO_WAYS + " go(R). go(R) -o ?h(R). h(R) -o 1.")
+        way(TWO_WAYS + " go(R). go(R) -o ?h(R), i(R). i(R) -o h(R). h(R) -o 1.")
 
 
 def test_what_depends_on_the_match_is_searched_for_among_goals_that_are_worked_out() -> None:

@@ -10,6 +10,8 @@ from rmr.vm.events import ExpressionFailed, FactInserted, FactRemoved, GoalSent
 from rmr.vm.machine import Machine
 from rmr.vm.store import INDEX_FROM
 
+pytestmark = pytest.mark.usefixtures("each_engine")
+
 
 def tell(machine: Machine, predicate: int, *args: Value) -> list[int]:
     """Insert a fact, run, return the rules that fired."""

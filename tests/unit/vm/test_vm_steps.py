@@ -11,6 +11,8 @@ from rmr.vm import underway
 from rmr.vm.events import ActionDerived, BoundReached, GoalSent
 from rmr.vm.machine import Machine
 
+pytestmark = pytest.mark.usefixtures("each_engine")
+
 
 class Shop:
     """A robot that knows how to fetch and bring; ``order(R, X)`` starts the steps that a test gives."""

@@ -12,6 +12,8 @@ from rmr.vm import watches
 from rmr.vm.events import BoundReached, FinishAwaited, FinishSeen, JobFinished, JobMissed, JobStarted, VmEvent
 from rmr.vm.machine import Machine
 
+pytestmark = pytest.mark.usefixtures("each_engine")
+
 A, B, C = Robot(1), Robot(2), Robot(3)
 X, Y = Symbol("x"), Symbol("y")
 
