@@ -44,6 +44,8 @@ class Module:
         for table in self.tables:
             table.log = self._is_log(table)
         self.names: dict[str, Any] = self.pool.globals
+        self.sources: list[str] = []
+        """What Python has made functions of so far: for who wants to read it."""
         self._waiting: dict[int, str] = {}
         """By rule, the source of its own functions, until it is needed."""
         self.names["FIND"] = {
@@ -103,6 +105,7 @@ class Module:
 
     def run(self, source: str) -> None:
         """Let Python make functions of `source`."""
+        self.sources.append(source)
         exec(compile(source, "<rules>", "exec"), self.names)
 
     def _first(self, make: Callable[[int], None], index: int, name: str) -> Callable[..., None]:
