@@ -90,7 +90,8 @@ class Drawn:
         if rng.random() < 0.2:
             body.append(f"V = {self.expression(kind := rng.choice(['int', 'float']), 2)}")
             self.variables["V"] = kind
-        body += [self.condition(2) for _each in range(rng.choice([0, 0, 0, 0, 1]))]
+        for _each in range(rng.choice([0, 0, 0, 0, 1, 2])):
+            body.insert(rng.randint(0, len(body)), self.condition(2))
         if "w" not in head and rng.random() < 0.2 and not any("w(" in each for each in body):
             body.append("not w(R, _)")
             head.append("w")
