@@ -38,10 +38,6 @@ Ranked = tuple[int, Entry, Valued]
 """A match with its rank."""
 
 
-SWEPT_AFTER = 1000
-"""Firings, and one more for each fact, after which facts that are gone are swept out."""
-
-
 class SeenFact:
     """A fact as failures remember it."""
 
@@ -72,7 +68,6 @@ class Generated(Machine):
         "s",
         "searched",
         "stale",
-        "swept",
         "touched",
         "wanting",
     )
@@ -100,8 +95,6 @@ class Generated(Machine):
         self.stale = self.module.at_first
         self.changed = self.module.at_first
         """Of the rules that are matched anew: those that something has changed for."""
-        self.swept = SWEPT_AFTER
-        """How many firings there are before the tables that are lists are swept again."""
         self.broken = 0
         """The rules that are matched anew from now on because an expression of theirs had no value."""
         self.touched = 0
@@ -122,8 +115,7 @@ class Generated(Machine):
     def each(self, predicate: int) -> Iterator[Args]:
         """Yield the arguments of the facts of `predicate` that hold, oldest first."""
         table = self.module.tables[predicate]
-        facts: Any = getattr(self, f"t{predicate}")
-        held = [fact for fact in facts if fact[HELD]] if table.log else facts.values()
+        held = self.queued(predicate) if table.queued else self._table(predicate).values()
         return (tuple(fact[ARGS : ARGS + table.arity]) for fact in held)
 
     def dated(self, predicate: int) -> list[tuple[Args, Instant]]:
@@ -164,8 +156,6 @@ class Generated(Machine):
 
     def _fire(self, now: Instant) -> None:
         self.touched |= self.module.timed
-        if self.firings > self.swept:
-            self.sweep()
         self.module.fire(self, now)
 
     def _goals_changed(self, predicate: int) -> None:
@@ -200,13 +190,12 @@ class Generated(Machine):
             self._events.append(FactRemoved(predicate, args, now))
         self.touched |= rules
 
-    def sweep(self) -> None:
-        """Take the facts that are gone out of the tables that are lists."""
-        for table in self.module.tables:
-            if table.log:
-                facts = getattr(self, f"t{table.index}")
-                facts[:] = [fact for fact in facts if fact[HELD]]
-        self.swept = self.firings + SWEPT_AFTER + self.count
+    def queued(self, predicate: int) -> list[GoneFact]:
+        """Return the facts of a predicate that are in no table, oldest first."""
+        facts = list(getattr(self, f"t{predicate}"))
+        for plan in self.module.readers[predicate]:
+            facts += [getattr(self, f"m{plan.index}"), *self._waiting(plan.index)]
+        return sorted([fact for fact in facts if fact is not None and fact[HELD]])
 
     def failed(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[GoneFact], reason: NoValue) -> None:
         """Tell, once, that an expression has no value."""

@@ -246,7 +246,7 @@ class Body:
         """Return facts, oldest first, among them all that match, and at which positions they surely do."""
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
-        if not positions or table.log or not (self._may_index or positions in table.indices):
+        if not positions or table.queued or not (self._may_index or positions in table.indices):
             return table.facts, ()
         values = self._values(step)
         key = index_key(positions, [values[position] for position in positions])

@@ -68,10 +68,8 @@ class FactWriter:
         """Write that a fact is inserted, for which there is room, that holds not yet and is counted already."""
         lines, table = self._lines, self._tables[predicate]
         lines(*[f"vm.length += length({args[place]})" for place in table.long])
-        if table.log:
-            lines(f"f = {table.fact('0', args)}", f"{table.name}.append(f)")
-        else:
-            lines("s = vm.s = vm.s + 1", f"f = {table.fact('s', args)}")
+        lines("s = vm.s = vm.s + 1", f"f = {table.fact('s', args)}")
+        if not table.queued:
             lines(f"{table.name}[{'s' if table.linear else key}] = f")
         write_indexing(lines, table, "f")
         self._show(predicate, args)
@@ -82,7 +80,7 @@ class FactWriter:
         """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""
         lines, table = self._lines, self._tables[predicate]
         lines(f"{fact}[0] = False")
-        if not table.log:
+        if not table.queued:
             lines(f"del {table.name}[{table.fact_key(self._pool, fact)}]")
         lines(*[f"vm.length -= length({column(fact, place)})" for place in table.long])
         write_forgetting(lines, table, fact)
@@ -108,6 +106,16 @@ class FactWriter:
         """Return the rules that name a predicate in a body."""
         return [plan for plan in self._plans if predicate in plan.read()]
 
+    def is_queued(self, predicate: int) -> bool:
+        """Tell whether the facts of a predicate need no table: one queue at most has each, and nobody else asks."""
+        table, readers = self._tables[predicate], self.readers(predicate)
+        gates = Gates(self._lines, self._pool)
+        for plan in readers:
+            if plan.way is not Way.SINGLE or plan.once or plan.may_break or predicate in plan.inner:
+                return False
+            self._gate(plan, *plan.atoms[0], [f"a{place}" for place in range(table.arity)], gates)
+        return bool(readers) and table.linear and not table.dated and gates.is_exclusive
+
     def _show(self, predicate: int, args: Sequence[str]) -> None:
         """Write what each rule makes of a new fact."""
         lines = self._lines
@@ -126,7 +134,7 @@ class FactWriter:
                 lines(f"if vm.broken & {plan.bit}: vm.stale |= {plan.bit}; vm.changed |= {plan.bit}")
         if inner:
             lines(f"vm.stale |= (vm.ready | vm.broken) & {inner}")
-        gates.write()
+        gates.write(f"{self._tables[predicate].name}.append(f)" if self._tables[predicate].queued else None)
 
     def _gate(self, plan: RulePlan, place: int, atom: Atom, args: Sequence[str], gates: "Gates") -> None:
         """Add that a rule takes notice of a fact for one of its atoms."""
@@ -195,42 +203,59 @@ class Gates:
         """Add what is done with a fact that meets all `conditions`."""
         self._gates.append((conditions, taken))
 
-    def write(self) -> None:
-        """Write all that has been added."""
+    @property
+    def is_exclusive(self) -> bool:
+        """Whether a fact meets the conditions of one rule at most."""
+        if len(self._gates) == 1:
+            return True
+        cases = list(self._cases().values())
+        return len(cases) == 1 and len({value for value, _ in cases[0]}) == len(self._gates)
+
+    def write(self, left: str | None = None) -> None:
+        """Write all that has been added, and `left` for a fact that meets no conditions, if they are exclusive."""
+        done: set[int] = set()
+        for what, cases in self._cases().items():
+            self._choose(what, cases, left)
+            done |= {number for _, number in cases}
+        for number, (conditions, taken) in enumerate(self._gates):
+            if number not in done:
+                self._gate(conditions, taken, left)
+        if left is not None and not self._gates:
+            self._lines(left)
+
+    def _cases(self) -> dict[str, list[tuple[str, int]]]:
+        """Return the expressions that are compared with several constants: constants, and numbers of gates."""
         chosen: dict[str, list[tuple[str, int]]] = {}
         for number, (conditions, _) in enumerate(self._gates):
             equal = next((match for match in map(_EQUAL.fullmatch, conditions) if match and self._tells(match)), None)
             if equal is not None and not any(":=" in each for each in conditions):
                 chosen.setdefault(equal["what"], []).append((equal["value"], number))
-        done: set[int] = set()
-        for what, cases in chosen.items():
-            if len({value for value, _ in cases}) >= CASES_FROM:
-                self._choose(what, cases)
-                done |= {number for _, number in cases}
-        for number, (conditions, taken) in enumerate(self._gates):
-            if number not in done:
-                self._gate(conditions, taken)
+        return {what: cases for what, cases in chosen.items() if len({value for value, _ in cases}) >= CASES_FROM}
 
     def _tells(self, match: re.Match[str]) -> bool:
         """Tell whether an expression that equals the constant equals no other one."""
         return type(self._pool.globals.get(match["value"], 0)) in (int, Symbol, Robot) and not _WORD.search(match["what"])
 
-    def _choose(self, what: str, cases: Sequence[tuple[str, int]]) -> None:
+    def _choose(self, what: str, cases: Sequence[tuple[str, int]], left: str | None) -> None:
         lines, word = self._lines, "if"
         lines(f"c = {what}")
         for value in dict.fromkeys(value for value, _ in cases):
             with lines.block(f"{word} c == {value}:"):
                 for number in [number for other, number in cases if other == value]:
                     conditions, taken = self._gates[number]
-                    self._gate([each for each in conditions if not _is(each, what, value)], taken)
+                    self._gate([each for each in conditions if not _is(each, what, value)], taken, left)
             word = "elif"
+        if left is not None:
+            lines(f"else: {left}")
 
-    def _gate(self, conditions: Sequence[str], taken: Sequence[str]) -> None:
+    def _gate(self, conditions: Sequence[str], taken: Sequence[str], left: str | None) -> None:
         if not conditions:
             self._lines(*taken)
             return
         with self._lines.block(f"if {' and '.join(conditions)}:"):
             self._lines(*taken)
+        if left is not None:
+            self._lines(f"else: {left}")
 
 
 CASES_FROM = 3

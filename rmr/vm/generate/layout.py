@@ -3,8 +3,8 @@
 A fact is a list: whether it holds, its serial, its arguments; of predicates whose facts are asked for their age,
 the instant of its insertion. A table is a dict in the order of insertion: of temporary facts by serial, of sets by
 what tells their facts apart. An index, made when it is probed for the first time, holds for the values at some
-positions the facts that have them there, again in the order of insertion. Temporary facts of which no rule asks but
-through its queue stand in a list, with those that are gone until the list is swept.
+positions the facts that have them there, again in the order of insertion. Temporary facts that only rules of one
+atom consume, each fact one rule at most, are in these rules' queues.
 """
 
 from collections.abc import Sequence
@@ -47,8 +47,8 @@ class Table:
         """Time assertions want to know of each new fact."""
         self.long = [place for place, kind in enumerate(predicate.types) if kind.base in LONG]
         self.name = f"vm.t{index}"
-        self.log = False
-        """It is a list, and its facts have no serials: nobody but queues and the host asks for them."""
+        self.queued = False
+        """It is a list of the facts that no rule wants; each of the others is in the queue of one rule."""
         self.indices: dict[Positions, str] = {}
 
     def key(self, pool: Pool, args: Sequence[str]) -> str:
@@ -67,7 +67,7 @@ class Table:
     @property
     def facts(self) -> str:
         """All facts, oldest first."""
-        return f"[f for f in {self.name} if f[{HELD}]]" if self.log else f"{self.name}.values()"
+        return f"vm.queued({self.index})" if self.queued else f"{self.name}.values()"
 
     def index_on(self, positions: Positions) -> str:
         """Return the name of the index on `positions`; from now on there is one."""

@@ -41,8 +41,9 @@ class Module:
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
             plan.valued = self._is_valued(plan)
+        facts = FactWriter(Lines(), self.pool, self.tables, self.plans)
         for table in self.tables:
-            table.log = self._is_log(table)
+            table.queued = facts.is_queued(table.index)
         self.names: dict[str, Any] = self.pool.globals
         self.sources: list[str] = []
         """What Python has made functions of so far: for who wants to read it."""
@@ -62,6 +63,7 @@ class Module:
         self.arrive = Arrivals(self, shared_of(program).gate)
         self.fire = self.names["fire"]
         self.reset = self.names["reset"]
+        self.readers = [facts.readers(predicate) for predicate in range(len(program.predicates))]
         self.at_first = mask([plan for plan in self.plans if plan.way is Way.AGAIN])
         self.all_rules = mask(self.plans)
         self.timed = mask([plan for plan in self.plans if plan.timed])
@@ -132,14 +134,6 @@ class Module:
         chains = written_items(plan.rule, slots, self.program, pool, self.tables)
         return chains is None or any(item.fails for chain in chains for item in chain)
 
-    def _is_log(self, table: Table) -> bool:
-        """Tell whether only queues, and the host, ask for the facts of a predicate."""
-        readers = [plan for plan in self.plans if table.index in plan.read()]
-        single = all(
-            plan.way is Way.SINGLE and not plan.may_break and table.index not in plan.inner for plan in readers
-        )
-        return table.linear and not table.dated and single
-
     def _write(self) -> str:
         lines = Lines()
         facts = self._facts(lines)
@@ -185,7 +179,7 @@ class Module:
         with lines.block("def reset(vm):"):
             lines("".join([f"vm.{name} = " for name in nothing]) + "None")
             lines("".join([f"vm.{name} = " for name in zero]) + "0")
-            lines(*[f"{table.name} = {'[]' if table.log else '{}'}" for table in self.tables])
+            lines(*[f"{table.name} = {'[]' if table.queued else '{}'}" for table in self.tables])
 
 
 class Arrivals(dict[int, Callable[[Any, Instant, Args], None]]):
