@@ -13,6 +13,7 @@ from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program, Strategy
 from rmr.bytecode.wire import identity
+from rmr.vm import match, once
 from rmr.vm.derive import Chain
 from rmr.vm.evaluate import NoValue
 from rmr.vm.events import FactInserted, FactRemoved, RuleFired
@@ -21,7 +22,6 @@ from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.interpreter import UNRANKED
 from rmr.vm.machine import FIRING_BUDGET, Machine
-from rmr.vm.once import MATCHES_MAX
 from rmr.vm.store import Args
 
 GoneFact = list[Any]
@@ -64,6 +64,8 @@ class Generated(Machine):
         "fired",
         "heed",
         "length",
+        "looking",
+        "looks",
         "ready",
         "s",
         "searched",
@@ -196,6 +198,18 @@ class Generated(Machine):
         for plan in self.module.readers[predicate]:
             facts += [getattr(self, f"m{plan.index}"), *self._waiting(plan.index)]
         return sorted([fact for fact in facts if fact is not None and fact[HELD]])
+
+    def give_up(self) -> None:
+        """Tell, once, that a search for matches has looked at too many facts."""
+        (rule, part, step), facts = self.looking
+        reason = NoValue(f"the search for matches was given up after {match.LOOKS_MAX} facts")
+        self.failed(self._now, rule, part, step, facts, reason)
+
+    def spill(self, kept: list[Entry], now: Instant) -> None:
+        """Drop the newest of too many matches that have not fired."""
+        for _ in range(len(kept) - once.MATCHES_MAX):
+            self._dropped.add("matches", once.MATCHES_MAX, now)
+        del kept[: -once.MATCHES_MAX]
 
     def failed(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[GoneFact], reason: NoValue) -> None:
         """Tell, once, that an expression has no value."""
@@ -360,6 +374,7 @@ class Generated(Machine):
                 setattr(self, f"l{r}", top[SERIAL])
                 if top[HELD]:
                     self.module.names[f"below{r}"](self, now, top, kept)
+            kept.sort(reverse=True)
         return sorted([entry for entry in kept if all(fact[HELD] for fact in entry)])
 
     def _waiting(self, rule: int) -> list[GoneFact]:
@@ -410,7 +425,7 @@ class Unfired:
         for entry in matches:
             if (key := key_of(entry)) in self._fired:
                 found.add(key)
-            elif len(left) < MATCHES_MAX:
+            elif len(left) < once.MATCHES_MAX:
                 left.append(entry)
         self._fired = found
         self._left = left[::-1]

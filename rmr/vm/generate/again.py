@@ -5,7 +5,8 @@
 
 from collections.abc import Sequence
 
-from rmr.vm.generate.body import ME, Body, Slots, loads
+from rmr.bytecode.program import Atom
+from rmr.vm.generate.body import ME, Body, Slots, begun, loads
 from rmr.vm.generate.layout import Table, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan
@@ -28,6 +29,9 @@ class AgainWriter:
         lines, plan = self._lines, self._plan
         with lines.block(f"def each{plan.index}(vm, now):"):
             lines(f"{ME} = vm.robot")
+            counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1
+            if counted:
+                lines(begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body)), "()"))
             mark = lines.mark()
             body = Body(
                 lines,
@@ -38,6 +42,7 @@ class AgainWriter:
                 told=lambda place: f"vm.failed(now, {plan.index}, {len(plan.rule.head)}, {place}, "
                 f"{tuple_of(body.found)}, reason)",
                 may_index=self._index,
+                counted=counted,
             )
             entry = plan.entry() if plan.atoms else "()"
             body.seek(list(enumerate(plan.rule.body)), lambda: lines(f"yield {entry}"))

@@ -6,6 +6,7 @@ stand as soon as what they need is bound and leave out the rest of the turn.
 """
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Slot, Type
@@ -14,6 +15,7 @@ from rmr.vm.generate.known import Known
 from rmr.vm.generate.layout import SERIAL, Positions, Table, candidates, column, index_key
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
+from rmr.vm import match
 from rmr.vm.match import AtomStep, plan_atom
 
 ME = "me"
@@ -69,11 +71,13 @@ class Body:
         passed_over: Callable[[Atom, str], str | None] = lambda atom, fact: None,
         spent: Callable[[int], str | None] = lambda place: None,
         may_index: bool = True,
+        counted: bool = True,
     ) -> None:
         """`leave` leaves the function, or the loop, in which the search stands; see `Told` and `Limit`.
 
         `passed_over` returns on which further condition an atom does not take a fact, and `spent`, for the place of an
-        atom, on which nothing more can come of the facts found before it.
+        atom, on which nothing more can come of the facts found before it. Facts looked at are `counted` unless there
+        cannot be too many.
         """
         self.lines = lines
         self.pool = pool
@@ -88,6 +92,7 @@ class Body:
         self._passed_over = passed_over
         self._spent = spent
         self._may_index = may_index
+        self._counted = counted
         self._places: list[tuple[int, int]] = []
         """Of the facts found: place, predicate."""
         self.uses: dict[str, None] = {}
@@ -247,10 +252,10 @@ class Body:
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
         if not positions or table.queued or not (self._may_index or positions in table.indices):
-            return table.facts, ()
+            return (f"counted(vm, {table.facts})" if self._counted else table.facts), ()
         values = self._values(step)
         key = index_key(positions, [values[position] for position in positions])
-        text = candidates(table, positions, key)
+        text = candidates(table, positions, key, counted=self._counted)
         self.uses.setdefault(table.indices[positions])
         return text, () if step.strict else positions
 
@@ -263,6 +268,23 @@ def positives(body: Sequence[Conjunct]) -> list[tuple[int, Atom]]:
 def loads(body: Body) -> list[str]:
     """Return what puts the indices that a search probes into variables."""
     return [f"{name} = vm.{name}" for name in body.uses]
+
+
+def begun(pool: Pool, part: tuple[int, int, int], facts: str) -> str:
+    """Return the statement before a search: `part` is the rule, the part of it and the step that an end stands for."""
+    pool.helper("counted", counted)
+    return f"vm.looks = {match.LOOKS_MAX}; vm.looking = {pool.object(part)}, {facts}"
+
+
+def counted(vm: Any, facts: Any) -> Any:
+    """Return `facts`; none once a search has looked at too many."""
+    if vm.looks < 0:
+        return ()
+    vm.looks -= len(facts)
+    if vm.looks < 0:
+        vm.give_up()
+        return ()
+    return facts
 
 
 def serial(fact: str) -> str:

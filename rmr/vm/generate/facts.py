@@ -61,7 +61,10 @@ class FactWriter:
     def _unwanted(self, predicate: int, args: Sequence[str]) -> str:
         """Return the condition on which a fact is not inserted."""
         table = self._tables[predicate]
-        full = f"(vm.count >= {machine.FACTS_MAX} or vm.length >= {machine.FACTS_LENGTH_MAX}) and vm.is_full(now)"
+        most = f"vm.count >= {machine.FACTS_MAX}"
+        if any(each.long for each in self._tables):
+            most = f"({most} or vm.length >= {machine.FACTS_LENGTH_MAX})"
+        full = f"{most} and vm.is_full(now)"
         return full if table.linear else f"(key := {table.key(self._pool, args)}) in {table.name} or {full}"
 
     def add(self, predicate: int, args: Sequence[str], key: str) -> None:
@@ -151,7 +154,7 @@ class FactWriter:
         queue = f"vm.q{r}" if first else f"vm.n{r}_{place}"
         taken = [f"if {queue} is None: {queue} = [{'0, ' if first else ''}f]", f"else: {queue}.append(f)"]
         lazy = first and not plan.is_eager and not plan.valued
-        gates.add(tests, [*taken, f"vm.stale |= {f'{plan.bit} & ~vm.ready' if lazy else plan.bit}"])
+        gates.add(tests, [*taken, f"{f'if not vm.ready & {plan.bit}: ' if lazy else ''}vm.stale |= {plan.bit}"])
 
     def _conditions(
         self, plan: RulePlan, atom: Atom, args: Sequence[str], taken: Sequence[str], gates: "Gates"
@@ -170,7 +173,7 @@ class FactWriter:
             else:
                 assert isinstance(conjunct, Bind)
                 source = slots.expression(conjunct.code, self._pool)
-                name = f"b{conjunct.slot}"
+                name = f"c{plan.index}_{conjunct.slot}"  # the rule that derives the fact has variables of its own
                 conditions.append(f"(({name} := {source.text}), True)")
                 slots.names[conjunct.slot], slots.known[conjunct.slot] = name, source.known
         gates.add(conditions, taken)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rmr.base.values import Robot
+from rmr.base.values import Robot, Value
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.conform import fits
 from rmr.bytecode.program import (
@@ -29,8 +29,8 @@ from rmr.vm.aggregate import FOLDS, better
 from rmr.vm import derive as limits
 from rmr.vm import machine
 from rmr.vm.derive import HEAD_PART, Derived, Role
-from rmr.vm.doubts import doubts, settle
-from rmr.vm.generate.body import ME, Body, Slots, loads, positives, serial
+from rmr.vm.doubts import Doubts, doubts, settle
+from rmr.vm.generate.body import ME, Body, Slots, begun, loads, positives, serial
 from rmr.vm.generate.expressions import narrowed
 from rmr.vm.generate.known import NOTHING
 from rmr.vm.generate.layout import Table, column, tuple_of
@@ -113,6 +113,20 @@ def write_bindings(lines: Lines, pool: Pool, rule: Rule, tables: Sequence[Table]
     return slots
 
 
+def settled_args(doubts: Doubts, args: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Return arguments that have the types that were in doubt. Raises NoValue."""
+    settle(doubts, args)
+    return args
+
+
+def rows_of(rule: Rule) -> int | None:
+    """Return the predicate whose facts of this robot are all that a rule derives, by one comprehension; else None."""
+    if len(rule.head) != 1 or not isinstance(rule.head[0], Comprehension) or len(rule.head[0].head) != 1:
+        return None
+    item = rule.head[0].head[0]
+    return item.predicate if isinstance(item, DeriveFact) and item.owner == SELF else None
+
+
 class HeadWriter:
     """Writes ``derive{rule}``: given a match's facts, what it consumes and the chains that it derives, or None.
 
@@ -172,9 +186,16 @@ class HeadWriter:
 
     def _as_call(self, item: WrittenItem) -> str | None:
         """Return the call that inserts an item, and its arguments: a fact of this robot that cannot fail."""
-        if not self._calls or not isinstance(item.item, DeriveFact) or not item.mine or item.doubts:
+        if not self._calls or not isinstance(item.item, DeriveFact) or not item.mine:
             return None
-        return f"({', '.join([f'add{item.item.predicate}', *[each.text for each in item.args]])},)"
+        if item.doubts:
+            if rows_of(self._rule) is None:
+                return None
+            args = tuple_of([each.text for each in item.args])
+            settled = self._pool.helper("settled", settled_args)
+            return f"{settled}({self._pool.object(item.doubts)}, {args})"
+        adding = [] if rows_of(self._rule) is not None else [f"add{item.item.predicate}"]
+        return tuple_of([*adding, *[each.text for each in item.args]])
 
     def _chain(self, items: list[WrittenItem]) -> None:
         call = self._as_call(items[0]) if len(items) == 1 else None
@@ -212,7 +233,10 @@ class HeadWriter:
             passed_over=self._passed_over,
             spent=lambda place: next((f"{serial(f'g{each}')} in taken" for each, _ in taking if each < place), None),
             may_index=self._may_index,
+            counted=len(atoms) > 1,
         )
+        if len(atoms) > 1:
+            lines(begun(pool, (self._number, part, len(head.body)), self._found([])))
         mark = lines.mark()
         with lines.block(f"for _ in {pool.helper('ONCE', (None,))}:"):
             body.seek(list(enumerate(head.body)), lambda: self._leaf(part, head, body, outer, scope, taking))

@@ -100,10 +100,19 @@ def index_key(positions: Positions, texts: Sequence[str]) -> str:
     return texts[0] if len(positions) == 1 else tuple_of(texts)
 
 
-def candidates(table: Table, positions: Positions, key: str) -> str:
-    """Return the facts, oldest first, that have the values of `key` at `positions`; the index is in a variable."""
+def candidates(table: Table, positions: Positions, key: str, *, counted: bool) -> str:
+    """Return the facts, oldest first, that have the values of `key` at `positions`; the index is in a variable.
+
+    If they are to be `counted`, a single fact is not: it costs no more than what led to it.
+    """
     name = table.index_on(positions)
-    return f"({_bucket(table, name, key)} if {name} is not None else probe_{name}(vm, {key}))"
+    probed = f"probe_{name}(vm, {key})"
+    if not counted:
+        return f"({_bucket(table, name, key)} if {name} is not None else {probed})"
+    if table.lasting:
+        return f"counted(vm, {name}.get({key}, NONE) if {name} is not None else {probed})"
+    bucket = f"(b if type(b := {name}.get({key}, NONE)) is tuple else counted(vm, b.values()))"
+    return f"({bucket} if {name} is not None else counted(vm, {probed}))"
 
 
 def _bucket(table: Table, index: str, key: str) -> str:

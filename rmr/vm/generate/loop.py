@@ -12,7 +12,7 @@ from rmr.vm.derive import Derived
 from rmr.vm.events import FactSent, RuleFired
 from rmr.vm.generate.body import ME
 from rmr.vm.generate.facts import FactWriter
-from rmr.vm.generate.heads import WrittenItem, write_bindings, written_items
+from rmr.vm.generate.heads import WrittenItem, rows_of, write_bindings, written_items
 from rmr.vm.generate.layout import Table, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way
@@ -121,7 +121,16 @@ class LoopWriter:
         self._take(plan)
         if plan.valued:
             lines(f"consumed, out = vm.v{r}", "for call, f in consumed: call(vm, now, f)")
-            lines("for call in out: call[0](vm, now, *call[1:])")
+            rows = rows_of(plan.rule)
+            if rows is None:
+                lines("for call in out: call[0](vm, now, *call[1:])")
+            else:
+                names = [f"a{place}" for place in range(self._tables[rows].arity)]
+                with lines.block(f"for {tuple_of(names)} in out:"):
+                    if len(self._facts.readers(rows)) <= IN_LINE_MAX:
+                        self._facts.add_if_new(rows, names)
+                    else:
+                        lines(f"add{rows}({', '.join(['vm', 'now', *names])})")
             return
         slots = write_bindings(lines, self._pool, plan.rule, self._tables, plan.facts)
         chains = written_items(plan.rule, slots, self._program, self._pool, self._tables)
@@ -154,7 +163,9 @@ class LoopWriter:
                 if plan.valued:
                     lines(f"else: vm.stale |= {plan.bit}")
             return
-        lines(f"kept = vm.k{r}", f"{tuple_of(names)} = e = kept.pop()" if names else "e = kept.pop()")
+        noted = plan.once and (plan.way is Way.AGAIN or plan.may_break)
+        left = [*([", ".join(names) + ","] if names else []), *(["e"] if noted or not names else [])]
+        lines(f"kept = vm.k{r}", f"{' = '.join(left)} = kept.pop()")
         if plan.once and plan.way is Way.AGAIN:
             lines(f"vm.fired[{r}].fire(e)")
         elif plan.once and plan.may_break:

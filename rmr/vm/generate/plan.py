@@ -90,6 +90,8 @@ class RulePlan:
             return Way.AGAIN
         if len(self.atoms) == 1 and not self.failing:
             return Way.SINGLE
+        if any(place < self.atoms[0][0] for place in self.failing):
+            return Way.AGAIN  # it fails though there is no fact
         return Way.JOIN if is_settled(self.rule, tables) else Way.AGAIN
 
 

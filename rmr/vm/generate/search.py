@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
-from rmr.vm.generate.body import ME, Body, Slots, loads, serial
+from rmr.vm import once
+from rmr.vm.generate.body import ME, Body, Slots, begun, loads, serial
 from rmr.vm.generate.layout import Table
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way, order_from
@@ -22,6 +23,9 @@ NEW_MAX = 64
 
 TAKEN_MAX = 64
 """Facts that have been taken out of a queue before it is made shorter, if they are the most of it."""
+
+AT_ONCE_MAX = 32
+"""Matches of a rule that nothing undoes that are enough for a while."""
 
 KEPT_MAX = 4096
 """Matches that a rule that consumes keeps; with more the tops are rather tried again, one after another."""
@@ -132,7 +136,7 @@ class SearchWriter:
         top, atom = plan.atoms[0]
         fact = plan.facts[top]
         with lines.block(f"def find{r}(vm, now):"):
-            lines(f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
+            lines(self._begin(), f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
             for place in self._places[1:]:
                 self._join_new(place)
             lines(f"vm.w{r} = vm.s")
@@ -147,7 +151,7 @@ class SearchWriter:
                     body.take(top, atom, fact)
                     after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
                     body.seek(after, lambda: lines(f"kept.append({plan.entry()})"))
-                    lines("if kept: break")
+                    lines(f"if len(kept) > {AT_ONCE_MAX}: break")
                 lines(f"vm.l{r} = q[taken][1]")
                 lines(f"if taken == last: vm.q{r} = None")
                 lines(f"elif taken > {TAKEN_MAX} and taken + taken > last: del q[1:taken + 1]; q[0] = 0")
@@ -160,6 +164,7 @@ class SearchWriter:
         failing = bool(plan.failing)
         with lines.block(f"def find{r}(vm, now):"):
             self._if_broken()
+            lines(self._begin())
             with lines.level():
                 if failing:
                     lines("try:")
@@ -244,6 +249,8 @@ class SearchWriter:
             with lines.block("for f in new:"):
                 lines(f"if f[0]: fresh{r}_{place}(vm, now, f, before, vm.w{r}, kept)")
             lines("if len(kept) > 1: kept.sort(reverse=True)")
+            if plan.once:
+                lines(f"if len(kept) > {once.MATCHES_MAX}: vm.spill(kept, now)")
 
     def write_restart(self, top_gate: Sequence[str]) -> None:
         """Write the function that lets all tops be tried again; `top_gate` are the conditions on a top ``f``."""
@@ -256,6 +263,11 @@ class SearchWriter:
             lines(f"{ME} = vm.robot", f"vm.k{r} = []", f"vm.c{r} = None", f"vm.l{r} = 0")
             lines(*[f"vm.n{r}_{place} = None" for place in self._places[1:]])
             lines(f"vm.q{r} = [0, *[f for f in {table.name}.values(){tests}]]")
+
+    def _begin(self) -> str:
+        """Return the statement that begins to count the facts that a search looks at."""
+        rule = self._plan.rule
+        return begun(self._pool, (self._r, len(rule.head), len(rule.body)), "()")
 
     def _if_broken(self) -> None:
         plan = self._plan
