@@ -129,18 +129,6 @@ class Generated(Machine):
         table: dict[Any, GoneFact] = getattr(self, f"t{predicate}")
         return table
 
-    def insert(self, now: Instant, predicate: int, args: Args) -> None:
-        """Insert a fact from outside, of any kind; a sensed or persistent one that holds is no insertion.
-
-        Raises:
-            ValueError: `args` (without the owner) are not what the predicate declares.
-        """
-        self._now = now
-        jobs = self._any_jobs
-        if jobs is not None and jobs.due < now:
-            self._miss(now - 1)
-        self.module.arrive[predicate](self, now, args)
-
     def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
         add = self.module.add
         for predicate, args in facts:
@@ -155,10 +143,6 @@ class Generated(Machine):
         fact = self._table(predicate).get(identity(key) if table.open else key)
         if fact is not None:
             self.module.remove[predicate](self, now, fact)
-
-    def _fire(self, now: Instant) -> None:
-        self.touched |= self.module.timed
-        self.module.fire(self, now)
 
     def _goals_changed(self, predicate: int) -> None:
         del predicate
@@ -446,7 +430,7 @@ class Unfired:
 
 def _machine_of(program: Program) -> type[Generated]:
     module = Module(program)
-    return type("GeneratedMachine", (Generated,), {"__slots__": module.slots, "module": module})
+    return type("GeneratedMachine", (Generated,), {"__slots__": module.slots, "module": module, **module.methods})
 
 
 machine_of: ByIdentity[Program, type[Generated]] = ByIdentity(_machine_of)

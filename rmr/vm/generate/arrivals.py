@@ -1,7 +1,8 @@
-"""How a fact from outside gets in: one function for each predicate that checks the arguments and inserts the fact.
+"""The way in from outside: `Machine.insert` and `Machine.run` with what the program leaves of them.
 
-It says of the values that come as a rule that they are what the predicate declares. Whatever else comes is left to
-the gate, which looks more closely, converts, or refuses it.
+A fact from outside gets in by one function for each predicate that checks the arguments and inserts it. It says of
+the values that come as a rule that they are what the predicate declares. Whatever else comes is left to the gate,
+which looks more closely, converts, or refuses it.
 """
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
@@ -21,6 +22,19 @@ CHECKS = {
     Base.SYMBOL: f"type({{0}}) is Symbol and len({{0}}) <= {LENGTH_MAX} and {{0}}.isascii()",
 }
 """What makes sure that a value conforms (`rmr.bytecode.conform`); there is nothing as short for lists."""
+
+
+def write_methods(lines: Lines, jobs: bool, timed: int) -> None:
+    """Write the machines' methods: `jobs` says that there are time assertions, `timed` which heads ask for the time."""
+    due = "if vm._any_jobs is not None and vm._any_jobs.due"
+    with lines.block("def insert(vm, now, predicate, args):"):
+        lines("vm._now = now", *([f"{due} < now: vm._miss(now - 1)"] if jobs else ()))
+        lines("ARRIVE[predicate](vm, now, args)")
+    with lines.block("def run(vm, now):"):
+        lines("vm._now = now", *([f"{due} < now: vm._miss(now - 1)"] if jobs else ()))
+        with lines.block("if vm.busy:"):
+            lines(*([f"vm.touched |= {timed}"] if timed else ()), "vm._fire(now)")
+        lines(*([f"{due} <= now: vm._miss(now)"] if jobs else ()))
 
 
 def write_arrival(lines: Lines, table: Table, pool: Pool, gate: Gate) -> str:

@@ -11,10 +11,10 @@ from typing import Any
 from rmr.base.time import Instant
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.generate.again import AgainWriter
-from rmr.vm.generate.arrivals import write_arrival
+from rmr.vm.generate.arrivals import write_arrival, write_methods
 from rmr.vm.generate.facts import FactWriter, mask
 from rmr.vm.generate.heads import HeadWriter, write_bindings, written_items
-from rmr.vm.generate.layout import Table, column, tables_of, write_probes
+from rmr.vm.generate.layout import column, tables_of, write_probes
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.loop import LoopWriter
 from rmr.vm.generate.plan import RulePlan, Way
@@ -59,14 +59,14 @@ class Module:
         self.add = [self._first(self.change, predicate, f"add{predicate}") for predicate in predicates]
         self.remove = [self._first(self.change, predicate, f"remove{predicate}") for predicate in predicates]
         self._changing: set[int] = set()
+        self.names["ARRIVE"] = Arrivals(self, shared_of(program).gate)
         self.run(self._write())
-        self.arrive = Arrivals(self, shared_of(program).gate)
-        self.fire = self.names["fire"]
+        self.methods = {"insert": self.names["insert"], "run": self.names["run"], "_fire": self.names["fire"]}
+        """What a machine's class gets besides."""
         self.reset = self.names["reset"]
         self.readers = [facts.readers(predicate) for predicate in range(len(program.predicates))]
         self.at_first = mask([plan for plan in self.plans if plan.way is Way.AGAIN])
         self.all_rules = mask(self.plans)
-        self.timed = mask([plan for plan in self.plans if plan.timed])
         self.slots: list[str] = self._slots
         self._slow: set[int] = set()
 
@@ -142,6 +142,8 @@ class Module:
         self._loop(lines).write()
         write_probes(lines, self.tables)
         self._write_reset(lines)
+        timed = mask([plan for plan in self.plans if plan.timed])
+        write_methods(lines, bool(self.program.assertions), timed)
         return lines.text
 
     def _search(self, plan: RulePlan, facts: FactWriter) -> str:
