@@ -121,9 +121,9 @@ def plan_atom(atom: Atom, predicates: tuple[Predicate, ...], bound: Collection[i
         atom.mode,
         tuple(tests),
         tuple(joins),
-        tuple((position, slot) for slot, position in binds.items()),
+        tuple([(position, slot) for slot, position in binds.items()]),
         tuple(twins),
-        any(is_open(kind) for kind in predicates[atom.predicate].types),
+        any(map(is_open, predicates[atom.predicate].types)),
     )
 
 

@@ -1,7 +1,6 @@
 """Source text in the making: lines, each as deep as the block that it stands in."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 
 
 class Lines:
@@ -17,20 +16,16 @@ class Lines:
         margin = " " * self.depth
         self._lines += [margin + line for line in lines]
 
-    @contextmanager
-    def block(self, head: str) -> Iterator[None]:
+    def block(self, head: str) -> "Level":
         """Add the line `head`; what is added meanwhile stands below it."""
         self(head)
-        with self.level():
-            self.enter()
-            yield
+        level = self.level()
+        self.enter()
+        return level
 
-    @contextmanager
-    def level(self) -> Iterator[None]:
+    def level(self) -> "Level":
         """Come back to where it stands now, however deep what is added meanwhile goes."""
-        depth = self.depth
-        yield
-        self.depth = depth
+        return Level(self)
 
     def enter(self) -> None:
         """Let all that is added from here on stand one step further in, until the enclosing level ends."""
@@ -57,3 +52,19 @@ class Lines:
 
     def __len__(self) -> int:
         return len(self._lines)
+
+
+class Level:
+    """Where lines stood when it was made; they do again at the end of its ``with``."""
+
+    __slots__ = ("_depth", "_lines")
+
+    def __init__(self, lines: Lines) -> None:
+        self._lines = lines
+        self._depth = lines.depth
+
+    def __enter__(self) -> None:
+        """Leave the lines as they are."""
+
+    def __exit__(self, *_: object) -> None:
+        self._lines.depth = self._depth
