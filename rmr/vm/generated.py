@@ -66,6 +66,7 @@ class Generated(Machine):
         "length",
         "looking",
         "looks",
+        "ranks",
         "ready",
         "s",
         "searched",
@@ -107,6 +108,8 @@ class Generated(Machine):
         """Whether somebody wants to know of each fact."""
         self.fired: dict[int, Unfired] = {}
         """Of the rules that are matched anew and consume nothing: which matches have fired."""
+        self.ranks: list[tuple[int, bool]] | None = None
+        """While goals are open: the lowest rank that each rule can have, and whether all its firings have it."""
         self.searched: dict[int, Ranked | None] = {}
         """While goals are open: the match that comes nearest, of the rules whose matches differ in that."""
         self.busy = bool(self.module.plans)
@@ -147,6 +150,7 @@ class Generated(Machine):
     def _goals_changed(self, predicate: int) -> None:
         del predicate
         self.searched.clear()
+        self.ranks = None
         if bool(self._any_goals and self._any_goals.open) != self.wanting:
             self.wanting = not self.wanting
             self.heed = self._trace or self.wanting
@@ -240,13 +244,17 @@ class Generated(Machine):
         stale, self.stale = self.stale, 0
         touched, self.touched = self.touched, 0
         lowest, best = UNRANKED, list[tuple[RulePlan, Ranked | None]]()
-        for plan in self.module.plans:
-            if stale & plan.bit:
-                self.module.names["FIND"][plan.bit](self, now)
-            if not self.ready & plan.bit:
+        left, find = self.ready | stale, self.module.names["FIND"]
+        while left:
+            bit = left & -left
+            left ^= bit
+            plan = self.module.plans[bit.bit_length() - 1]
+            if stale & bit:
+                find[bit](self, now)
+            if not self.ready & bit:
                 self.searched.pop(plan.index, None)
                 continue
-            rank, ranked = self._rank(plan, now, bool(touched & plan.bit))
+            rank, ranked = self._rank(plan, now, bool(touched & bit))
             if rank < lowest:
                 lowest = rank
                 best.clear()
@@ -258,7 +266,8 @@ class Generated(Machine):
         textual = self.program.strategy is Strategy.TEXTUAL or len(best) == 1
         plan, ranked = best[0 if textual else self._choices.below(len(best))]
         if ranked is None:
-            entry = self._kept(plan)[0] if plan.way is not Way.AGAIN else getattr(self, f"k{plan.index}")[-1]
+            single = plan.way is Way.SINGLE
+            entry = (getattr(self, f"m{plan.index}"),) if single else getattr(self, f"k{plan.index}")[-1]
             valued = self._derive(plan, entry, now)
         else:
             _, entry, valued = ranked
@@ -311,10 +320,14 @@ class Generated(Machine):
 
     def _rank(self, plan: RulePlan, now: Instant, touched: bool) -> tuple[int, Ranked | None]:
         """Return the rank of a satisfied rule; with its match if that is not the one that it fires without goals."""
-        nearest = self._goals.nearest(plan.index) if self.wanting else None
-        if nearest is None:
+        if not self.wanting:
             return UNRANKED, None
-        if self._goals.is_settled(plan.index):
+        if self.ranks is None:
+            goals = self._goals
+            found = [(goals.nearest(each.index), goals.is_settled(each.index)) for each in self.module.plans]
+            self.ranks = [(UNRANKED if rank is None else rank, rank is None or settled) for rank, settled in found]
+        nearest, settled = self.ranks[plan.index]
+        if settled:
             return nearest, None
         if touched or plan.index not in self.searched:
             self.searched[plan.index] = self._search(plan, now, nearest)
