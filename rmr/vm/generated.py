@@ -38,6 +38,10 @@ Ranked = tuple[int, Entry, Valued]
 """A match with its rank."""
 
 
+SEVERAL = 16
+"""Facts of one predicate from which on they are inserted all at once."""
+
+
 class SeenFact:
     """A fact as failures remember it."""
 
@@ -133,9 +137,12 @@ class Generated(Machine):
         return table
 
     def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
-        add = self.module.add
-        for predicate, args in facts:
-            add[predicate](self, now, *args)
+        for predicate, rows in self.module.rows(facts):
+            if len(rows) < SEVERAL:
+                for args in rows:
+                    self.module.add[predicate](self, now, *args)
+            else:
+                self.module.several(predicate)(self, now, rows)
 
     def _insert(self, now: Instant, predicate: int, args: Args) -> None:
         self.module.add[predicate](self, now, *args)

@@ -52,6 +52,18 @@ class FactWriter:
             readers = mask(self.readers(predicate))
             lines(f"if vm.heed: vm.went(now, {predicate}, {table.args('f')}, {readers})")
 
+    def several(self, predicate: int) -> None:
+        """Write the function that inserts facts of a predicate, given all their arguments."""
+        lines, table = self._lines, self._tables[predicate]
+        args = [f"a{place}" for place in range(table.arity)]
+        readers = mask(self.readers(predicate))
+        with lines.block(f"def several{predicate}(vm, now, rows):"):
+            lines(f"{ME} = vm.robot", *(["vm.busy = True"] if readers else []))
+            with lines.block(f"for {tuple_of(args) if args else '_'} in rows:"):
+                lines(f"if {self._unwanted(predicate, args)}: continue", "vm.count += 1")
+                self.add(predicate, args, "key")
+                lines(f"if vm.heed: vm.came(now, {predicate}, {tuple_of(args)}, {readers})")
+
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
         """Write that a fact is inserted, if there is room and it is not one of a set that holds already."""
         with self._lines.block(f"if not ({self._unwanted(predicate, args)}):"):

@@ -155,7 +155,9 @@ class HeadWriter:
         self._facts = {place: f"f{place}" for place, _ in atoms}
         consumed = [(atom.predicate, self._facts[place]) for place, atom in atoms if atom.mode is Mode.CONSUME]
         self._calls = calls
-        self._consumed = [self._removal(predicate, fact) for predicate, fact in consumed]
+        self._consumed = [] if calls else [self._removal(predicate, fact) for predicate, fact in consumed]
+        self._gone = [serial(fact) for _, fact in consumed] if calls else []
+        """The facts that the run loop itself consumes."""
 
     def write(self) -> None:
         """Write the function."""
@@ -218,7 +220,7 @@ class HeadWriter:
         scope.grow(head.body, self._program.predicates)
         atoms = [each for each in head.body if isinstance(each, Atom)]
         if any(self._program.predicates[each.predicate].kind is Kind.TEMPORARY for each in atoms):
-            lines("gone = {f[1] for _, f in consumed}", "taken = set()")
+            lines(f"gone = {{{', '.join([*self._gone, '*[f[1] for _, f in consumed]'])}}}", "taken = set()")
         if isinstance(head, Aggregate):
             lines("values = []", "best = None")
         taking = [(place, atom.predicate) for place, atom in positives(head.body) if atom.mode is Mode.CONSUME]

@@ -7,7 +7,7 @@ cannot fail is written out in line; what others derive is worked out when the ma
 from collections.abc import Sequence
 
 from rmr.base.streams import Choices
-from rmr.bytecode.program import DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
+from rmr.bytecode.program import Aggregate, Comprehension, DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
 from rmr.vm.derive import Derived
 from rmr.vm.events import FactSent, RuleFired
 from rmr.vm.generate.body import ME
@@ -101,7 +101,7 @@ class LoopWriter:
         lines("choices = vm._choices")
         lines(f"choices.state = z = choices.state + {Choices.GAMMA} & {Choices.MASK}")
         lines(f"z = (z ^ z >> 30) * {one} & {Choices.MASK}", f"z = (z ^ z >> 27) * {other} & {Choices.MASK}")
-        lines("draw = ((z ^ z >> 31) >> 32) * ready.bit_count() >> 32")
+        lines("draw = (z >> 32 ^ z >> 63) * ready.bit_count() >> 32  # the upper half of z ^ z >> 31")
         lines("while draw: ready &= ready - 1; draw -= 1", "ready &= -ready")
 
     def _choose(self, first: int, end: int) -> None:
@@ -120,7 +120,10 @@ class LoopWriter:
         lines, r = self._lines, plan.index
         self._take(plan)
         if plan.valued:
-            lines(f"consumed, out = vm.v{r}", "for call, f in consumed: call(vm, now, f)")
+            lines(f"consumed, out = vm.v{r}")
+            self._consume(plan, 0)
+            if any(isinstance(head, Comprehension | Aggregate) for head in plan.rule.head):
+                lines("for call, f in consumed: call(vm, now, f)")
             rows = rows_of(plan.rule)
             if rows is None:
                 lines("for call in out: call[0](vm, now, *call[1:])")
@@ -140,12 +143,7 @@ class LoopWriter:
         plain = all(len(chain) == 1 for chain in chains) and not any(isinstance(i.item, DeriveGoal) for i in items)
         in_line = plain and all(map(self._is_in_line, made))
         roomy = in_line and len(made) <= len(plan.consumed) and all(map(self._is_temporary, made))
-        change = (len(made) if roomy else 0) - len(plan.consumed)
-        if change:
-            lines(f"vm.count += {change}")
-        atoms = dict(plan.atoms)
-        for place in plan.consumed:
-            self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
+        self._consume(plan, len(made) if roomy else 0)
         for chain in chains:
             self._derive(chain, in_line, roomy)
 
@@ -157,9 +155,11 @@ class LoopWriter:
             if plan.may_break:
                 note = f"; vm.fired[{r}].fire(({names[0]},))" if plan.once else ""
                 lines(f"if vm.broken & {plan.bit}: vm.stale |= {plan.bit}{note}")
-            lines(f"if vm.q{r} is None: vm.m{r} = None; vm.ready ^= {plan.bit}")
+            lines(f"q = vm.q{r}", f"if q is None: vm.m{r} = None; vm.ready ^= {plan.bit}")
+            if not plan.valued:
+                lines(f"elif (h := q[0] + 1) + h <= len(q) and (f := q[h])[0]: q[0] = h; vm.m{r} = f")
             with lines.block("else:"):
-                lines(f"vm.m{r} = f = next_of(vm.q{r})", f"if f is None: vm.q{r} = None; vm.ready ^= {plan.bit}")
+                lines(f"vm.m{r} = f = next_of(q)", f"if f is None: vm.q{r} = None; vm.ready ^= {plan.bit}")
                 if plan.valued:
                     lines(f"else: vm.stale |= {plan.bit}")
             return
@@ -174,6 +174,15 @@ class LoopWriter:
             lines(f"if not kept: vm.stale |= {plan.bit}")
         else:
             lines(f"vm.stale |= {plan.bit}")
+
+    def _consume(self, plan: RulePlan, made: int) -> None:
+        """Write that what the body consumes goes; so many facts will be `made` that are counted here."""
+        change = made - len(plan.consumed)
+        if change:
+            self._lines(f"vm.count {'+' if change > 0 else '-'}= {abs(change)}")
+        atoms = dict(plan.atoms)
+        for place in plan.consumed:
+            self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
 
     def _is_in_line(self, item: WrittenItem) -> bool:
         """Tell whether the insertion of a fact is written out."""

@@ -5,7 +5,7 @@ longer to compile it than all else that is done to load a program, so what only 
 it is called for the first time.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rmr.base.time import Instant
@@ -69,6 +69,8 @@ class Module:
         self.all_rules = mask(self.plans)
         self.slots: list[str] = self._slots
         self._slow: set[int] = set()
+        self._rows: tuple[Iterable[tuple[int, Args]], list[tuple[int, list[Args]]]] = (), []
+        """The facts that were to be inserted at once last, and what `rows` has made of them."""
 
     def search(self, rule: int) -> None:
         """Make the functions that look for a rule's matches, unless they are there."""
@@ -92,6 +94,31 @@ class Module:
         self.run(lines.text)
         self.add[predicate] = self.names[f"add{predicate}"]
         self.remove[predicate] = self.names[f"remove{predicate}"]
+
+    def rows(self, facts: Iterable[tuple[int, Args]]) -> list[tuple[int, list[Args]]]:
+        """Return `facts` in their order, those of one predicate that stand together in one list."""
+        if facts is self._rows[0]:
+            return self._rows[1]
+        runs: list[tuple[int, list[Args]]] = []
+        last = -1
+        for predicate, args in facts:
+            if predicate != last:
+                runs.append((predicate, []))
+                last = predicate
+            runs[-1][1].append(args)
+        self._rows = facts, runs
+        return runs
+
+    def several(self, predicate: int) -> Callable[..., None]:
+        """Return the function that inserts many facts of a predicate."""
+        name = f"several{predicate}"
+        if name not in self.names:
+            self.change(predicate)
+            lines = Lines()
+            self._facts(lines).several(predicate)
+            self.run(lines.text)
+        function: Callable[..., None] = self.names[name]
+        return function
 
     def slow(self, rule: int) -> None:
         """Make the functions that enumerate a rule's matches as the specification does, unless they are there."""
