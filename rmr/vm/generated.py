@@ -80,6 +80,8 @@ class Generated(Machine):
     )
 
     module: Module
+    looking: tuple[tuple[int, int, int], Sequence[GoneFact]]
+    """What the search is at: the rule, its part and the step there, and the facts found before."""
 
     def __init__(
         self,

@@ -53,10 +53,11 @@ class UnderWay:
         origin: tuple[int, int] | None = None,
     ) -> ActionDerived:
         """Return the report of an action which this robot executes, or behind which there are steps."""
-        if len(self._actions) >= ACTIONS_MAX or (then and len(self._chains) >= CHAINS_MAX):
+        actions = self._actions
+        if len(actions) >= ACTIONS_MAX or (then and len(self._chains) >= CHAINS_MAX):
             self._make_room(now, bool(then))
         self._serial = serial = self._serial + 1
-        self._actions[serial] = action = ActionDerived(serial, predicate, executor, args, origin)
+        actions[serial] = action = ActionDerived(serial, predicate, executor, args, origin)
         if then:
             self._chains[serial] = then
         return action

@@ -8,6 +8,7 @@ which looks more closely, converts, or refuses it.
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.program import Base
+from rmr.vm.generate.facts import FactWriter
 from rmr.vm.generate.layout import Table
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
@@ -37,19 +38,21 @@ def write_methods(lines: Lines, jobs: bool, timed: int) -> None:
         lines(*([f"{due} <= now: vm._miss(now)"] if jobs else ()))
 
 
-def write_arrival(lines: Lines, table: Table, pool: Pool, gate: Gate) -> str:
+def write_arrival(lines: Lines, table: Table, pool: Pool, gate: Gate, facts: FactWriter) -> str:
     """Write the function for the facts of a predicate that is no action and return its name."""
     index, name = table.index, f"arrive{table.index}"
-    add, checked = f"add{index}(vm, now, ", f"*{pool.helper('gate', gate)}.fact({index}, args))"
+    names = [f"a{place}" for place in range(table.arity)]
+    checked = f"{pool.helper('gate', gate)}.fact({index}, args)"
     for helper, thing in (("Robot", Robot), ("Symbol", Symbol)):
         pool.helper(helper, thing)
-    bases = [kind.base for kind in table.predicate.types]
+    checks = [CHECKS.get(kind.base, "").format(name) for kind, name in zip(table.predicate.types, names, strict=True)]
     with lines.block(f"def {name}(vm, now, args):"):
-        if bases and all(base in CHECKS for base in bases):
-            names = [f"a{place}" for place in range(len(bases))]
-            with lines.block(f"if len(args) == {len(bases)}:"):
-                lines(f"{', '.join(names)}, = args")
-                lines(f"if {' and '.join([CHECKS[base].format(a) for base, a in zip(bases, names, strict=True)])}:")
-                lines(f" return {add}{', '.join(names)})")
-        lines(f"{add}{checked}")
+        if not names:
+            lines(f"if args: {checked}")
+        elif all(checks):
+            lines(f"if len(args) != {len(names)}: {checked}", f"{', '.join(names)}, = args")
+            lines(f"if not ({' and '.join(checks)}): {', '.join(names)}, = {checked}")
+        else:
+            lines(f"{', '.join(names)}, = {checked}")
+        facts.insertion(index, names)
     return name

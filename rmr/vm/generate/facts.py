@@ -13,7 +13,7 @@ from rmr.bytecode.arithmetic import same
 from rmr.bytecode.conform import length
 from rmr.bytecode.program import Atom, Bind, Guard
 from rmr.vm import machine
-from rmr.vm.generate.body import ME, Slots
+from rmr.vm.generate.body import ME, Slots, slots_of
 from rmr.vm.generate.expressions import condition, narrowed
 from rmr.vm.generate.layout import Table, column, tuple_of, write_forgetting, write_indexing
 from rmr.vm.generate.lines import Lines
@@ -38,12 +38,7 @@ class FactWriter:
         lines, table = self._lines, self._tables[predicate]
         args = [f"a{place}" for place in range(table.arity)]
         with lines.block(f"def add{predicate}({', '.join(['vm', 'now', *args])}):"):
-            lines(f"{ME} = vm.robot")
-            lines(f"if {self._unwanted(predicate, args)}: return", "vm.count += 1")
-            if self.readers(predicate):
-                lines("vm.busy = True")
-            self.add(predicate, args, "key")
-            lines(f"if vm.heed: vm.came(now, {predicate}, {tuple_of(args)}, {mask(self.readers(predicate))})")
+            self.insertion(predicate, args)
         with lines.block(f"def remove{predicate}(vm, now, f):"):
             lines("vm.count -= 1")
             if self.readers(predicate):
@@ -63,6 +58,16 @@ class FactWriter:
                 lines(f"if {self._unwanted(predicate, args)}: continue", "vm.count += 1")
                 self.add(predicate, args, "key")
                 lines(f"if vm.heed: vm.came(now, {predicate}, {tuple_of(args)}, {readers})")
+
+    def insertion(self, predicate: int, args: Sequence[str]) -> None:
+        """Write the rest of a function, which inserts a fact."""
+        lines = self._lines
+        lines(f"{ME} = vm.robot")
+        lines(f"if {self._unwanted(predicate, args)}: return", "vm.count += 1")
+        if self.readers(predicate):
+            lines("vm.busy = True")
+        self.add(predicate, args, "key")
+        lines(f"if vm.heed: vm.came(now, {predicate}, {tuple_of(args)}, {mask(self.readers(predicate))})")
 
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
         """Write that a fact is inserted, if there is room and it is not one of a set that holds already."""
@@ -159,14 +164,23 @@ class FactWriter:
             taken += [f"elif vm.q{r} is None: vm.q{r} = [0, f]", f"else: vm.q{r}.append(f)"]
             self._conditions(plan, atom, args, taken, gates)
             return
-        tests = self.tests(atom, args)
         first = place == plan.atoms[0][0]
-        if not first:
-            tests.append(f"vm.l{r}")
+        tests = self._top_tests(plan, atom, args) if first else [*self.tests(atom, args), f"vm.l{r}"]
         queue = f"vm.q{r}" if first else f"vm.n{r}_{place}"
         taken = [f"if {queue} is None: {queue} = [{'0, ' if first else ''}f]", f"else: {queue}.append(f)"]
         lazy = first and not plan.is_eager and not plan.valued
         gates.add(tests, [*taken, f"{f'if not vm.ready & {plan.bit}: ' if lazy else ''}vm.stale |= {plan.bit}"])
+
+    def _top_tests(self, plan: RulePlan, atom: Atom, args: Sequence[str]) -> list[str]:
+        """Return what a rule demands of the fact of its first atom, whatever there is for the others."""
+        slots = Slots()
+        tests = self.tests(atom, args, slots)
+        slots.bind(plan_atom(atom, self._predicates, slots.names), self._tables[atom.predicate], args.__getitem__)
+        for conjunct in () if plan.failing else plan.rule.body:
+            if isinstance(conjunct, Guard) and slots_of(conjunct) <= slots.names.keys():
+                tests.append(condition(conjunct.code, slots.names, slots.known, self._pool).text)
+                slots.known.update(narrowed(conjunct.code, slots.known))
+        return tests
 
     def _conditions(
         self, plan: RulePlan, atom: Atom, args: Sequence[str], taken: Sequence[str], gates: "Gates"
@@ -249,7 +263,9 @@ class Gates:
 
     def _tells(self, match: re.Match[str]) -> bool:
         """Tell whether an expression that equals the constant equals no other one."""
-        return type(self._pool.globals.get(match["value"], 0)) in (int, Symbol, Robot) and not _WORD.search(match["what"])
+        return type(self._pool.globals.get(match["value"], 0)) in (int, Symbol, Robot) and not _WORD.search(
+            match["what"]
+        )
 
     def _choose(self, what: str, cases: Sequence[tuple[str, int]], left: str | None) -> None:
         lines, word = self._lines, "if"
@@ -294,5 +310,3 @@ def mask(plans: Sequence[RulePlan]) -> int:
     for plan in plans:
         bits |= plan.bit
     return bits
-
-

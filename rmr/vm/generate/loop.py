@@ -172,6 +172,8 @@ class LoopWriter:
             lines(f"if vm.broken & {plan.bit}: vm.fired[{r}].fire(e)")
         if plan.lasting and not plan.may_break:
             lines(f"if not kept: vm.stale |= {plan.bit}")
+        elif plan.way is Way.JOIN and plan.atoms[0][0] in plan.consumed and not plan.may_break:
+            self._next_top(plan)
         else:
             lines(f"vm.stale |= {plan.bit}")
 
@@ -183,6 +185,14 @@ class LoopWriter:
         atoms = dict(plan.atoms)
         for place in plan.consumed:
             self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
+
+    def _next_top(self, plan: RulePlan) -> None:
+        """Write that a rule that consumes its top is looked at again only if there is something to look at."""
+        r = plan.index
+        left = ["kept", "(q and q[0] + 1 < len(q))", *[f"vm.n{r}_{place}" for place, _ in plan.atoms[1:]]]
+        self._lines(f"q = vm.q{r}", f"if {' or '.join(left)}: vm.stale |= {plan.bit}")
+        gone = f"vm.c{r} = vm.q{r}" if len(plan.atoms) > 1 else f"vm.q{r}"
+        self._lines(f"else: {gone} = None; vm.ready ^= {plan.bit}")
 
     def _is_in_line(self, item: WrittenItem) -> bool:
         """Tell whether the insertion of a fact is written out."""
@@ -197,8 +207,9 @@ class LoopWriter:
         lines, pool = self._lines, self._pool
         item = chain[0]
         if len(chain) == 1 and isinstance(item.item, DeriveAction):
-            action = f"{item.item.predicate}, {item.owner.text}, {tuple_of([each.text for each in item.args])}"
-            lines(f"vm._act(now, {action})")
+            action = f"now, {item.item.predicate}, {item.owner.text}, {tuple_of([each.text for each in item.args])}"
+            mine = f"emit((vm._any_actions or vm._under_way).begin({action}))"
+            lines(mine if item.mine else f"vm._act({action})")
             return
         if len(chain) > 1 or not isinstance(item.item, DeriveFact):
             sources = [each.write(lines, pool) for each in chain]

@@ -14,7 +14,7 @@ from rmr.vm.generate.again import AgainWriter
 from rmr.vm.generate.arrivals import write_arrival, write_methods
 from rmr.vm.generate.facts import FactWriter, mask
 from rmr.vm.generate.heads import HeadWriter, write_bindings, written_items
-from rmr.vm.generate.layout import column, tables_of, write_probes
+from rmr.vm.generate.layout import Table, column, tables_of, write_probes
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.loop import LoopWriter
 from rmr.vm.generate.plan import RulePlan, Way
@@ -132,6 +132,14 @@ class Module:
         HeadWriter(self.program, rule, lines, self.pool, self.tables, index=False).write()
         self.run(lines.text)
 
+    def arrival(self, table: Table, gate: Gate) -> Callable[[Any, Instant, Args], None]:
+        """Return the function that checks and inserts facts from outside."""
+        lines = Lines()
+        name = write_arrival(lines, table, self.pool, gate, self._facts(lines))
+        self.run(lines.text)
+        arrive: Callable[[Any, Instant, Args], None] = self.names[name]
+        return arrive
+
     def run(self, source: str) -> None:
         """Let Python make functions of `source`."""
         self.sources.append(source)
@@ -223,11 +231,8 @@ class Arrivals(dict[int, Callable[[Any, Instant, Args], None]]):
         tables = self._module.tables
         if not 0 <= predicate < len(tables) or tables[predicate].predicate.kind is Kind.ACTION:
             return lambda _vm, _now, args: self._refuse(predicate, args)
-        lines = Lines()
-        name = write_arrival(lines, tables[predicate], self._module.pool, self._gate)
-        self._module.run(lines.text)
-        arrive = self[predicate] = self._module.names[name]
-        return arrive  # type: ignore[no-any-return]
+        arrive = self[predicate] = self._module.arrival(tables[predicate], self._gate)
+        return arrive
 
     def _refuse(self, predicate: int, args: Args) -> None:
         """Raise ValueError: there are no facts of the predicate."""
