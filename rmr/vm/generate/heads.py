@@ -27,7 +27,6 @@ from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.aggregate import FOLDS, better
 from rmr.vm import derive as limits
-from rmr.vm import machine
 from rmr.vm.derive import HEAD_PART, Derived, Role
 from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.generate.body import ME, Body, Slots, begun, loads, positives, serial
@@ -239,12 +238,27 @@ class HeadWriter:
         )
         if len(atoms) > 1:
             lines(begun(pool, (self._number, part, len(head.body)), self._found([])))
+        if self._counts_at_end(head):
+            lines("before = len(out)")
         mark = lines.mark()
         with lines.block(f"for _ in {pool.helper('ONCE', (None,))}:"):
             body.seek(list(enumerate(head.body)), lambda: self._leaf(part, head, body, outer, scope, taking))
         lines.insert(mark, loads(body))
+        if self._counts_at_end(head):
+            lines("matches += len(out) - before", self._limit())
         if isinstance(head, Aggregate):
             self._aggregated(head, outer, slots, scope)
+
+    def _counts_at_end(self, head: Comprehension | Aggregate) -> bool:
+        """Tell whether the matches of an inner body can be counted when all are there: nothing in it can fail."""
+        guards = [each for each in head.body if not isinstance(each, Atom)]
+        simple = isinstance(head, Comprehension) and len(head.head) == 1 and not guards
+        return simple and all(len(code) == 1 for code in head.head[0].args)  # type: ignore[union-attr]
+
+    def _limit(self) -> str:
+        """Return the statement that gives up a firing with too many matches."""
+        text = f"more than {limits.MATCHES_MAX} matches in one firing"
+        return f"if matches > {limits.MATCHES_MAX}: raise {self._pool.helper('NoValue', NoValue)}({text!r})"
 
     def _passed_over(self, atom: Atom, fact: str) -> str | None:
         if self._program.predicates[atom.predicate].kind is not Kind.TEMPORARY:
@@ -268,10 +282,8 @@ class HeadWriter:
         lines, pool = self._lines, self._pool
         items = head.head if isinstance(head, Comprehension) else (head.head,)
         no_value = pool.helper("NoValue", NoValue)
-        if len(items) > 1 or len(positives(head.body)) > 1 or limits.MATCHES_MAX < machine.FACTS_MAX:
-            lines(f"matches += {len(items) or 1}")
-            text = f"more than {limits.MATCHES_MAX} matches in one firing"
-            lines(f"if matches > {limits.MATCHES_MAX}: raise {no_value}({text!r})")
+        if not self._counts_at_end(head):
+            lines(f"matches += {len(items) or 1}", self._limit())
         if isinstance(head, Comprehension):
             written = [WrittenItem(item, body.slots, scope, pool, self._tables) for item in items]
             fails = any(item.fails for item in written)

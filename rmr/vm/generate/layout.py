@@ -110,7 +110,8 @@ def candidates(table: Table, positions: Positions, key: str, *, counted: bool) -
     if not counted:
         return f"({_bucket(table, name, key)} if {name} is not None else {probed})"
     if table.lasting:
-        return f"counted(vm, {name}.get({key}, NONE) if {name} is not None else {probed})"
+        bucket = f"(b if len(b := {name}.get({key}, NONE)) < 2 else counted(vm, b))"
+        return f"({bucket} if {name} is not None else counted(vm, {probed}))"
     bucket = f"(b if type(b := {name}.get({key}, NONE)) is tuple else counted(vm, b.values()))"
     return f"({bucket} if {name} is not None else counted(vm, {probed}))"
 

@@ -218,6 +218,9 @@ class SearchWriter:
     def _tops(self, none: str) -> None:
         lines, plan, r = self._lines, self._plan, self._r
         lines(f"q = vm.q{r}")
+        if not plan.once and not plan.may_break:
+            self._tops_in_line()
+            return
         with lines.block("while True:"):
             lines("f = q and next_of(q)", "if not f:", f" vm.q{r} = None", *(f" {each}" for each in none.split("; ")))
             lines(f"vm.l{r} = f[1]")
@@ -232,6 +235,26 @@ class SearchWriter:
                     if len(self._places) > 1:
                         lines(f"vm.c{r} = f")
                     lines("break")
+
+    def _tops_in_line(self) -> None:
+        """Write the search below one top after another for the first match of a rule that consumes and cannot fail."""
+        lines, plan, r = self._lines, self._plan, self._r
+        top, atom = plan.atoms[0]
+        fact = plan.facts[top]
+        lines(f"{ME} = vm.robot")
+        mark = lines.mark()
+        body = Body(lines, self._pool, self._tables, Slots(), "continue")
+        with lines.block("while True:"):
+            lines(f"if q is not None and (h := q[0] + 1) + h <= len(q) and ({fact} := q[h])[0]: q[0] = h")
+            lines(f"elif q is None or ({fact} := next_of(q)) is None:")
+            lines(f" vm.q{r} = None", f" vm.ready &= {~plan.bit}", " return")
+            lines(f"vm.l{r} = {fact}[1]")
+            body.seek([(i, each) for i, each in enumerate(plan.rule.body) if i < top], lambda: None)
+            body.take(top, atom, fact)
+            after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
+            found = [f"kept.append({plan.entry()})", f"vm.c{r} = {fact}", f"vm.ready |= {plan.bit}", "return"]
+            body.seek(after, lambda: lines(*(found if len(self._places) > 1 else [found[0], *found[2:]])))
+        lines.insert(mark, loads(body))
 
     def _join_new(self, place: int) -> None:
         """Write what is done with the new facts of one atom that is not the first."""
