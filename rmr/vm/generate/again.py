@@ -13,6 +13,21 @@ from rmr.vm.generate.plan import RulePlan
 from rmr.vm.generate.source import Pool
 
 
+class TellingBody(Body):
+    """A search that tells what fails in it."""
+
+    def __init__(
+        self, lines: Lines, pool: Pool, tables: Sequence[Table], plan: RulePlan, *, may_index: bool, counted: bool
+    ) -> None:
+        super().__init__(lines, pool, tables, Slots(), "return", may_index=may_index, counted=counted)
+        self._plan = plan
+
+    def told(self, place: int) -> str:
+        """Return the call that tells of a failure."""
+        part = len(self._plan.rule.head)
+        return f"vm.failed(now, {self._plan.index}, {part}, {place}, {tuple_of(self.found)}, reason)"
+
+
 class AgainWriter:
     """Writes ``each{rule}``."""
 
@@ -33,17 +48,7 @@ class AgainWriter:
             if counted:
                 lines(begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body)), "()"))
             mark = lines.mark()
-            body = Body(
-                lines,
-                self._pool,
-                self._tables,
-                Slots(),
-                "return",
-                told=lambda place: f"vm.failed(now, {plan.index}, {len(plan.rule.head)}, {place}, "
-                f"{tuple_of(body.found)}, reason)",
-                may_index=self._index,
-                counted=counted,
-            )
+            body = TellingBody(lines, self._pool, self._tables, plan, may_index=self._index, counted=counted)
             entry = plan.entry() if plan.atoms else "()"
             body.seek(list(enumerate(plan.rule.body)), lambda: lines(f"yield {entry}"))
             lines.insert(mark, loads(body))

@@ -10,12 +10,12 @@ from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Slot, Type
+from rmr.vm import match
 from rmr.vm.generate.expressions import condition, expression, narrowed
 from rmr.vm.generate.known import Known
 from rmr.vm.generate.layout import SERIAL, Positions, Table, candidates, column, index_key
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
-from rmr.vm import match
 from rmr.vm.match import AtomStep, plan_atom
 
 ME = "me"
@@ -23,15 +23,6 @@ ME = "me"
 
 Placed = tuple[int, Conjunct]
 """A conjunct and its place in the body's text."""
-
-Limit = Callable[[int, str], str | None]
-"""Given an atom's place and its fact, the condition on which no later fact of its loop is of interest."""
-
-Told = Callable[[int], str]
-"""Given a conjunct's place, the call that tells of ``reason``, the NoValue that it raised."""
-
-INTERPRETED_FROM = 64
-"""Instructions of an expression from which on Python's own parser might not take its text."""
 
 
 class Slots:
@@ -66,17 +57,12 @@ class Body:
         leave: str,
         *,
         fact: str = "f",
-        told: Told | None = None,
-        limit: Limit = lambda place, fact: None,
-        passed_over: Callable[[Atom, str], str | None] = lambda atom, fact: None,
-        spent: Callable[[int], str | None] = lambda place: None,
         may_index: bool = True,
         counted: bool = True,
     ) -> None:
-        """`leave` leaves the function, or the loop, in which the search stands; see `Told` and `Limit`.
+        """`leave` leaves the function, or the loop, in which the search stands; `fact` begins the names of its facts.
 
-        `passed_over` returns on which further condition an atom does not take a fact, and `spent`, for the place of an
-        atom, on which nothing more can come of the facts found before it. Facts looked at are `counted` unless there
+        Only if it `may_index` it uses indices that are not laid out yet. Facts looked at are `counted` unless there
         cannot be too many.
         """
         self.lines = lines
@@ -85,20 +71,36 @@ class Body:
         self.slots = slots
         self.facts: dict[int, str] = {}
         """By place: the variables that hold the facts found."""
+        self.uses: dict[str, None] = {}
+        """The indices that are probed: each is to be in a variable of its name."""
         self._fact = fact
         self._skip = leave
-        self._told = told
-        self._limit = limit
-        self._passed_over = passed_over
-        self._spent = spent
         self._may_index = may_index
         self._counted = counted
         self._places: list[tuple[int, int]] = []
         """Of the facts found: place, predicate."""
-        self.uses: dict[str, None] = {}
-        """The indices that are probed: each is to be in a variable of its name."""
         self._loops: list[tuple[int, int]] = []
         """Of the loops: how far in their insides stand, the atom's place."""
+
+    def told(self, place: int) -> str | None:
+        """Return the call that tells of ``reason``, the NoValue of the conjunct at `place`; None: let it rise."""
+        del place
+        return None
+
+    def stop(self, place: int, fact: str) -> str | None:
+        """Return the condition on which neither `fact` nor any later one is of interest to the atom at `place`."""
+        del place, fact
+        return None
+
+    def passed_over(self, atom: Atom, fact: str) -> str | None:
+        """Return on which further condition an atom does not take a fact."""
+        del atom, fact
+        return None
+
+    def spent(self, place: int) -> str | None:
+        """Return on which condition nothing more can come of the facts found before the atom at `place`."""
+        del place
+        return None
 
     def take(self, place: int, atom: Atom, fact: str) -> None:
         """Let `fact`, of which nothing is known but its predicate, be what an atom takes."""
@@ -123,7 +125,7 @@ class Body:
             if self.lines.is_open:
                 self.lines("pass")
             for depth, place in reversed(self._loops):
-                spent = self._spent(place)
+                spent = self.spent(place)
                 if spent is not None:
                     self.lines.depth = depth
                     self.lines(f"if {spent}: break")
@@ -159,11 +161,12 @@ class Body:
         self.slots.known[bind.slot] = source.known
 
     def _trying(self, place: int, source: Source, line: str) -> None:
-        if self._told is None or not source.fails:
+        told = self.told(place) if source.fails else None
+        if told is None:
             self.lines(line)
             return
         no_value = self.pool.helper("NoValue", NoValue)
-        self.lines("try:", f" {line}", f"except {no_value} as reason:", f" {self._told(place)}", f" {self._skip}")
+        self.lines("try:", f" {line}", f"except {no_value} as reason:", f" {told}", f" {self._skip}")
 
     def _atom(self, place: int, atom: Atom) -> None:
         lines, table = self.lines, self.tables[atom.predicate]
@@ -172,7 +175,7 @@ class Body:
         key = self._member(step, table)
         if key is not None:
             lines(f"{fact} = {table.name}.get({key})", f"if {fact} is None: {self._skip}")
-            stop = self._limit(place, fact)
+            stop = self.stop(place, fact)
             if stop is not None:
                 lines(f"if {stop}: {self._skip}")
         else:
@@ -181,7 +184,7 @@ class Body:
             lines.enter()
             self._loops.append((lines.depth, place))
             self._skip = "continue"
-            stop = self._limit(place, fact)
+            stop = self.stop(place, fact)
             if stop is not None:
                 lines(f"if {stop}: break")
             self._test(step, fact, self._others(atom, fact), sure)
@@ -196,7 +199,7 @@ class Body:
             return
         candidates, sure = self._candidates(step, table)
         tests = self._tests(step, "g", sure)
-        passed_over = self._passed_over(atom, "g")
+        passed_over = self.passed_over(atom, "g")
         if passed_over is not None:
             tests.append(passed_over)
         with lines.block(f"for g in {candidates}:"):
@@ -209,7 +212,7 @@ class Body:
         others: list[str] = []
         if atom.mode is not Mode.READ:
             others += [f"{fact} is {self.facts[place]}" for place, other in self._places if other == atom.predicate]
-        passed_over = self._passed_over(atom, fact)
+        passed_over = self.passed_over(atom, fact)
         if passed_over is not None:
             others.append(passed_over)
         return others

@@ -12,8 +12,9 @@ from rmr.base.time import Instant
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.generate.again import AgainWriter
 from rmr.vm.generate.arrivals import write_arrival, write_methods
+from rmr.vm.generate.derive import HeadWriter
 from rmr.vm.generate.facts import FactWriter, mask
-from rmr.vm.generate.heads import HeadWriter, write_bindings, written_items
+from rmr.vm.generate.heads import write_bindings, written_items
 from rmr.vm.generate.layout import Table, column, tables_of, write_probes
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.loop import LoopWriter
@@ -129,7 +130,7 @@ class Module:
         lines = Lines()
         if self.plans[rule].way is not Way.AGAIN:
             AgainWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
-        HeadWriter(self.program, rule, lines, self.pool, self.tables, index=False).write()
+        HeadWriter(self.program, rule, lines, self.pool, self.tables, calls=False).write()
         self.run(lines.text)
 
     def arrival(self, table: Table, gate: Gate) -> Callable[[Any, Instant, Args], None]:
@@ -194,7 +195,7 @@ class Module:
             columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
             search.write_restart(facts.tests(atom, columns))
         if plan.valued:
-            HeadWriter(self.program, plan.index, lines, self.pool, self.tables, index=True, calls=True).write()
+            HeadWriter(self.program, plan.index, lines, self.pool, self.tables, calls=True).write()
         return lines.text
 
     def _write_reset(self, lines: Lines) -> None:

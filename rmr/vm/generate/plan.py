@@ -85,7 +85,9 @@ class RulePlan:
         return self._read
 
     def _way(self, tables: list[Table]) -> Way:
-        timed = any(uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind))
+        timed = any(
+            uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind)
+        )
         if self.absent or not self.atoms or timed:
             return Way.AGAIN
         if len(self.atoms) == 1 and not self.failing:
@@ -170,5 +172,7 @@ def _cost(placed: Placed, bound: set[int]) -> tuple[int, int]:
 def is_small(program: Program) -> bool:
     """Tell whether source is made of a program: none of its bodies is beyond what Python takes."""
     return all(
-        sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX for rule in program.rules for body in bodies(rule)
+        sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX
+        for rule in program.rules
+        for body in bodies(rule)
     )

@@ -46,7 +46,19 @@ def next_of(queue: list[Any]) -> list[Any] | None:
     return None
 
 
+class FreshBody(Body):
+    """A search that begins with a new fact of the atom at place `seed`."""
 
+    def __init__(self, lines: Lines, pool: Pool, tables: Sequence[Table], top: int, seed: int) -> None:
+        super().__init__(lines, pool, tables, Slots(), "return")
+        self._top = top
+        self._seed = seed
+
+    def stop(self, place: int, fact: str) -> str | None:
+        """Leave out tops that have not been tried, and new facts of the atoms that have had theirs."""
+        if place == self._top:
+            return f"{serial(fact)} >= before"
+        return f"{serial(fact)} > known" if place < self._seed else None
 
 
 class SearchWriter:
@@ -117,15 +129,10 @@ class SearchWriter:
         top = self._places[0]
         fact = plan.facts[seed]
 
-        def limit(place: int, found: str) -> str | None:
-            if place == top:
-                return f"{serial(found)} >= before"
-            return f"{serial(found)} > known" if place < seed else None
-
         with lines.block(f"def fresh{self._r}_{seed}(vm, now, {fact}, before, known, kept):"):
             lines(f"{ME} = vm.robot")
             mark = lines.mark()
-            body = Body(lines, self._pool, self._tables, Slots(), "return", limit=limit)
+            body = FreshBody(lines, self._pool, self._tables, top, seed)
             body.take(seed, dict(plan.atoms)[seed], fact)
             body.seek(order_from(plan, seed), lambda: lines(f"kept.append({plan.entry()})"))
             lines.insert(mark, loads(body))
