@@ -121,7 +121,9 @@ def small(entry: Entry, plan: Plan) -> tuple[Workload, list[System]]:
     if EXPERTA not in plan.missing:
         # frozendict 1.2, which experta needs, looks for what Python 3.10 has moved away
         collections.Mapping = collections.abc.Mapping  # type: ignore[attr-defined]
-        systems.append(importlib.import_module("in_experta").ExpertaSystem(workload))
+        experta = importlib.import_module("in_experta")
+        if workload.name in experta.RULES:
+            systems.append(experta.ExpertaSystem(workload))
     if DURABLE not in plan.missing:
         durable = importlib.import_module("in_durable")
         if workload.name in durable.RULES:
@@ -131,7 +133,7 @@ def small(entry: Entry, plan: Plan) -> tuple[Workload, list[System]]:
 
 def compared(entry: Entry, workload: Workload, laps: Laps, runs: int) -> list[Comparison]:
     """Return RMR beside each other system of one contest, or beside a CLIPS that is not there if there is none."""
-    targets = {CLIPS: entry.target, EXPERTA: 1 / EXPERTA_FACTOR}
+    targets = {CLIPS: entry.target, f"{CLIPS}, depth": entry.target, EXPERTA: 1 / EXPERTA_FACTOR}
     mine = laps.pop(RMR)
     return [
         Comparison(
