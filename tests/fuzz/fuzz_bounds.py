@@ -32,13 +32,18 @@ TURNS = {
     "HOLES_MAX": 2,
     "NEW_MAX": 2,
     "KEPT_MAX": 5,
+    "FRESH_LOOKS_MAX": 6,
+    "TAKEN_MAX": 1,
+    "AT_ONCE_MAX": 1,
+    "SEVERAL": 2,
+    "FEW": 3,
     "TOLD_APART_MAX": 2,
     "IN_LINE_MAX": 1,
     "DEPTH_MAX": 3,
 }
 """By name: from where on an engine goes another way to the same end."""
 
-ELSEWHERE = {"MATCHES_MAX": ("rmr.vm.once", "rmr.vm.generated")}
+ELSEWHERE = {"MATCHES_MAX": ("rmr.vm.once",)}
 """Where a name means another bound, which is left as it is: of a rule's unfired matches here."""
 
 ALL = SMALL | TURNS

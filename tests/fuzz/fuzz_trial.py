@@ -5,13 +5,12 @@ goals, the ends of actions and the time as chance has it. Nothing may raise but 
 be of another type than its predicate declares, and all stays within bounds.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sized
 from contextlib import contextmanager
 from enum import Enum
 from random import Random
 
-import rmr.vm.match
-import rmr.vm.partial
+import rmr.vm.generate.body
 from rmr.base.streams import Choices
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.codec import BytecodeError, decode, encode
@@ -85,23 +84,20 @@ def _shown_or_refused(data: bytes) -> None:
 def looks_counted() -> Iterator[None]:
     """Raise TooLong when more facts have been looked at than a trial may."""
     left = LOOKS_MAX
-    original = rmr.vm.match.agrees
+    original = rmr.vm.generate.body.counted
 
-    def agrees(*args: object) -> bool:
+    def counted(vm: object, facts: Sized) -> object:
         nonlocal left
-        left -= 1
+        left -= len(facts)
         if left < 0:
             raise TooLong
-        return original(*args)  # type: ignore[arg-type]
+        return original(vm, facts)
 
-    modules = [module for module in (rmr.vm.match, rmr.vm.partial) if hasattr(module, "agrees")]
-    for module in modules:
-        module.agrees = agrees  # type: ignore[attr-defined]
+    rmr.vm.generate.body.counted = counted
     try:
         yield
     finally:
-        for module in modules:
-            module.agrees = original  # type: ignore[attr-defined]
+        rmr.vm.generate.body.counted = original
 
 
 class Trial:

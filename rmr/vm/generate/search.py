@@ -21,6 +21,9 @@ from rmr.vm.generate.source import Pool
 NEW_MAX = 64
 """New facts of one atom up to which each is joined with the tops; of more the tops are rather tried again."""
 
+FRESH_LOOKS_MAX = 1 << 12
+"""Facts that may be looked at to join new facts with the tops before these are rather tried again."""
+
 TAKEN_MAX = 64
 """Facts that have been taken out of a queue before it is made shorter, if they are the most of it."""
 
@@ -171,11 +174,12 @@ class SearchWriter:
         failing = bool(plan.failing)
         with lines.block(f"def find{r}(vm, now):"):
             self._if_broken()
-            lines(self._begin())
             with lines.level():
                 if failing:
                     lines("try:")
                     lines.enter()
+                if plan.once:
+                    lines(self._begin())
                 lines(f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
                 for place in self._places[1:]:
                     self._join_new(place)
@@ -210,6 +214,8 @@ class SearchWriter:
         """Write the search in the open top and then in the others, until there is a match."""
         lines, plan, r = self._lines, self._plan, self._r
         none = "break" if plan.is_eager else f"vm.ready &= {~plan.bit}; return"
+        if not plan.once:
+            lines(self._begin())
         if not plan.once and len(self._places) > 1:
             lines(f"f = vm.c{r}")
             with lines.block("if f is not None:"):
@@ -274,10 +280,12 @@ class SearchWriter:
                 lines(f"f = vm.c{r}", f"before = vm.l{r} + (f is None or not f[0])")
                 if place != self._places[1]:
                     lines("if f is not None and kept and kept[0][0] is f: del kept[0]")
-                with lines.block(f"if len(new) > {NEW_MAX} or len(kept) > {KEPT_MAX}:"):
-                    lines(f"restart{r}(vm)", f"kept = vm.k{r}", "new = ()")
+                lines(f"vm.looks = {FRESH_LOOKS_MAX} if len(new) <= {NEW_MAX} and len(kept) <= {KEPT_MAX} else -1")
+                lines("vm.looking = None", "if vm.looks < 0: new = ()")
             with lines.block("for f in new:"):
                 lines(f"if f[0]: fresh{r}_{place}(vm, now, f, before, vm.w{r}, kept)")
+            if not plan.once:
+                lines(f"if vm.looks < 0: restart{r}(vm); kept = vm.k{r}")
             lines("if len(kept) > 1: kept.sort(reverse=True)")
             if plan.once:
                 lines(f"if len(kept) > {once.MATCHES_MAX}: vm.spill(kept, now)")

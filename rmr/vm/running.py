@@ -1,0 +1,264 @@
+"""The state of one machine that runs generated code (`rmr.vm.generate`), and what that code seldom needs.
+
+Above all that is matching anew: a rule of which an expression has had no value, or that looks for facts that are not
+there, is matched after each change as the specification does it.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from rmr.base.streams import Choices
+from rmr.base.time import Instant
+from rmr.bytecode.program import Program
+from rmr.bytecode.wire import identity
+from rmr.vm import match, once
+from rmr.vm.evaluate import NoValue
+from rmr.vm.events import FactInserted, FactRemoved
+from rmr.vm.generate.layout import ARGS, HELD, SERIAL
+from rmr.vm.generate.module import Module
+from rmr.vm.generate.plan import RulePlan, Way
+from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.store import Args
+from rmr.vm.unfired import Entry, HeldFact, SeenFact, Unfired, Valued, key_of
+
+SEVERAL = 16
+"""Facts of one predicate from which on they are inserted all at once."""
+
+
+class Running(Machine):
+    """A machine that runs code made from its program."""
+
+    __slots__ = (
+        "broken",
+        "busy",
+        "changed",
+        "count",
+        "fired",
+        "heed",
+        "length",
+        "looking",
+        "looks",
+        "ready",
+        "s",
+        "stale",
+        "touched",
+        "wanting",
+    )
+
+    module: Module
+    looking: tuple[tuple[int, int, int], Sequence[HeldFact]] | None
+    """Where the search is: the rule, its part and the step there, and the facts found before. None: it may begin anew."""
+
+    def __init__(
+        self,
+        program: Program,
+        robot: int,
+        choices: Choices,
+        *,
+        firing_budget: int = FIRING_BUDGET,
+        trace: bool = False,
+    ) -> None:
+        super().__init__(program, robot, choices, firing_budget=firing_budget, trace=trace)
+        self.s = 0
+        """The serial of the fact that was inserted last."""
+        self.count = 0
+        """How many facts there are."""
+        self.length = 0
+        """How many characters and items their strings and lists hold."""
+        self.ready = 0
+        """The rules that are satisfied, a bit each; those that are `stale` may be or not."""
+        self.stale = self.module.at_first
+        self.changed = self.module.at_first
+        """Of the rules that are matched anew: those that something has changed for."""
+        self.broken = 0
+        """The rules that are matched anew from now on because an expression of theirs had no value."""
+        self.touched = 0
+        """While goals are open: the rules that something has changed for."""
+        self.wanting = False
+        """Whether goals are open."""
+        self.heed = trace
+        """Whether somebody wants to know of each fact."""
+        self.fired: dict[int, Unfired] = {}
+        """Of the rules that are matched anew and consume nothing: which matches have fired."""
+        self.busy = bool(self.module.plans)
+        self.module.reset(self)
+
+    # What the machine asks
+
+    def each(self, predicate: int) -> Iterator[Args]:
+        """Yield the arguments of the facts of `predicate` that hold, oldest first."""
+        table = self.module.tables[predicate]
+        held = self.queued(predicate) if table.queued else self._table(predicate).values()
+        return (tuple(fact[ARGS : ARGS + table.arity]) for fact in held)
+
+    def dated(self, predicate: int) -> list[tuple[Args, Instant]]:
+        """Return the same with the instants of their insertion."""
+        arity = self.module.tables[predicate].arity
+        return [(tuple(fact[ARGS : ARGS + arity]), fact[-1]) for fact in self._table(predicate).values()]
+
+    def _table(self, predicate: int) -> dict[Any, HeldFact]:
+        table: dict[Any, HeldFact] = getattr(self, f"t{predicate}")
+        return table
+
+    def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
+        for predicate, rows in self.module.rows(facts):
+            if len(rows) < SEVERAL:
+                for args in rows:
+                    self.module.add[predicate](self, now, *args)
+            else:
+                self.module.several(predicate)(self, now, rows)
+
+    def _insert(self, now: Instant, predicate: int, args: Args) -> None:
+        self.module.add[predicate](self, now, *args)
+
+    def _withdraw(self, now: Instant, predicate: int, args: Args) -> None:
+        table = self.module.tables[predicate]
+        key: Any = args[0] if table.arity == 1 else args
+        fact = self._table(predicate).get(identity(key) if table.open else key)
+        if fact is not None:
+            self.module.remove[predicate](self, now, fact)
+
+    # What the generated code asks
+
+    def is_full(self, now: Instant) -> bool:
+        """Tell whether one more fact is too many, and count it as dropped."""
+        return self._is_full(now, self.count, self.length)
+
+    def told(self, now: Instant, predicate: int, args: Args) -> None:
+        """Let the time assertions know of a new fact that may concern them."""
+        if not self.heed:
+            self._inserted(now, predicate, args)
+
+    def came(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Let all that heeds each fact know of a new one; it concerns the `rules`."""
+        if self._trace:
+            self._events.append(FactInserted(predicate, args, now))
+        self.touched |= rules
+        self._inserted(now, predicate, args)
+
+    def went(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Let all that heeds facts know that one has gone; it concerned the `rules`."""
+        if self._trace:
+            self._events.append(FactRemoved(predicate, args, now))
+        self.touched |= rules
+
+    def queued(self, predicate: int) -> list[HeldFact]:
+        """Return the facts of a predicate that are in no table, oldest first."""
+        facts = list(getattr(self, f"t{predicate}"))
+        for plan in self.module.readers[predicate]:
+            facts += [getattr(self, f"m{plan.index}"), *self._waiting(plan.index)]
+        return sorted([fact for fact in facts if fact is not None and fact[HELD]])
+
+    def give_up(self) -> None:
+        """Tell, once, that a search for matches has looked at too many facts; if it is not to begin anew otherwise."""
+        if self.looking is None:
+            return
+        (rule, part, step), facts = self.looking
+        reason = NoValue(f"the search for matches was given up after {match.LOOKS_MAX} facts")
+        self.failed(self._now, rule, part, step, facts, reason)
+
+    def spill(self, kept: list[Entry], now: Instant) -> None:
+        """Drop the newest of too many matches that have not fired."""
+        for _ in range(len(kept) - once.MATCHES_MAX):
+            self._dropped.add("matches", once.MATCHES_MAX, now)
+        del kept[: -once.MATCHES_MAX]
+
+    def failed(self, now: Instant, rule: int, part: int, step: int, facts: Sequence[HeldFact], reason: NoValue) -> None:
+        """Tell, once, that an expression has no value."""
+        seen: Any = [SeenFact(fact) for fact in facts]
+        self._failures.match(now, rule, part, step, seen, str(reason))
+
+    def apply(self, now: Instant, valued: Valued) -> None:
+        """Do what a firing does: remove what it consumes, then add what it derives."""
+        consumed, derived = valued
+        remove = self.module.remove
+        for predicate, fact in consumed:
+            remove[predicate](self, now, fact)
+        for chain in derived:
+            self._follow(now, chain)
+
+    def again(self, rule: int, now: Instant) -> None:
+        """Look for the match with which a rule fires as the specification does."""
+        plan = self.module.plans[rule]
+        for entry in self._matches(plan, now):
+            value = self.module.names[f"value{rule}"] if plan.valued else None
+            valued = value(self, now, *entry) if value is not None else None
+            if valued is not None or value is None:
+                self._offer(plan, entry, valued)
+                return
+        self._offer(plan, None, None)
+
+    def break_off(self, rule: int, now: Instant) -> None:
+        """Match a rule anew from now on: an expression of it had no value, and which failures are told matters."""
+        plan = self.module.plans[rule]
+        self.module.slow(rule)
+        if plan.once:
+            unfired = set(map(key_of, self._kept(plan)))
+            known = getattr(self, f"w{rule}") if plan.way is Way.JOIN else self.s
+            last = getattr(self, f"l{rule}") if plan.way is Way.JOIN else self.s
+            found = map(key_of, self._each(plan, now))
+            fired = {key for key in found if key[0] <= last and max(key) <= known and key not in unfired}
+            self.fired[rule] = Unfired(fired)
+        self.broken |= plan.bit
+        self.changed |= plan.bit
+        self.again(rule, now)
+
+    # Matching anew
+
+    def _each(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
+        """Yield all matches of a rule, fired or not, and tell what fails."""
+        each: Iterator[Entry] = self.module.names[f"each{plan.index}"](self, now)
+        return each
+
+    def _derive(self, plan: RulePlan, entry: Entry, now: Instant) -> Valued | None:
+        self.module.slow(plan.index)
+        valued: Valued | None = self.module.names[f"derive{plan.index}"](self, now, *entry)
+        return valued
+
+    def _matches(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
+        """Yield the matches with which a rule that is matched anew may fire."""
+        if not plan.once:
+            return self._each(plan, now)
+        unfired = self.fired.setdefault(plan.index, Unfired(set()))
+        if self.changed & plan.bit or unfired.is_used_up:
+            self.changed &= ~plan.bit
+            unfired.look(self._each(plan, now))
+        return unfired.each()
+
+    def _offer(self, plan: RulePlan, entry: Entry | None, valued: Valued | None) -> None:
+        """Make a match, or none, the one with which a rule that is matched anew fires next."""
+        r = plan.index
+        if plan.way is Way.SINGLE:
+            setattr(self, f"m{r}", None if entry is None else entry[0])
+            setattr(self, f"q{r}", None)
+        else:
+            setattr(self, f"k{r}", [] if entry is None else [entry])
+        if plan.way is Way.JOIN:
+            for name in (f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]):
+                setattr(self, name, None)
+            setattr(self, f"l{r}", 1)  # facts that are not the first atom's count too
+        if plan.valued:
+            setattr(self, f"v{r}", valued)
+        self.ready = self.ready & ~plan.bit if entry is None else self.ready | plan.bit
+
+    def _kept(self, plan: RulePlan, *, everything: bool = False, now: Instant = 0) -> list[Entry]:
+        """Return the matches that a rule keeps, the oldest first; `everything` tries the tops that are left before."""
+        r = plan.index
+        if plan.way is Way.SINGLE:
+            facts = [getattr(self, f"m{r}"), *self._waiting(r)]
+            return [(fact,) for fact in facts if fact is not None and fact[HELD]]
+        kept: list[Entry] = getattr(self, f"k{r}")
+        if everything:
+            tops = self._waiting(r)
+            setattr(self, f"q{r}", None)
+            for top in tops:
+                setattr(self, f"l{r}", top[SERIAL])
+                if top[HELD]:
+                    self.module.names[f"below{r}"](self, now, top, kept)
+            kept.sort(reverse=True)
+        return sorted([entry for entry in kept if all(fact[HELD] for fact in entry)])
+
+    def _waiting(self, rule: int) -> list[HeldFact]:
+        """Return the facts in the queue of a rule."""
+        queue = getattr(self, f"q{rule}")
+        return [] if queue is None else queue[queue[0] + 1 :]
