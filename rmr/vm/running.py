@@ -47,7 +47,7 @@ class Running(Machine):
 
     module: Module
     looking: tuple[tuple[int, int, int], Sequence[HeldFact]] | None
-    """Where the search is: the rule, its part and the step there, and the facts found before. None: it may begin anew."""
+    """Where the search is: the rule, its part and the step there, and the facts before. None: it may begin anew."""
 
     def __init__(
         self,
