@@ -1,6 +1,6 @@
 """What running all robots at once costs: a table, and JSON in build/bench-columns.json.
 
-    python tests/bench/columns.py [--quick] [--output FILE]
+    python tests/bench/columns.py [--quick] [--output FILE] [--write docs/benchmarks]
 
 A million robots as columns on one core. Robot-firings a second are all firings of all robots over the processor time
 of the run, from the initial facts to quiescence; of programs that never become quiet, over so many firings of each. The
@@ -20,6 +20,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from page import figure_rows, renewed, table
 from run import PROGRAMS, ROOT, Figure, show
 
 from rmr.base.values import ROBOT_ID_MAX
@@ -91,13 +92,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Take what running all robots at once costs.")
     parser.add_argument("--quick", action="store_true", help="fewer robots and rounds")
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench-columns.json", metavar="FILE")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="renew the table in FOLDER.md, the data in FOLDER")
     options = parser.parse_args()
     taken = list(figures(quick=options.quick))
     show(taken, [])
     options.output.parent.mkdir(parents=True, exist_ok=True)
     record = {"robots": ROBOTS, "cores": os.cpu_count(), "numpy": np.__version__, "quick": options.quick}
     told = [{**asdict(figure), "met": figure.met} for figure in taken]
-    options.output.write_text(json.dumps({**record, "figures": told}, indent=1) + "\n")
+    data = json.dumps({**record, "figures": told}, indent=1) + "\n"
+    options.output.write_text(data)
+    if options.write:
+        path = options.write.with_suffix(".md")
+        rows = table(("a million robots", "taken", "target", ""), figure_rows(told))
+        path.write_text(renewed(path.read_text("utf-8"), "\n".join([*rows, ""]), "columns"), "utf-8")
+        (options.write / "columns.json").write_text(data)
     return 0 if all(figure.met for figure in taken) else 1
 
 

@@ -10,10 +10,6 @@ from typing import Any
 
 from systems import CLIPS, installed
 
-BEGIN, END = "<!-- taken: begin -->", "<!-- taken: end -->"
-"""What stands between is generated."""
-
-
 Data = dict[str, Any]
 """A taking, as it stands in the JSON."""
 
@@ -35,17 +31,33 @@ def write(folder: Path, data: Data) -> None:
         draw(data["comparisons"], folder / "engine.svg")
 
 
-def renewed(text: str, generated: str) -> str:
-    """Return a page's text with what stands between the marks replaced.
+def renewed(text: str, generated: str, what: str = "taken") -> str:
+    """Return a page's text with what stands between the marks replaced: ``<!-- what: begin -->`` and ``end``.
 
     Raises:
         ValueError: there are no marks.
     """
-    before, begin, rest = text.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    marks = f"<!-- {what}: begin -->", f"<!-- {what}: end -->"
+    before, begin, rest = text.partition(marks[0])
+    _, end, after = rest.partition(marks[1])
     if not (begin and end):
-        raise ValueError(f"the page has no {BEGIN} ... {END}")
-    return f"{before}{BEGIN}\n{generated}{END}{after}"
+        raise ValueError(f"the page has no {marks[0]} ... {marks[1]}")
+    return f"{before}{marks[0]}\n{generated}{marks[1]}{after}"
+
+
+def figure_rows(figures: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Return single figures with their targets as the cells of a table."""
+    return [
+        (
+            each["name"],
+            f"{each['value']:.3g} {each['unit']}",
+            ""
+            if each["target"] is None
+            else f"{'>=' if each.get('at_least') else '<='} {each['target']:g} {each['unit']}",
+            verdict(None if each["target"] is None else each["met"]),
+        )
+        for each in figures
+    ]
 
 
 def rows(data: Data) -> list[tuple[str, ...]]:
@@ -60,7 +72,7 @@ def rows(data: Data) -> list[tuple[str, ...]]:
             f"{each['ratio']['median']:.3g}" if each["ratio"] else "",
             f"{each['ratio']['low']:.3g} - {each['ratio']['high']:.3g}" if each["ratio"] else "",
             "" if each["target"] is None else f"<= {each['target']:g}",
-            _verdict(each["met"]),
+            verdict(each["met"]),
         )
         for each in data["comparisons"]
     ]
@@ -70,7 +82,7 @@ def _microseconds(timing: Data, firings: int) -> str:
     return f"{timing['total']['median'] / firings * 1e6:.2f}"
 
 
-def _verdict(met: bool | None) -> str:
+def verdict(met: bool | None) -> str:
     return {None: "", True: "met", False: "not met"}[met]
 
 
@@ -82,24 +94,16 @@ def tables(data: Data) -> str:
     lines = [
         f"Taken {data['taken'][:10]}: {where}; engine: {data['engine']}. Rivals: {rivals or 'none'}.",
         "",
-        *_table(HEADER, rows(data)),
+        *table(HEADER, rows(data)),
         "",
     ]
-    figures = [
-        (
-            figure["name"],
-            f"{figure['value']:.3g} {figure['unit']}",
-            "" if figure["target"] is None else f"<= {figure['target']:g} {figure['unit']}",
-            _verdict(None if figure["target"] is None else figure["met"]),
-        )
-        for figure in data["figures"]
-    ]
-    lines += _table(("one machine", "taken", "target", ""), figures)
+    lines += table(("one machine", "taken", "target", ""), figure_rows(data["figures"]))
     lines += [f"\nNot installed: {', '.join(data['not installed'])}."] if data["not installed"] else []
     return "\n".join(lines) + "\n"
 
 
-def _table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
+def table(header: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
+    """Return a table in Markdown."""
     return [f"| {' | '.join(line)} |" for line in (header, ["---"] * len(header), *lines)]
 
 

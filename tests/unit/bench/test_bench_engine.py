@@ -15,6 +15,8 @@ from workloads import SUITE, counter, tokens
 from rmr.vm.engines import Engine
 
 DOCS = Path(__file__).parents[3] / "docs"
+BEGIN, END = "<!-- taken: begin -->", "<!-- taken: end -->"
+
 SIZES = {"counter": 9, "ping-pong": 9, "closure": 8, "gradient": 12, "join of 100": 6, "join of 1,000": 7}
 ALONE = engine.Plan({}, tuple(engine.MODULES), rounds=1, quick=True)
 
@@ -109,8 +111,8 @@ def test_the_program_of_the_costs_has_thirty_rules():
 
 
 def test_a_page_keeps_what_is_written_by_hand():
-    text = f"by hand\n{page.BEGIN}\nold\n{page.END}\nmore\n"
-    assert page.renewed(text, "new\n") == f"by hand\n{page.BEGIN}\nnew\n{page.END}\nmore\n"
+    text = f"by hand\n{BEGIN}\nold\n{END}\nmore\n"
+    assert page.renewed(text, "new\n") == f"by hand\n{BEGIN}\nnew\n{END}\nmore\n"
     with pytest.raises(ValueError, match="no <!--"):
         page.renewed("by hand\n", "new\n")
 
@@ -118,7 +120,7 @@ def test_a_page_keeps_what_is_written_by_hand():
 def test_a_taking_becomes_a_page_with_its_data(tmp_path, monkeypatch):
     monkeypatch.setattr(page, "installed", lambda module: False)  # no figure
     folder = tmp_path / "benchmarks"
-    folder.with_suffix(".md").write_text(f"{page.BEGIN}\n{page.END}\n")
+    folder.with_suffix(".md").write_text(f"{BEGIN}\n{END}\n")
     page.write(folder, engine.as_data(engine.take("tokens", ALONE), ALONE))
     assert "| tokens | 500 | CLIPS |" in folder.with_suffix(".md").read_text()
     assert json.loads((folder / "engine.json").read_text())["rounds"] == 1
