@@ -46,7 +46,7 @@ class AgainWriter:
             lines(f"{ME} = vm.robot")
             counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1
             if counted:
-                lines(begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body)), "()"))
+                lines(begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body))))
             mark = lines.mark()
             body = TellingBody(lines, self._pool, self._tables, plan, may_index=self._index, counted=counted)
             entry = plan.entry() if plan.atoms else "()"

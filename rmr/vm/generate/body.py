@@ -273,10 +273,14 @@ def loads(body: Body) -> list[str]:
     return [f"{name} = vm.{name}" for name in body.uses]
 
 
-def begun(pool: Pool, part: tuple[int, int, int], facts: str) -> str:
-    """Return the statement before a search: `part` is the rule, the part of it and the step that an end stands for."""
+def begun(pool: Pool, part: tuple[int, int, int], facts: str | None = None) -> str:
+    """Return the statement before a search.
+
+    `part` is the rule, the part of it and the step that the end of a body stands for, `facts` those found before.
+    """
     pool.helper("counted", counted)
-    return f"vm.looks = {match.LOOKS_MAX}; vm.looking = {pool.object(part)}, {facts}"
+    looking = pool.object((part, ())) if facts is None else f"({pool.object(part)}, {facts})"
+    return f"vm.looks = {match.LOOKS_MAX}; vm.looking = {looking}"
 
 
 def counted(vm: Any, facts: Any) -> Any:

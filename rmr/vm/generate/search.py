@@ -231,7 +231,7 @@ class SearchWriter:
     def _tops(self, none: str) -> None:
         lines, plan, r = self._lines, self._plan, self._r
         lines(f"q = vm.q{r}")
-        if not plan.once and not plan.may_break:
+        if not plan.once and not plan.valued:
             self._tops_in_line()
             return
         with lines.block("while True:"):
@@ -250,7 +250,7 @@ class SearchWriter:
                     lines("break")
 
     def _tops_in_line(self) -> None:
-        """Write the search below one top after another for the first match of a rule that consumes and cannot fail."""
+        """Write the search below one top after another for the first match of a rule that consumes."""
         lines, plan, r = self._lines, self._plan, self._r
         top, atom = plan.atoms[0]
         fact = plan.facts[top]
@@ -305,7 +305,7 @@ class SearchWriter:
     def _begin(self) -> str:
         """Return the statement that begins to count the facts that a search looks at."""
         rule = self._plan.rule
-        return begun(self._pool, (self._r, len(rule.head), len(rule.body)), "()")
+        return begun(self._pool, (self._r, len(rule.head), len(rule.body)))
 
     def _if_broken(self) -> None:
         plan = self._plan
