@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue, same
-from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Slot, Type
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Predicate, Slot, Type
 from rmr.vm import match
 from rmr.vm.generate.expressions import condition, expression, narrowed
 from rmr.vm.generate.known import Known
@@ -141,7 +142,7 @@ class Body:
         return self._skip
 
     @property
-    def _predicates(self) -> tuple:  # type: ignore[type-arg]
+    def _predicates(self) -> tuple[Predicate, ...]:
         return tuple(table.predicate for table in self.tables)
 
     def _guard(self, place: int, guard: Guard) -> None:
@@ -179,8 +180,8 @@ class Body:
             if stop is not None:
                 lines(f"if {stop}: {self._skip}")
         else:
-            candidates, sure = self._candidates(step, table)
-            lines(f"for {fact} in {candidates}:")
+            facts, sure = self._candidates(step, table)
+            lines(f"for {fact} in {facts}:")
             lines.enter()
             self._loops.append((lines.depth, place))
             self._skip = "continue"
@@ -197,12 +198,12 @@ class Body:
         if key is not None:
             lines(f"if {key} in {table.name}: {self._skip}")
             return
-        candidates, sure = self._candidates(step, table)
+        facts, sure = self._candidates(step, table)
         tests = self._tests(step, "g", sure)
         passed_over = self.passed_over(atom, "g")
         if passed_over is not None:
             tests.append(passed_over)
-        with lines.block(f"for g in {candidates}:"):
+        with lines.block(f"for g in {facts}:"):
             lines(f"if not ({' or '.join(tests)}): break" if tests else "break")
         lines("else:")
         lines.enter()
@@ -303,4 +304,4 @@ def slots_of(conjunct: Conjunct) -> set[int]:
     """Return the slots that a conjunct names."""
     if isinstance(conjunct, Atom):
         return {pattern.index for pattern in conjunct.args if isinstance(pattern, Slot)}
-    return {i.operand for i in conjunct.code if i.op.name == "LOAD"}  # type: ignore[misc]
+    return {each.operand for each in conjunct.code if each.op is Op.LOAD and isinstance(each.operand, int)}

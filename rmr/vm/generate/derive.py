@@ -35,6 +35,7 @@ from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
 
 Inner = Comprehension | Aggregate
+"""A part of a head with a body of its own."""
 
 
 def settled_args(doubts: Doubts, args: tuple[Value, ...]) -> tuple[Value, ...]:
@@ -139,9 +140,8 @@ class InnerBody(Body):
 
     def __init__(self, head: HeadWriter, part: int, inner: Inner, slots: Slots) -> None:
         counted = sum(isinstance(each, Atom) for each in inner.body) > 1
-        super().__init__(
-            *(head.lines, head.pool, head.tables, slots, "continue"), fact="g", may_index=head.calls, counted=counted
-        )
+        lines, pool, tables = head.lines, head.pool, head.tables
+        super().__init__(lines, pool, tables, slots, "continue", fact="g", may_index=head.calls, counted=counted)
         self._head = head
         self._part = part
         self.taking = [(place, atom.predicate) for place, atom in positives(inner.body) if atom.mode is Mode.CONSUME]

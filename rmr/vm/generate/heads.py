@@ -1,8 +1,11 @@
-"""What a match derives, written as source (paper III.D; the specification is `rmr.vm.derive`)."""
+"""The items of a head, one fact, goal or action each, written as source (paper III.D; specified by `rmr.vm.derive`).
+
+An item is written where a rule fires (`loop`) if none of its head can fail, else where its match is found (`derive`).
+"""
 
 from collections.abc import Sequence
 
-from rmr.base.values import Robot, Value
+from rmr.base.values import Robot
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.conform import fits
 from rmr.bytecode.program import (
@@ -24,7 +27,7 @@ from rmr.bytecode.program import (
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.derive import Derived, Role
-from rmr.vm.doubts import Doubts, doubts, settle
+from rmr.vm.doubts import doubts, settle
 from rmr.vm.generate.body import Slots
 from rmr.vm.generate.expressions import narrowed
 from rmr.vm.generate.layout import Table, column, tuple_of
@@ -33,6 +36,7 @@ from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
 
 ROLES: dict[type, Role] = {DeriveFact: Role.FACT, DeriveGoal: Role.GOAL, DeriveAction: Role.ACTION}
+"""What an item is to the machine (`rmr.vm.derive`)."""
 
 
 class WrittenItem:
@@ -105,12 +109,6 @@ def write_bindings(lines: Lines, pool: Pool, rule: Rule, tables: Sequence[Table]
         elif isinstance(conjunct, Guard):
             slots.known.update(narrowed(conjunct.code, slots.known))
     return slots
-
-
-def settled_args(doubts: Doubts, args: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Return arguments that have the types that were in doubt. Raises NoValue."""
-    settle(doubts, args)
-    return args
 
 
 def rows_of(rule: Rule) -> int | None:

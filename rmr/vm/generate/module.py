@@ -37,7 +37,7 @@ class Module:
     def __init__(self, program: Program) -> None:
         self.program = program
         self.pool = Pool()
-        self.pool.globals.update(NO={}, NONE=(), follow=follow)
+        self.pool.globals.update(NONE=(), follow=follow)
         self.tables = tables_of(program)
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
@@ -61,7 +61,7 @@ class Module:
         self.remove = [self._first(self.change, predicate, f"remove{predicate}") for predicate in predicates]
         self._changing: set[int] = set()
         self.names["ARRIVE"] = Arrivals(self, shared_of(program).gate)
-        self.run(self._write())
+        self._compile(self._write())
         self.methods = {"insert": self.names["insert"], "run": self.names["run"], "_fire": self.names["fire"]}
         """What a machine's class gets besides."""
         self.reset = self.names["reset"]
@@ -74,14 +74,14 @@ class Module:
         """The facts that were to be inserted at once last, and what `rows` has made of them."""
 
     def search(self, rule: int) -> None:
-        """Make the functions that look for a rule's matches, unless they are there."""
+        """Make the functions that look for a rule's matches, and the one in which it fires, unless they are there."""
         source = self._waiting.pop(rule, None)
         if source is not None:
             plan, lines = self.plans[rule], Lines()
             loop = self._loop(lines)
             if not loop.is_one:
                 loop.write_rule(plan)
-            self.run(source + lines.text)
+            self._compile(source + lines.text)
             self.names["FIND"][plan.bit] = self.names[f"find{rule}"]
             self.names["FIRE"][plan.bit] = self.names[f"fire{rule}"]
 
@@ -92,7 +92,7 @@ class Module:
         self._changing.add(predicate)
         lines = Lines()
         self._facts(lines).functions(predicate)
-        self.run(lines.text)
+        self._compile(lines.text)
         self.add[predicate] = self.names[f"add{predicate}"]
         self.remove[predicate] = self.names[f"remove{predicate}"]
 
@@ -117,7 +117,7 @@ class Module:
             self.change(predicate)
             lines = Lines()
             self._facts(lines).several(predicate)
-            self.run(lines.text)
+            self._compile(lines.text)
         function: Callable[..., None] = self.names[name]
         return function
 
@@ -131,17 +131,17 @@ class Module:
         if self.plans[rule].way is not Way.AGAIN:
             AgainWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
         HeadWriter(self.program, rule, lines, self.pool, self.tables, calls=False).write()
-        self.run(lines.text)
+        self._compile(lines.text)
 
     def arrival(self, table: Table, gate: Gate) -> Callable[[Any, Instant, Args], None]:
         """Return the function that checks and inserts facts from outside."""
         lines = Lines()
         name = write_arrival(lines, table, self.pool, gate, self._facts(lines))
-        self.run(lines.text)
+        self._compile(lines.text)
         arrive: Callable[[Any, Instant, Args], None] = self.names[name]
         return arrive
 
-    def run(self, source: str) -> None:
+    def _compile(self, source: str) -> None:
         """Let Python make functions of `source`."""
         self.sources.append(source)
         exec(compile(source, "<rules>", "exec"), self.names)

@@ -132,8 +132,8 @@ def _by_function(op: Op, left: Source, right: Source, pool: Pool) -> Source:
     else:
         test, one, other = ints
         result = pool.temporary()
-        in_range = f"{INT_MIN} <= ({result} := {one} {SIGNS[op]} {other}) <= {INT_MAX}"
-        text = f"({result} if {test} and {in_range} else {function}({one}, {other}))"
+        bounded = f"{INT_MIN} <= ({result} := {one} {SIGNS[op]} {other}) <= {INT_MAX}"
+        text = f"({result} if {test} and {bounded} else {function}({one}, {other}))"
     if op is Op.DIV or Base.FLOAT in (left.known.base, right.known.base):
         known = Known(FLOAT)
     elif left.known.base is right.known.base:

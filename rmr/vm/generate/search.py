@@ -83,14 +83,12 @@ class SearchWriter:
             self._find_single()
         elif self._plan.way is Way.JOIN:
             self._from_top()
-            if self._plan.lasting and not self._plan.may_break:
-                for place in self._places[1:]:
-                    self._fresh(place)
-                self._find_lasting()
-                return
             for place in self._places[1:]:
                 self._fresh(place)
-            self._find_join()
+            if self._plan.lasting and not self._plan.may_break:
+                self._find_lasting()
+            else:
+                self._find_join()
 
     # One atom
 
@@ -98,9 +96,7 @@ class SearchWriter:
         lines, r, bit = self._lines, self._r, self._plan.bit
         with lines.block(f"def find{r}(vm, now):"):
             self._if_broken()
-            lines(f"f = vm.m{r}")
-            with lines.block(f"if f is None or not f[0]: vm.m{r} = f = vm.q{r} and next_of(vm.q{r})"):
-                pass
+            lines(f"f = vm.m{r}", f"if f is None or not f[0]: vm.m{r} = f = vm.q{r} and next_of(vm.q{r})")
             lines("if f is None:", f" vm.ready &= {~bit}", " return")
             if self._plan.valued:
                 lines(f"vm.v{r} = v = value{r}(vm, now, f)", f"if v is None: return vm.break_off({r}, now)")
@@ -111,27 +107,28 @@ class SearchWriter:
     def _from_top(self) -> None:
         """Write the search below one top: the first match, or all of them if each fires once."""
         lines, plan, r = self._lines, self._plan, self._r
-        top = self._places[0]
-        parameters = f"vm, now, {plan.facts[top]}{', kept' if plan.once else ''}"
+        parameters = f"vm, now, {plan.names()[0]}{', kept' if plan.once else ''}"
         with lines.block(f"def below{r}({parameters}):"):
             lines(f"{ME} = vm.robot")
             mark = lines.mark()
             body = Body(lines, self._pool, self._tables, Slots(), "return")
-            before = [(i, each) for i, each in enumerate(plan.rule.body) if i < top]
-            after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
-            with lines.level():
-                body.seek(before, lambda: None)
-                body.take(top, plan.atoms[0][1], plan.facts[top])
-                leaf = f"kept.append({plan.entry()})" if plan.once else f"return {plan.entry()}"
-                body.seek(after, lambda: lines(leaf))
+            self._below(body, f"kept.append({plan.entry()})" if plan.once else f"return {plan.entry()}")
             lines.insert(mark, loads(body))
+
+    def _below(self, body: Body, *leaf: str) -> None:
+        """Write the search for the matches with a given top, and what is done with each of them."""
+        plan = self._plan
+        top, atom = plan.atoms[0]
+        conjuncts = list(enumerate(plan.rule.body))
+        body.seek(conjuncts[:top], lambda: None)
+        body.take(top, atom, plan.facts[top])
+        body.seek(conjuncts[top + 1 :], lambda: self._lines(*leaf))
 
     def _fresh(self, seed: int) -> None:
         """Write the search for the matches in which the atom at place `seed` takes a new fact."""
         lines, plan = self._lines, self._plan
         top = self._places[0]
         fact = plan.facts[seed]
-
         with lines.block(f"def fresh{self._r}_{seed}(vm, now, {fact}, before, known, kept):"):
             lines(f"{ME} = vm.robot")
             mark = lines.mark()
@@ -143,8 +140,6 @@ class SearchWriter:
     def _find_lasting(self) -> None:
         """Write the search of a rule that fires once for facts that never go: nothing can undo what is kept."""
         lines, plan, r = self._lines, self._plan, self._r
-        top, atom = plan.atoms[0]
-        fact = plan.facts[top]
         with lines.block(f"def find{r}(vm, now):"):
             lines(self._begin(), f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
             for place in self._places[1:]:
@@ -155,12 +150,9 @@ class SearchWriter:
                 lines(f"{ME} = vm.robot", "taken = q[0]", "last = len(q) - 1")
                 mark = lines.mark()
                 with lines.block("while taken < last:"):
-                    lines("taken += 1", f"{fact} = q[taken]")
+                    lines("taken += 1", f"{plan.names()[0]} = q[taken]")
                     body = Body(lines, self._pool, self._tables, Slots(), "continue")
-                    body.seek([(i, each) for i, each in enumerate(plan.rule.body) if i < top], lambda: None)
-                    body.take(top, atom, fact)
-                    after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
-                    body.seek(after, lambda: lines(f"kept.append({plan.entry()})"))
+                    self._below(body, f"kept.append({plan.entry()})")
                     lines(f"if len(kept) > {AT_ONCE_MAX}: break")
                 lines(f"vm.l{r} = q[taken][1]")
                 lines(f"if taken == last: vm.q{r} = None")
@@ -252,8 +244,7 @@ class SearchWriter:
     def _tops_in_line(self) -> None:
         """Write the search below one top after another for the first match of a rule that consumes."""
         lines, plan, r = self._lines, self._plan, self._r
-        top, atom = plan.atoms[0]
-        fact = plan.facts[top]
+        fact = plan.names()[0]
         lines(f"{ME} = vm.robot")
         mark = lines.mark()
         body = Body(lines, self._pool, self._tables, Slots(), "continue")
@@ -262,11 +253,8 @@ class SearchWriter:
             lines(f"elif q is None or ({fact} := next_of(q)) is None:")
             lines(f" vm.q{r} = None", f" vm.ready &= {~plan.bit}", " return")
             lines(f"vm.l{r} = {fact}[1]")
-            body.seek([(i, each) for i, each in enumerate(plan.rule.body) if i < top], lambda: None)
-            body.take(top, atom, fact)
-            after = [(i, each) for i, each in enumerate(plan.rule.body) if i > top]
-            found = [f"kept.append({plan.entry()})", f"vm.c{r} = {fact}", f"vm.ready |= {plan.bit}", "return"]
-            body.seek(after, lambda: lines(*(found if len(self._places) > 1 else [found[0], *found[2:]])))
+            is_open = [f"vm.c{r} = {fact}"] if len(self._places) > 1 else []
+            self._below(body, f"kept.append({plan.entry()})", *is_open, f"vm.ready |= {plan.bit}", "return")
         lines.insert(mark, loads(body))
 
     def _join_new(self, place: int) -> None:
