@@ -1,4 +1,4 @@
-"""The state of one machine that runs generated code (`rmr.vm.generate`), and what that code seldom needs.
+"""The state of one machine that runs generated code (`rmr.vm.generate`), and what that code seldom asks for.
 
 Above all that is matching anew: a rule of which an expression has had no value, or that looks for facts that are not
 there, is matched after each change as the specification does it.
@@ -124,8 +124,8 @@ class Running(Machine):
         """Tell whether one more fact is too many, and count it as dropped."""
         return self._is_full(now, self.count, self.length)
 
-    def told(self, now: Instant, predicate: int, args: Args) -> None:
-        """Let the time assertions know of a new fact that may concern them."""
+    def concern(self, now: Instant, predicate: int, args: Args) -> None:
+        """Let the time assertions know of a new fact that may concern them, unless `came` does."""
         if not self.heed:
             self._inserted(now, predicate, args)
 
@@ -181,9 +181,8 @@ class Running(Machine):
         """Look for the match with which a rule fires as the specification does."""
         plan = self.module.plans[rule]
         for entry in self._matches(plan, now):
-            value = self.module.names[f"value{rule}"] if plan.valued else None
-            valued = value(self, now, *entry) if value is not None else None
-            if valued is not None or value is None:
+            valued = self.module.names[f"value{rule}"](self, now, *entry) if plan.valued else None
+            if valued is not None or not plan.valued:
                 self._offer(plan, entry, valued)
                 return
         self._offer(plan, None, None)

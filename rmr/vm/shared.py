@@ -1,4 +1,4 @@
-"""What all robots that run one program know of it alike: worked out once in a process.
+"""What a program says to all robots that run it: worked out once in a process.
 
 A thousand robots of one process run one program. What a machine carries for itself is what has happened to it.
 """
@@ -38,7 +38,7 @@ class Affairs(NamedTuple):
 class Shared:
     """What a program says to all its robots."""
 
-    __slots__ = ("_affairs", "_effects", "_named", "_program", "_stated", "_told", "gate", "number", "violations")
+    __slots__ = ("_affairs", "_alike", "_effects", "_named", "_program", "_stated", "gate", "number", "violations")
 
     def __init__(self, program: Program) -> None:
         number = program.index(ROBOT_NUMBER)
@@ -48,8 +48,8 @@ class Shared:
         self._stated = [(fact, any(isinstance(arg, Slot) for arg in fact.args)) for fact in program.facts]
         """The stated facts, each with whether the robot itself stands in it."""
         alike = all(fact.owner is None and not itself for fact, itself in self._stated)
-        self._told: list[tuple[int, Args]] | None = list(self._each_fact(0)) if alike else None
-        """Their predicates and arguments if they are the same for all robots."""
+        self._alike: list[tuple[int, Args]] | None = list(self._each_fact(0)) if alike else None
+        """Their predicates and arguments if they are the same for all robots, else None."""
         self._effects = [
             tuple([_effects(effects, program) for effects in (predicate.else_effects, predicate.effects)])
             for predicate in program.predicates
@@ -77,7 +77,7 @@ class Shared:
 
     def facts(self, robot: Robot) -> Iterable[tuple[int, Args]]:
         """Return the predicates and arguments of the facts that the program states for `robot`."""
-        return self._each_fact(robot) if self._told is None else self._told
+        return self._each_fact(robot) if self._alike is None else self._alike
 
     def _each_fact(self, robot: int) -> Iterator[tuple[int, Args]]:
         for fact, itself in self._stated:

@@ -19,8 +19,8 @@ Entry = tuple[HeldFact, ...]
 Key = tuple[int, ...]
 """Their serials, which name the match for ever."""
 
-Valued = tuple[list[HeldFact], list[Chain]]
-"""What a match consumes and derives."""
+Valued = tuple[list[tuple[int, HeldFact]], list[Chain]]
+"""What a match consumes, each fact behind its predicate, and derives."""
 
 
 class SeenFact:

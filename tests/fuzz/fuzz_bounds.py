@@ -37,7 +37,7 @@ TURNS = {
     "AT_ONCE_MAX": 1,
     "SEVERAL": 2,
     "FEW": 3,
-    "TOLD_APART_MAX": 2,
+    "IN_LOOP_MAX": 2,
     "IN_LINE_MAX": 1,
     "DEPTH_MAX": 3,
 }

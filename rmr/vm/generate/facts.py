@@ -94,7 +94,7 @@ class FactWriter:
         write_indexing(lines, table, "f")
         self._show(predicate, args)
         if table.concerned:
-            lines(f"vm.told(now, {predicate}, {tuple_of(args)})")
+            lines(f"vm.concern(now, {predicate}, {tuple_of(args)})")
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
         """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""

@@ -1,7 +1,8 @@
 """The run loop: look again at the rules that something has changed for, choose one, fire it, until all is quiet.
 
-All rules fire in one function, found by halving. A rule whose head is nothing but facts, goals and actions that
-cannot fail is written out in line; what others derive is worked out when the match is found.
+Of a program with few rules all fire in this function, found by halving; of more each has a function. A head that is
+nothing but facts, goals and actions that cannot fail is written out where the rule fires; what others derive is worked
+out when the match is found (`rmr.vm.generate.derive`).
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from rmr.vm.generate.source import Pool
 IN_LINE_MAX = 12
 """Rules that a predicate may concern so that the insertion of its facts is written out where they are derived."""
 
-TOLD_APART_MAX = 8
+IN_LOOP_MAX = 8
 """Rules up to which all fire in the loop itself, with the event of each, the same all through a run, in a variable."""
 
 
@@ -52,10 +53,10 @@ class LoopWriter:
         timed = sum(plan.bit for plan in self._plans if plan.timed and plan.valued)
         with lines.block("def fire(vm, now):"):
             lines(f"{ME} = vm.robot", "emit = vm._events.append")
-            if self.is_one:
+            if self.is_in_loop:
                 lines(*[f"e{plan.index} = None" for plan in self._plans])
             else:
-                lines("told = {}")
+                lines("events = {}")
             if timed:
                 lines(f"vm.stale |= vm.ready & {timed}")
             with lines.block("for _ in range(vm._budget):"):
@@ -73,20 +74,20 @@ class LoopWriter:
                         self._draw()
                 lines("elif not ready:", " vm.busy = False", " return")
                 lines("vm.firings += 1")
-                if not self.is_one:
+                if not self.is_in_loop:
                     lines(
-                        "e = told.get(ready)",
+                        "e = events.get(ready)",
                         "if e is None:",
-                        " told[ready] = e = RuleFired(ready.bit_length() - 1, now)",
+                        " events[ready] = e = RuleFired(ready.bit_length() - 1, now)",
                     )
                     lines("emit(e)", "FIRE[ready](vm, now, emit)")
                 elif self._plans:
                     self._choose(0, len(self._plans))
 
     @property
-    def is_one(self) -> bool:
+    def is_in_loop(self) -> bool:
         """Whether all rules fire in the loop itself."""
-        return len(self._plans) <= TOLD_APART_MAX
+        return len(self._plans) <= IN_LOOP_MAX
 
     def write_rule(self, plan: RulePlan) -> None:
         """Write the function in which one of many rules fires."""

@@ -66,7 +66,9 @@ class Module:
         """What a machine's class gets besides."""
         self.reset = self.names["reset"]
         self.readers = [facts.readers(predicate) for predicate in range(len(program.predicates))]
+        """By predicate: the rules that name it in a body."""
         self.at_first = mask([plan for plan in self.plans if plan.way is Way.AGAIN])
+        """The rules that may be satisfied though no fact has come."""
         self.all_rules = mask(self.plans)
         self.slots: list[str] = self._slots
         self._slow: set[int] = set()
@@ -79,7 +81,7 @@ class Module:
         if source is not None:
             plan, lines = self.plans[rule], Lines()
             loop = self._loop(lines)
-            if not loop.is_one:
+            if not loop.is_in_loop:
                 loop.write_rule(plan)
             self._compile(source + lines.text)
             self.names["FIND"][plan.bit] = self.names[f"find{rule}"]

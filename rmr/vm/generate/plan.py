@@ -2,10 +2,12 @@
 
 A rule of one atom keeps a queue of the facts that it can take (SINGLE). One of several atoms, the tops, tries the
 facts of its first atom one after another, joins each with what there is, and joins each new fact of the other atoms
-with the tops that have been tried (JOIN). In both no combination of facts is looked at twice. What these ways do not
-cover is looked for anew whenever something has changed, as the specification does it (AGAIN): bodies with ``not`` or
-without an atom, and every rule from the moment on when an expression of it has had no value: which failures are
-told, and in which order, is part of the result.
+with the tops that have been tried (JOIN). In both a combination of facts is seldom looked at twice: only where there
+are so many new facts that the tops are rather tried again. What these ways do not cover is looked for anew whenever
+something has changed, as the specification does it (AGAIN): bodies with ``not``, without an atom, or with an expression
+before it that may have no value; those that ask for the time; variables whose value hangs on which conjunct binds them;
+and every rule from the moment on when an expression of it has had no value: which failures are told, and in which order,
+is part of the result.
 """
 
 from enum import Enum

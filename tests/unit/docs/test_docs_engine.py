@@ -36,7 +36,7 @@ def test_the_steps_name_modules_that_are_there():
 def test_the_sizes_are_those_of_the_code():
     text = " ".join(PAGE.split())
     assert f"a body of more than {plan.ATOMS_MAX} atoms" in text
-    assert f"Up to {loop.TOLD_APART_MAX} rules fire in the loop itself" in text
+    assert f"Up to {loop.IN_LOOP_MAX} rules fire in the loop itself" in text
 
 
 def test_the_fuzzers_options_and_the_suites_cases_are_those_of_the_code():
