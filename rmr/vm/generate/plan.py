@@ -6,8 +6,8 @@ with the tops that have been tried (JOIN). In both a combination of facts is sel
 are so many new facts that the tops are rather tried again. What these ways do not cover is looked for anew whenever
 something has changed, as the specification does it (AGAIN): bodies with ``not``, without an atom, or with an expression
 before it that may have no value; those that ask for the time; variables whose value hangs on which conjunct binds them;
-and every rule from the moment on when an expression of it has had no value: which failures are told, and in which order,
-is part of the result.
+and every rule from the moment on when an expression of it has had no value: which failures are told, and in which
+order, is part of the result.
 """
 
 from enum import Enum
