@@ -51,16 +51,17 @@ class Several:
 class _Account:
     """What one rule takes and gives."""
 
-    def __init__(self, rule: Rule, predicates: Sequence[Kind]) -> None:
+    def __init__(self, rule: Rule, kinds: Sequence[Kind]) -> None:
+        """`kinds` are those of the predicates."""
         atoms = [each for each in rule.body if isinstance(each, Atom)]
-        self.takes = _counted(each.predicate for each in atoms if each.mode is Mode.CONSUME)
-        self.gives = _counted(each.predicate for each in items(rule.head) if isinstance(each, DeriveFact))
+        self.takes = Counter(each.predicate for each in atoms if each.mode is Mode.CONSUME)
+        self.gives = Counter(each.predicate for each in items(rule.head) if isinstance(each, DeriveFact))
         self.without = 0
         """The predicates of which nothing at all may be there."""
         for each in atoms:
             if each.mode is Mode.ABSENT and _matches_all(each):
                 self.without |= 1 << each.predicate
-        self.once = all(each.mode is Mode.READ and predicates[each.predicate] is Kind.PERSISTENT for each in atoms)
+        self.once = all(each.mode is Mode.READ and kinds[each.predicate] is Kind.PERSISTENT for each in atoms)
         """It fires once in a robot's life."""
 
     def exceeds(self, group: int) -> bool:
@@ -156,14 +157,7 @@ class _Search:
         return None not in common and all(len(common.union(own)) <= 1 for own in (*given.values(), ()))
 
 
-def _counted(predicates: Iterable[int]) -> dict[int, int]:
-    counts: dict[int, int] = {}
-    for predicate in predicates:
-        counts[predicate] = counts.get(predicate, 0) + 1
-    return counts
-
-
-def _of(counts: dict[int, int], group: int) -> int:
+def _of(counts: Counter[int], group: int) -> int:
     """Return how many of the counted are of a group."""
     return sum(count for predicate, count in counts.items() if group >> predicate & 1)
 

@@ -18,7 +18,7 @@ from rmr.bytecode.program import Base, Code, Instruction
 
 LOAD, CONST, NOTHING, IF = "load", "const", "nothing", "if"
 AND, OR = "and", "or"
-ALIKE, UNLIKE = "alike", "unlike"
+NEVER, ALWAYS = "never", "always"
 """``eq`` and ``ne`` of values of different kinds, which are never the same."""
 
 JUMPS = "jumps that are none of `if`, `and` and `or`"
@@ -42,7 +42,7 @@ class Operation(NamedTuple):
     """One value on the way."""
 
     name: str
-    """``load``, ``const``, ``nothing`` (it has no value), ``and``, ``or``, ``if``, ``alike``, ``unlike``, or that of an
+    """``load``, ``const``, ``nothing`` (it has no value), ``and``, ``or``, ``if``, ``never``, ``always``, or that of an
     instruction or function in small letters."""
     base: Base
     args: tuple[int, ...] = ()
@@ -146,7 +146,7 @@ class _Line:
         operands = [self._operations[arg] for arg in args]
         base = _base(name, [each.base for each in operands])
         if name in ("eq", "ne") and not _alike(*[each.base for each in operands]):
-            name = ALIKE if name == "eq" else UNLIKE
+            name = NEVER if name == "eq" else ALWAYS
         if name in _FOLDED and all(each.name == CONST for each in operands):
             self._put(_folded(name, base, [each.operand for each in operands]))  # type: ignore[misc]
         else:

@@ -37,8 +37,9 @@ class Columns:
 
         Raises ValueError if the program cannot be run as columns (`rmr.bytecode.columnar.obstacles`).
         """
-        if obstacles(program, given):
-            raise ValueError(f"not a program for columns: {obstacles(program, given)[0].text}")
+        found = obstacles(program, given)
+        if found:
+            raise ValueError(f"not a program for columns: {found[0].text}")
         self.program = program
         self._layout = Layout(program, given)
         self._goals = Goals(program, self._layout)

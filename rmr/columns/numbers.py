@@ -242,7 +242,7 @@ WORK: dict[str, Work] = {
     "float": _float,
     "id": _id,
     "not": lambda values, _: Held(~values[0]),
-    "alike": lambda values, _: Held(np.zeros_like(values[0], np.bool_)),
-    "unlike": lambda values, _: Held(np.ones_like(values[0], np.bool_)),
+    "never": lambda values, _: Held(np.zeros_like(values[0], np.bool_)),
+    "always": lambda values, _: Held(np.ones_like(values[0], np.bool_)),
 }
 """By operation: what it makes of columns that have a value in every row."""
