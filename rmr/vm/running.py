@@ -249,6 +249,8 @@ class Running(Machine):
         kept: list[Entry] = getattr(self, f"k{r}")
         if everything:
             tops = self._waiting(r)
+            self.looks = match.LOOKS_MAX
+            self.looking = (r, len(plan.rule.head), len(plan.rule.body)), ()
             setattr(self, f"q{r}", None)
             for top in tops:
                 setattr(self, f"l{r}", top[SERIAL])

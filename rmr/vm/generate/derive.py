@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from rmr.base.values import Value
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.program import (
+    SELF,
     Aggregate,
     Atom,
     Comprehension,
@@ -26,7 +27,7 @@ from rmr.bytecode.scope import Scope
 from rmr.vm import derive as limits
 from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.derive import HEAD_PART
-from rmr.vm.doubts import Doubts, settle
+from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.generate.body import ME, Body, Slots, begun, loads, positives, serial
 from rmr.vm.generate.heads import WrittenItem, rows_of, write_bindings
 from rmr.vm.generate.known import NOTHING
@@ -204,7 +205,11 @@ class InnerWriter:
 
     def _can_fail(self) -> bool:
         assert isinstance(self._inner, Comprehension)
-        return any(len(code) != 1 for item in self._inner.head for code in (item.owner, *item.args))
+        predicates = self._head.program.predicates
+        return any(
+            item.owner != SELF or any(len(code) != 1 for code in item.args) or doubts(item, predicates, self._scope)
+            for item in self._inner.head
+        )
 
     def _leaf(self) -> None:
         """Write what is done with one match."""
