@@ -215,11 +215,6 @@ class Machine(Parts):
         return [] if self._any_jobs is None else list(self._any_jobs.jobs)
 
     @property
-    def jobs_given_up(self) -> int:
-        """How many jobs were forgotten because too many waited at once."""
-        return self._dropped.counts.get("jobs", 0)
-
-    @property
     def expression_failures(self) -> int:
         """How often an expression without value left something out."""
         return self._failures.count

@@ -17,8 +17,6 @@ from rmr.vm.generate.operators import binary, listed, truth, unary
 from rmr.vm.generate.source import Pool, Source, fails
 from rmr.vm.generate.trees import Tree, tree
 
-__all__ = ["Known", "Pool", "Source", "condition", "expression", "narrowed"]
-
 
 def expression(code: Code, names: Mapping[int, str], known: Mapping[int, Known], pool: Pool) -> Source:
     """Return the source of verified `code`.

@@ -9,7 +9,9 @@ from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.generate.expressions import Known, Pool, Source, condition, expression, narrowed
+from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.known import Known
+from rmr.vm.generate.source import Pool, Source
 from rmr.vm.generate.trees import DEPTH_MAX
 
 NAMES = {0: "me", 1: "n", 2: "m", 3: "x", 4: "q", 5: "text", 6: "area", 7: "flag", 8: "any"}

@@ -300,7 +300,7 @@ def test_jobs_that_wait_are_bounded_and_what_is_given_up_is_counted() -> None:
     machine = hand.machine()
     for number in range(LIVE_MAX + 3):
         machine.insert(0, start, (number,))
-    assert machine.jobs_given_up == 3
+    assert machine.dropped["jobs"] == 3
     machine.drain()
     machine.run(seconds(11))
     assert len(actions(machine.drain())) == LIVE_MAX
