@@ -118,25 +118,34 @@ class LoopWriter:
             self._choose(middle, end)
 
     def _fire(self, plan: RulePlan) -> None:
-        lines, r = self._lines, plan.index
+        """Write the firing of one rule."""
         self._take(plan)
         if plan.valued:
-            lines(f"consumed, out = vm.v{r}")
-            self._consume(plan, 0)
-            if any(isinstance(head, Comprehension | Aggregate) for head in plan.rule.head):
-                lines("for call, f in consumed: call(vm, now, f)")
-            rows = rows_of(plan.rule)
-            if rows is None:
-                lines("for call in out: call[0](vm, now, *call[1:])")
-            else:
-                names = [f"a{place}" for place in range(self._tables[rows].arity)]
-                with lines.block(f"for {tuple_of(names)} in out:"):
-                    if len(self._facts.readers(rows)) <= IN_LINE_MAX:
-                        self._facts.add_if_new(rows, names)
-                    else:
-                        lines(f"add{rows}({', '.join(['vm', 'now', *names])})")
+            self._fire_valued(plan)
+        else:
+            self._fire_in_line(plan)
+
+    def _fire_valued(self, plan: RulePlan) -> None:
+        """Write that what was worked out when the match was found (`value`) is consumed and derived."""
+        lines = self._lines
+        lines(f"consumed, out = vm.v{plan.index}")
+        self._consume(plan, 0)
+        if any(isinstance(head, Comprehension | Aggregate) for head in plan.rule.head):
+            lines("for call, f in consumed: call(vm, now, f)")
+        rows = rows_of(plan.rule)
+        if rows is None:
+            lines("for call in out: call[0](vm, now, *call[1:])")
             return
-        slots = write_bindings(lines, self._pool, plan.rule, self._tables, plan.facts)
+        names = [f"a{place}" for place in range(self._tables[rows].arity)]
+        with lines.block(f"for {tuple_of(names)} in out:"):
+            if len(self._facts.readers(rows)) <= IN_LINE_MAX:
+                self._facts.add_if_new(rows, names)
+            else:
+                lines(f"add{rows}({', '.join(['vm', 'now', *names])})")
+
+    def _fire_in_line(self, plan: RulePlan) -> None:
+        """Write out what a head that cannot fail derives."""
+        slots = write_bindings(self._lines, self._pool, plan.rule, self._tables, plan.facts)
         chains = written_items(plan.rule, slots, self._program, self._pool, self._tables)
         assert chains is not None
         items = [item for chain in chains for item in chain]
