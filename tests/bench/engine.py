@@ -24,6 +24,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import by_hand
 import costs
 import page
 from paired import Laps, Spread, Timing, contest, ratio, timing
@@ -103,7 +104,7 @@ class Plan:
 
 
 def large(entry: Entry, plan: Plan) -> tuple[Workload, list[System]]:
-    """Return the workload at its full size, for RMR and CLIPS; also with CLIPS's default strategy if it has another."""
+    """Return the workload at its full size, for RMR, CLIPS, also with its default strategy, and Python by hand."""
     workload = entry.make(entry.small if plan.quick else entry.size)
     systems: list[System] = [RmrSystem(workload, **plan.options)]
     if CLIPS not in plan.missing:
@@ -111,6 +112,8 @@ def large(entry: Entry, plan: Plan) -> tuple[Workload, list[System]]:
         systems.append(ClipsSystem(workload, clips))
         if workload.strategy != "depth":
             systems.append(ClipsSystem(workload, clips, "depth"))
+        if workload.name in by_hand.RULES:
+            systems.append(by_hand.HandSystem(workload))
     return workload, systems
 
 
