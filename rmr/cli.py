@@ -7,8 +7,11 @@ own, `rmr-X`, which stands beside the interpreter that runs this; `rmr X` become
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -38,6 +41,11 @@ class Commands(click.Group):
         if cmd_name in PROGRAMS:
             return _program(cmd_name)
         return _own(cmd_name) if cmd_name in COMMANDS else None
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """Run the group; an output that cannot be written is told."""
+        with told_if_unwritable():
+            return super().main(*args, **options)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -92,4 +100,16 @@ def main() -> None:
 
 def compile_main() -> None:
     """Run `rmrc`, which is `rmr compile`."""
-    _own("compile").main(prog_name="rmrc")
+    with told_if_unwritable():
+        _own("compile").main(prog_name="rmrc")
+
+
+@contextmanager
+def told_if_unwritable() -> Iterator[None]:
+    """Say so if standard output takes no more, as on a full disk; nothing else that a command does is to raise it."""
+    try:
+        yield
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still in its buffer would be tried again at the end
+        click.echo(f"rmr: cannot write the output: {error.strerror or error}", err=True)
+        sys.exit(EXIT_FAILED)

@@ -38,11 +38,18 @@ def reason(error: Exception) -> str:
 
 
 def write(target: Path, octets: bytes, mode: int | None = None) -> int:
-    """Write `target` as a whole or not at all, with the permissions `mode` or a new file's; return the exit code."""
+    """Write `target` as a whole or not at all, with the permissions `mode` or a new file's; return the exit code.
+
+    A link leads to the file that is written; a device or pipe is written to and stays what it is.
+    """
     import tempfile
 
     temporary = ""
     try:
+        target = target.resolve()
+        if target.exists() and not target.is_file() and not target.is_dir():
+            target.write_bytes(octets)
+            return 0
         descriptor, temporary = tempfile.mkstemp(prefix=".rmr-", dir=target.parent)
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(octets)

@@ -70,6 +70,9 @@ class Running(Machine):
         self.stale = self.module.at_first
         self.changed = self.module.at_first
         """Of the rules that are matched anew: those that something has changed for."""
+        self.looks = 0
+        """How many more facts the search may look at."""
+        self.looking = None
         self.broken = 0
         """The rules that are matched anew from now on because an expression of theirs had no value."""
         self.touched = 0
@@ -181,7 +184,7 @@ class Running(Machine):
         """Look for the match with which a rule fires as the specification does."""
         plan = self.module.plans[rule]
         for entry in self._matches(plan, now):
-            valued = self.module.names[f"value{rule}"](self, now, *entry) if plan.valued else None
+            valued = self._worked_out("value", plan, entry, now) if plan.valued else None
             if valued is not None or not plan.valued:
                 self._offer(plan, entry, valued)
                 return
@@ -211,7 +214,13 @@ class Running(Machine):
 
     def _derive(self, plan: RulePlan, entry: Entry, now: Instant) -> Valued | None:
         self.module.slow(plan.index)
-        valued: Valued | None = self.module.names[f"derive{plan.index}"](self, now, *entry)
+        return self._worked_out("derive", plan, entry, now)
+
+    def _worked_out(self, function: str, plan: RulePlan, entry: Entry, now: Instant) -> Valued | None:
+        """Return what a match derives; the search that has found it goes on counting where it was."""
+        before = self.looks, self.looking
+        valued: Valued | None = self.module.names[f"{function}{plan.index}"](self, now, *entry)
+        self.looks, self.looking = before
         return valued
 
     def _matches(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
