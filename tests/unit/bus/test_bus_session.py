@@ -49,7 +49,7 @@ def test_what_one_client_publishes_reaches_the_other_through_the_router_in_order
         heard.clear()
         for stamp in range(100):
             one.publish("rmr/x/body/1/act", wire.Act(0.1, -0.2, stamp))
-        await until(lambda: len(heard) >= 100)
+        await until(lambda: sum(bool(message.body.v) for _, message in heard) >= 100)  # the first may come twice
         bodies = [message.body for _, message in heard if message.body.v]
         assert bodies == [wire.Act(0.1, -0.2, stamp) for stamp in range(100)]
         assert {(key, message.sender, message.run) for key, message in heard} == {("rmr/x/body/1/act", 1, one.run)}
