@@ -8,6 +8,7 @@ be of another type than its predicate declares, and all stays within bounds.
 from collections.abc import Iterator, Sized
 from contextlib import contextmanager
 from enum import Enum
+from math import inf
 from random import Random
 
 import rmr.vm.generate.body
@@ -80,23 +81,33 @@ def _shown_or_refused(data: bytes) -> None:
         return
 
 
+class Looks:
+    """Counts the facts that generated searches look at; code that has been made outlives the trial that it was for."""
+
+    def __init__(self) -> None:
+        self.left = inf
+        self._counted = rmr.vm.generate.body.counted
+
+    def __call__(self, vm: object, facts: Sized) -> object:
+        self.left -= len(facts)
+        if self.left < 0:
+            raise TooLong
+        return self._counted(vm, facts)
+
+
+LOOKS = Looks()
+
+
 @contextmanager
 def looks_counted() -> Iterator[None]:
     """Raise TooLong when more facts have been looked at than a trial may."""
-    left = LOOKS_MAX
     original = rmr.vm.generate.body.counted
-
-    def counted(vm: object, facts: Sized) -> object:
-        nonlocal left
-        left -= len(facts)
-        if left < 0:
-            raise TooLong
-        return original(vm, facts)
-
-    rmr.vm.generate.body.counted = counted
+    rmr.vm.generate.body.counted = LOOKS  # type: ignore[assignment]
+    LOOKS.left = LOOKS_MAX
     try:
         yield
     finally:
+        LOOKS.left = inf
         rmr.vm.generate.body.counted = original
 
 

@@ -279,7 +279,7 @@ def begun(pool: Pool, part: tuple[int, int, int], facts: str | None = None) -> s
 
     `part` is the rule, the part of it and the step that the end of a body stands for, `facts` those found before.
     """
-    pool.helper("counted", counted)
+    pool.globals["counted"] = counted
     looking = pool.object((part, ())) if facts is None else f"({pool.object(part)}, {facts})"
     return f"vm.looks = {match.LOOKS_MAX}; vm.looking = {looking}"
 
