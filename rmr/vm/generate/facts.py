@@ -54,7 +54,14 @@ class FactWriter:
         readers = mask(self.readers(predicate))
         with lines.block(f"def several{predicate}(vm, now, rows):"):
             lines(f"{ME} = vm.robot", *(["vm.busy = True"] if readers else []))
-            with lines.block(f"for {tuple_of(args) if args else '_'} in rows:"):
+            each = f"for {tuple_of(args) if args else '_'} in rows:"
+            if table.linear and not table.long and not table.concerned:
+                with lines.block(f"if not vm.heed and vm.count + len(rows) <= {machine.FACTS_MAX}:"):
+                    lines("vm.count += len(rows)", "s = vm.s")
+                    with lines.block(each):
+                        self.add(predicate, args, "", serial="s += 1")
+                    lines("vm.s = s", "return")
+            with lines.block(each):
                 lines(f"if {self._unwanted(predicate, args)}: continue", "vm.count += 1")
                 self.add(predicate, args, "key")
                 lines(f"if vm.heed: vm.came(now, {predicate}, {tuple_of(args)}, {readers})")
@@ -84,11 +91,14 @@ class FactWriter:
         full = f"{most} and vm.is_full(now)"
         return full if table.linear else f"(key := {table.key(self._pool, args)}) in {table.name} or {full}"
 
-    def add(self, predicate: int, args: Sequence[str], key: str) -> None:
-        """Write that a fact is inserted, for which there is room, that holds not yet and is counted already."""
+    def add(self, predicate: int, args: Sequence[str], key: str, serial: str = "s = vm.s = vm.s + 1") -> None:
+        """Write that a fact is inserted, for which there is room, that holds not yet and is counted already.
+
+        `serial` is the statement that takes the next serial.
+        """
         lines, table = self._lines, self._tables[predicate]
         lines(*[f"vm.length += length({args[place]})" for place in table.long])
-        lines("s = vm.s = vm.s + 1", f"f = {table.fact('s', args)}")
+        lines(serial, f"f = {table.fact('s', args)}")
         if not table.queued:
             lines(f"{table.name}[{'s' if table.linear else key}] = f")
         write_indexing(lines, table, "f")

@@ -246,16 +246,16 @@ class SearchWriter:
         lines, plan, r = self._lines, self._plan, self._r
         fact = plan.names()[0]
         lines(f"{ME} = vm.robot")
-        mark = lines.mark()
         body = Body(lines, self._pool, self._tables, Slots(), "continue")
         with lines.block("while True:"):
             lines(f"if q is not None and (h := q[0] + 1) + h <= len(q) and ({fact} := q[h])[0]: q[0] = h")
             lines(f"elif q is None or ({fact} := next_of(q)) is None:")
             lines(f" vm.q{r} = None", f" vm.ready &= {~plan.bit}", " return")
             lines(f"vm.l{r} = {fact}[1]")
+            mark = lines.mark()
             is_open = [f"vm.c{r} = {fact}"] if len(self._places) > 1 else []
             self._below(body, f"kept.append({plan.entry()})", *is_open, f"vm.ready |= {plan.bit}", "return")
-        lines.insert(mark, loads(body))
+            lines.insert(mark, loads(body))  # each time anew: the first top that is tried may have made them
 
     def _join_new(self, place: int) -> None:
         """Write what is done with the new facts of one atom that is not the first."""
