@@ -102,11 +102,12 @@ def test_a_ratio_is_of_one_round_and_counts_the_loading():
 def test_what_one_machine_costs_can_be_taken():
     figures = [*costs.latency({}, 100), *costs.memory({}, 5), *costs.load({}, 1)]
     assert all(figure.value > 0 for figure in figures)
-    assert sum(figure.target is not None for figure in figures) == 7
+    assert sum(figure.target is not None for figure in figures) == 9
 
 
-def test_the_program_of_the_costs_has_thirty_rules():
-    program = costs.compiled(costs.source())
+@pytest.mark.parametrize("joins", [True, False])
+def test_the_programs_of_the_costs_have_thirty_rules(joins):
+    program = costs.compiled(costs.source(joins=joins))
     assert (len(program.rules), len(program.facts)) == (30, 50)
 
 
