@@ -21,14 +21,14 @@ from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.opcodes import FUNCTIONS, Op
-from rmr.bytecode.program import Atom, Code, Mode, Program, Rule, Strategy
+from rmr.bytecode.program import Atom, Code, Mode, Predicate, Program, Rule, Strategy
 from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Derivation, PlannedRule
 from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
 from rmr.vm.match import Env, OnFailure, Search
 from rmr.vm.once import Changing, Growing, Once
-from rmr.vm.store import Fact, Store
+from rmr.vm.store import Fact, Store, is_open
 
 NEVER_FAILING = (Op.LOAD, Op.CONST, Op.INT, Op.EQ, Op.NE)
 """Instructions that have a value whatever they work on."""
@@ -67,7 +67,9 @@ class RuleState:
         self.once: Once | None = None
         """Of a rule that consumes nothing: the matches that have not fired."""
         if not self.planned.taken:
-            self.once = (Growing if is_plain(rule) else Changing)(rule.body, program.predicates, store, dropped)
+            self.once = (Growing if is_plain(rule, program.predicates) else Changing)(
+                rule.body, program.predicates, store, dropped
+            )
         self.candidate: Candidate | None = None
         self.stale = False
 
@@ -192,12 +194,17 @@ def mentioned(rule: Rule) -> Iterator[int]:
                 yield conjunct.predicate
 
 
-def is_plain(rule: Rule) -> bool:
-    """Tell whether matches of a body only come with facts and go with facts, and no expression of it can fail."""
-    return all(
-        item.mode is not Mode.ABSENT if isinstance(item, Atom) else all(each.op in NEVER_FAILING for each in item.code)
-        for item in rule.body
-    )
+def is_plain(rule: Rule, predicates: Sequence[Predicate]) -> bool:
+    """Tell whether matches of a body only come with facts and go with facts, in whichever order it is looked through.
+
+    No expression of it can fail, and no atoms are joined of which one leaves a type open: how strictly values are
+    compared there hangs on which of them comes first.
+    """
+    atoms = [item for item in rule.body if isinstance(item, Atom)]
+    others = [item for item in rule.body if not isinstance(item, Atom)]
+    mixed = len(atoms) > 1 and any(is_open(kind) for atom in atoms for kind in predicates[atom.predicate].types)
+    fails = any(each.op not in NEVER_FAILING for item in others for each in item.code)
+    return not mixed and not fails and all(atom.mode is not Mode.ABSENT for atom in atoms)
 
 
 def uses_now(code: Code) -> bool:
