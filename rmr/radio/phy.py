@@ -24,7 +24,7 @@ from itertools import pairwise
 from math import comb, exp, inf, log10
 from typing import NamedTuple
 
-from rmr.base.time import NS_PER_US, Duration, Instant
+from rmr.base.time import NS_PER_S, NS_PER_US, Duration, Instant
 
 BIT: Duration = 4 * NS_PER_US
 SYMBOL: Duration = 16 * NS_PER_US
@@ -48,10 +48,32 @@ CAPTURE_RATIO = 10**0.3
 CERTAIN_RATIO = 4.0
 """From 6 dB on the bit error rate is below 1e-16: nothing to compute and nothing to draw."""
 
+BURST_MIN: Duration = 1_000 * NS_PER_US
+BURST_MAX: Duration = 86_400 * NS_PER_S
+"""Mean lengths of bursts and of the times between them."""
+
 LOCK_HISTORY: Duration = 10_000 * NS_PER_US
 """How far back locks are followed: over two of the longest frames."""
 
 _BER_TERMS = tuple((8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17))
+
+
+@dataclass(frozen=True, slots=True)
+class Bursts:
+    """The two-state model of Gilbert and Elliott: how links come and go; see `rmr.radio.links`."""
+
+    good: Duration
+    """Mean length of a good time."""
+    bad: Duration
+    """Mean length of a bad time."""
+    loss: float = 1.0
+    """Probability that a frame is lost in a bad time, besides the losses of all times."""
+
+    def __post_init__(self) -> None:
+        if not BURST_MIN <= min(self.good, self.bad) <= max(self.good, self.bad) <= BURST_MAX:
+            raise ValueError("the mean lengths of good and bad times lie between 1 ms and a day")
+        if not 0.0 <= self.loss <= 1.0:
+            raise ValueError(f"loss {self.loss} in bad times: write a probability, 0 to 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +91,18 @@ class RadioConfig:
     """``capture_3db`` or ``awgn``."""
     energy_threshold_db: float = 10.0
     """Energy detection: how far above the sensitivity the channel counts as busy (6.9.9: at most 10)."""
+    shadowing_db: float = 0.0
+    """Standard deviation of what each link adds to or takes from the path loss, for ever."""
+    bursts: Bursts | None = None
+    """Bursts of losses on each link, besides `loss`."""
 
     def __post_init__(self) -> None:
         if self.interference not in ("capture_3db", "awgn"):
             raise ValueError(f"interference {self.interference!r}: write capture_3db or awgn")
         if not 0.0 <= self.loss <= 1.0:
             raise ValueError(f"loss {self.loss}: write a probability, 0 to 1")
+        if not 0.0 <= self.shadowing_db <= 30.0:
+            raise ValueError(f"shadowing {self.shadowing_db}: write a deviation of 0 to 30 dB")
 
 
 class Channel(NamedTuple):

@@ -1,0 +1,213 @@
+"""What happens to a link besides distance: shadowing, losses, bursts, and disturbances that come and go.
+
+All of it goes by lab time and names alone, never by who asks or when: the state of a link at an instant follows
+from (seed, the two ends, the instant), so every process and the simulator see the same weather.
+
+*Shadowing* takes from or adds to a link a fixed normal number of decibels, the same both ways, within three
+deviations (which bounds how far anybody hears). *Bursts* are the two-state model of Gilbert (1960) and Elliott
+(1963): a link is good for an exponential time, then bad for another, in which frames are lost with a greater
+probability; both ways alike, since who walks through a link stands in the way of its acknowledgements too.
+A *disturbance* is a stretch of time in which frames between groups of robots lose power, are lost by chance, or are
+cut off: the lab file's lossy links, partitions and losses, and what `rmr fault` does to a running lab.
+Losses are independent of each other. What applies to a frame is decided at its first symbol.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from math import inf
+from typing import Any, NamedTuple
+
+from rmr.base.streams import stream
+from rmr.base.time import NEVER, NS_PER_S, Duration, Instant
+from rmr.radio.phy import RadioConfig
+
+SHADOWING_SIGMAS = 3.0
+"""A link's shadowing is cut at so many standard deviations."""
+
+DISTURBANCES_MAX = 256
+"""Disturbances that one lab may have at a time: each is looked at for every frame that it may concern."""
+
+GROUPS_MAX = 64
+"""Groups of one disturbance; more parts than that are no partition of a lab's radio."""
+
+CYCLES = 64
+"""A link's bursts are drawn anew after so many mean lengths of good and bad time together: a robot that is
+started late need not follow them from the beginning, and no link keeps more than about 128 changes."""
+
+
+class Disturbance(NamedTuple):
+    """A stretch of lab time in which some links are worse than distance makes them."""
+
+    since: Instant = 0
+    until: Instant = NEVER
+    """Half open: the instant after the last one."""
+    groups: tuple[tuple[int, ...], ...] = ()
+    """Touched are frames from a robot of one group to a robot of another; none: all frames. Robots of no group
+    hear, and are heard by, everybody."""
+    one_way: bool = False
+    """Touched are only frames from an earlier group to a later one."""
+    loss: float = 0.0
+    """Probability that a frame is lost, for each receiver by itself."""
+    attenuation_db: float = 0.0
+    """Taken from the power at the receiver; `inf` cuts the link: such a frame is neither heard nor sensed."""
+
+    def check(self) -> "Disturbance":
+        """Return itself. Raises `ValueError` that says what is wrong."""
+        if not 0 <= self.since < self.until <= NEVER:
+            raise ValueError("a disturbance ends after it begins, and begins at 0 or later")
+        if not 0.0 <= self.loss <= 1.0:
+            raise ValueError(f"loss {self.loss}: write a probability, 0 to 1")
+        if not self.attenuation_db >= 0.0:
+            raise ValueError(f"attenuation {self.attenuation_db}: write decibels, 0 or more")
+        named = [robot for group in self.groups for robot in group]
+        if len(self.groups) == 1 or len(self.groups) > GROUPS_MAX:
+            raise ValueError(f"{len(self.groups)} groups: write 2 to {GROUPS_MAX}, or none for all robots")
+        if len(set(named)) != len(named):
+            raise ValueError("a robot is in two groups")
+        if not all(0 <= robot <= 0xFFFF for robot in named):
+            raise ValueError("a robot's number must fit 16 bits")
+        return self
+
+    def to_wire(self) -> list[Any]:
+        """Return the fields as values that msgpack carries."""
+        return [self.since, self.until, [list(group) for group in self.groups], *self[3:]]
+
+    @classmethod
+    def from_wire(cls, fields: Any) -> "Disturbance":
+        """Return the disturbance in `fields`. Raises `ValueError` if they cannot be one."""
+        if not isinstance(fields, list | tuple) or len(fields) != len(cls._fields):
+            raise ValueError("a disturbance has six fields")
+        since, until, groups, one_way, loss, attenuation_db = fields
+        if not (type(since) is int and type(until) is int and isinstance(one_way, bool)):
+            raise ValueError("a disturbance's times are integers, and it is one way or not")
+        if not (isinstance(loss, int | float) and isinstance(attenuation_db, int | float)):
+            raise ValueError("a disturbance's loss and attenuation are numbers")
+        if not isinstance(groups, list | tuple) or not all(isinstance(group, list | tuple) for group in groups):
+            raise ValueError("a disturbance's groups are lists")
+        if not all(type(robot) is int for group in groups for robot in group):
+            raise ValueError("a disturbance's groups hold robots' numbers")
+        made = cls(since, until, tuple(map(tuple, groups)), one_way, float(loss), float(attenuation_db))
+        return made.check()
+
+
+class _Active:
+    """A disturbance with its robots by group."""
+
+    __slots__ = ("attenuation_db", "group_of", "loss", "one_way", "since", "until")
+
+    def __init__(self, disturbance: Disturbance) -> None:
+        self.since = disturbance.since
+        self.until = disturbance.until
+        self.loss = disturbance.loss
+        self.attenuation_db = disturbance.attenuation_db
+        self.one_way = disturbance.one_way
+        self.group_of = {robot: index for index, group in enumerate(disturbance.groups) for robot in group}
+
+    def touches(self, source: int, receiver: int, at: Instant) -> bool:
+        if not self.since <= at < self.until:
+            return False
+        if not self.group_of:
+            return True
+        one, other = self.group_of.get(source), self.group_of.get(receiver)
+        if one is None or other is None:
+            return False
+        return one < other if self.one_way else one != other
+
+
+class _Weather(NamedTuple):
+    """One link's changes between good and bad within one stretch of `CYCLES` cycles."""
+
+    begin: Instant
+    finish: Instant
+    bad_first: bool
+    changes: list[Instant]
+
+
+class Links:
+    """The state of every link of one lab."""
+
+    def __init__(self, config: RadioConfig, seed: int, disturbances: Iterable[Disturbance] = ()) -> None:
+        """`seed` is the radio's. Raises `ValueError` for a disturbance that cannot be one."""
+        self._config = config
+        self._seed = seed
+        self._active: list[_Active] = []
+        self._shadowing: dict[tuple[int, int], float] = {}
+        self._weather: dict[tuple[int, int], _Weather] = {}
+        self.replace(disturbances)
+
+    def replace(self, disturbances: Iterable[Disturbance]) -> None:
+        """Let these disturbances, and no others, hold. Raises `ValueError`."""
+        checked = [disturbance.check() for disturbance in disturbances]
+        if len(checked) > DISTURBANCES_MAX:
+            raise ValueError(f"{len(checked)} disturbances: at most {DISTURBANCES_MAX} at a time")
+        self._active = [_Active(disturbance) for disturbance in checked]
+
+    @property
+    def fades(self) -> bool:
+        """Whether any link may differ from what distance makes it: else `gain_db` is always 0."""
+        return bool(self._config.shadowing_db) or any(active.attenuation_db for active in self._active)
+
+    @property
+    def loses(self) -> bool:
+        """Whether any frame may be lost by chance: else `loss` is always 0."""
+        config = self._config
+        return bool(config.loss or config.bursts) or any(active.loss for active in self._active)
+
+    def gain_db(self, source: int, receiver: int, at: Instant) -> float:
+        """Return what is added to the power of a frame that begins `at`; minus infinity where the link is cut."""
+        gain = self._shadow(source, receiver) if self._config.shadowing_db else 0.0
+        for active in self._active:
+            if active.attenuation_db and active.touches(source, receiver, at):
+                gain -= active.attenuation_db
+        return gain
+
+    def loss(self, source: int, receiver: int, at: Instant) -> float:
+        """Return the probability that a frame that begins `at` is lost whatever its power."""
+        kept = 1.0 - self._config.loss
+        for active in self._active:
+            if active.loss and active.touches(source, receiver, at):
+                kept *= 1.0 - active.loss
+        bursts = self._config.bursts
+        if bursts is not None and self.is_bad(source, receiver, at):
+            kept *= 1.0 - bursts.loss
+        return 1.0 - kept
+
+    def is_bad(self, source: int, receiver: int, at: Instant) -> bool:
+        """Whether the link is in the bad state of the burst model at `at`."""
+        pair = (source, receiver) if source < receiver else (receiver, source)
+        weather = self._weather.get(pair)
+        if weather is None or not weather.begin <= at < weather.finish:
+            weather = self._weather[pair] = self._forecast(pair, at)
+        return weather.bad_first ^ (bisect_right(weather.changes, at) % 2 == 1)
+
+    def _shadow(self, source: int, receiver: int) -> float:
+        pair = (source, receiver) if source < receiver else (receiver, source)
+        known = self._shadowing.get(pair)
+        if known is None:
+            sigma = self._config.shadowing_db
+            drawn = stream(f"{self._seed}/link{pair[0]}-{pair[1]}/shadowing").gauss(0.0, sigma)
+            limit = SHADOWING_SIGMAS * sigma
+            known = self._shadowing[pair] = max(-limit, min(limit, drawn))
+        return known
+
+    def _forecast(self, pair: tuple[int, int], at: Instant) -> _Weather:
+        bursts = self._config.bursts
+        assert bursts is not None
+        means = bursts.good, bursts.bad
+        length: Duration = CYCLES * (bursts.good + bursts.bad)
+        index = at // length
+        chance = stream(f"{self._seed}/link{pair[0]}-{pair[1]}/bursts/{index}")
+        bad_first = bad = chance.random() * (bursts.good + bursts.bad) < bursts.bad
+        begin = now = index * length
+        changes: list[Instant] = []
+        while True:
+            now += round(chance.expovariate(NS_PER_S / means[bad]) * NS_PER_S)
+            if now >= begin + length:
+                return _Weather(begin, begin + length, bad_first, changes)
+            changes.append(now)
+            bad = not bad
+
+
+def partition(groups: Sequence[Sequence[int]], since: Instant = 0, until: Instant = NEVER) -> Disturbance:
+    """Return the disturbance that cuts `groups` off from each other."""
+    return Disturbance(since, until, tuple(map(tuple, groups)), attenuation_db=inf)
