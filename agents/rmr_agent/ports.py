@@ -65,7 +65,7 @@ class RadioLink:
         except ValueError:
             self.malformed += 1
             return
-        self.station.hear(announcement)
+        self.station.hear(announcement, self._now())
 
     def advance(self, now: Instant, x: float, y: float) -> None:
         """Let the station do what is due; (x, y) is the robot's true place in metres."""

@@ -275,7 +275,7 @@ def channel_busy(end: Instant, air: Sequence[Signal], deaf: Sequence[Interval], 
     """
     begin = end - CCA
     for since, until in deaf:
-        if since < end and until > begin:
+        if since <= end and until > begin:  # it turns around to acknowledge what ended this instant
             return True
     present = [s for s in air if s.start < end and s.end > begin]
     if not channel.capture:

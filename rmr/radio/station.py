@@ -14,16 +14,18 @@ announcement leads to the same reception as an early one.
 """
 
 from bisect import bisect_left, insort
-from dataclasses import dataclass, fields
-from functools import lru_cache
+from collections import deque
 from math import log10
 from random import Random
 
 from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
-from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, decode, encode_ack
+from rmr.radio.frame import ACK_OCTETS, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
+from rmr.radio.intake import Counters, Intake, decoded
+from rmr.radio.links import Links
 from rmr.radio.mac import Mac, State, Transmission
 from rmr.radio.phy import (
+    CCA,
     LOCK_HISTORY,
     LOSS_AT_1_M_DB,
     TURNAROUND,
@@ -48,47 +50,10 @@ GRACE_MARGIN: Duration = NS_PER_MS
 """Besides twice the grace, how long a process waits for a late acknowledgement."""
 AIR_MAX = 256
 """Transmissions kept; the air of `LOCK_HISTORY` holds a few dozen. The oldest go first."""
-DUPLICATE_SOURCES_MAX = 1024
-"""Sources whose last sequence number is remembered; the one longest silent goes first."""
-DUPLICATE_WINDOW: Duration = 500 * NS_PER_MS
-"""A repeat comes within the time of four attempts (170 ms); a sequence number returns after 256 frames."""
 _ACK_AIRTIME = airtime(ACK_OCTETS)
 
-_decode = lru_cache(maxsize=256)(decode)  # in the simulator many stations hear the same octets
-
-
-@dataclass(slots=True)
-class Counters:
-    """What a station has done and what befell it."""
-
-    sent: int = 0
-    """Transmissions of data frames, repeats included."""
-    acknowledgements: int = 0
-    """Transmissions of acknowledgements."""
-    withheld: int = 0
-    """Acknowledgements not sent because the station transmitted at that time (late announcements only)."""
-    received: int = 0
-    """Data frames received and handed on."""
-    collided: int = 0
-    """Frames for this station lost to interference."""
-    deaf: int = 0
-    """Frames for this station that came while it transmitted."""
-    dropped: int = 0
-    """Frames for this station lost to noise or to the configured loss."""
-    duplicates: int = 0
-    """Repeats of a frame received before: acknowledged again, not handed on."""
-    malformed: int = 0
-    """Frames of octets that are none."""
-    no_ack: int = 0
-    """Requests that were never acknowledged."""
-    access_failed: int = 0
-    """Requests that found no free channel or no place in the queue."""
-    late: int = 0
-    """Announcements made over a grace after their start, or heard after their reception was due."""
-
-    def as_dict(self) -> dict[str, int]:
-        """Return the counters by name."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+ASSESSMENTS_MAX = 16
+"""Assessments that found the channel clear and are remembered until no announcement can contradict them."""
 
 
 class _Heard(Signal):
@@ -122,12 +87,16 @@ class Station:
         rng: Random,
         config: RadioConfig | None = None,
         grace: Duration = 0,
+        links: Links | None = None,
     ) -> None:
-        """`seed` decides receptions, alike in all stations of a lab; `rng` is this station's own, for backoffs."""
+        """`seed` decides receptions, alike in all stations of a lab; `rng` is this station's own, for backoffs.
+
+        `links` is what besides distance happens to them; None: what `config` says, and no disturbances.
+        """
         self.address = address
-        self.pan = pan
         self.config = config or RadioConfig()
         self.counters = Counters()
+        self.links = links or Links(self.config, seed)
         self.next_wake: Instant = NEVER
         self._seed = seed
         self._grace = grace
@@ -138,7 +107,8 @@ class Station:
         self._air: list[_Heard] = []
         self._due: list[_Heard] = []
         self._deaf: list[Interval] = []
-        self._last: dict[int, tuple[int, Instant]] = {}
+        self._intake = Intake(address, pan, self.counters)
+        self._assessed: deque[Instant] = deque(maxlen=ASSESSMENTS_MAX)
         self._out: list[Output] = []
 
     def move(self, x: float, y: float) -> None:
@@ -158,27 +128,27 @@ class Station:
         elif self._mac.next_wake < self.next_wake:
             self.next_wake = self._mac.next_wake
 
-    def hear(self, announcement: Announcement) -> None:
+    def hear(self, announcement: Announcement, now: Instant | None = None) -> None:
         """Take note of a transmission of another station, early, late or twice; its own are ignored.
 
-        It is heard where the station was last said to be (`move`, `advance`).
+        It is heard where the station was last said to be (`move`, `advance`). `now` is when it came in, for the
+        counters alone; None: when the station was last advanced.
         """
         if announcement.source == self.address:
             return
-        dx = announcement.x - self._x
-        dy = announcement.y - self._y
-        square = dx * dx + dy * dy
-        power_dbm = announcement.power_dbm - LOSS_AT_1_M_DB
-        if square > 1.0:
-            power_dbm -= 5.0 * self.config.exponent * log10(square)
+        power_dbm = self._power_dbm(announcement)
         if power_dbm < self.config.sensitivity_dbm - RELEVANCE_DB:
             return
         heard = _Heard(announcement, power_dbm)
         if not self._add(heard):
             return
+        arrived = self._now if now is None else now
+        if self._grace and arrived > heard.start:
+            self.counters.late += 1
+            self._contradict(heard)
         if self._concerns(heard) and len(self._due) < AIR_MAX:
-            if self._now > heard.end + self._allowance(announcement.attempt):
-                self.counters.late += 1
+            if arrived > heard.end + self._allowance(announcement.attempt):
+                self.counters.overdue += 1
             insort(self._due, heard, key=_by_end)
             self.next_wake = min(self.next_wake, self._due[0].end + self._grace)
 
@@ -207,6 +177,24 @@ class Station:
         out, self._out = self._out, []
         return out
 
+    def _power_dbm(self, announcement: Announcement) -> float:
+        """Return the power with which a transmission arrives here."""
+        dx = announcement.x - self._x
+        dy = announcement.y - self._y
+        square = dx * dx + dy * dy
+        power_dbm = announcement.power_dbm - LOSS_AT_1_M_DB
+        if square > 1.0:
+            power_dbm -= 5.0 * self.config.exponent * log10(square)
+        if self.links.fades:
+            power_dbm += self.links.gain_db(announcement.source, self.address, announcement.start)
+        return power_dbm
+
+    def _contradict(self, late: _Heard) -> None:
+        """Count the assessments that found the channel clear because `late` was not known yet."""
+        channel = self._channel
+        if late.power_mw >= min(channel.busy_mw, channel.carrier_mw):
+            self.counters.blind += sum(1 for end in self._assessed if late.start < end < late.end + CCA)
+
     def _add(self, heard: _Heard) -> bool:
         """Keep `heard` among what is on the air, in order of start; False if it was there already."""
         air = self._air
@@ -223,14 +211,14 @@ class Station:
     def _concerns(self, heard: _Heard) -> bool:
         """Whether `heard` is meant for this station, so that its reception must be decided."""
         try:
-            frame = _decode(heard.announcement.psdu)
+            frame = decoded(heard.announcement.psdu)
         except FrameError:
             self.counters.malformed += 1
             return False
         heard.frame = frame
         if isinstance(frame, AckFrame):
             return self._mac.awaits_ack(frame.sequence, heard.start)
-        return frame.pan == self.pan and frame.destination in (self.address, BROADCAST)
+        return self._intake.concerns(frame)
 
     def _resolve(self, heard: _Heard, at: Instant) -> None:
         verdict = reception(heard, self._air, self._deaf, self._channel)
@@ -244,13 +232,10 @@ class Station:
         assert frame is not None
         if frame.wants_ack:
             self._acknowledge(heard, frame)
-        if self._repeated(frame, heard.end):
-            self.counters.duplicates += 1
-            return
-        self.counters.received += 1
         quality = link_quality(heard.power_dbm, verdict, self.config)
-        unicast = frame.destination != BROADCAST
-        self._out.append(Received(frame.payload, frame.source, unicast, heard.power_dbm, quality, heard.end))
+        received = self._intake.take(frame, heard.power_dbm, quality, heard.end)
+        if received is not None:
+            self._out.append(received)
 
     def _survives(self, heard: _Heard, verdict: Verdict) -> bool:
         """Whether the frame is received; if not, count why."""
@@ -263,9 +248,9 @@ class Station:
             else:
                 counters.dropped += 1
             return False
-        if verdict.success == 1.0 and not self.config.loss:
+        if verdict.success == 1.0 and not self.links.loses:
             return True
-        _, sequence, attempt, *_ = announcement = heard.announcement
+        _, sequence, attempt, start, *_ = announcement = heard.announcement
         bits = draw(self._seed, announcement.source, sequence, attempt, self.address)
         if (bits >> 32) >= verdict.success * 4294967296.0:
             if verdict.cause == "collision":
@@ -273,18 +258,11 @@ class Station:
             else:
                 counters.dropped += 1
             return False
-        if (bits & 0xFFFFFFFF) < self.config.loss * 4294967296.0:
+        loss = self.links.loss(announcement.source, self.address, start)
+        if (bits & 0xFFFFFFFF) < loss * 4294967296.0:
             counters.dropped += 1
             return False
         return True
-
-    def _repeated(self, frame: DataFrame, end: Instant) -> bool:
-        """Whether the last frame of this source bore the same sequence number a moment ago."""
-        last = self._last.pop(frame.source, None)
-        if last is None and len(self._last) >= DUPLICATE_SOURCES_MAX:
-            del self._last[next(iter(self._last))]
-        self._last[frame.source] = (frame.sequence, end)
-        return last is not None and last[0] == frame.sequence and end - last[1] < DUPLICATE_WINDOW
 
     def _acknowledge(self, heard: _Heard, frame: DataFrame) -> None:
         """Announce the acknowledgement of `heard`, unless this station already transmits at that time."""
@@ -308,6 +286,7 @@ class Station:
         out = mac.fire(mac.state is State.BACKOFF and self._busy(at))
         if isinstance(out, Transmission):
             self.counters.sent += 1
+            self._assessed.append(at)
             self._announce(out.psdu, out.sequence, out.attempt, out.start, out.end)
         elif out is not None:
             if out.status == "no_ack":
@@ -331,7 +310,7 @@ class Station:
 
     def _announce(self, psdu: bytes, sequence: int, attempt: int, start: Instant, end: Instant) -> None:
         if self._now > start + self._grace:
-            self.counters.late += 1
+            self.counters.overdue += 1
         deaf = self._deaf
         while deaf and deaf[0][1] < start - LOCK_HISTORY - 4 * self._grace:
             del deaf[0]

@@ -98,5 +98,23 @@ def test_an_announcement_that_comes_after_its_reception_was_due_is_counted() -> 
     one = transmission(9, MS, x=2.0)
     listener.advance(one.end + GRACE + MS, 0, 0)
     listener.hear(one)
-    assert listener.counters.late == 1
+    assert (listener.counters.late, listener.counters.overdue) == (1, 1)
     assert len(listener.advance(one.end + GRACE + MS, 0, 0)) == 1
+
+
+def test_an_announcement_within_the_turnaround_costs_nothing_and_is_not_late() -> None:
+    listener = station(grace=GRACE)
+    one = transmission(9, MS, x=2.0)
+    listener.hear(one, one.start)
+    assert listener.counters.late == 0
+
+
+def test_a_frame_sent_into_a_channel_that_was_not_clear_is_told_when_the_late_announcement_comes() -> None:
+    for started, blind in ((0, 1), (MS, 0)):
+        ether = Ether([(0, 0)], grace=GRACE)
+        ether.send(0, 0, b"mine")
+        ether.run(20 * MS)
+        assessed = ether.announced(0)[0].start - 192 * US
+        late = transmission(9, assessed - 50 * US + started, x=2.0)
+        ether.stations[0].hear(late, late.start + 2 * MS)
+        assert (ether.stations[0].counters.late, ether.stations[0].counters.blind) == (1, blind)

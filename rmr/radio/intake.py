@@ -1,0 +1,91 @@
+"""What becomes of a data frame that has come through to a station: for whom it is, whether it is a repeat.
+
+Both hosts of a station share it (`rmr.radio.station` by time stamps, `rmr.radio.ether` in virtual time). A repeat is
+known by its source and sequence number (802.15.4-2006, 7.5.6.2 leaves the rule open; ns-3 has none): it was
+acknowledged, the acknowledgement was lost, and it comes again within the time of four attempts.
+"""
+
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+from rmr.base.time import NS_PER_MS, Duration, Instant
+from rmr.radio.air import Received
+from rmr.radio.frame import BROADCAST, DataFrame, decode
+
+DUPLICATE_SOURCES_MAX = 1024
+"""Sources whose last sequence number is remembered; the one longest silent goes first."""
+DUPLICATE_WINDOW: Duration = 500 * NS_PER_MS
+"""A repeat comes within the time of four attempts (170 ms); a sequence number returns after 256 frames."""
+
+decoded = lru_cache(maxsize=256)(decode)
+"""`decode`, remembered: in virtual time many stations hear the same octets."""
+
+
+@dataclass(slots=True)
+class Counters:
+    """What a station has done and what befell it."""
+
+    sent: int = 0
+    """Transmissions of data frames, repeats included."""
+    acknowledgements: int = 0
+    """Transmissions of acknowledgements."""
+    withheld: int = 0
+    """Acknowledgements not sent because the station transmitted at that time (late announcements only)."""
+    received: int = 0
+    """Data frames received and handed on."""
+    collided: int = 0
+    """Frames for this station lost to interference."""
+    deaf: int = 0
+    """Frames for this station that came while it transmitted."""
+    dropped: int = 0
+    """Frames for this station lost to noise, or to the losses that the lab asks for."""
+    duplicates: int = 0
+    """Repeats of a frame received before: acknowledged again, not handed on."""
+    malformed: int = 0
+    """Frames of octets that are none."""
+    no_ack: int = 0
+    """Requests that were never acknowledged."""
+    access_failed: int = 0
+    """Requests that found no free channel or no place in the queue."""
+    late: int = 0
+    """Announcements heard after their first symbol: the bus took longer than the turnaround of 192 us."""
+    blind: int = 0
+    """Frames sent into a channel that was not clear, as a late announcement showed afterwards: what lateness costs."""
+    overdue: int = 0
+    """Announcements heard, or made, after their reception was due: decided all the same, by their stamps."""
+
+    def as_dict(self) -> dict[str, int]:
+        """Return the counters by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+class Intake:
+    """The receiving side of one station, above the physical layer."""
+
+    __slots__ = ("_last", "address", "counters", "pan")
+
+    def __init__(self, address: int, pan: int, counters: Counters) -> None:
+        self.address = address
+        self.pan = pan
+        self.counters = counters
+        self._last: dict[int, tuple[int, Instant]] = {}
+
+    def concerns(self, frame: DataFrame) -> bool:
+        """Whether `frame` is for this station (7.5.6.2, third level of filtering)."""
+        return frame.pan == self.pan and frame.destination in (self.address, BROADCAST)
+
+    def take(self, frame: DataFrame, rssi_dbm: float, lqi: int, end: Instant) -> Received | None:
+        """Return what to hand on of a frame that came through and ended at `end`; None if nothing."""
+        if self._repeated(frame, end):
+            self.counters.duplicates += 1
+            return None
+        self.counters.received += 1
+        return Received(frame.payload, frame.source, frame.destination != BROADCAST, rssi_dbm, lqi, end)
+
+    def _repeated(self, frame: DataFrame, end: Instant) -> bool:
+        """Whether the last frame of this source bore the same sequence number a moment ago."""
+        last = self._last.pop(frame.source, None)
+        if last is None and len(self._last) >= DUPLICATE_SOURCES_MAX:
+            del self._last[next(iter(self._last))]
+        self._last[frame.source] = (frame.sequence, end)
+        return last is not None and last[0] == frame.sequence and end - last[1] < DUPLICATE_WINDOW
