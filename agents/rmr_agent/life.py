@@ -20,8 +20,10 @@ from rmr.node.actions import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
+from rmr.radio.cells import Grid, grid_of
 from rmr.radio.station import RadioConfig, Station
 from rmr.vm.outside import Gate
+from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.ports import RADIO_GRACE, BusBody, RadioLink
@@ -104,6 +106,14 @@ def make_station(config: NodeConfig, radio: dict[str, Any]) -> Station:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
 
+def floor_grid(config: NodeConfig) -> Grid:
+    """Return the cells by which the lab's robots listen to each other. Raises RefusedError."""
+    try:
+        return grid_of(config.radio, config.arena.shape.speed)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
+
+
 class Life:
     """A node with its ports and its timer."""
 
@@ -124,7 +134,8 @@ class Life:
         self._soon = False
         self._over = False
         self._begun_cpu = 0
-        self.link = RadioLink(make_station(config, radio), self.now, send.air)
+        self._air = send.air
+        self.link = RadioLink(make_station(config, radio), self.now, send.air.publish)
         self.body = BusBody(send.act)
         self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
         self.started = False
@@ -150,6 +161,9 @@ class Life:
         first = self.body.place is None
         self._clock.hear(sample.stamp)
         self.body.feed(sample)
+        assert self.body.place is not None
+        self.link.station.move(*self.body.place)
+        self._air.move(*self.body.place)
         if not self.started:
             self.body.keep_newest()
         if first or not self.started or self.node.next_wake - self.now() > FRAME:
@@ -171,6 +185,7 @@ class Life:
     def end(self) -> None:
         """Do nothing more."""
         self._over = True
+        self._air.leave()
         if self._timer is not None:
             self._timer.cancel()
 
@@ -225,6 +240,6 @@ class Life:
 class Sender:
     """Where a life's output goes."""
 
-    def __init__(self, air: Callable[[wire.Message], None], act: Callable[[wire.Message], None]) -> None:
+    def __init__(self, air: LocalAir, act: Callable[[wire.Message], None]) -> None:
         self.air = air
         self.act = act

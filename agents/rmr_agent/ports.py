@@ -29,7 +29,7 @@ FRAMES_MAX = 512
 class RadioLink:
     """`rmr.node.ports.Link` over a station."""
 
-    def __init__(self, station: Station, now: Callable[[], Instant], publish: Callable[[wire.Message], None]) -> None:
+    def __init__(self, station: Station, now: Callable[[], Instant], publish: Callable[[Announcement], None]) -> None:
         self.station = station
         self._now = now
         self._publish = publish
@@ -71,7 +71,7 @@ class RadioLink:
         """Let the station do what is due; (x, y) is the robot's true place in metres."""
         for out in self.station.advance(now, x, y):
             if isinstance(out, Announcement):
-                self._publish(wire.Air(out.to_wire()))
+                self._publish(out)
             elif isinstance(out, Confirmed):
                 self._confirmed.append(out)
             else:

@@ -23,9 +23,10 @@ from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, Seldo
 from rmr.bus.session import Bus, open_when_there
 from rmr.node.actions import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
+from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, node_config
+from rmr_agent.life import Life, Sender, floor_grid, node_config
 
 SAY_AGAIN_S = 5.0
 """How often a waiting robot says that it waits."""
@@ -169,10 +170,9 @@ class RobotProcess:
         return False
 
     def _listen(self) -> None:
-        """Subscribe to everything, once: what is declared is declared again after a loss of the connection."""
+        """Subscribe to all but the air, once: what is declared is declared again after a loss of the connection."""
         bus, keys = self._bus, self._keys
         bus.subscribe(keys.sense(self._robot), self._on_sense)
-        bus.subscribe(keys.radio(), self._on_air)
         bus.subscribe(keys.clock, self._on_clock)
         bus.subscribe(keys.stop(self._robot), self._on_stop)
         bus.declare_alive(keys.alive(ROBOT_ROLE, self._robot))
@@ -186,12 +186,12 @@ class RobotProcess:
         if self._life is not None:
             self._life.end()
             log.info("another run has begun; robot %d starts anew", self._robot)
-        send = Sender(
-            lambda body: self._bus.publish(self._keys.radio(), body),
-            lambda body: self._bus.publish(self._keys.act(self._robot), body),
-        )
         try:
             config = node_config(self._robot, known, self._loaded.program, known.lives)
+            send = Sender(
+                LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
+                lambda body: self._bus.publish(self._keys.act(self._robot), body),
+            )
             self._life = Life(
                 config, self._loaded, self._handlers, known.radio, self._clock, send, self._ending.break_down
             )

@@ -1,6 +1,6 @@
 """The key space of one lab on the bus: one table, from which publishers, subscribers and docs derive.
 
-    rmr/{lab}/radio/{cx}/{cy}     announcements of radio frames, by cell of the floor
+    rmr/{lab}/radio/{cx}/{cy}     announcements of radio frames, by the cell of the floor that they come from
     rmr/{lab}/body/{id}/sense     world -> robot: what its sensors say
     rmr/{lab}/body/{id}/act       robot -> world: its wheel command
     rmr/{lab}/clock               world: asked for lab time, and tells when lab time starts, stops or jumps
@@ -40,8 +40,8 @@ class Keys:
         if self.lab != ANY_LAB and not LAB_NAME.fullmatch(self.lab):
             raise ValueError(f"'{self.lab}' cannot name a lab: letters, digits, '-', '_' and '.', 64 at most")
 
-    def radio(self, cell_x: int = 0, cell_y: int = 0) -> str:
-        """Return the key of the radio cell. There is one cell for now: every robot hears of every frame."""
+    def radio(self, cell_x: int, cell_y: int) -> str:
+        """Return the key of a cell of the floor (`rmr.radio.cells`)."""
         return f"rmr/{self.lab}/radio/{cell_x}/{cell_y}"
 
     def sense(self, robot: int) -> str:

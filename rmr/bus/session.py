@@ -188,6 +188,12 @@ class Bus:
             )
         publisher.put(self._envelope(key, body))
 
+    def retire(self, key: str) -> None:
+        """Free what `publish` holds for `key`. Its numbers go on if something is published there again."""
+        publisher = self._publishers.pop(key, None)
+        if publisher is not None:
+            publisher.undeclare()
+
     def _decode(self, payload: Any) -> wire.Envelope | None:
         try:
             message = wire.decode(payload.to_bytes())
@@ -196,11 +202,16 @@ class Bus:
             return None
         return message
 
-    def subscribe(self, key: str, handler: Handler) -> None:
-        """Hand every message on `key` (wild cards allowed) to `handler`; not this session's own."""
+    def subscribe(self, key: str, handler: Handler) -> Callable[[], None]:
+        """Hand every message on `key` (wild cards allowed) to `handler`; not this session's own.
+
+        Returns the call that withdraws the subscription: nothing more is handed on, not even what has arrived.
+        """
+        expression = zenoh.KeyExpr(key)
+        wanted = True
 
         def take(sample: Any, _arrived: int) -> None:
-            if self._closed or sample.kind != zenoh.SampleKind.PUT:
+            if self._closed or not wanted or sample.kind != zenoh.SampleKind.PUT:
                 return
             actual = str(sample.key_expr)
             message = self._decode(sample.payload)
@@ -208,9 +219,27 @@ class Bus:
                 self.losses.note(actual, message)
                 handler(actual, message)
 
-        self._declared.append(
-            self._session.declare_subscriber(key, self._callback(take), allowed_origin=zenoh.Locality.REMOTE)
-        )
+        subscriber = self._session.declare_subscriber(key, self._callback(take), allowed_origin=zenoh.Locality.REMOTE)
+        self._declared.append(subscriber)
+        undeclare = self._withdrawal(subscriber)
+
+        def withdraw() -> None:
+            nonlocal wanted
+            wanted = False
+            undeclare()
+            self.losses.forget(expression.includes)
+
+        return withdraw
+
+    def _withdrawal(self, declared: Any) -> Callable[[], None]:
+        """Return the call that undeclares `declared`; it may be called again."""
+
+        def withdraw() -> None:
+            if declared in self._declared and not self._closed:
+                self._declared.remove(declared)
+                declared.undeclare()
+
+        return withdraw
 
     def serve(self, key: str, answer: Answer) -> None:
         """Answer the questions asked on `key`."""
@@ -258,13 +287,7 @@ class Bus:
         """Show everybody that this process lives, under `key`; returns the call that withdraws it."""
         token = self._session.liveliness().declare_token(key)
         self._declared.append(token)
-
-        def withdraw() -> None:
-            if token in self._declared:
-                self._declared.remove(token)
-                token.undeclare()
-
-        return withdraw
+        return self._withdrawal(token)
 
     def watch_alive(self, key: str, handler: Callable[[str, bool], None]) -> None:
         """Hand every token on `key` (wild cards allowed) that is there, appears or vanishes to `handler`."""

@@ -293,3 +293,7 @@ class Losses:
         else:
             self.lost += message.number - number - 1
         self._streams[stream] = (message.run, message.number)
+
+    def forget(self, on: Callable[[str], bool]) -> None:
+        """Forget the streams of the keys `on` holds for: what is sent while nobody listens is not lost."""
+        self._streams = {stream: last for stream, last in self._streams.items() if not on(stream[0])}

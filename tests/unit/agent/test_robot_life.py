@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -55,6 +55,14 @@ def test_the_finish_pattern_arrives_with_its_anonymous_parts():
     assert node_config(1, known(), PROGRAM, 0).finish is None
 
 
+@pytest.mark.parametrize("setting", [{"exponent": "3"}, {"tx_power_dbm": float("nan")}])
+def test_a_radio_by_which_the_floor_has_no_cells_is_refused(setting):
+    config = node_config(1, known(), PROGRAM, 0)
+    assert lives.floor_grid(config).width_m > 1.0
+    with pytest.raises(RefusedError, match="radio"):
+        lives.floor_grid(replace(config, radio=lives.radio_config(RADIO | setting)))
+
+
 @pytest.mark.parametrize("fact", [("late", 1, (3,)), ("due", None, (1, 2)), ("count", 1, ("x",)), ("count", 1, (2.5,))])
 def test_a_fact_that_does_not_fit_the_program_is_refused(fact):
     with pytest.raises(RefusedError, match=fact[0]):
@@ -101,13 +109,29 @@ class StubNode:
         self.next_wake = self.wakes.pop(0) if self.wakes else NEVER
 
 
+class DeafAir:
+    """Notes where the robot listens."""
+
+    def __init__(self):
+        self.places = []
+
+    def publish(self, announcement):
+        pass
+
+    def move(self, x, y):
+        self.places.append((x, y))
+
+    def leave(self):
+        self.places.append(None)
+
+
 def live(monkeypatch, scene):
     """Run `scene(life, clock, node, failures)` with a stub for the node."""
     monkeypatch.setattr(lives, "Node", StubNode)
 
     async def play():
         clock, failures = LabClock(), []
-        silent = Sender(lambda body: None, lambda body: None)
+        silent = Sender(DeafAir(), lambda body: None)
         life = Life(node_config(1, known(), PROGRAM, 0), Loaded(PROGRAM, 1), {}, RADIO, clock, silent, failures.append)
         try:
             await scene(life, clock, life.node, failures)
@@ -141,6 +165,18 @@ def test_a_robot_is_ready_when_its_body_answers_and_it_knows_lab_time(monkeypatc
         assert life.ready
         await asyncio.sleep(0.01)
         assert (life.started, node.calls) == (False, [])
+
+    live(monkeypatch, scene)
+
+
+def test_a_robot_listens_from_its_first_sample_to_its_end_and_hears_from_there(monkeypatch):
+    async def scene(life, clock, node, failures):
+        assert life._air.places == []
+        life.sense(sample())
+        assert life._air.places == [(0.5, 0.5)]
+        assert (life.link.station._x, life.link.station._y) == (0.5, 0.5)
+        life.end()
+        assert life._air.places == [(0.5, 0.5), None]
 
     live(monkeypatch, scene)
 

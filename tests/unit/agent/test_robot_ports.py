@@ -21,8 +21,11 @@ class Ether:
         for address in (1, 2):
             station = Station(address, 7, 1, Random(address), grace=RADIO_GRACE)
             self.links[address] = RadioLink(
-                station, lambda: self.now, lambda body, who=address: self.under_way.append((self.now + late, who, body))
+                station, lambda: self.now, lambda out, who=address: self.send(who, wire.Air(out.to_wire()))
             )
+
+    def send(self, who, body):
+        self.under_way.append((self.now + self.late, who, body))
 
     def run(self, duration):
         end = self.now + duration

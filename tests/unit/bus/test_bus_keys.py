@@ -4,14 +4,16 @@ import pytest
 import zenoh
 
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD, Keys, last_id
+from rmr.radio.cells import CELL_MAX
 
 KEYS = Keys("corridor-2.1_b")
 
 
 def all_keys(keys):
     return [
-        keys.radio(),
+        keys.radio(0, 0),
         keys.radio(-1, 2),
+        keys.radio(CELL_MAX, -CELL_MAX),
         keys.sense(4),
         keys.act(65533),
         keys.acts,

@@ -232,6 +232,15 @@ def test_senders_and_keys_are_counted_apart():
     assert losses.lost == 3
 
 
+def test_what_is_sent_while_nobody_listens_is_not_lost_but_on_other_keys_it_is():
+    losses = Losses()
+    for number in (1, 5):
+        for key in ("radio/0/0", "radio/0/1"):
+            losses.note(key, Envelope(4, 1, number, wire.AskClock()))
+        losses.forget(lambda key: key == "radio/0/0")
+    assert losses.lost == 3
+
+
 def test_the_streams_that_are_kept_apart_are_bounded():
     losses = Losses()
     for sender in range(wire.STREAMS_MAX + 10):

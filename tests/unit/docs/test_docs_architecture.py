@@ -72,7 +72,7 @@ def test_the_executives_tasks_are_documented_in_order_of_priority():
 def bus_keys():
     keys = Keys("LAB")
     return {
-        keys.radio(),
+        keys.radio(0, 0).replace("/0/0", "/CX/CY"),
         keys.sense(0).replace("/0/", "/ID/"),
         keys.act(0).replace("/0/", "/ID/"),
         keys.clock,

@@ -1,0 +1,56 @@
+"""The part of the lab's air that one robot takes part in: which keys it publishes on and listens to.
+
+A robot publishes each announcement on the key of the cell in which the announcement says that it is, and listens to
+the ring around its own cell (`rmr.radio.cells`). It listens from its first sample on: before that it does not know
+where it is, but neither does it transmit, so nobody can answer it. As all that a session declares and publishes
+reaches the router in order, whoever hears a robot has been told before where that robot listens.
+
+When the cell changes, what is new is declared first and what is left is withdrawn afterwards; keys of both rings are
+not touched, so nothing on them is missed or comes twice. Publishers of cells that have been left go with the ring,
+so a robot that crosses the whole floor holds nine at most.
+"""
+
+from collections.abc import Callable
+
+from rmr.bus import wire
+from rmr.bus.keys import Keys
+from rmr.bus.session import Bus, Handler
+from rmr.radio.air import Announcement
+from rmr.radio.cells import Cell, Grid
+
+
+class LocalAir:
+    """One robot's ring of keys."""
+
+    def __init__(self, bus: Bus, keys: Keys, grid: Grid, hear: Handler) -> None:
+        self._bus = bus
+        self._keys = keys
+        self._grid = grid
+        self._hear = hear
+        self._cell: Cell | None = None
+        self._withdraw: dict[Cell, Callable[[], None]] = {}
+
+    def publish(self, announcement: Announcement) -> None:
+        """Tell all robots whom it may concern."""
+        cell = self._grid.cell_of(announcement.x, announcement.y)
+        self._bus.publish(self._keys.radio(*cell), wire.Air(announcement.to_wire()))
+
+    def move(self, x: float, y: float) -> None:
+        """Listen to what can be heard at (x, y), metres."""
+        cell = self._grid.follow(self._cell, x, y)
+        if cell != self._cell:
+            self._cell = cell
+            self._listen(cell.ring)
+
+    def leave(self) -> None:
+        """Listen to nothing more."""
+        self._cell = None
+        self._listen(())
+
+    def _listen(self, ring: tuple[Cell, ...]) -> None:
+        for cell in ring:
+            if cell not in self._withdraw:
+                self._withdraw[cell] = self._bus.subscribe(self._keys.radio(*cell), self._hear)
+        for cell in [cell for cell in self._withdraw if cell not in ring]:
+            self._withdraw.pop(cell)()
+            self._bus.retire(self._keys.radio(*cell))
