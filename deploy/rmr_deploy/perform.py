@@ -34,7 +34,10 @@ def perform(wishes: Wishes) -> int:
     if plan.program.warnings:
         click.echo(plan.program.warnings.rstrip("\n"), err=True)
     if plan.lab.faults:
-        click.echo(f"{plan.lab.path}: faults: not supported yet in processes; the run goes without them", err=True)
+        click.echo(
+            f"{plan.lab.path}: faults: kill, restart and stall are not injected yet; the run goes without them",
+            err=True,
+        )
     try:
         outcome, record = asyncio.run(run_and_report(plan))
     except OSError as error:

@@ -37,7 +37,7 @@ def prepare(
     if loaded.warnings:
         warn(loaded.warnings)
     if lab.faults:
-        warn(f"{lab.path}: faults: not supported yet in the simulator; the run goes without them\n")
+        warn(f"{lab.path}: faults: kill, restart and stall are not injected yet; the run goes without them\n")
     problems = check_program(lab, loaded.program)
     if problems:
         raise LabError(problems)

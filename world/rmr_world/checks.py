@@ -16,27 +16,18 @@ from rmr.base.arena import Area, Arena, Obstacle, RobotShape
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
+from rmr.radio.links import DISTURBANCES_MAX, Disturbance
+from rmr.radio.phy import Bursts
 from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
-from rmr_world.lab import (
-    Fault,
-    Kill,
-    Lab,
-    Localisation,
-    Loss,
-    Partition,
-    RadioSettings,
-    Restart,
-    RobotStart,
-    Stall,
-)
+from rmr_world.faults import passing, standing
+from rmr_world.lab import Fault, Lab, Localisation, RadioSettings, RobotStart
 from rmr_world.schema import (
     LAB_NAME,
     NAME,
-    ROBOTS_MAX,
     AreaSpec,
-    FaultSpec,
     LabFile,
+    RadioSpec,
     RobotSpec,
     json_schema,
     near_miss,
@@ -44,6 +35,7 @@ from rmr_world.schema import (
     schema_keys,
 )
 from rmr_world.terms import TermError, parse_fact, parse_finish
+from rmr_world.units import ROBOTS_MAX
 from rmr_world.usage import check_program
 
 __all__ = ["build", "check_program"]
@@ -193,6 +185,7 @@ class _Judge:
         if Path(spec.program).suffix not in {".rmr", ".rbc"}:
             self._complain(("program",), f"should be a .rmr or .rbc file, not '{spec.program}'")
         self._texts(robots, arena)
+        faults, disturbances = self._faults({robot.id for _, robot in robots})
         return Lab(
             name=spec.lab,
             program=path.parent / spec.program,
@@ -202,9 +195,10 @@ class _Judge:
             arena=arena,
             robots=tuple(robot for _, robot in robots),
             facts=tuple(spec.facts),
-            radio=RadioSettings(**spec.radio.model_dump()),
+            radio=_radio(spec.radio),
             localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
-            faults=self._faults({robot.id for _, robot in robots}),
+            faults=faults,
+            disturbances=disturbances,
             path=path,
             places=self._document.places,
         )
@@ -356,21 +350,26 @@ class _Judge:
         if robot not in ids and "robots" not in self._accepted.cut:
             self._complain(path, f"robot {robot} is not in this lab")
 
-    def _faults(self, ids: set[int]) -> tuple[Fault, ...]:
-        faults: list[Fault] = []
-        for i, item in self._accepted.items("faults"):
-            path: Path_ = ("faults", i)
-            fault = _fault(item)
-            faults.append(fault)
-            if isinstance(fault, Kill | Restart | Stall):
-                self._known(path, fault.robot, ids)
-            elif isinstance(fault, Partition):
-                members = [robot for group in fault.groups for robot in group]
-                for robot in members:
-                    self._known((*path, "partition"), robot, ids)
-                if len(dict.fromkeys(members)) < len(members):
-                    self._complain((*path, "partition"), "a robot stands in two groups")
-        return tuple(faults)
+    def _faults(self, ids: set[int]) -> tuple[tuple[Fault, ...], tuple[Disturbance, ...]]:
+        """Return what befalls processes, and what befalls the radio."""
+        found: list[tuple[Path_, Fault | Disturbance]] = [*standing(self._spec.radio)]
+        found += [passing(item, ("faults", i)) for i, item in self._accepted.items("faults")]
+        for path, fault in found:
+            named = [i for group in fault.groups for i in group] if isinstance(fault, Disturbance) else [fault.robot]
+            for robot in dict.fromkeys(named):
+                self._known(path, robot, ids)
+                if named.count(robot) > 1:
+                    self._complain(path, f"robot {robot} is named twice")
+        disturbances = tuple(fault for _, fault in found if isinstance(fault, Disturbance))
+        if len(disturbances) > DISTURBANCES_MAX:
+            message = f"the radio is disturbed in {len(disturbances)} ways; at most {DISTURBANCES_MAX} are possible"
+            self._complain(("faults",), message)
+        return tuple(fault for _, fault in found if not isinstance(fault, Disturbance)), disturbances
+
+
+def _radio(spec: RadioSpec) -> RadioSettings:
+    bursts = None if spec.bursts is None else Bursts(**spec.bursts.model_dump())
+    return RadioSettings(**spec.model_dump(exclude={"bursts", "links", "partition"}), bursts=bursts)
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:
@@ -380,16 +379,3 @@ def _starts(spec: RobotSpec) -> list[RobotStart]:
     assert spec.id is not None
     assert spec.pose is not None
     return [RobotStart(spec.id, Pose(*spec.pose))]
-
-
-def _fault(spec: FaultSpec) -> Fault:
-    at, start, end = spec.at or 0, spec.from_ or 0, spec.to or 0
-    if spec.kill is not None:
-        return Kill(at, spec.kill)
-    if spec.restart is not None:
-        return Restart(at, spec.restart)
-    if spec.loss is not None:
-        return Loss(start, end, spec.loss)
-    if spec.stall is not None:
-        return Stall(start, end, spec.stall)
-    return Partition(start, end, tuple(map(tuple, spec.partition or ())))

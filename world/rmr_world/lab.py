@@ -14,6 +14,8 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Pose
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
+from rmr.radio.links import Disturbance
+from rmr.radio.phy import Bursts, RadioConfig
 from rmr_world.document import LabError, Path_, Problem, read
 from rmr_world.terms import FinishPattern, LabFact, parse_fact, parse_finish
 
@@ -35,11 +37,27 @@ class RadioSettings:
     tx_power_dbm: float = 0.0
     sensitivity_dbm: float = -85.0
     exponent: float = 3.0
+    shadowing_db: float = 0.0
+    """Standard deviation of what each link adds to or takes from the path loss."""
     loss: float = 0.0
     """Share of all frames that is lost on top of what physics loses."""
+    bursts: Bursts | None = None
     interference: str = "capture_3db"
     seed: int | None = None
     """None: the run's seed."""
+
+    @property
+    def config(self) -> RadioConfig:
+        """The model of the radio that all robots share."""
+        return RadioConfig(
+            tx_power_dbm=self.tx_power_dbm,
+            sensitivity_dbm=self.sensitivity_dbm,
+            exponent=self.exponent,
+            shadowing_db=self.shadowing_db,
+            loss=self.loss,
+            bursts=self.bursts,
+            interference=self.interference,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,24 +89,6 @@ class Restart:
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
-    """The radio loses more frames for a while."""
-
-    start: Instant
-    end: Instant
-    share: float
-
-
-@dataclass(frozen=True, slots=True)
-class Partition:
-    """Groups of robots do not hear each other for a while."""
-
-    start: Instant
-    end: Instant
-    groups: tuple[tuple[int, ...], ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Stall:
     """A robot's process does nothing for a while."""
 
@@ -97,7 +97,8 @@ class Stall:
     robot: int
 
 
-Fault = Kill | Restart | Loss | Partition | Stall
+Fault = Kill | Restart | Stall
+"""What befalls a robot's process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +119,8 @@ class Lab:
     radio: RadioSettings = RadioSettings()
     localisation: Localisation = Localisation()
     faults: tuple[Fault, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
+    """Of the radio: `radio.links` and `radio.partition`, then the `faults` that concern it."""
     path: Path = Path(LAB_FILE)
     fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)
     """For each of `facts` its index in the file's list; empty: they are all of them."""
@@ -156,19 +159,20 @@ class Lab:
         ids = {robot.id for robot in robots}
         kept = [i for i, fact in enumerate(self.initial_facts) if fact.owner is None or fact.owner in ids]
         facts, items = tuple(self.facts[i] for i in kept), self.fact_items or range(len(self.facts))
-        faults = tuple(left for fault in self.faults if (left := _among(fault, ids)) is not None)
         fact_items = tuple(items[i] for i in kept)
-        return replace(self, robots=robots, facts=facts, fact_items=fact_items, faults=faults)
+        faults = tuple(fault for fault in self.faults if fault.robot in ids)
+        disturbances = tuple(left for each in self.disturbances if (left := _among(each, ids)) is not None)
+        return replace(
+            self, robots=robots, facts=facts, fact_items=fact_items, faults=faults, disturbances=disturbances
+        )
 
 
-def _among(fault: Fault, ids: set[int]) -> Fault | None:
-    """Return what is left of `fault` when only the robots `ids` take part."""
-    if isinstance(fault, Kill | Restart | Stall):
-        return fault if fault.robot in ids else None
-    if isinstance(fault, Partition):
-        groups = tuple(kept for group in fault.groups if (kept := tuple(i for i in group if i in ids)))
-        return replace(fault, groups=groups) if len(groups) > 1 else None
-    return fault
+def _among(disturbance: Disturbance, ids: set[int]) -> Disturbance | None:
+    """Return what is left of `disturbance` when only the robots `ids` take part."""
+    if not disturbance.groups:
+        return disturbance
+    groups = tuple(kept for group in disturbance.groups if (kept := tuple(i for i in group if i in ids)))
+    return disturbance._replace(groups=groups) if len(groups) > 1 else None
 
 
 def lab_path(path: Path) -> Path:

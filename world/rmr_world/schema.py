@@ -8,70 +8,32 @@ silently misread costs an afternoon.
 
 import difflib
 import math
-import re
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
 
-from rmr.base.time import NS_PER_MS, NS_PER_S
+from rmr.base.time import NS_PER_S
 from rmr.base.values import ROBOT_ID_MAX
+from rmr.radio.links import DISTURBANCES_MAX, GROUPS_MAX
+from rmr.radio.phy import Bursts
+from rmr_world.units import ROBOTS_MAX, angle, duration, ids
 
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
-ROBOTS_MAX = 1000
-"""What one world and one radio can carry; a slip of the pen in a grid must not make a million."""
 ARENA_M_MAX = 1000.0
 CELLS_MAX = 250_000
 """Of the planning grid."""
-
-_DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(ms|s|min)")
-_UNIT_NS = {"ms": NS_PER_MS, "s": NS_PER_S, "min": 60 * NS_PER_S}
-_ANGLE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\s*(deg|rad)")
-_DURATION_S_MAX = 1e6
-
-
-def _duration(value: object) -> int:
-    """Return nanoseconds for ``120s``, ``500ms``, ``1.5min`` or a number of seconds."""
-    if isinstance(value, str) and (match := _DURATION.fullmatch(value)):
-        ns = float(match[1]) * _UNIT_NS[match[2]]
-    elif isinstance(value, int | float) and not isinstance(value, bool) and value >= 0:
-        ns = value * NS_PER_S
-    else:
-        raise ValueError("should be a duration such as 120s, 500ms or 1.5min")
-    if not ns <= _DURATION_S_MAX * NS_PER_S:
-        raise ValueError(f"should be at most {_DURATION_S_MAX:.0f} s")
-    return round(ns)
+ATTENUATION_DB_MAX = 300.0
+"""More than any radio has to lose; a link that is to be silent is cut."""
+HARMS = ("loss", "attenuation_db", "cut")
+"""What may be wrong with a link, or with all of them."""
 
 
-def _angle(value: object) -> float:
-    """Return radians for ``90deg``, ``1.57rad`` or a number of radians."""
-    if isinstance(value, str) and (match := _ANGLE.fullmatch(value)):
-        return math.radians(float(match[1])) if match[2] == "deg" else float(match[1])
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    raise ValueError("should be an angle such as 90deg, or a number of radians")
-
-
-def _ids(value: object) -> list[int]:
-    """Return the ids of ``2-3``, ``0-5,9``, ``4`` or ``[2, 3]``."""
-    if isinstance(value, int) and not isinstance(value, bool):
-        value = [value]
-    if isinstance(value, str) and re.fullmatch(r"\d{1,6}(-\d{1,6})?(\s*,\s*\d{1,6}(-\d{1,6})?)*", value):
-        value = [i for part in value.split(",") for i in _span(part.strip())]
-    if not isinstance(value, list) or not value or not all(type(i) is int for i in value):
-        raise ValueError("should be ids such as 2-3 or 0-5,9")
-    if any(not 0 <= i <= ROBOT_ID_MAX for i in value):
-        raise ValueError(f"ids should be from 0 to {ROBOT_ID_MAX}")
+def _cut(value: object) -> bool:
+    if value is not True:
+        raise ValueError("should be true; a link that is not to be cut is left out")
     return value
-
-
-def _span(part: str) -> range:
-    first, _, last = part.partition("-")
-    span = range(int(first), int(last or first) + 1)
-    if not span or len(span) > ROBOTS_MAX:
-        raise ValueError(f"{part} should name 1 to {ROBOTS_MAX} robots, the lesser id first")
-    return span
 
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -84,23 +46,28 @@ Box = tuple[Number, Number, Number, Number]
 RobotId = Annotated[int, Strict(), Field(ge=0, le=ROBOT_ID_MAX)]
 DurationNs = Annotated[
     int,
-    BeforeValidator(_duration),
+    BeforeValidator(duration),
     WithJsonSchema(
         {"anyOf": [{"type": "number", "minimum": 0}, {"type": "string", "pattern": "^[0-9.]+ *(ms|s|min)$"}]}
     ),
 ]
 Angle = Annotated[
     float,
-    BeforeValidator(_angle),
+    BeforeValidator(angle),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^-?[0-9.]+ *(deg|rad)$"}]}),
 ]
 Ids = Annotated[
     list[int],
-    BeforeValidator(_ids),
+    BeforeValidator(ids),
     WithJsonSchema(
         {"anyOf": [{"type": "integer"}, {"type": "string"}, {"type": "array", "items": {"type": "integer"}}]}
     ),
 ]
+Link = tuple[RobotId, RobotId]
+Flag = Annotated[bool, Strict()]
+Groups = Annotated[list[Ids], Field(min_length=2, max_length=GROUPS_MAX)]
+Attenuation = Annotated[float, Strict(), Field(ge=0, le=ATTENUATION_DB_MAX)]
+Cut = Annotated[Literal[True], BeforeValidator(_cut)]
 
 
 class _Strict(BaseModel):
@@ -228,15 +195,47 @@ class ShapeSpec(_Strict):
         return self
 
 
+class BurstsSpec(_Strict):
+    """Bursts of losses: each link is good for a while, then bad (Gilbert and Elliott)."""
+
+    good: DurationNs = Field(description="Mean length of a good time.")
+    bad: DurationNs = Field(description="Mean length of a bad time.")
+    loss: Fraction = Field(1.0, description="Share of frames lost in a bad time.")
+
+    @model_validator(mode="after")
+    def _possible(self) -> "BurstsSpec":
+        Bursts(self.good, self.bad, self.loss)
+        return self
+
+
+class LinkSpec(_Strict):
+    """How the link between two robots is worse than distance makes it: one of `loss`, `attenuation_db`, `cut`."""
+
+    link: Link
+    one_way: Flag = Field(False, description="From the first robot to the second only.")
+    loss: Fraction | None = None
+    attenuation_db: Attenuation | None = None
+    cut: Cut | None = None
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> "LinkSpec":
+        _one_of(self, *HARMS)
+        return self
+
+
 class RadioSpec(_Strict):
     """The emulated IEEE 802.15.4 radio."""
 
     tx_power_dbm: Annotated[float, Strict(), Field(ge=-60, le=30)] = 0.0
     sensitivity_dbm: Annotated[float, Strict(), Field(ge=-150, le=0)] = -85.0
     exponent: Annotated[float, Strict(), Field(ge=1, le=8)] = 3.0
+    shadowing_db: Annotated[float, Strict(), Field(ge=0, le=30)] = 0.0
     loss: Fraction = 0.0
+    bursts: BurstsSpec | None = None
     interference: Literal["capture_3db", "awgn"] = "capture_3db"
     seed: Integer | None = None
+    links: Annotated[list[LinkSpec], Field(max_length=DISTURBANCES_MAX)] = []
+    partition: Groups | None = None
 
 
 class LocalisationSpec(_Strict):
@@ -251,7 +250,10 @@ class LocalisationSpec(_Strict):
 
 
 class FaultSpec(_Strict):
-    """One of: kill or restart at an instant; loss, partition or stall over a span of time."""
+    """What goes wrong: a robot is killed or restarted at an instant, or something holds over a span of time.
+
+    `loss`, `attenuation_db` and `cut` concern one link if `link` names it, else the whole radio.
+    """
 
     at: DurationNs | None = None
     from_: DurationNs | None = Field(None, alias="from")
@@ -259,18 +261,30 @@ class FaultSpec(_Strict):
     kill: RobotId | None = None
     restart: RobotId | None = None
     loss: Fraction | None = None
-    partition: Annotated[list[Annotated[list[RobotId], Field(min_length=1)]], Field(min_length=2)] | None = None
+    attenuation_db: Attenuation | None = None
+    cut: Cut | None = None
+    link: Link | None = None
+    one_way: Flag = False
+    partition: Groups | None = None
     stall: RobotId | None = None
 
     @model_validator(mode="after")
     def _timed(self) -> "FaultSpec":
-        _one_of(self, "kill", "restart", "loss", "partition", "stall")
+        _one_of(self, "kill", "restart", *HARMS, "partition", "stall")
         instant = self.kill is not None or self.restart is not None
         times = (self.at is not None, self.from_ is not None, self.to is not None)
         if times != (instant, not instant, not instant):
-            raise ValueError("kill and restart need at; loss, partition and stall need from and to")
+            raise ValueError("kill and restart need at; all others need from and to")
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError("should begin before it ends")
+        return self
+
+    @model_validator(mode="after")
+    def _concerns_a_link(self) -> "FaultSpec":
+        if self.link is not None and all(getattr(self, harm) is None for harm in HARMS):
+            raise ValueError(f"link goes with {', '.join(HARMS[:-1])} or {HARMS[-1]}")
+        if self.one_way and self.link is None:
+            raise ValueError("one_way needs link")
         return self
 
 

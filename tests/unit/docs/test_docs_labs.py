@@ -12,6 +12,7 @@ from rmr.base.values import ROBOT_ID_MAX
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, ENDPOINT
 from rmr.node.actions import RobotHandle
 from rmr.node.provided import PROVIDED
+from rmr.radio.links import DISTURBANCES_MAX
 from rmr_agent.main import main as agent
 from rmr_deploy import launch
 from rmr_deploy.launch import Outcome
@@ -22,7 +23,8 @@ from rmr_sim.main import main as sim
 from rmr_sim.run import prepare, report_of
 from rmr_world.lab import load_lab
 from rmr_world.main import main as world
-from rmr_world.schema import CELLS_MAX, ROBOTS_MAX, LabFile, json_schema
+from rmr_world.schema import CELLS_MAX, LabFile, json_schema
+from rmr_world.units import ROBOTS_MAX
 
 PAGE = page("labs")
 KEYS = [(codes(key)[0], codes(default), text) for key, default, text in table(PAGE, "key", "default", "meaning")]
@@ -109,6 +111,13 @@ def test_the_limits_are_those_of_the_code():
     assert f"{CELLS_MAX:,} cells".replace(",", " ") in PAGE
     assert f"takes them; {ROBOTS_MAX} at most" in PAGE
     assert f"0 to {ROBOT_ID_MAX} ..." in PAGE
+    assert f"At most {DISTURBANCES_MAX} disturbances hold at a time" in PAGE
+
+
+def test_the_example_of_disturbances_is_a_lab_files():
+    text = section(PAGE, "Disturbances of the radio")
+    lab = LabFile.model_validate(minimal() | yaml.safe_load(blocks(text, "yaml")[0]))
+    assert (len(lab.radio.links), len(lab.faults)) == (3, 3)
 
 
 def test_every_lab_of_the_repository_is_named():

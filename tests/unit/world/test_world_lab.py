@@ -8,9 +8,11 @@ from world_labs import LABS, ROOM, complaints, lab_of, problems_of
 
 from rmr.base.arena import Disc, Polygon
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import NS_PER_S
+from rmr.base.time import NS_PER_MS, NS_PER_S
+from rmr.radio.links import DISTURBANCES_MAX, Disturbance
+from rmr.radio.phy import Bursts, RadioConfig
 from rmr_world.document import LabError
-from rmr_world.lab import Kill, Loss, Partition, Restart, RobotStart, Stall, load_lab
+from rmr_world.lab import Kill, Restart, RobotStart, Stall, load_lab
 from rmr_world.schema import json_schema
 
 # What a good file means
@@ -110,22 +112,72 @@ def test_obstacles_are_boxes_circles_and_polygons_either_way_round(tmp_path):
     assert triangle.contains(0.02, 0.02)
 
 
-def test_faults_are_kept_as_values(tmp_path):
-    text = ROOM.replace("  - {id: 1", "  - {id: 2, pose: [1, 1, 0]}\n  - {id: 1") + (
-        "faults:\n"
-        "  - {at: 5s, kill: 1}\n  - {at: 8s, restart: 1}\n  - {from: 3s, to: 6s, loss: 0.5}\n"
-        "  - {from: 4s, to: 9s, partition: [[1], [2]]}\n  - {from: 2s, to: 3s, stall: 2}\n"
-    )
-    s = NS_PER_S
+TWO = ROOM.replace("  - {id: 1", "  - {id: 2, pose: [1, 1, 0]}\n  - {id: 1")
+THREE = TWO + "  - {id: 3, pose: [2, 1, 0]}\n"
+S = NS_PER_S
+
+
+def test_faults_of_processes_are_kept_as_values(tmp_path):
+    text = TWO + "faults: [{at: 5s, kill: 1}, {at: 8s, restart: 1}, {from: 2s, to: 3s, stall: 2}]\n"
     lab = lab_of(tmp_path, text)
-    assert lab.faults == (
-        Kill(5 * s, 1),
-        Restart(8 * s, 1),
-        Loss(3 * s, 6 * s, 0.5),
-        Partition(4 * s, 9 * s, ((1,), (2,))),
-        Stall(2 * s, 3 * s, 2),
+    assert lab.faults == (Kill(5 * S, 1), Restart(8 * S, 1), Stall(2 * S, 3 * S, 2))
+    assert lab.disturbances == ()
+    assert lab.with_robots(1).faults == (Stall(2 * S, 3 * S, 2),)
+
+
+def test_faults_of_the_radio_are_disturbances_from_one_instant_to_another(tmp_path):
+    text = THREE + (
+        "faults:\n"
+        "  - {from: 3s, to: 6s, loss: 0.5}\n  - {from: 4s, to: 9s, partition: [[1], 2-3]}\n  - {at: 5s, kill: 1}\n"
+        "  - {from: 1s, to: 2s, link: [1, 2], loss: 1}\n"
+        "  - {from: 1s, to: 2s, link: [2, 1], one_way: true, cut: true}\n"
+        "  - {from: 1s, to: 2s, attenuation_db: 20}\n"
     )
-    assert lab.with_robots(1).faults == (Loss(3 * s, 6 * s, 0.5), Stall(2 * s, 3 * s, 2))
+    lab = lab_of(tmp_path, text)
+    assert lab.disturbances == (
+        Disturbance(3 * S, 6 * S, loss=0.5),
+        Disturbance(4 * S, 9 * S, ((1,), (2, 3)), attenuation_db=math.inf),
+        Disturbance(1 * S, 2 * S, ((1,), (2,)), loss=1.0),
+        Disturbance(1 * S, 2 * S, ((2,), (1,)), one_way=True, attenuation_db=math.inf),
+        Disturbance(1 * S, 2 * S, attenuation_db=20.0),
+    )
+    assert lab.faults == (Kill(5 * S, 1),)
+    assert [each.check() for each in lab.disturbances] == list(lab.disturbances)
+
+
+def test_links_and_a_partition_of_the_radio_hold_for_the_whole_run(tmp_path):
+    text = THREE + (
+        "radio:\n  links: [{link: [1, 2], loss: 0.3}, {link: [3, 1], one_way: true, attenuation_db: 20}]\n"
+        "  partition: [[1], [2]]\n"
+    )
+    assert lab_of(tmp_path, text).disturbances == (
+        Disturbance(groups=((1,), (2,)), loss=0.3),
+        Disturbance(groups=((3,), (1,)), one_way=True, attenuation_db=20.0),
+        Disturbance(groups=((1,), (2,)), attenuation_db=math.inf),
+    )
+
+
+def test_with_robots_keeps_of_a_disturbance_what_concerns_the_first_ones(tmp_path):
+    text = THREE + (
+        "radio: {links: [{link: [1, 2], loss: 0.3}, {link: [1, 3], loss: 0.2}], partition: [[1, 3], [2]]}\n"
+        "faults: [{from: 3s, to: 6s, loss: 0.5}]\n"
+    )
+    assert lab_of(tmp_path, text).with_robots(2).disturbances == (  # robots 2 and 1
+        Disturbance(groups=((1,), (2,)), loss=0.3),
+        Disturbance(groups=((1,), (2,)), attenuation_db=math.inf),
+        Disturbance(3 * S, 6 * S, loss=0.5),
+    )
+
+
+def test_the_radio_s_settings_are_those_of_its_model(tmp_path):
+    bursts = "{good: 2s, bad: 200ms}"
+    text = f"radio: {{shadowing_db: 4, bursts: {bursts}, loss: 0.1, exponent: 2, interference: awgn, seed: 3}}\n"
+    lab = lab_of(tmp_path, ROOM + text)
+    assert lab.radio.config == RadioConfig(
+        shadowing_db=4.0, bursts=Bursts(2 * S, 200 * NS_PER_MS, 1.0), loss=0.1, exponent=2.0, interference="awgn"
+    )
+    assert lab.radio.seed == 3
+    assert lab_of(tmp_path, ROOM).radio.config == RadioConfig()
 
 
 def test_with_robots_keeps_the_first_ones_and_their_facts():
@@ -218,11 +270,34 @@ MISTAKES = [
     ("finish: at(R, exit)", "6:9: finish: area 'exit' is not defined"),
     ("finish: at(R)", "6:9: finish: at has two arguments"),
     ("faults: [{at: 5s, kill: 4}]", "6:10: faults.0: robot 4 is not in this lab"),
-    ("faults: [{kill: 1}]", "6:10: faults.0: kill and restart need at; loss, partition and stall need from and to"),
+    ("faults: [{kill: 1}]", "6:10: faults.0: kill and restart need at; all others need from and to"),
     ("faults: [{from: 5s, to: 4s, loss: 0.5}]", "6:10: faults.0: should begin before it ends"),
     ("faults: [{at: 5s, from: 1s, kill: 1}]", "6:10: faults.0: kill and restart need at"),
     ("faults: [{at: 5s, explode: 1}]", "6:19: faults.0.explode: unknown key"),
-    ("faults: [{from: 1s, to: 2s, partition: [[1], [1]]}]", "6:40: faults.0.partition: a robot stands in two groups"),
+    ("faults: [{from: 1s, to: 2s, partition: [[1], [1]]}]", "6:40: faults.0.partition: robot 1 is named twice"),
+    ("faults: [{from: 1s, to: 2s, partition: [[1], [2]]}]", "6:40: faults.0.partition: robot 2 is not in this lab"),
+    ("faults: [{from: 1s, to: 2s, partition: [[1]]}]", "6:40: faults.0.partition: should have at least 2 items"),
+    ("faults: [{from: 1s, to: 2s, partition: [[1], []]}]", "6:46: faults.0.partition.1: should be ids such as 2-3"),
+    ("faults: [{from: 1s, to: 1s, cut: true}]", "6:10: faults.0: should begin before it ends"),
+    ("faults: [{from: 1s, to: 2s, loss: 1.5}]", "6:35: faults.0.loss: should be less than or equal to 1"),
+    ("faults: [{from: 1s, to: 2s, loss: 1, cut: true}]", "6:10: faults.0: should have exactly one of kill, restart"),
+    ("faults: [{from: 1s, to: 2s, link: [1, 1]}]", "6:10: faults.0: should have exactly one of kill, restart"),
+    ("faults: [{from: 1s, to: 2s, link: [1, 2], stall: 1}]", "6:10: faults.0: link goes with loss, attenuation_db or"),
+    ("faults: [{from: 1s, to: 2s, one_way: true, loss: 1}]", "6:10: faults.0: one_way needs link"),
+    ("faults: [{from: 1s, to: 2s, link: [1, 2], loss: 1}]", "6:35: faults.0.link: robot 2 is not in this lab"),
+    ("faults: [{from: 1s, to: 2s, link: [1], loss: 1}]", "6:35: faults.0.link.1: is missing"),
+    ("radio: {shadowing_db: 31}", "6:23: radio.shadowing_db: should be less than or equal to 30"),
+    ("radio: {bursts: {good: 2s}}", "6:17: radio.bursts.bad: is missing"),
+    ("radio: {bursts: {good: 2s, bad: 0s}}", "6:17: radio.bursts: the mean lengths of good and bad times lie between"),
+    ("radio: {bursts: {good: 2s, bad: 1s, loss: 2}}", "6:43: radio.bursts.loss: should be less than or equal to 1"),
+    ("radio: {links: [{link: [1, 1], loss: 1}]}", "6:24: radio.links.0.link: robot 1 is named twice"),
+    ("radio: {links: [{link: [1, 9], loss: 1}]}", "6:24: radio.links.0.link: robot 9 is not in this lab"),
+    ("radio: {links: [{link: [1, 9]}]}", "6:17: radio.links.0: should have exactly one of loss, attenuation_db, cut"),
+    ("radio: {links: [{loss: 1}]}", "6:17: radio.links.0.link: is missing"),
+    ("radio: {links: [{link: [1, 9], cut: false}]}", "6:37: radio.links.0.cut: should be true; a link that is not to"),
+    ("radio: {links: [{link: [1, 9], attenuation_db: -1}]}", "6:48: radio.links.0.attenuation_db: should be greater"),
+    ("radio: {links: [{link: [1, 9], lost: 1}]}", "6:32: radio.links.0.lost: unknown key; did you mean 'loss'?"),
+    ("radio: {partition: [[1], 1]}", "6:20: radio.partition: robot 1 is named twice"),
 ]
 
 
@@ -284,6 +359,28 @@ radio: {loss: half}
         "12:9: facts.0: expected ',' or ')', found '25)'",
         "13:15: radio.loss: should be a valid number, not 'half'",
     ]
+
+
+def test_mistakes_of_links_and_faults_are_reported_at_once(tmp_path):
+    text = ROOM + (
+        "radio:\n  partition: [[1], [8]]\n  links:\n    - {link: [1, 7], cut: true}\n"
+        "faults:\n  - {from: 2s, to: 1s, loss: 1}\n  - {from: 1s, to: 2s, partition: [[1], [1, 6]]}\n"
+    )
+    assert complaints(tmp_path, text) == [
+        "7:14: radio.partition: robot 8 is not in this lab",
+        "9:14: radio.links.0.link: robot 7 is not in this lab",
+        "11:5: faults.0: should begin before it ends",
+        "12:35: faults.1.partition: robot 1 is named twice",
+        "12:35: faults.1.partition: robot 6 is not in this lab",
+    ]
+
+
+def test_a_lab_has_a_bounded_number_of_disturbances(tmp_path):
+    links = ", ".join(["{link: [1, 2], loss: 0.1}"] * DISTURBANCES_MAX)
+    text = TWO + f"radio: {{links: [{links}]}}\n"
+    assert len(lab_of(tmp_path, text).disturbances) == DISTURBANCES_MAX
+    found = complaints(tmp_path, text + "faults: [{from: 1s, to: 2s, loss: 0.5}]\n")
+    assert found == ["8:9: faults: the radio is disturbed in 257 ways; at most 256 are possible"]
 
 
 def test_a_wrong_arena_hides_no_other_mistake_and_causes_none(tmp_path):

@@ -1,0 +1,61 @@
+"""Durations, angles and robots' ids as people write them, in lab files and on the command line.
+
+Each function returns the value in its unit and raises ValueError that says what is expected.
+"""
+
+import math
+import re
+
+from rmr.base.time import NS_PER_MS, NS_PER_S, Duration
+from rmr.base.values import ROBOT_ID_MAX
+
+ROBOTS_MAX = 1000
+"""What one world and one radio can carry; a slip of the pen in a grid must not make a million."""
+
+_DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(ms|s|min)")
+_UNIT_NS = {"ms": NS_PER_MS, "s": NS_PER_S, "min": 60 * NS_PER_S}
+_ANGLE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\s*(deg|rad)")
+_DURATION_S_MAX = 1e6
+
+
+def duration(value: object) -> Duration:
+    """Return nanoseconds for ``120s``, ``500ms``, ``1.5min`` or a number of seconds."""
+    if isinstance(value, str) and (match := _DURATION.fullmatch(value)):
+        ns = float(match[1]) * _UNIT_NS[match[2]]
+    elif isinstance(value, int | float) and not isinstance(value, bool) and value >= 0:
+        ns = value * NS_PER_S
+    else:
+        raise ValueError("should be a duration such as 120s, 500ms or 1.5min")
+    if not ns <= _DURATION_S_MAX * NS_PER_S:
+        raise ValueError(f"should be at most {_DURATION_S_MAX:.0f} s")
+    return round(ns)
+
+
+def angle(value: object) -> float:
+    """Return radians for ``90deg``, ``1.57rad`` or a number of radians."""
+    if isinstance(value, str) and (match := _ANGLE.fullmatch(value)):
+        return math.radians(float(match[1])) if match[2] == "deg" else float(match[1])
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value)
+    raise ValueError("should be an angle such as 90deg, or a number of radians")
+
+
+def ids(value: object) -> list[int]:
+    """Return the ids of ``2-3``, ``0-5,9``, ``4`` or ``[2, 3]``."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        value = [value]
+    if isinstance(value, str) and re.fullmatch(r"\d{1,6}(-\d{1,6})?(\s*,\s*\d{1,6}(-\d{1,6})?)*", value):
+        value = [i for part in value.split(",") for i in _span(part.strip())]
+    if not isinstance(value, list) or not value or not all(type(i) is int for i in value):
+        raise ValueError("should be ids such as 2-3 or 0-5,9")
+    if any(not 0 <= i <= ROBOT_ID_MAX for i in value):
+        raise ValueError(f"ids should be from 0 to {ROBOT_ID_MAX}")
+    return value
+
+
+def _span(part: str) -> range:
+    first, _, last = part.partition("-")
+    span = range(int(first), int(last or first) + 1)
+    if not span or len(span) > ROBOTS_MAX:
+        raise ValueError(f"{part} should name 1 to {ROBOTS_MAX} robots, the lesser id first")
+    return span
