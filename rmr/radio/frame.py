@@ -5,10 +5,13 @@ A PSDU is what the physical layer carries, at most 127 octets:
     data   frame control 2 | sequence 1 | PAN 2 | destination 2 | source 2 | payload 0..116 | FCS 2
     ack    frame control 2 | sequence 1 | FCS 2
 
+Of a secured data frame the payload here is what stands between header and FCS: auxiliary security header,
+encrypted payload, integrity code (`rmr.radio.security`). Acknowledgements are never secured in this edition.
+
 Addresses are short ones within a single PAN (PAN id compression), all fields little-endian. The frame check
 sequence is the ITU-T CRC-16 (x^16 + x^12 + x^5 + 1, least significant bit first, start value 0), which finds
 every single and double bit error in frames of this length. Other frame types of the standard (beacons,
-commands, security, long addresses) are not spoken here: they are refused as a peer's mistake.
+commands, long addresses) are not spoken here: they are refused as a peer's mistake.
 """
 
 import binascii
@@ -27,7 +30,8 @@ ACK_OCTETS = 5
 _ACK_REQUEST = 0x0020
 _DATA = 0x8841  # type data, PAN id compression, both addresses short, frame version 0
 _ACK = 0x0002
-_DATA_CONTROLS = (_DATA, _DATA | _ACK_REQUEST)
+_SECURED = 0x1008  # security enabled, which demands frame version 1 (7.2.3)
+_DATA_CONTROLS = (_DATA, _DATA | _ACK_REQUEST, _DATA | _SECURED, _DATA | _SECURED | _ACK_REQUEST)
 
 _REVERSED = bytes(int(f"{octet:08b}"[::-1], 2) for octet in range(256))
 
@@ -47,6 +51,8 @@ class DataFrame(NamedTuple):
     """Data sequence number, 0..255."""
     wants_ack: bool
     payload: bytes
+    secured: bool = False
+    """Whether the payload is secured, and begins with the auxiliary security header."""
 
 
 class AckFrame(NamedTuple):
@@ -70,22 +76,26 @@ def encode_data(frame: DataFrame) -> bytes:
     """
     if len(frame.payload) > PAYLOAD_MAX:
         raise ValueError(f"payload of {len(frame.payload)} octets: split it into pieces of at most {PAYLOAD_MAX}")
+    body = encode_header(frame) + frame.payload
+    return body + check_sequence(body).to_bytes(2, "little")
+
+
+def encode_header(frame: DataFrame) -> bytes:
+    """Return the first 9 octets of `frame`. Raises `ValueError` as `encode_data` does."""
     if frame.wants_ack and frame.destination == BROADCAST:
         raise ValueError("a broadcast cannot be acknowledged: leave wants_ack off")
     if not (
         0 <= frame.sequence <= 0xFF and all(0 <= a <= 0xFFFF for a in (frame.pan, frame.destination, frame.source))
     ):
         raise ValueError("sequence must fit 8 bits, PAN and addresses 16")
-    control = _DATA | _ACK_REQUEST if frame.wants_ack else _DATA
-    body = (
+    control = _DATA | (_ACK_REQUEST if frame.wants_ack else 0) | (_SECURED if frame.secured else 0)
+    return (
         control.to_bytes(2, "little")
         + bytes((frame.sequence,))
         + frame.pan.to_bytes(2, "little")
         + frame.destination.to_bytes(2, "little")
         + frame.source.to_bytes(2, "little")
-        + frame.payload
     )
-    return body + check_sequence(body).to_bytes(2, "little")
 
 
 def encode_ack(sequence: int) -> bytes:
@@ -106,7 +116,7 @@ def decode(psdu: bytes) -> DataFrame | AckFrame:
     if control not in _DATA_CONTROLS or len(psdu) < HEADER_OCTETS + FCS_OCTETS:
         raise FrameError(f"frame control {control:#06x}")
     pan, destination, source = (psdu[at] | psdu[at + 1] << 8 for at in (3, 5, 7))
-    wants_ack = control != _DATA
+    wants_ack = bool(control & _ACK_REQUEST)
     if wants_ack and destination == BROADCAST:
         raise FrameError("a broadcast that wants an acknowledgement")
-    return DataFrame(pan, destination, source, psdu[2], wants_ack, psdu[9:-2])
+    return DataFrame(pan, destination, source, psdu[2], wants_ack, psdu[9:-2], bool(control & _SECURED))

@@ -3,6 +3,11 @@
 Both hosts of a station share it (`rmr.radio.station` by time stamps, `rmr.radio.ether` in virtual time). A repeat is
 known by its source and sequence number (802.15.4-2006, 7.5.6.2 leaves the rule open; ns-3 has none): it was
 acknowledged, the acknowledgement was lost, and it comes again within the time of four attempts.
+
+A secured frame is judged in the order of the standard: filter, acknowledgement (before this module sees the frame),
+integrity, frame counter. So whoever can transmit can have acknowledgements sent, but nothing that is not authentic
+gets further, nor leaves a trace in what is remembered. A retransmission repeats its frame counter: it is a duplicate
+if it is the last frame taken from its source, and within the time of a duplicate; anything else is a replay.
 """
 
 from dataclasses import dataclass, fields
@@ -11,6 +16,7 @@ from functools import lru_cache
 from rmr.base.time import NS_PER_MS, Duration, Instant
 from rmr.radio.air import Received
 from rmr.radio.frame import BROADCAST, DataFrame, decode
+from rmr.radio.security import Security, SecurityError
 
 DUPLICATE_SOURCES_MAX = 1024
 """Sources whose last sequence number is remembered; the one longest silent goes first."""
@@ -43,16 +49,26 @@ class Counters:
     """Repeats of a frame received before: acknowledged again, not handed on."""
     malformed: int = 0
     """Frames of octets that are none."""
+    forged: int = 0
+    """Secured frames whose integrity code is wrong: altered, cut short, or of another key."""
+    replayed: int = 0
+    """Secured frames with a counter that has passed: repeated by another than their sender, or overtaken."""
+    unsecured: int = 0
+    """Frames without security, or of another level, where the lab has it; with security where it has none."""
     no_ack: int = 0
     """Requests that were never acknowledged."""
     access_failed: int = 0
-    """Requests that found no free channel or no place in the queue."""
+    """Requests that found no free channel, no place in the queue or no frame counter."""
     late: int = 0
     """Announcements heard after their first symbol: the bus took longer than the turnaround of 192 us."""
     blind: int = 0
     """Frames sent into a channel that was not clear, as a late announcement showed afterwards: what lateness costs."""
     overdue: int = 0
     """Announcements heard, or made, after their reception was due: decided all the same, by their stamps."""
+
+    def add(self, name: str) -> None:
+        """Count one of what counter `name` counts."""
+        setattr(self, name, getattr(self, name) + 1)
 
     def as_dict(self) -> dict[str, int]:
         """Return the counters by name."""
@@ -62,12 +78,13 @@ class Counters:
 class Intake:
     """The receiving side of one station, above the physical layer."""
 
-    __slots__ = ("_last", "address", "counters", "pan")
+    __slots__ = ("_last", "_security", "address", "counters", "pan")
 
-    def __init__(self, address: int, pan: int, counters: Counters) -> None:
+    def __init__(self, address: int, pan: int, counters: Counters, security: Security | None = None) -> None:
         self.address = address
         self.pan = pan
         self.counters = counters
+        self._security = security
         self._last: dict[int, tuple[int, Instant]] = {}
 
     def concerns(self, frame: DataFrame) -> bool:
@@ -76,16 +93,34 @@ class Intake:
 
     def take(self, frame: DataFrame, rssi_dbm: float, lqi: int, end: Instant) -> Received | None:
         """Return what to hand on of a frame that came through and ended at `end`; None if nothing."""
-        if self._repeated(frame, end):
+        opened = self._opened(frame, end)
+        if opened is None:
+            return None
+        if self._repeats(opened, end):
             self.counters.duplicates += 1
             return None
+        self._remember(opened, end)
         self.counters.received += 1
-        return Received(frame.payload, frame.source, frame.destination != BROADCAST, rssi_dbm, lqi, end)
+        return Received(opened.payload, opened.source, opened.destination != BROADCAST, rssi_dbm, lqi, end)
 
-    def _repeated(self, frame: DataFrame, end: Instant) -> bool:
+    def _opened(self, frame: DataFrame, end: Instant) -> DataFrame | None:
+        """Return `frame` without its security; count what security refuses."""
+        if self._security is None:
+            self.counters.unsecured += frame.secured
+            return None if frame.secured else frame
+        try:
+            return self._security.open(frame)
+        except SecurityError as error:
+            repeat = error.reason == "replayed" and self._repeats(frame, end)
+            self.counters.add("duplicates" if repeat else error.reason)
+            return None
+
+    def _repeats(self, frame: DataFrame, end: Instant) -> bool:
         """Whether the last frame of this source bore the same sequence number a moment ago."""
-        last = self._last.pop(frame.source, None)
-        if last is None and len(self._last) >= DUPLICATE_SOURCES_MAX:
+        sequence, since = self._last.get(frame.source, (None, end))
+        return sequence == frame.sequence and end - since < DUPLICATE_WINDOW
+
+    def _remember(self, frame: DataFrame, end: Instant) -> None:
+        if self._last.pop(frame.source, None) is None and len(self._last) >= DUPLICATE_SOURCES_MAX:
             del self._last[next(iter(self._last))]
-        self._last[frame.source] = (frame.sequence, end)
-        return last is not None and last[0] == frame.sequence and end - last[1] < DUPLICATE_WINDOW
+        self._last[frame.source] = frame.sequence, end

@@ -29,6 +29,7 @@ from rmr.base.time import NEVER, NS_PER_US, Duration, Instant
 from rmr.radio.air import SEQUENCE_MASK, Confirmed
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import CCA, TURNAROUND, airtime
+from rmr.radio.security import Security
 
 BACKOFF_PERIOD: Duration = 320 * NS_PER_US
 """aUnitBackoffPeriod."""
@@ -92,6 +93,7 @@ class Mac:
         "_patience",
         "_queue",
         "_rng",
+        "_security",
         "_sent_end",
         "_sequence",
         "_space_until",
@@ -99,12 +101,15 @@ class Mac:
         "state",
     )
 
-    def __init__(self, address: int, pan: int, rng: Random, patience: Duration = 0) -> None:
+    def __init__(
+        self, address: int, pan: int, rng: Random, patience: Duration = 0, security: Security | None = None
+    ) -> None:
         """`patience` is added to macAckWaitDuration, where acknowledgements are announced late."""
         self._address = address
         self._pan = pan
         self._rng = rng
         self._patience = patience
+        self._security = security
         self._queue: deque[_Request] = deque()
         self._current: _Request | None = None
         self._sequence = rng.getrandbits(8)
@@ -115,8 +120,12 @@ class Mac:
         self.next_wake: Instant = NEVER
 
     def request(self, now: Instant, payload: bytes, destination: int | None, handle: int) -> bool:
-        """Queue `payload`; False if the queue is full. Raises `ValueError` if it cannot be a frame."""
-        if len(self._queue) >= QUEUE_MAX:
+        """Queue `payload`; False if the queue is full, or the frame counter used up.
+
+        Raises `ValueError` if it cannot be a frame.
+        """
+        security = self._security
+        if len(self._queue) >= QUEUE_MAX or (security is not None and security.used_up):
             return False
         unicast = destination is not None and destination != BROADCAST
         frame = DataFrame(
@@ -127,7 +136,9 @@ class Mac:
             unicast,
             payload,
         )
-        self._queue.append(_Request(encode_data(frame), self._sequence, unicast, handle))
+        # Secured once: a retransmission repeats the octets, and so the frame counter (7.5.6.5).
+        psdu = encode_data(frame) if security is None else security.protect(frame)
+        self._queue.append(_Request(psdu, self._sequence, unicast, handle))
         self._sequence = (self._sequence + 1) & SEQUENCE_MASK
         if self.state is State.IDLE:
             self._begin_next(now)

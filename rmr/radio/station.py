@@ -28,6 +28,7 @@ from rmr.radio.phy import (
     CCA,
     LOCK_HISTORY,
     LOSS_AT_1_M_DB,
+    RELEVANCE_DB,
     TURNAROUND,
     Interval,
     RadioConfig,
@@ -41,11 +42,10 @@ from rmr.radio.phy import (
     milliwatts,
     reception,
 )
+from rmr.radio.security import Security, payload_max
 
 __all__ = ["Announcement", "Confirmed", "Counters", "RadioConfig", "Received", "Station"]
 
-RELEVANCE_DB = 20.0
-"""A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
 GRACE_MARGIN: Duration = NS_PER_MS
 """Besides twice the grace, how long a process waits for a late acknowledgement."""
 AIR_MAX = 256
@@ -88,12 +88,16 @@ class Station:
         config: RadioConfig | None = None,
         grace: Duration = 0,
         links: Links | None = None,
+        security: Security | None = None,
     ) -> None:
         """`seed` decides receptions, alike in all stations of a lab; `rng` is this station's own, for backoffs.
 
         `links` is what besides distance happens to them; None: what `config` says, and no disturbances.
+        `security` is what secures its frames; None: neither does it send secured frames, nor take them.
         """
         self.address = address
+        self.payload_max = payload_max(security)
+        """Octets of payload that a frame holds."""
         self.config = config or RadioConfig()
         self.counters = Counters()
         self.links = links or Links(self.config, seed)
@@ -101,13 +105,13 @@ class Station:
         self._seed = seed
         self._grace = grace
         self._channel = channel_of(self.config)
-        self._mac = Mac(address, pan, rng, 2 * grace + GRACE_MARGIN if grace else 0)
+        self._mac = Mac(address, pan, rng, 2 * grace + GRACE_MARGIN if grace else 0, security)
         self._x = self._y = 0.0
         self._now: Instant = 0
         self._air: list[_Heard] = []
         self._due: list[_Heard] = []
         self._deaf: list[Interval] = []
-        self._intake = Intake(address, pan, self.counters)
+        self._intake = Intake(address, pan, self.counters, security)
         self._assessed: deque[Instant] = deque(maxlen=ASSESSMENTS_MAX)
         self._out: list[Output] = []
 
@@ -117,9 +121,9 @@ class Station:
         self._y = y
 
     def request(self, now: Instant, payload: bytes, destination: int | None, handle: int) -> None:
-        """Send `payload` (up to 116 octets) to `destination`, None for all. A `Confirmed` with `handle` follows.
+        """Send `payload` (up to `payload_max` octets) to `destination`, None for all.
 
-        Raises `ValueError` if the payload or the destination does not fit a frame.
+        A `Confirmed` with `handle` follows. Raises `ValueError` if the payload or the destination does not fit a frame.
         """
         if not self._mac.request(now, payload, destination, handle):
             self.counters.access_failed += 1

@@ -25,6 +25,7 @@ data_frames = st.builds(
     sequence=st.integers(0, 255),
     wants_ack=st.booleans(),
     payload=st.binary(max_size=PAYLOAD_MAX),
+    secured=st.booleans(),
 )
 
 

@@ -12,6 +12,7 @@ from rmr.base.time import NS_PER_US, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
 from rmr.radio.frame import DataFrame, encode_data
 from rmr.radio.phy import RadioConfig, airtime
+from rmr.radio.security import Security
 from rmr.radio.station import Station
 
 PAN = 7
@@ -35,9 +36,12 @@ def transmission(
     return Announcement(source, sequence, attempt, start, start + airtime(len(psdu)), power_dbm, x, 0.0, psdu)
 
 
-def station(address: int = 1, *, seed: int = 5, grace: Duration = 0, **config: object) -> Station:
+def station(
+    address: int = 1, *, seed: int = 5, grace: Duration = 0, security: Security | None = None, **config: object
+) -> Station:
     """Return a station at the origin."""
-    return Station(address, PAN, seed, Random(f"{seed}/{address}"), RadioConfig(**config), grace)  # type: ignore[arg-type]
+    settings = RadioConfig(**config)  # type: ignore[arg-type]
+    return Station(address, PAN, seed, Random(f"{seed}/{address}"), settings, grace, security=security)
 
 
 class Ether:
@@ -50,10 +54,13 @@ class Ether:
         seed: int = 5,
         grace: Duration = 0,
         delay: Callable[[], Duration] | None = None,
+        secure: Callable[[int], Security | None] = lambda address: None,
         **config: object,
     ) -> None:
         self.places = list(places)
-        self.stations = [station(a, seed=seed, grace=grace, **config) for a in range(len(self.places))]
+        self.stations = [
+            station(a, seed=seed, grace=grace, security=secure(a), **config) for a in range(len(self.places))
+        ]
         for one, place in zip(self.stations, self.places, strict=True):
             one.move(*place)
         self.delay = delay
