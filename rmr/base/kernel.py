@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 from rmr.base.time import NEVER, Instant
 
-RADIO, ROBOT = 0, 1
-"""Priorities: what is on the air before what robots make of it."""
+AIR, RADIO, ROBOT = 0, 1, 2
+"""Priorities: what ends on the air, then what radios do of themselves, then what robots make of it."""
 
 
 class Kernel:

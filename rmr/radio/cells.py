@@ -21,8 +21,7 @@ from math import floor
 from typing import NamedTuple
 
 from rmr.radio.links import SHADOWING_SIGMAS
-from rmr.radio.phy import LOSS_AT_1_M_DB, RadioConfig
-from rmr.radio.station import RELEVANCE_DB
+from rmr.radio.phy import LOSS_AT_1_M_DB, RELEVANCE_DB, RadioConfig
 
 HYSTERESIS_M = 0.1
 """How far outside its cell a robot keeps it: more than one that stands is pushed about."""

@@ -153,6 +153,11 @@ class Links:
         config = self._config
         return bool(config.loss or config.bursts) or any(active.loss for active in self._active)
 
+    @property
+    def even(self) -> bool:
+        """Whether `loss` is that of the configuration on all links at all times."""
+        return self._config.bursts is None and not any(active.loss for active in self._active)
+
     def gain_db(self, source: int, receiver: int, at: Instant) -> float:
         """Return what is added to the power of a frame that begins `at`; minus infinity where the link is cut."""
         gain = self._shadow(source, receiver) if self._config.shadowing_db else 0.0

@@ -52,10 +52,12 @@ BURST_MIN: Duration = 1_000 * NS_PER_US
 BURST_MAX: Duration = 86_400 * NS_PER_S
 """Mean lengths of bursts and of the times between them."""
 
+RELEVANCE_DB = 20.0
+"""A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
 LOCK_HISTORY: Duration = 10_000 * NS_PER_US
 """How far back locks are followed: over two of the longest frames."""
 
-_BER_TERMS = tuple((8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17))
+BER_TERMS = tuple((8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17))
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +176,7 @@ def channel_of(config: RadioConfig) -> Channel:
 
 def bit_error_rate(ratio: float) -> float:
     """Return the bit error rate of 2.4 GHz O-QPSK at `ratio` of signal to noise (linear; E.4.1.8)."""
-    return max(0.0, sum(weight * exp(slope * ratio) for weight, slope in _BER_TERMS))
+    return max(0.0, sum(weight * exp(slope * ratio) for weight, slope in BER_TERMS))
 
 
 def success_probability(ratio: float, bits: float) -> float:
@@ -285,7 +287,8 @@ def channel_busy(end: Instant, air: Sequence[Signal], deaf: Sequence[Interval], 
     energy = sum(s.power_mw for s in present)
     if energy >= channel.busy_mw or any(s.power_mw >= channel.carrier_mw for s in present):
         return True
-    return locked_on(end, air, deaf, channel) is not None
+    locked = locked_on(end, air, deaf, channel)
+    return locked is not None and locked.start < end
 
 
 def link_quality(rssi_dbm: float, verdict: Verdict, config: RadioConfig) -> int:
@@ -302,7 +305,7 @@ def link_quality(rssi_dbm: float, verdict: Verdict, config: RadioConfig) -> int:
 _MASK = (1 << 64) - 1
 
 
-def _mix(word: int) -> int:
+def mix(word: int) -> int:
     """Return the finaliser of SplitMix64 (Steele, Lea, Flood 2014) of a 64-bit `word`."""
     word = (word + 0x9E3779B97F4A7C15) & _MASK
     word = ((word ^ word >> 30) * 0xBF58476D1CE4E5B9) & _MASK
@@ -312,4 +315,4 @@ def _mix(word: int) -> int:
 
 def draw(seed: int, source: int, sequence: int, attempt: int, receiver: int) -> int:
     """Return 64 random bits that depend on nothing but the arguments; every process agrees on them."""
-    return _mix(_mix(_mix(seed & _MASK) ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))
+    return mix(mix(mix(seed & _MASK) ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))

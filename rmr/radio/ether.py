@@ -1,0 +1,387 @@
+"""All radios of a lab in virtual time.
+
+The same medium access (`rmr.radio.mac`), the same intake and the same rules of reception as in a robot process, but
+for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whoever hears it, and
+nothing for those out of reach. Time is the kernel's. A frame is announced at the end of an idle channel assessment,
+192 us before its first symbol; so when a lock instant or an end comes, all that bears on it is known.
+
+What is due at the same instant happens in this order: a frame's end, with its receptions and acknowledgements;
+then the timers of medium access. Receivers of one frame are told in the order in which they were added.
+"""
+
+from bisect import insort
+from collections import deque
+from collections.abc import Callable, Iterable
+from random import Random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmr.base.kernel import AIR, RADIO, Alarm, Kernel
+from rmr.base.time import Duration, Instant
+from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Received
+from rmr.radio.cells import Cell
+from rmr.radio.floor import Floats, Floor, Places
+from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
+from rmr.radio.intake import Counters, Intake, decoded
+from rmr.radio.links import Disturbance, Links
+from rmr.radio.mac import Mac, State, Transmission
+from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, mix
+from rmr.radio.security import Security, payload_max
+from rmr.radio.waves import (
+    COLLISION,
+    DEAF,
+    NOISE,
+    Causes,
+    Truths,
+    Wave,
+    channel_busy,
+    draws,
+    settle,
+    verdicts,
+)
+
+Take = Callable[[Received | Confirmed], None]
+
+REMEMBERED: Duration = 2 * (airtime(PSDU_MAX) + TURNAROUND)
+"""How long after its end a wave may still bear on another: on one as long as can be that began before it ended."""
+
+REACH_CELLS = 2
+"""Two frames can meet at a receiver when their transmitters are at most so many cells apart."""
+
+_ACK_AIRTIME = airtime(ACK_OCTETS)
+_WORD = 4294967296.0
+
+
+class EtherStation:
+    """One robot's radio in the ether."""
+
+    def __init__(
+        self, ether: "Ether", index: int, mac: Mac, intake: Intake, take: Take | None, payload_max: int
+    ) -> None:
+        self.index = index
+        self.mac = mac
+        self.intake = intake
+        self.take = take
+        self.payload_max = payload_max
+        """Octets that fit a frame."""
+        self._ether = ether
+        self._alarm = Alarm(ether.kernel, RADIO, self._fire)
+
+    @property
+    def counters(self) -> Counters:
+        """What it has done and what befell it."""
+        return self._ether.tallies.complete(self.index, self.intake.counters)
+
+    def request(self, payload: bytes, destination: int | None, handle: int) -> None:
+        """Send `payload` (`payload_max` octets at most) to `destination`, None for all.
+
+        A `Confirmed` with `handle` follows. Raises `ValueError` if the payload or the destination does not fit a
+        frame.
+        """
+        kernel = self._ether.kernel
+        if self.mac.request(kernel.now, payload, destination, handle):
+            self._alarm.set(self.mac.next_wake)
+        else:
+            self.intake.counters.access_failed += 1
+            kernel.at(kernel.now, RADIO, lambda _now: self._tell(Confirmed(handle, "access_failure")))
+
+    def move(self, x: float, y: float) -> None:
+        """Set the station's true position, metres."""
+        self._ether.floor.move(self.index, x, y)
+
+    def acknowledged(self, end: Instant) -> None:
+        """Take note of the acknowledgement waited for, whose last symbol arrives at `end`, which is now."""
+        confirmed = self.mac.acknowledged(end, end)
+        self._go_on()
+        self._tell(confirmed)
+
+    def _tell(self, confirmed: Confirmed) -> None:
+        if self.take is not None:
+            self.take(confirmed)
+
+    def _fire(self, now: Instant) -> None:
+        mac, counters = self.mac, self.intake.counters
+        out = mac.fire(mac.state is State.BACKOFF and self._ether.busy(self, now))
+        if isinstance(out, Transmission):
+            counters.sent += 1
+            self._ether.announce(self, out.psdu, out.sequence, out.attempt, out.start)
+        self._go_on()
+        if isinstance(out, Confirmed):
+            counters.no_ack += out.status == "no_ack"
+            counters.access_failed += out.status == "access_failure"
+            self._tell(out)
+
+    def _go_on(self) -> None:
+        self._alarm.set(self.mac.next_wake)
+        if self.mac.state in (State.SENDING, State.WAITING):
+            self._ether.awaiting.add(self.index)
+        else:
+            self._ether.awaiting.discard(self.index)
+
+
+class Tallies:
+    """What befell the frames for each station, by index."""
+
+    __slots__ = ("bulk", "collided", "deaf", "dropped", "received")
+
+    def __init__(self, room: int) -> None:
+        self.received, self.collided, self.deaf, self.dropped = (np.zeros(room, dtype=np.int64) for _ in range(4))
+        self.bulk = np.zeros(room, dtype=np.bool_)
+        """Stations that nobody listens to: their receptions of broadcasts are counted here alone."""
+
+    def grow(self, room: int) -> None:
+        """Make room for `room` stations."""
+        for name in self.__slots__:
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.zeros(room - len(old), dtype=old.dtype)]))
+
+    def note(self, at: Places, lost: Truths, cause: Causes) -> None:
+        """Count the frame that is `lost` to some of the stations `at`."""
+        if lost.any():
+            self.collided[at] += lost & (cause == COLLISION)
+            self.deaf[at] += lost & (cause == DEAF)
+            self.dropped[at] += lost & (cause == NOISE)
+
+    def complete(self, index: int, counters: Counters) -> Counters:
+        """Bring `counters` of station `index` up to date and return them."""
+        counters.collided = int(self.collided[index])
+        counters.deaf = int(self.deaf[index])
+        counters.dropped = int(self.dropped[index])
+        if self.bulk[index]:
+            counters.received += int(self.received[index])
+            self.received[index] = 0
+        return counters
+
+
+class Ether:
+    """The stations of one lab and what is on the air."""
+
+    def __init__(
+        self, kernel: Kernel, config: RadioConfig, seed: int, pan: int, disturbances: Iterable[Disturbance] = ()
+    ) -> None:
+        """`seed` decides receptions, as in `phy.draw`. Raises `ValueError` for a disturbance that cannot be one."""
+        self.kernel = kernel
+        self.config = config
+        self.pan = pan
+        self.links = Links(config, seed, disturbances)
+        self.floor = Floor(config, self.links)
+        self.stations: list[EtherStation] = []
+        self.tallies = Tallies(self.floor.room)
+        self.awaiting: set[int] = set()
+        """Indices of the stations that transmit or wait for an acknowledgement."""
+        self.on_air: Callable[[Announcement], None] | None = None
+        """Called with each announcement, acknowledgements too."""
+        self._mixed_seed = mix(seed & 0xFFFF_FFFF_FFFF_FFFF)
+        self._channel = channel_of(config)
+        self._by_address: dict[int, EtherStation] = {}
+        self._air: dict[Cell, deque[Wave]] = {}
+        self._unsettled: list[Wave] = []
+        self._listening = np.zeros(self.floor.room, dtype=np.bool_)
+
+    def add(
+        self,
+        address: int,
+        rng: Random,
+        take: Take | None,
+        x: float = 0.0,
+        y: float = 0.0,
+        *,
+        security: Security | None = None,
+        listens: bool = True,
+    ) -> EtherStation:
+        """Return a new station at (x, y), metres; `rng` is its own, for backoffs.
+
+        `take` is called with each reception and outcome; with None they are only counted. A station that does not
+        listen assesses the channel, but data frames are not for it. Raises `ValueError` if the address is taken.
+        """
+        if address in self._by_address:
+            raise ValueError(f"two stations with the address {address}")
+        index = self.floor.add(address, x, y)
+        if len(self._listening) < self.floor.room:
+            self._grow()
+        intake = Intake(address, self.pan, Counters(), security)
+        mac = Mac(address, self.pan, rng, security=security)
+        station = EtherStation(self, index, mac, intake, take, payload_max(security))
+        self.stations.append(station)
+        self._by_address[address] = station
+        self._listening[index] = listens
+        self.tallies.bulk[index] = take is None
+        return station
+
+    def _grow(self) -> None:
+        room = self.floor.room
+        self._listening = np.concatenate([self._listening, np.zeros(room - len(self._listening), dtype=np.bool_)])
+        self.tallies.grow(room)
+        for waves in self._air.values():
+            for wave in waves:
+                wave.grow(room)
+
+    # -- transmissions ----------------------------------------------------------------------------------------
+
+    def transmit(self, address: int, psdu: bytes, start: Instant, sequence: int = 0) -> None:
+        """Put octets on the air at `start`, without medium access: for experiments, and for what is no frame.
+
+        Raises `ValueError` if `start` is not at least the turnaround of 192 us away.
+        """
+        if start < self.kernel.now + TURNAROUND:
+            raise ValueError("a transmission is announced 192 us before its first symbol at the latest")
+        self.announce(self._by_address[address], psdu, sequence, 0, start)
+
+    def announce(self, station: EtherStation, psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
+        """Let `station` transmit at `start`; it is deaf from now until 192 us after the end."""
+        now, index = self.kernel.now, station.index
+        cell = self.floor.cell(index)
+        self._settle(now)
+        for wave in self._near(cell, now):
+            if wave.locks is not None:
+                wave.locks[index] = False
+        x, y = float(self.floor.x[index]), float(self.floor.y[index])
+        announcement = Announcement(
+            station.intake.address,
+            sequence,
+            attempt,
+            start,
+            start + airtime(len(psdu)),
+            self.config.tx_power_dbm,
+            x,
+            y,
+            psdu,
+        )
+        reached = self.floor.reached(index, start)
+        wave = Wave(announcement, self._frame(psdu, reached.power), index, cell, reached, self._channel)
+        air = self._air.setdefault(cell, deque())
+        while air and air[0].end < now - REMEMBERED:
+            air.popleft()
+        air.append(wave)
+        insort(self._unsettled, wave, key=_by_lock)
+        self.kernel.at(wave.end, AIR, lambda _now: self._ended(wave))
+        if self.on_air is not None:
+            self.on_air(announcement)
+
+    def _frame(self, psdu: bytes, power: Floats) -> DataFrame | AckFrame | None:
+        """Return the frame in `psdu`; None, counted at all who hear it, if it is none."""
+        try:
+            return decoded(psdu)
+        except FrameError:
+            for index in np.flatnonzero(power).tolist():
+                self.stations[index].intake.counters.malformed += 1
+            return None
+
+    def _near(self, cell: Cell, since: Instant) -> list[Wave]:
+        """Return the waves that may meet one from `cell` at a receiver and end after `since`, in order of start."""
+        if len(self._air) == 1:
+            (only,) = self._air.values()
+            found = [wave for wave in only if wave.end > since]
+        else:
+            reach = range(-REACH_CELLS, REACH_CELLS + 1)
+            near = (self._air.get(Cell(cell.x + dx, cell.y + dy)) for dx in reach for dy in reach)
+            found = [wave for air in near if air for wave in air if wave.end > since]
+        if len(found) > 1:
+            found.sort(key=_by_start)
+        return found
+
+    def _settle(self, now: Instant) -> None:
+        """Settle who locks on the waves whose lock instants have come, in order."""
+        unsettled = self._unsettled
+        while unsettled and unsettled[0].lock_at <= now:
+            wave = unsettled.pop(0)
+            settle(wave, self._near(wave.cell, wave.start - TURNAROUND), self._channel)
+
+    # -- receptions -------------------------------------------------------------------------------------------
+
+    def busy(self, station: EtherStation, now: Instant) -> bool:
+        """Return what the channel assessment of `station` says that ends `now`."""
+        self._settle(now)
+        near = self._near(self.floor.cell(station.index), now - CCA - TURNAROUND)
+        return channel_busy(station.index, now, near, self._channel)
+
+    def _ended(self, wave: Wave) -> None:
+        frame = wave.frame
+        if frame is None:
+            return
+        self._settle(wave.end)
+        if isinstance(frame, AckFrame):
+            self._end_of_ack(wave, frame)
+        elif frame.pan != self.pan:
+            return
+        elif frame.destination == BROADCAST:
+            self._arrive(wave, frame, np.flatnonzero(self._listening & (wave.power > 0.0)))
+        else:
+            receiver = self._by_address.get(frame.destination)
+            if receiver is not None and wave.power[receiver.index] > 0.0:
+                self._arrive(wave, frame, np.array([receiver.index], dtype=np.intp))
+
+    def _end_of_ack(self, wave: Wave, frame: AckFrame) -> None:
+        """Let those take note who wait for just this acknowledgement; it bears no address."""
+        for index in sorted(self.awaiting):
+            station = self.stations[index]
+            if not wave.power[index] or not station.mac.awaits_ack(frame.sequence, wave.start):
+                continue
+            if self._come_through(wave, np.array([index], dtype=np.intp))[0].size:
+                station.acknowledged(wave.end)
+
+    def _arrive(self, wave: Wave, frame: DataFrame, at: NDArray[np.intp]) -> None:
+        """Hand `frame` to those of the stations `at` that receive it."""
+        indices, lqi = self._come_through(wave, at)
+        if not frame.wants_ack:
+            bulk = self.tallies.bulk[indices]
+            self.tallies.received[indices] += bulk
+            indices, lqi = indices[~bulk], lqi[~bulk]
+        powers_dbm = wave.power_dbm[indices].tolist()
+        for index, rssi_dbm, quality in zip(indices.tolist(), powers_dbm, lqi.tolist(), strict=True):
+            station = self.stations[index]
+            if frame.wants_ack:
+                self._acknowledge(wave, frame, station)
+            received = station.intake.take(frame, rssi_dbm, int(quality), wave.end)
+            if received is not None and station.take is not None:
+                station.take(received)
+
+    def _acknowledge(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
+        """Let `station` acknowledge `wave`, unless it transmits at that time (which it cannot without being deaf)."""
+        start = wave.end + TURNAROUND
+        station.intake.counters.acknowledgements += 1
+        original = wave.announcement
+        attempt = ACK_ATTEMPT | original.attempt
+        self.announce(station, encode_ack(frame.sequence), original.sequence, attempt, start)
+
+    def _come_through(self, wave: Wave, at: NDArray[np.intp]) -> tuple[NDArray[np.intp], Floats]:
+        """Return the indices of the stations among `at` that receive `wave`, and its link quality there.
+
+        For all others the loss is counted.
+        """
+        air = self._near(wave.cell, wave.start - TURNAROUND)
+        success, cause = verdicts(wave, air, self._channel, at)
+        kept = success > 0.0
+        loses = self.links.loses
+        if loses or not ((success == 1.0) | ~kept).all():
+            upper, lower = draws(self._mixed_seed, wave.announcement, self.floor.addresses[at])
+            kept = upper < success * _WORD
+            if loses:
+                lost = kept & (lower < self._losses(wave, at) * _WORD)
+                kept &= ~lost
+                cause[lost] = NOISE
+        self.tallies.note(at, ~kept, cause)
+        return at[kept], self._quality(wave, at[kept], success[kept])
+
+    def _losses(self, wave: Wave, at: Places) -> Floats | float:
+        """Return the probability that the frame is lost whatever its power, at each of the stations `at`."""
+        if self.links.even:
+            return self.config.loss
+        source, start = wave.announcement.source, wave.start
+        return np.array([self.links.loss(source, other, start) for other in self.floor.addresses[at].tolist()])
+
+    def _quality(self, wave: Wave, places: Places, success: Floats) -> Floats:
+        """Return the LQI at each of the places; see `phy.link_quality`."""
+        if not self._channel.capture:
+            return np.rint(255.0 * success)
+        over_db = wave.power_dbm[places] - self.config.sensitivity_dbm
+        return np.clip(np.rint(over_db * (255.0 / 40.0)), 0.0, 255.0)
+
+
+def _by_start(wave: Wave) -> tuple[Instant, int]:
+    return wave.start, wave.announcement.source
+
+
+def _by_lock(wave: Wave) -> tuple[Instant, int]:
+    return wave.lock_at, wave.announcement.source

@@ -1,0 +1,122 @@
+"""Where the stations of the ether stand, who is within reach of whom, and with what power each hears another.
+
+Stations are known by their index; arrays have an entry for each. Only the stations in a transmitter's cell and the
+ring around it are looked at (`rmr.radio.cells`), so the cost of a frame does not grow with the robots out of range.
+What a transmitter reaches is remembered until somebody moves.
+"""
+
+from bisect import insort
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmr.base.time import Instant
+from rmr.radio.cells import Cell, Grid, interference_range_m
+from rmr.radio.links import Links
+from rmr.radio.phy import LOSS_AT_1_M_DB, RELEVANCE_DB, RadioConfig
+
+Floats = NDArray[np.float64]
+Places = Any
+"""An index array, in order, or a slice."""
+
+STATIONS_FIRST = 64
+"""Room for so many stations at first; it doubles when it is used up."""
+
+
+class Reached(NamedTuple):
+    """What one transmitter reaches."""
+
+    at: Places
+    """The stations that may hear it."""
+    power_dbm: Floats
+    """At every station; minus infinity out of reach."""
+    power: Floats
+    """In milliwatts; 0 where it is too weak even to disturb."""
+
+
+class Floor:
+    """The stations' places."""
+
+    def __init__(self, config: RadioConfig, links: Links) -> None:
+        self._config = config
+        self._links = links
+        self._grid = Grid(interference_range_m(config))
+        self._cells: list[Cell] = []
+        self._members: dict[Cell, list[int]] = {}
+        self._within: dict[Cell, Places] = {}
+        self._reached: dict[int, Reached] = {}
+        self.room = STATIONS_FIRST
+        """Length of all arrays."""
+        self.x, self.y = np.zeros(self.room), np.zeros(self.room)
+        self.addresses = np.zeros(self.room, dtype=np.uint64)
+
+    def add(self, address: int, x: float, y: float) -> int:
+        """Place a new station and return its index."""
+        index = len(self._cells)
+        if index == self.room:
+            self.room *= 2
+            self.x, self.y = np.resize(self.x, self.room), np.resize(self.y, self.room)
+            self.addresses = np.resize(self.addresses, self.room)
+        self.addresses[index] = address
+        self.x[index], self.y[index] = x, y
+        self._cells.append(self._grid.cell_of(x, y))
+        self._enter(index, self._cells[index])
+        return index
+
+    def move(self, index: int, x: float, y: float) -> None:
+        """Set the place of a station, metres."""
+        if self.x[index] == x and self.y[index] == y:
+            return
+        self.x[index], self.y[index] = x, y
+        self._reached.clear()
+        cell = self._grid.cell_of(x, y)
+        if cell != self._cells[index]:
+            self._members[self._cells[index]].remove(index)
+            self._enter(index, cell)
+
+    def cell(self, index: int) -> Cell:
+        """Return the cell of a station."""
+        return self._cells[index]
+
+    def reached(self, index: int, start: Instant) -> Reached:
+        """Return what a transmission of station `index` reaches that begins at `start`."""
+        known = self._reached.get(index)
+        if known is None:
+            known = self._reach(index, start)
+            if not self._links.fades:
+                self._reached[index] = known
+        return known
+
+    def _enter(self, index: int, cell: Cell) -> None:
+        self._cells[index] = cell
+        insort(self._members.setdefault(cell, []), index)
+        self._within.clear()
+        self._reached.clear()
+
+    def _reach(self, index: int, start: Instant) -> Reached:
+        config = self._config
+        at = self._within_reach(self._cells[index])
+        square = (self.x[at] - self.x[index]) ** 2 + (self.y[at] - self.y[index]) ** 2
+        heard_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB - 5.0 * config.exponent * np.log10(np.maximum(square, 1.0))
+        if self._links.fades:
+            source = int(self.addresses[index])
+            heard_dbm += [self._links.gain_db(source, other, start) for other in self.addresses[at].tolist()]
+        power_dbm = np.full(self.room, -inf)
+        power_dbm[at] = heard_dbm
+        power_dbm[index] = -inf
+        power = np.zeros(self.room)
+        relevant = power_dbm[at] >= config.sensitivity_dbm - RELEVANCE_DB
+        power[at] = np.where(relevant, 10.0 ** (power_dbm[at] / 10.0), 0.0)
+        return Reached(at, power_dbm, power)
+
+    def _within_reach(self, cell: Cell) -> Places:
+        """Return the stations that a transmitter in `cell` may reach."""
+        known = self._within.get(cell)
+        if known is None:
+            found = sorted(index for near in cell.ring for index in self._members.get(near, ()))
+            everybody = len(found) == len(self._cells)
+            known = slice(0, len(found)) if everybody else np.array(found, dtype=np.intp)
+            self._within[cell] = known
+        return known

@@ -1,0 +1,247 @@
+"""The rules of `rmr.radio.phy` for all receivers of a transmission at once, as numpy arrays.
+
+`phy` is the specification: it decides one reception at one receiver from all that this one has heard. Here a
+`Wave` carries a transmission's power at every station, and what follows from it is worked out for all of them in a
+few array operations. The receivers that lock on a wave are settled once, at its lock instant, which needs only the
+waves before it; so no history is followed. A property test holds that verdicts and outcomes are those of `phy`.
+
+Arrays have one entry for each station, by its index; `at` picks the stations within reach (an index array, or a
+slice for all). Powers are milliwatts; a station out of reach of a wave hears 0.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmr.base.time import Duration, Instant
+from rmr.radio.air import Announcement
+from rmr.radio.cells import Cell
+from rmr.radio.floor import Floats, Places, Reached
+from rmr.radio.frame import AckFrame, DataFrame
+from rmr.radio.phy import (
+    BER_TERMS,
+    BIT,
+    CAPTURE_RATIO,
+    CCA,
+    CERTAIN_RATIO,
+    LOCK_RATIO,
+    SYNCHRONISATION,
+    TURNAROUND,
+    Channel,
+)
+
+Truths = NDArray[np.bool_]
+Causes = NDArray[np.int8]
+NOISE, COLLISION, DEAF = 0, 1, 2
+"""What a loss is due to (`phy.Verdict.cause`)."""
+
+_WEIGHTS = np.array([weight for weight, _ in BER_TERMS])
+_SLOPES = np.array([slope for _, slope in BER_TERMS])
+_GAMMA, _ONE, _OTHER = (np.uint64(x) for x in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+
+
+class Wave:
+    """A transmission as all stations hear it."""
+
+    __slots__ = (
+        "announcement",
+        "at",
+        "cell",
+        "end",
+        "frame",
+        "lock_at",
+        "locks",
+        "origin",
+        "power",
+        "power_dbm",
+        "start",
+    )
+
+    def __init__(
+        self,
+        announcement: Announcement,
+        frame: DataFrame | AckFrame | None,
+        origin: int,
+        cell: Cell,
+        reached: Reached,
+        channel: Channel,
+    ) -> None:
+        self.announcement = announcement
+        self.frame = frame
+        self.start = announcement.start
+        self.end = announcement.end
+        self.origin = origin
+        """The transmitter's index."""
+        self.cell = cell
+        self.at, self.power_dbm, self.power = reached
+        self.lock_at = announcement.start + (SYNCHRONISATION if channel.capture else 0)
+        self.locks: Truths | None = None
+        """Which stations have locked on it, once the lock instant has come."""
+
+    def grow(self, room: int) -> None:
+        """Make room for `room` stations: the new ones do not hear it."""
+        more = room - len(self.power)
+        self.power = np.concatenate([self.power, np.zeros(more)])
+        self.power_dbm = np.concatenate([self.power_dbm, np.full(more, -np.inf)])
+        if self.locks is not None:
+            self.locks = np.concatenate([self.locks, np.zeros(more, dtype=np.bool_)])
+
+    def before(self, other: "Wave") -> bool:
+        """Whether this wave comes before `other` in the order of `phy`: by start, then by source."""
+        return (self.start, self.announcement.source) < (other.start, other.announcement.source)
+
+    def deafens(self, start: Instant, end: Instant) -> bool:
+        """Whether its transmitter, which turns around before and after it, is deaf within `start`..`end`."""
+        return self.start - TURNAROUND < end and self.end + TURNAROUND > start
+
+
+def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Places) -> Floats | float:
+    """Return the greatest sum of the powers of `others` at any time within `begin`..`finish`, at each place."""
+    if len(others) == 1:
+        return others[0].power[at]
+    worst: Floats | None = None
+    for _, total in stretches(begin, finish, others, at):
+        worst = total if worst is None else np.maximum(worst, total)
+    assert worst is not None
+    return worst
+
+
+def stretches(begin: Instant, finish: Instant, others: Sequence[Wave], at: Places) -> list[tuple[Duration, Floats]]:
+    """Return (length, total power at each place) of each stretch in which `others` do not change; see `phy`."""
+    edges = {begin, finish}
+    edges.update(edge for other in others for edge in (other.start, other.end) if begin < edge < finish)
+    out = []
+    for since, until in pairwise(sorted(edges)):
+        total: Any = 0.0
+        for other in others:
+            if other.start <= since < other.end:
+                total = total + other.power[at]
+        out.append((until - since, total))
+    return out
+
+
+def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
+    """Decide which stations lock on `wave`; all that began before its lock instant is in `air`, in order."""
+    at, start, lock_at = wave.at, wave.start, wave.lock_at
+    power = wave.power[at]
+    if channel.capture:
+        can = power > LOCK_RATIO * channel.noise_mw
+        others = [o for o in air if o.start < lock_at and o.end > start and o is not wave]
+        if others:
+            can &= power >= CAPTURE_RATIO * strongest(start, lock_at, others, at)
+    else:
+        # Of frames that start together the first in order locks: ns-3 handles them one after the other.
+        noise: Any = channel.noise_mw
+        present = [o for o in air if o.start <= start < o.end and o.before(wave)]
+        if present:
+            total = present[0].power[at]
+            for other in present[1:]:
+                total = total + other.power[at]
+            noise = channel.noise_mw + total
+        can = power > LOCK_RATIO * noise
+    locks = np.zeros(len(wave.power), dtype=np.bool_)
+    locks[at] = can
+    for other in air:
+        if other.locks is not None and other.end > lock_at and other is not wave:
+            locks &= ~other.locks
+        if other.start - TURNAROUND <= lock_at and other.end + TURNAROUND > start:
+            locks[other.origin] = False
+    wave.locks = locks
+
+
+def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: Places) -> tuple[Floats, Causes]:
+    """Return the probability of success and what a loss would be due to, at each of the stations `at`.
+
+    `wave` is settled, and `air` holds all that was on the air during it. What `phy.reception` says, for all.
+    """
+    start, end = wave.start, wave.end
+    power = wave.power[at]
+    others = [o for o in air if o.start < end and o.end > start and o is not wave]
+    if others:
+        success, cause = _contended(wave, others, channel, at, power)
+    else:
+        success, cause = _certainty(power / channel.noise_mw, end - start), np.zeros(len(power), dtype=np.int8)
+    weak = power < LOCK_RATIO * channel.noise_mw
+    if weak.any():
+        success[weak] = 0.0
+        cause[weak] = NOISE
+    deaf = {o.origin for o in air if o.deafens(start, end) and o is not wave}
+    if deaf:
+        mute = np.zeros(len(wave.power), dtype=np.bool_)
+        mute[list(deaf)] = True
+        mute = mute[at]
+        success[mute] = 0.0
+        cause[mute] = DEAF
+    return success, cause
+
+
+def _contended(
+    wave: Wave, others: Sequence[Wave], channel: Channel, at: Places, power: Floats
+) -> tuple[Floats, Causes]:
+    assert wave.locks is not None, "a wave is settled before it ends"
+    start, end = wave.start, wave.end
+    locked = wave.locks[at]
+    heard = others[0].power[at] > 0.0
+    for other in others[1:]:
+        heard |= other.power[at] > 0.0
+    if channel.capture:
+        clear = power >= CAPTURE_RATIO * strongest(start, end, others, at)
+        success = _certainty(power / channel.noise_mw, end - start)
+        lost = heard & ~(locked & clear)
+        cause = lost.astype(np.int8)
+    else:
+        success = np.ones(len(power))
+        for length, total in stretches(start, end, others, at):
+            success *= _certainty(power / (channel.noise_mw + total), length)
+        lost = heard & ~locked
+        cause = heard.astype(np.int8)
+    success[lost] = 0.0
+    return success, cause
+
+
+def _certainty(ratio: Floats, length: Duration) -> Floats:
+    """Return `phy.success_probability` of each of the ratios for all bits of a stretch of `length`."""
+    doubtful = ratio < CERTAIN_RATIO
+    success = np.ones(len(ratio))
+    if doubtful.any():
+        rates = np.exp(np.multiply.outer(ratio[doubtful], _SLOPES)) @ _WEIGHTS
+        success[doubtful] = (1.0 - np.maximum(rates, 0.0)) ** (length / BIT)
+    return success
+
+
+def channel_busy(station: int, end: Instant, air: Sequence[Wave], channel: Channel) -> bool:
+    """Return what `phy.channel_busy` says at one station."""
+    begin = end - CCA
+    energy = 0.0
+    carrier = False
+    for wave in air:
+        if wave.origin == station:
+            if wave.start - TURNAROUND <= end and wave.end + TURNAROUND > begin:
+                return True
+        elif wave.start < end and wave.end > begin:
+            if not channel.capture and wave.end < end and wave.start < begin:
+                continue  # as ns-3 misses it
+            power = float(wave.power[station])
+            energy += power
+            carrier = carrier or power >= channel.carrier_mw
+            if wave.locks is not None and wave.end > end and wave.locks[station]:
+                carrier = True
+    return carrier or energy >= channel.busy_mw
+
+
+def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    words = words + _GAMMA
+    words = (words ^ words >> np.uint64(30)) * _ONE
+    words = (words ^ words >> np.uint64(27)) * _OTHER
+    return words ^ words >> np.uint64(31)
+
+
+def draws(mixed_seed: int, announcement: Announcement, receivers: NDArray[np.uint64]) -> tuple[Floats, Floats]:
+    """Return `phy.draw` at the addresses `receivers`, as two numbers of 0 .. 2**32 - 1: its upper and lower half."""
+    source, sequence, attempt, *_ = announcement
+    words = np.uint64(mixed_seed) ^ (np.uint64(source << 16) | receivers)
+    words = _mixed(_mixed(words) ^ np.uint64(sequence << 8 | attempt))
+    return (words >> np.uint64(32)).astype(np.float64), (words & np.uint64(0xFFFFFFFF)).astype(np.float64)

@@ -1,0 +1,117 @@
+"""The ether of virtual time and the stations of processes are one radio: the same runs, frame by frame."""
+
+from random import Random
+from typing import Any
+
+import pytest
+
+from rmr.base.kernel import ROBOT, Kernel
+from rmr.base.streams import stream
+from rmr.base.time import NEVER, NS_PER_MS, NS_PER_US, seconds
+from rmr.radio.air import Announcement, Confirmed, Received
+from rmr.radio.ether import Ether
+from rmr.radio.links import Disturbance, Links, partition
+from rmr.radio.phy import Bursts, RadioConfig
+from rmr.radio.station import Station
+
+PAN = 7
+RUNS = 40
+Places = dict[int, tuple[float, float]]
+Requests = list[tuple[int, int, int | None, bytes]]
+Log = dict[int, list[Any]]
+
+
+def rounded(out: Announcement | Received | Confirmed) -> Any:
+    """Return `out` with its power as far as a logarithm of one library and of another agree."""
+    return out._replace(rssi_dbm=round(out.rssi_dbm, 9)) if isinstance(out, Received) else out
+
+
+def in_the_ether(
+    places: Places, requests: Requests, config: RadioConfig, seed: int, disturbances: list[Disturbance], until: int
+) -> tuple[Log, dict[int, dict[str, int]]]:
+    kernel = Kernel()
+    ether = Ether(kernel, config, seed, PAN, disturbances)
+    log: Log = {address: [] for address in places}
+    ether.on_air = lambda one: log[one.source].append((kernel.now, one))
+    for address, (x, y) in places.items():
+
+        def take(out: Received | Confirmed, address: int = address) -> None:
+            log[address].append((kernel.now, rounded(out)))
+
+        ether.add(address, stream(f"{seed}/{address}"), take, x, y)
+    stations = {station.intake.address: station for station in ether.stations}
+    for index, (when, source, to, payload) in enumerate(requests):
+        kernel.at(when, ROBOT, lambda _, i=index, s=source, t=to, p=payload: stations[s].request(p, t, i))
+    kernel.run_until(until)
+    return log, {address: station.counters.as_dict() for address, station in stations.items()}
+
+
+def of_stations(
+    places: Places, requests: Requests, config: RadioConfig, seed: int, disturbances: list[Disturbance], until: int
+) -> tuple[Log, dict[int, dict[str, int]]]:
+    stations = {
+        address: Station(
+            address, PAN, seed, stream(f"{seed}/{address}"), config, links=Links(config, seed, disturbances)
+        )
+        for address in places
+    }
+    for address, place in places.items():
+        stations[address].move(*place)
+    log: Log = {address: [] for address in places}
+    waiting = sorted(enumerate(requests), key=lambda item: item[1][0])
+    while True:
+        now = min(waiting[0][1][0] if waiting else NEVER, *(one.next_wake for one in stations.values()))
+        if now > until:
+            return log, {address: station.counters.as_dict() for address, station in stations.items()}
+        for address, one in stations.items():
+            for out in one.advance(now, *places[address]):
+                log[address].append((now, rounded(out)))
+                if isinstance(out, Announcement):
+                    for other in stations.values():
+                        other.hear(out)
+        while waiting and waiting[0][1][0] <= now:
+            index, (_, source, to, payload) = waiting.pop(0)
+            stations[source].request(now, payload, to, index)
+
+
+def drawn(seed: int) -> tuple[Places, Requests, RadioConfig, list[Disturbance]]:
+    """Return a crowd with things to say: near and far, over and below what the channel takes."""
+    chance = Random(seed)
+    count = chance.randrange(2, 9)
+    side = chance.choice([1.0, 15.0, 40.0, 150.0])
+    places = {3 * i + 1: (chance.uniform(0, side), chance.uniform(0, side)) for i in range(count)}
+    if chance.random() < 0.2:  # equal powers
+        places = {address: (10.0 * (i % 2), 10.0 * (i // 2 % 2)) for i, address in enumerate(places)}
+    addresses = list(places)
+    rate = chance.choice([5, 20, 60])
+    requests: Requests = []
+    for source in addresses:
+        for _ in range(rate // 2):
+            others = [None, *(a for a in addresses if a != source), 999]
+            to = chance.choice(others) if chance.random() < 0.6 else None
+            step = chance.choice([1, 320 * NS_PER_US, NS_PER_MS])
+            when = chance.randrange(500 * NS_PER_MS) // step * step
+            requests.append((when, source, to, bytes(chance.randrange(1, 117))))
+    disturbances = []
+    if chance.random() < 0.3:
+        disturbances.append(partition([addresses[:1], addresses[1:2]], 100 * NS_PER_MS, 300 * NS_PER_MS))
+        disturbances.append(Disturbance(0, seconds(1), (), loss=0.2))
+        disturbances.append(Disturbance(0, NEVER, ((addresses[0],), (addresses[-1],)), True, 0.1, 9.0))
+    config = RadioConfig(
+        interference=chance.choice(["awgn", "capture_3db"]),
+        loss=chance.choice([0.0, 0.0, 0.1]),
+        shadowing_db=chance.choice([0.0, 0.0, 4.0]),
+        bursts=chance.choice([None, None, Bursts(seconds(0.1), seconds(0.02))]),
+    )
+    return places, requests, config, disturbances
+
+
+@pytest.mark.parametrize("seed", range(RUNS))
+def test_the_ether_and_the_stations_of_processes_do_the_same(seed: int) -> None:
+    places, requests, config, disturbances = drawn(seed)
+    one, counted = in_the_ether(places, requests, config, seed, disturbances, seconds(2))
+    other, counts = of_stations(places, requests, config, seed, disturbances, seconds(2))
+    for address in places:
+        assert one[address] == other[address]
+    assert counted == counts
+    assert sum(len(log) for log in one.values()) > len(requests)
