@@ -21,6 +21,8 @@ from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.radio.cells import Grid, grid_of
+from rmr.radio.links import Disturbance
+from rmr.radio.phy import Bursts
 from rmr.radio.station import RadioConfig, Station
 from rmr.vm.outside import Gate
 from rmr_agent.air import LocalAir
@@ -91,8 +93,11 @@ def _as(kind: Type, value: Value) -> Value:
 
 def radio_config(radio: dict[str, Any]) -> RadioConfig:
     """Return the radio's model from the settings that the world tells. Raises RefusedError."""
+    settings = {name: value for name, value in radio.items() if name not in {"pan", "seed"}}
     try:
-        return RadioConfig(**{name: value for name, value in radio.items() if name not in {"pan", "seed"}})
+        if settings.get("bursts") is not None:
+            settings["bursts"] = Bursts(**settings["bursts"])
+        return RadioConfig(**settings)
     except (TypeError, ValueError) as error:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
@@ -175,6 +180,10 @@ class Life:
         self.link.hear(message.announcement)
         if self.link.station.next_wake < before:
             self.wake()
+
+    def disturb(self, held: tuple[Disturbance, ...]) -> None:
+        """Let these disturbances of the radio, and no others, hold."""
+        self.link.station.links.replace(held)
 
     def wake(self) -> None:
         """Look soon at what is due."""

@@ -133,6 +133,7 @@ class RobotProcess:
             elif self._lost:
                 log.info("the world is back; robot %d goes on", self._robot)
                 self._doubt_time()
+            self._disturb(known.body)
             self._lost = False
             if not await self._unless_ended(asyncio.ensure_future(self._rejoin.wait())):
                 break
@@ -174,6 +175,7 @@ class RobotProcess:
         bus, keys = self._bus, self._keys
         bus.subscribe(keys.sense(self._robot), self._on_sense)
         bus.subscribe(keys.clock, self._on_clock)
+        bus.subscribe(keys.disturbances, self._on_disturbances)
         bus.subscribe(keys.stop(self._robot), self._on_stop)
         bus.declare_alive(keys.alive(ROBOT_ROLE, self._robot))
         bus.watch_alive(keys.alive(WORLD_ROLE, "*"), self._on_world)
@@ -221,6 +223,14 @@ class RobotProcess:
         """Ask for lab time anew: it has started, stopped, or perhaps jumped."""
         self._clock.doubt()
         self._clock_news.set()
+
+    def _on_disturbances(self, _key: str, message: wire.Envelope) -> None:
+        self._disturb(message.body)
+
+    def _disturb(self, told: wire.Message) -> None:
+        """Take over what disturbs the radio, as the map or the world's news have it."""
+        if self._life is not None and isinstance(told, wire.Map | wire.Disturbances):
+            self._life.disturb(told.disturbances if isinstance(told, wire.Map) else told.held)
 
     def _on_stop(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Stop):

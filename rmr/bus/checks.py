@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
+from rmr.radio.links import Disturbance
 
 VALUE_DEPTH_MAX = 16
 """Lists within lists in a fact's arguments."""
@@ -84,6 +85,14 @@ def record(value: Any) -> dict[str, Any]:
     return {text(key): plain(item) for key, item in value.items()}
 
 
+def disturbance(value: Any) -> Disturbance:
+    """Accept a disturbance of the radio."""
+    try:
+        return Disturbance.from_wire(value)
+    except ValueError as error:
+        raise MalformedError(str(error)) from None
+
+
 def one_of(words: tuple[str, ...]) -> Check:
     """Return the check that accepts one of `words`."""
 
@@ -100,12 +109,12 @@ def optional(inner: Check) -> Check:
     return lambda value: None if value is None else inner(value)
 
 
-def each(inner: Check) -> Check:
-    """Return the check that accepts a list of what `inner` accepts; the result is a tuple."""
+def each(inner: Check, most: int | None = None) -> Check:
+    """Return the check that accepts a list of what `inner` accepts, `most` at most; the result is a tuple."""
 
     def check(value: Any) -> tuple[Any, ...]:
-        if type(value) is not list:
-            raise MalformedError("expected a list")
+        if type(value) is not list or (most is not None and len(value) > most):
+            raise MalformedError("expected a list" + (f" of at most {most}" if most else ""))
         return tuple([inner(item) for item in value])
 
     return check

@@ -5,6 +5,7 @@
     rmr/{lab}/body/{id}/act       robot -> world: its wheel command
     rmr/{lab}/clock               world: asked for lab time, and tells when lab time starts, stops or jumps
     rmr/{lab}/map                 world: asked by a robot that arrives for all it must know, and for its place
+    rmr/{lab}/disturbances        world: tells when what disturbs the radio changes; asked by operators to change it
     rmr/{lab}/truth               world: where the bodies really are, for operators
     rmr/{lab}/ops/{who}/status    how a robot, or the world, is doing
     rmr/{lab}/ops/{who}/stop      asks a robot, or the world, for an orderly end
@@ -66,6 +67,11 @@ class Keys:
     def map(self) -> str:
         """What a robot must know."""
         return f"rmr/{self.lab}/map"
+
+    @property
+    def disturbances(self) -> str:
+        """What disturbs the radio."""
+        return f"rmr/{self.lab}/disturbances"
 
     @property
     def truth(self) -> str:

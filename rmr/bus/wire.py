@@ -21,6 +21,7 @@ from rmr.bus.checks import (
     Check,
     MalformedError,
     count,
+    disturbance,
     each,
     flag,
     group,
@@ -35,6 +36,7 @@ from rmr.bus.checks import (
     text,
     value,
 )
+from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
 WORLD_ID = -1
 """The world as a sender."""
@@ -51,6 +53,9 @@ ended in order; ended by an error."""
 
 CLOCK_STATES = ("waiting", "running", "stopped")
 """Lab time stands at 0 before the start; runs; stands at the end."""
+
+WISHES = ("list", "add", "clear")
+"""About disturbances: only tell; add one; end all that have been added."""
 
 
 # --- the messages -----------------------------------------------------------------------------------------
@@ -129,6 +134,8 @@ class Map(NamedTuple):
     """Predicate and arguments of the finish fact, of which None matches anything; None: the lab has none."""
     clock: str
     """One of `CLOCK_STATES`."""
+    disturbances: tuple[Disturbance, ...]
+    """Of the radio, as in `Disturbances`."""
 
 
 class Truth(NamedTuple):
@@ -167,6 +174,28 @@ class Stop(NamedTuple):
     reason: str
 
 
+class AskDisturbances(NamedTuple):
+    """What disturbs the radio? And please change it."""
+
+    wish: str
+    """One of `WISHES`."""
+    added: Disturbance | None
+    """What to add; it begins soon, and lasts until its `until`, counted from then."""
+
+
+class Disturbances(NamedTuple):
+    """All that disturbs the radio from now on, in reply to `AskDisturbances` and whenever it changes."""
+
+    lab: str
+    stamp: Instant
+    held: tuple[Disturbance, ...]
+    """What the lab file says, then what has been added."""
+    given: int
+    """How many of them the lab file says."""
+    refused: str
+    """Why the wish was not granted; else empty."""
+
+
 # --- the table ------------------------------------------------------------------------------------------
 
 
@@ -177,10 +206,21 @@ def _pack_map(message: tuple[Any, ...]) -> list[Any]:
     if fields.finish is not None:
         name, patterns = fields.finish
         finish = [name, [None if pattern is None else pack_value(pattern) for pattern in patterns]]
-    return list(fields._replace(facts=facts, finish=finish))  # type: ignore[arg-type]
+    disturbances = [held.to_wire() for held in fields.disturbances]
+    return list(fields._replace(facts=facts, finish=finish, disturbances=disturbances))  # type: ignore[arg-type]
 
 
-Message = Air | Sense | Act | AskClock | Clock | AskMap | Map | Truth | Status | Stop
+def _pack_wish(message: tuple[Any, ...]) -> list[Any]:
+    wish, added = message
+    return [wish, None if added is None else added.to_wire()]
+
+
+def _pack_disturbances(message: tuple[Any, ...]) -> list[Any]:
+    fields = Disturbances(*message)
+    return list(fields._replace(held=[held.to_wire() for held in fields.held]))  # type: ignore[arg-type]
+
+
+Message = Air | Sense | Act | AskClock | Clock | AskMap | Map | Truth | Status | Stop | AskDisturbances | Disturbances
 
 
 class Row(NamedTuple):
@@ -198,6 +238,7 @@ _FOUR = group(number, number, number, number)
 _SAMPLE = (integer, number, number, number, number, each(group(count, number)), each(_FOUR), flag, _XYZ)
 _FACT = group(text, optional(robot), each(value))
 _PATTERN = group(text, each(optional(value)))
+_HELD = each(disturbance, DISTURBANCES_MAX)
 _LAB = (
     text,
     flag,
@@ -210,6 +251,7 @@ _LAB = (
     each(_FACT),
     optional(_PATTERN),
     one_of(CLOCK_STATES),
+    _HELD,
 )
 _BODY = group(robot, number, number, number, number)
 
@@ -224,6 +266,8 @@ TABLE = (
     Row(8, Truth, (integer, each(_BODY), count, optional(number), count, flag)),
     Row(9, Status, (one_of(STATES), text, flag, flag, integer, record)),
     Row(10, Stop, (text,)),
+    Row(11, AskDisturbances, (one_of(WISHES), optional(disturbance)), _pack_wish),
+    Row(12, Disturbances, (text, integer, _HELD, count, text), _pack_disturbances),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 

@@ -23,6 +23,7 @@ from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.process import Ending
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
+from rmr_world.disturbed import Disturbed
 from rmr_world.lab import Lab
 from rmr_world.labtime import LabTime
 from rmr_world.physics import World
@@ -68,6 +69,7 @@ class WorldServer:
         self._when_ready = when_ready
         self._keys = Keys(lab.name)
         self._physics = World(lab, seed)
+        self._disturbed = Disturbed(lab.name, lab.roster, lab.disturbances)
         self._time = LabTime()
         self._tick = 0
         self._late = 0
@@ -99,6 +101,7 @@ class WorldServer:
             facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
             finish=None if finish is None else (finish.name, tuple(map(_plain_pattern, finish.patterns))),
             clock=self._time.state,
+            disturbances=self._disturbed.held,
         )
 
     # -- life -----------------------------------------------------------------------------------------------
@@ -125,6 +128,7 @@ class WorldServer:
         bus.subscribe(keys.stop(WORLD), self._on_stop)
         bus.serve(keys.map, self._answer_map)
         bus.serve(keys.clock, self._answer_clock)
+        bus.serve(keys.disturbances, self._answer_disturbances)
         bus.watch_alive(keys.alive(ROBOT_ROLE, "*"), self._on_alive)
         bus.declare_alive(keys.alive(WORLD_ROLE, 0))
 
@@ -147,15 +151,16 @@ class WorldServer:
         if not isinstance(message.body, wire.AskMap):
             return None
         robot, token = message.body
+        known = self._map._replace(clock=self._time.state, disturbances=self._disturbed.held)
         if robot not in self._lab.roster:
-            return self._map._replace(listed=False, clock=self._time.state)
+            return known._replace(listed=False)
         taken = self._taken(robot, token)
         if not taken:
             self._claims[robot] = token, time.monotonic()
             tokens = self._tokens.setdefault(robot, [])
             if token not in tokens:
                 tokens.append(token)
-        return self._map._replace(taken=taken, lives=self._lives(robot, token), clock=self._time.state)
+        return known._replace(taken=taken, lives=self._lives(robot, token))
 
     def _lives(self, robot: int, token: int) -> int:
         """Return how many other processes have been `robot` before the one with `token`."""
@@ -173,6 +178,21 @@ class WorldServer:
         if not isinstance(message.body, wire.AskClock):
             return None
         return wire.Clock(self._time.state, self._time.at(arrived), self._time.at(time.monotonic_ns()))
+
+    def _answer_disturbances(self, message: wire.Envelope, _arrived: int) -> wire.Message | None:
+        """Grant a person's wish, or say why not; the robots are told first."""
+        if not isinstance(message.body, wire.AskDisturbances):
+            return None
+        wish, wanted = message.body
+        disturbed, now, refused = self._disturbed, self._time.at(time.monotonic_ns()), ""
+        before = disturbed.held
+        if wish == "clear":
+            disturbed.clear(now)
+        elif wish == "add" and wanted is not None:
+            refused = disturbed.add(wanted, now)
+        if disturbed.held != before:
+            self._publish_disturbances()
+        return self._disturbances(refused)
 
     # -- what comes in ----------------------------------------------------------------------------------------
 
@@ -268,6 +288,13 @@ class WorldServer:
         now = self._time.at(time.monotonic_ns())
         self._bus.publish(self._keys.clock, wire.Clock(self._time.state, now, now))
 
+    def _disturbances(self, refused: str = "") -> wire.Disturbances:
+        disturbed, now = self._disturbed, self._time.at(time.monotonic_ns())
+        return wire.Disturbances(self._lab.name, now, disturbed.held, len(disturbed.given), refused)
+
+    def _publish_disturbances(self) -> None:
+        self._bus.publish(self._keys.disturbances, self._disturbances())
+
     def _publish_sense(self, robot: int) -> None:
         sensed = self._physics.sense(robot, tick_start(self._tick))
         self._seen[robot] = self._physics.pose(robot)
@@ -290,6 +317,9 @@ class WorldServer:
     async def _tell(self) -> None:
         while True:
             self._publish_status(final=False)
+            self._disturbed.forget(self._time.at(time.monotonic_ns()))
+            if self._disturbed.added:  # once more, for whom the bus has lost the news
+                self._publish_disturbances()
             if self._time.state != "running":
                 self._publish_truth(final=False)
             await asyncio.sleep(STATUS_S)

@@ -11,6 +11,7 @@ from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.base.values import Symbol
 from rmr.bus import wire
 from rmr.bytecode.program import ANY, Base, Constant, Kind, Predicate, Program, Type
+from rmr.radio.phy import Bursts
 from rmr.radio.station import RadioConfig
 from rmr_agent import life as lives
 from rmr_agent.bytecode import Loaded, RefusedError
@@ -31,7 +32,7 @@ RADIO = {"pan": 7, "seed": 1} | asdict(RadioConfig())
 
 def known(facts=(), finish=None, floor=None):
     floor = arena.to_data(arena.Arena(1.0, 1.0, 0.05)) if floor is None else floor
-    message = wire.Map("x", True, False, 0, 3, (1, 2), floor, RADIO, tuple(facts), finish, "waiting")
+    message = wire.Map("x", True, False, 0, 3, (1, 2), floor, RADIO, tuple(facts), finish, "waiting", ())
     return wire.decode(wire.encode(-1, 1, 1, message)).body
 
 
@@ -78,6 +79,18 @@ def test_a_finish_fact_of_another_arity_is_refused_and_one_that_only_the_senses_
 def test_an_arena_that_is_none_is_refused():
     with pytest.raises(RefusedError, match="arena"):
         node_config(1, known(floor={"width": 3}), PROGRAM, 0)
+
+
+def test_the_radio_that_the_world_tells_of_has_its_bursts():
+    config = RadioConfig(loss=0.1, shadowing_db=4.0, bursts=Bursts(2 * NS_PER_S, 200 * MS, 0.9))
+    told = wire.decode(wire.encode(-1, 1, 1, known()._replace(radio={"pan": 7, "seed": 1} | asdict(config)))).body
+    assert lives.radio_config(told.radio) == config
+
+
+@pytest.mark.parametrize("bursts", [3, {"good": 1}, {"good": 0, "bad": 0}, {"good": "x", "bad": "y"}, {"worse": 1}])
+def test_bursts_that_are_none_are_refused(bursts):
+    with pytest.raises(RefusedError, match="radio"):
+        lives.radio_config(RADIO | {"bursts": bursts})
 
 
 def test_a_radio_of_settings_that_the_robot_does_not_know_is_refused(monkeypatch):

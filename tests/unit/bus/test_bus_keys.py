@@ -19,6 +19,7 @@ def all_keys(keys):
         keys.acts,
         keys.clock,
         keys.map,
+        keys.disturbances,
         keys.truth,
         keys.status(4),
         keys.status(WORLD),

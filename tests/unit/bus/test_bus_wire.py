@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bus import wire
 from rmr.bus.wire import Envelope, Losses, MalformedError, decode, encode
+from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 instants = st.integers(-(1 << 62), 1 << 62)
@@ -34,6 +35,17 @@ values = st.recursive(
     max_leaves=6,
 )
 lists = {"max_size": 3}
+disturbances = st.builds(
+    lambda since, length, groups, one_way, loss, attenuation_db: Disturbance(
+        since, since + length, groups, one_way, loss, attenuation_db
+    ),
+    counts,
+    st.integers(1, 1 << 40),
+    st.sampled_from([(), ((1,), (2,)), ((1, 2), (3, 7), (9,))]),
+    st.booleans(),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, allow_nan=False),
+)
 
 MESSAGES = {
     wire.Air: st.builds(wire.Air, st.lists(plain, **lists).map(tuple)),
@@ -66,6 +78,7 @@ MESSAGES = {
         st.lists(st.tuples(texts, st.none() | robots, st.lists(values, **lists).map(tuple)), **lists).map(tuple),
         st.none() | st.tuples(texts, st.lists(st.none() | values, **lists).map(tuple)),
         st.sampled_from(wire.CLOCK_STATES),
+        st.lists(disturbances, **lists).map(tuple),
     ),
     wire.Truth: st.builds(
         wire.Truth,
@@ -80,6 +93,10 @@ MESSAGES = {
         wire.Status, st.sampled_from(wire.STATES), texts, st.booleans(), st.booleans(), instants, records
     ),
     wire.Stop: st.builds(wire.Stop, texts),
+    wire.AskDisturbances: st.builds(wire.AskDisturbances, st.sampled_from(wire.WISHES), st.none() | disturbances),
+    wire.Disturbances: st.builds(
+        wire.Disturbances, texts, instants, st.lists(disturbances, **lists).map(tuple), counts, texts
+    ),
 }
 
 
@@ -108,6 +125,39 @@ def test_the_table_lists_every_message_once_with_a_check_for_each_field():
     assert set(MESSAGES) == {row.kind for row in wire.TABLE}
     assert len({row.code for row in wire.TABLE}) == len(wire.TABLE)
     assert all(len(row.checks) == len(row.kind._fields) for row in wire.TABLE)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        [0, 5, [], False, 0.5],
+        [5, 5, [], False, 0.5, 0.0],
+        [0, 5, [], False, 1.5, 0.0],
+        [0, 5, [], False, math.nan, 0.0],
+        [0, 5, [], False, 0.5, math.nan],
+        [0, 5, [], False, 0.5, -1.0],
+        [0, 5, [], 0, 0.5, 0.0],
+        [0, 5.0, [], False, 0.5, 0.0],
+        [0, 5, [[1]], False, 0.5, 0.0],
+        [0, 5, [[1], [1]], False, 0.5, 0.0],
+        [0, 5, [[1], [-1]], False, 0.5, 0.0],
+        [0, 5, [[1], [True]], False, 0.5, 0.0],
+        [0, 5, [1, 2], False, 0.5, 0.0],
+        [0, 5, None, False, 0.5, 0.0],
+        "loss",
+    ],
+    ids=str,
+)
+def test_what_is_no_disturbance_is_malformed(fields):
+    with pytest.raises(MalformedError):
+        decode(msgpack.packb([11, -2, 1, 1, "add", fields]))
+
+
+def test_more_disturbances_than_a_lab_may_have_are_malformed():
+    held = (Disturbance(loss=0.1),) * DISTURBANCES_MAX
+    assert decode(encode(-1, 1, 1, wire.Disturbances("x", 0, held, 0, ""))).body.held == held
+    with pytest.raises(MalformedError):
+        decode(encode(-1, 1, 1, wire.Disturbances("x", 0, (*held, held[0]), 0, "")))
 
 
 def decodes_or_is_malformed(data):

@@ -77,6 +77,7 @@ def bus_keys():
         keys.act(0).replace("/0/", "/ID/"),
         keys.clock,
         keys.map,
+        keys.disturbances,
         keys.truth,
         keys.status("WHO"),
         keys.stop("WHO"),
