@@ -2,43 +2,14 @@
 
 import asyncio
 import json
-import socket
 import time
 
 import pytest
+from bus_star import free_endpoint, on_a_star, until
 
 from rmr.bus import session, wire
 from rmr.bus.endpoint import BusError, check_endpoint
 from rmr.bus.session import NobodyThereError, open_bus, open_when_there
-
-
-def free_endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-async def until(claim):
-    async with asyncio.timeout(10):
-        while not claim():
-            await asyncio.sleep(0.002)
-
-
-def on_a_star(scene, clients=2):
-    """Run `scene(router, *clients)` and close everything."""
-
-    async def play():
-        endpoint = free_endpoint()
-        buses = [open_bus(wire.WORLD_ID, listen=endpoint)]
-        try:
-            buses += [open_bus(client + 1, connect=endpoint) for client in range(clients)]
-            await scene(*buses)
-        finally:
-            for bus in reversed(buses):
-                bus.close()
-                bus.close()
-
-    asyncio.run(play())
 
 
 def test_what_one_client_publishes_reaches_the_other_through_the_router_in_order():
@@ -74,6 +45,61 @@ def test_nobody_hears_his_own_messages():
         assert set(heard["one"]) == {wire.WORLD_ID}
 
     on_a_star(scene, clients=1)
+
+
+def test_a_subscription_that_is_withdrawn_hands_nothing_on_and_what_is_sent_meanwhile_is_not_lost():
+    async def scene(_router, one, two):
+        key, heard, marks = "rmr/x/radio/-1/3", [], []
+        two.subscribe("rmr/x/truth", lambda _, message: marks.append(message))
+        withdraw = two.subscribe(key, lambda _, message: heard.append(message.number))
+        await until(lambda: one.publish(key, wire.Air(())) or heard)
+        withdraw()
+        withdraw()
+        heard.clear()
+        for _ in range(5):
+            one.publish(key, wire.Air(()))
+        await until(lambda: one.publish("rmr/x/truth", wire.Stop("")) or marks)
+        assert heard == []
+        two.subscribe(key, lambda _, message: heard.append(message.number))
+        await until(lambda: one.publish(key, wire.Air(())) or heard)
+        assert heard[0] > 6
+        assert (two.losses.lost, two.losses.repeated) == (0, 0)
+
+    on_a_star(scene)
+
+
+def test_what_had_arrived_before_a_subscription_was_withdrawn_is_dropped_and_leaves_no_stream():
+    async def scene(_router, one, two):
+        key, heard, late, put = "rmr/x/radio/0/0", [], [], two._inbox.put
+        two._inbox.put = lambda take, item: late.append((take, item)) if busy else put(take, item)
+        busy = False
+        withdraw = two.subscribe(key, lambda _, message: heard.append(message))
+        await until(lambda: one.publish(key, wire.Air(())) or heard)
+        heard.clear()
+        busy = True  # as if the loop took nothing out of its inbox
+        await until(lambda: one.publish(key, wire.Air(())) or late)
+        withdraw()
+        for take, item in late:
+            take(item, 0)
+        assert heard == []
+        assert (key, 1) not in two.losses._streams
+
+    on_a_star(scene)
+
+
+def test_a_publisher_that_was_retired_publishes_again_and_its_numbers_go_on():
+    async def scene(_router, one, two):
+        heard = []
+        two.subscribe("rmr/x/truth", lambda _, message: heard.append(message.number))
+        await until(lambda: one.publish("rmr/x/truth", wire.Stop("")) or heard)
+        one.retire("rmr/x/truth")
+        one.retire("rmr/x/truth")
+        last = heard[-1]
+        await until(lambda: one.publish("rmr/x/truth", wire.Stop("")) or heard[-1] > last)
+        assert heard == sorted(set(heard))
+        assert (two.losses.lost, two.losses.repeated) == (0, 0)
+
+    on_a_star(scene)
 
 
 def test_a_question_is_answered_by_all_who_serve_it_with_the_instants_of_arrival():

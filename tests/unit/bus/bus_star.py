@@ -1,0 +1,36 @@
+"""Sessions on loopback for tests: a router and its clients in one process, and waiting for what comes."""
+
+import asyncio
+import socket
+
+from rmr.bus import wire
+from rmr.bus.session import open_bus
+
+
+def free_endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+async def until(claim):
+    async with asyncio.timeout(10):
+        while not claim():
+            await asyncio.sleep(0.002)
+
+
+def on_a_star(scene, clients=2):
+    """Run `scene(router, *clients)` and close everything."""
+
+    async def play():
+        endpoint = free_endpoint()
+        buses = [open_bus(wire.WORLD_ID, listen=endpoint)]
+        try:
+            buses += [open_bus(client + 1, connect=endpoint) for client in range(clients)]
+            await scene(*buses)
+        finally:
+            for bus in reversed(buses):
+                bus.close()
+                bus.close()
+
+    asyncio.run(play())
