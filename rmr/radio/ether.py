@@ -176,6 +176,7 @@ class Ether:
         self._channel = channel_of(config)
         self._by_address: dict[int, EtherStation] = {}
         self._air: dict[Cell, deque[Wave]] = {}
+        self._near_cells: dict[Cell, list[deque[Wave]]] = {}
         self._unsettled: list[Wave] = []
         self._listening = np.zeros(self.floor.room, dtype=np.bool_)
 
@@ -250,7 +251,10 @@ class Ether:
         )
         reached = self.floor.reached(index, start)
         wave = Wave(announcement, self._frame(psdu, reached.power), index, cell, reached, self._channel)
-        air = self._air.setdefault(cell, deque())
+        air = self._air.get(cell)
+        if air is None:
+            air = self._air[cell] = deque()
+            self._near_cells.clear()
         while air and air[0].end < now - REMEMBERED:
             air.popleft()
         air.append(wave)
@@ -270,13 +274,12 @@ class Ether:
 
     def _near(self, cell: Cell, since: Instant) -> list[Wave]:
         """Return the waves that may meet one from `cell` at a receiver and end after `since`, in order of start."""
-        if len(self._air) == 1:
-            (only,) = self._air.values()
-            found = [wave for wave in only if wave.end > since]
-        else:
+        near = self._near_cells.get(cell)
+        if near is None:
             reach = range(-REACH_CELLS, REACH_CELLS + 1)
-            near = (self._air.get(Cell(cell.x + dx, cell.y + dy)) for dx in reach for dy in reach)
-            found = [wave for air in near if air for wave in air if wave.end > since]
+            cells = [Cell(cell.x + dx, cell.y + dy) for dx in reach for dy in reach]
+            near = self._near_cells[cell] = [self._air[one] for one in cells if one in self._air]
+        found = [wave for air in near for wave in air if wave.end > since]
         if len(found) > 1:
             found.sort(key=_by_start)
         return found

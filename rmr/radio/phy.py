@@ -54,8 +54,8 @@ BURST_MAX: Duration = 86_400 * NS_PER_S
 
 RELEVANCE_DB = 20.0
 """A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
-LOCK_HISTORY: Duration = 10_000 * NS_PER_US
-"""How far back locks are followed: over two of the longest frames."""
+LOCK_HISTORY: Duration = 20_000 * NS_PER_US
+"""How far back locks are followed: over four of the longest frames, by when it no longer matters who held then."""
 
 BER_TERMS = tuple((8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17))
 
