@@ -15,7 +15,7 @@ from rmr.base.time import NEVER, NS_PER_MS, Instant
 from rmr.coord import events
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest, Send
-from rmr.coord.messages import PAYLOAD_MAX, Beacon, Phase, Sched, decode
+from rmr.coord.messages import Beacon, Phase, Sched, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.values import Values
 
@@ -264,7 +264,7 @@ class Model:
 
     def _sent(self, mind: Mind, item: Send) -> None:
         assert item.at >= self.now
-        if len(item.payload) > PAYLOAD_MAX:
+        if len(item.payload) > self.values.payload_max:
             self.violations.append(f"a frame of {len(item.payload)} octets")
         self.at(item.at, lambda: self._transmit(mind, item))
 
@@ -388,7 +388,7 @@ class Model:
         mind.core.leave(self.now, EVENT)
 
     def _check_frame(self, mind: Mind, payload: bytes) -> None:
-        message = decode(payload)
+        message = decode(payload, self.values.payload_max)
         if isinstance(message, Sched) and message.term.leader == mind.robot:
             known = self.senders.setdefault(message.term, id(mind.core))
             if known != id(mind.core) and not self.forgot(mind.robot, 0):

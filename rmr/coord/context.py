@@ -13,7 +13,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Sched, Term, encode, on_grid
+from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Sched, Term, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
 from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
 
@@ -92,9 +92,11 @@ class OwnJob:
 class Held:
     """The newest schedule known: per part the newest frame of one term."""
 
-    __slots__ = ("formed", "order", "parts", "term")
+    __slots__ = ("_full", "formed", "order", "parts", "term")
 
-    def __init__(self) -> None:
+    def __init__(self, full: int) -> None:
+        """`full` is how many entries all parts but the last have."""
+        self._full = full
         self.term = NO_TERM
         self.parts: dict[int, Sched] = {}
         self.order: tuple[int, ...] = ()
@@ -124,7 +126,7 @@ class Held:
         for part in self.parts.values():
             for index, entry in enumerate(part.entries):
                 if entry.robot == robot and entry.trigger == trigger:
-                    return part, part.passed + 10 * part.part + index + 1, entry
+                    return part, part.passed + self._full * part.part + index + 1, entry
         return None
 
     def complete(self) -> bool:
@@ -159,7 +161,7 @@ class Context:
         self.next_job: JobRequest | None = None
         """Triggered while inside; begins on leaving."""
         self.fence = Fence(robot, values)
-        self.held = Held()
+        self.held = Held(entries_max(values.payload_max))
         self.counter = 0
         """Highest counter of a term heard of."""
         self.ledger: Ledger | None = None

@@ -58,7 +58,7 @@ class Coordination:
         if not payload or not 0 < payload[0] <= _KIND_LAST:
             return False
         try:
-            message = decode(payload)
+            message = decode(payload, self._values.payload_max)
         except MessageError:
             self.malformed += 1
             return False

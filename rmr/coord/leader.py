@@ -10,7 +10,7 @@ from rmr.coord import passage
 from rmr.coord.context import Context, Held, Timer, stamp
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import ENTRIES_MAX, NOBODY, PARTS_MAX, Beacon, Entry, Job, Phase, Sched, Term, split_path
+from rmr.coord.messages import NOBODY, PARTS_MAX, Beacon, Entry, Job, Phase, Sched, Term, entries_max, split_path
 from rmr.coord.states import Role
 from rmr.coord.values import MS
 
@@ -38,7 +38,7 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     if _contiguous(held):
         for entry in ledger.inherit(now, held.entries(), heir, c.fence):
             _assume_inside(c, now, entry)
-    c.held = Held()
+    c.held = Held(entries_max(c.values.payload_max))
     c.held.term, c.held.order = own, held.order
     c.idle_since = None
     c.extras = 0
@@ -207,9 +207,9 @@ def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[S
     """Return the schedule as it stands."""
     ledger = c.ledger
     assert ledger is not None
-    entries = ledger.entries()
+    entries, full = ledger.entries(), entries_max(c.values.payload_max)
     opens = 0 if ledger.open else max(ledger.opens - now, 0)
-    parts = max(1, min(PARTS_MAX, -(-len(entries) // ENTRIES_MAX)))
+    parts = max(1, min(PARTS_MAX, -(-len(entries) // full)))
     return [
         Sched(
             c.event,
@@ -221,7 +221,7 @@ def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[S
             ledger.passed,
             part,
             parts,
-            tuple(entries[ENTRIES_MAX * part : ENTRIES_MAX * (part + 1)]),
+            tuple(entries[full * part : full * (part + 1)]),
         )
         for part in range(parts)
     ]
@@ -276,6 +276,6 @@ def send_path(c: Context, now: Instant, way: int) -> None:
     offered = c.paths.get(way)
     if offered is None or c.role is not Role.LEADING:
         return
-    for part in split_path(c.event, offered[0], c.led, way, offered[1]):
+    for part in split_path(c.event, offered[0], c.led, way, offered[1], c.values.payload_max):
         for i in range(c.values.path_repeats):
             c.send(part, now + i * c.values.path_gap)

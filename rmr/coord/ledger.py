@@ -15,7 +15,7 @@ from collections.abc import Iterable
 
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
-from rmr.coord.messages import ENTRIES_MAX, NOBODY, PARTS_MAX, Entry, Job, Phase, on_grid
+from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max, on_grid
 from rmr.coord.schedule import Placed, Rules, Task, order_jobs, place
 from rmr.coord.values import JOBS_MAX, Values
 
@@ -284,7 +284,8 @@ class Ledger:
     def entries(self) -> list[Entry]:
         """Return all lines by rank; ranks that nobody holds are void."""
         by_rank = {line.rank: line for line in self.lines.values() if line.rank is not None} | self.done
-        top = min(max(by_rank, default=self.passed), self.passed + ENTRIES_MAX * PARTS_MAX)
+        room = entries_max(self._values.payload_max) * PARTS_MAX
+        top = min(max(by_rank, default=self.passed), self.passed + room)
         return [_entry(by_rank[rank]) if rank in by_rank else _VOID for rank in range(self.passed + 1, top + 1)]
 
     def waiting(self) -> list[Line]:

@@ -1,4 +1,4 @@
-"""The frames of coordination, each exactly as long as its table says and never longer than 116 octets.
+"""The frames of coordination, each exactly as long as its table says and never longer than a payload.
 
 Every frame begins with 15 octets: kind, event (6, a hash of program, assertion and finish arguments), time
 (ms of lab time) and term (counter, leader). All times are absolute or counted from `time`, so that a late or
@@ -18,16 +18,14 @@ from typing import Any, NamedTuple
 
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant
-from rmr.coord.values import GRID, HEADWAY_UNIT, MS, WAY_MAX
+from rmr.coord.values import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
 
-PAYLOAD_MAX = 116
-"""Octets that an IEEE 802.15.4 data frame with short addresses leaves."""
 ENTRIES_MAX = 10
-"""Entries of one SCHED frame: 24 + 9 x 10 = 114 octets."""
+"""Entries of one SCHED frame: 24 + 9 x 10 = 114 octets. Where frames are shorter, `entries_max`."""
 PARTS_MAX = 15
 """Parts of one schedule: four bits."""
 STEPS_MAX = 242
-"""Steps of one PATH frame: three bits each in 91 octets."""
+"""Steps of one PATH frame: three bits each in 91 octets. Where frames are shorter, `steps_max`."""
 EVENT_OCTETS = 6
 NOBODY = 0xFFFF
 """No robot: the broadcast address is nobody's own."""
@@ -114,7 +112,7 @@ class Entry(NamedTuple):
 
 
 class Sched(NamedTuple):
-    """SCHED, 24 + 9k octets: entries in order of rank; rank = passed + 10 x part + position, from 1."""
+    """SCHED, 24 + 9k octets: entries in order of rank; rank = passed + `entries_max` x part + position, from 1."""
 
     event: bytes
     issued: Instant
@@ -147,7 +145,7 @@ class Beacon(NamedTuple):
 
 
 class PathPart(NamedTuple):
-    """PATH, 25 octets and three bits a step: up to 242 steps of the leader's path. Parts of one path share `time`."""
+    """PATH, 25 octets and three bits a step: up to `steps_max` of the leader's path. Parts of one path share `time`."""
 
     event: bytes
     time: Instant
@@ -177,6 +175,16 @@ BEACON_OCTETS = _HEADER.size + _BEACON.size
 PATH_OCTETS = _HEADER.size + _PATH.size
 
 
+def entries_max(payload_max: int) -> int:
+    """Return how many entries a SCHED frame has at most: 10, 9, 8 or 7 in 116, 107, 103 or 95 octets."""
+    return min(ENTRIES_MAX, (payload_max - SCHED_OCTETS) // ENTRY_OCTETS)
+
+
+def steps_max(payload_max: int) -> int:
+    """Return how many steps a PATH frame has at most: 242, 218, 208 or 186 in 116, 107, 103 or 95 octets."""
+    return min(STEPS_MAX, (payload_max - PATH_OCTETS) * 8 // 3)
+
+
 def on_grid(instant: Instant) -> Instant:
     """Return `instant` rounded down to the grid of triggers and slots."""
     return instant - instant % GRID
@@ -187,10 +195,15 @@ def encode(message: Message) -> bytes:
     return _ENCODERS[type(message)](message)
 
 
-def decode(payload: bytes) -> Message:
-    """Return the message in `payload`. Raises MessageError for anything malformed."""
-    if len(payload) < _HEADER.size or len(payload) > PAYLOAD_MAX:
+def decode(payload: bytes, payload_max: int = PAYLOAD_MAX) -> Message:
+    """Return the message in `payload`, of robots whose frames hold `payload_max` octets.
+
+    Raises MessageError for anything malformed.
+    """
+    if len(payload) < _HEADER.size or len(payload) > payload_max:
         raise MessageError(f"{len(payload)} octets are no frame")
+    if payload[0] == Kind.PATH:
+        return _decode_path(payload, steps_max(payload_max))
     decoder = _DECODERS.get(payload[0])
     if decoder is None:
         raise MessageError(f"kind {payload[0]} is unknown")
@@ -355,28 +368,31 @@ def _encode_path(path: PathPart) -> bytes:
     )
 
 
-def _decode_path(payload: bytes) -> PathPart:
+def _decode_path(payload: bytes, full: int) -> PathPart:
     if len(payload) < PATH_OCTETS:
         raise MessageError("a PATH is cut short")
     _, event, time, counter, leader = _HEADER.unpack_from(payload)
     way, part, column, row, total, offset = _PATH.unpack_from(payload, _HEADER.size)
-    count = min(STEPS_MAX, total - offset)
+    count = min(full, total - offset)
     octets = (3 * max(count, 0) + 7) // 8
-    if way > WAY_MAX or offset != part * STEPS_MAX or count < 0 or len(payload) != PATH_OCTETS + octets:
+    if way > WAY_MAX or offset != part * full or count < 0 or len(payload) != PATH_OCTETS + octets:
         raise MessageError("a PATH with impossible fields")
     bits = int.from_bytes(payload[PATH_OCTETS:], "big") >> (8 * octets - 3 * count)
     steps = tuple(bits >> 3 * (count - 1 - i) & 7 for i in range(count))
     return PathPart(event, time * MS, Term(counter, leader), way, part, (column, row), total, offset, steps)
 
 
-def split_path(event: bytes, time: Instant, term: Term, way: int, path: GridPath) -> list[PathPart]:
+def split_path(
+    event: bytes, time: Instant, term: Term, way: int, path: GridPath, payload_max: int = PAYLOAD_MAX
+) -> list[PathPart]:
     """Return the frames of a whole path. Raises ValueError for a path of more than 65535 steps or cells beyond."""
     total = len(path.steps)
     if total > _U16 or not all(0 <= c <= _U16 for c in path.first):
         raise ValueError("a path has at most 65535 steps and begins in a cell of the arena")
-    offsets = range(0, max(total, 1), STEPS_MAX)
+    full = steps_max(payload_max)
+    offsets = range(0, max(total, 1), full)
     return [
-        PathPart(event, time, term, way, i, path.first, total, at, path.steps[at : at + STEPS_MAX])
+        PathPart(event, time, term, way, i, path.first, total, at, path.steps[at : at + full])
         for i, at in enumerate(offsets)
     ]
 
@@ -391,6 +407,5 @@ _DECODERS: dict[int, Callable[[bytes], Message]] = {
     int(Kind.JOB): _decode_job,
     int(Kind.SCHED): _decode_sched,
     int(Kind.BEACON): _decode_beacon,
-    int(Kind.PATH): _decode_path,
 }
-"""The one table of kinds."""
+"""The one table of kinds; only how a PATH is read depends on how long a frame may be."""

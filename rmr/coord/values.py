@@ -36,6 +36,10 @@ IN_FLIGHT_MAX = 64
 """Unicast frames whose outcome is awaited, per robot."""
 
 
+PAYLOAD_MAX = 116
+"""Octets that an IEEE 802.15.4 data frame with short addresses leaves."""
+
+
 def same_way(a: int, b: int) -> bool:
     """Return whether two passages may follow each other by a headway; else one ends before the other begins."""
     return a == b != EXCLUSIVE_WAY
@@ -44,6 +48,9 @@ def same_way(a: int, b: int) -> bool:
 @dataclass(frozen=True, slots=True)
 class Values:
     """Durations in nanoseconds and counts. The defaults are those that the models were explored with."""
+
+    payload_max: int = PAYLOAD_MAX
+    """Octets that a frame may have; fewer where the radio secures frames. The same for all robots."""
 
     clock_error: Duration = 5 * MS
     """No robot's clock is farther than this from lab time (EPS)."""

@@ -79,6 +79,23 @@ def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: 
     assert all(len(m.encode(part)) <= m.PAYLOAD_MAX for part in parts)
 
 
+@given(st.sampled_from((107, 103, 95)), st.lists(st.integers(0, 7), max_size=600), EVENTS, TIMES, TERMS, WAYS)
+def test_a_path_fits_frames_that_security_has_made_shorter(
+    limit: int, steps: list[int], event: bytes, time: int, term: m.Term, way: int
+) -> None:
+    parts = m.split_path(event, time, term, way, GridPath((3, 4), tuple(steps)), limit)
+    assert [m.decode(m.encode(part), limit) for part in parts] == parts
+    assert [step for part in parts for step in part.steps] == steps
+    assert max(len(m.encode(part)) for part in parts) <= limit
+
+
+@pytest.mark.parametrize(("limit", "entries", "steps"), [(116, 10, 242), (107, 9, 218), (103, 8, 208), (95, 7, 186)])
+def test_a_frame_is_filled_as_far_as_it_goes(limit: int, entries: int, steps: int) -> None:
+    assert (m.entries_max(limit), m.steps_max(limit)) == (entries, steps)
+    assert m.SCHED_OCTETS + entries * m.ENTRY_OCTETS <= limit < m.SCHED_OCTETS + (entries + 1) * m.ENTRY_OCTETS
+    assert m.PATH_OCTETS + -(-3 * steps // 8) <= limit < m.PATH_OCTETS + -(-3 * (steps + 1) // 8)
+
+
 @given(
     st.binary(max_size=130) | st.tuples(st.integers(1, 4), st.binary(max_size=120)).map(lambda t: bytes(t[:1]) + t[1])
 )
