@@ -1,7 +1,7 @@
 """One simulated run: world, radios and nodes of a lab in virtual time.
 
 The robots are the very nodes that a robot process hosts and the radios the very stations; only the hosts differ.
-Announcements reach every other station at the instant they are made, so receptions are exact. The world advances at
+No announcement is late there, so receptions are exact. The world advances at
 each 1/60 s tick; robots that stand still are sampled less often, as it is in processes.
 """
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rmr.base.geometry import Twist
-from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
+from rmr.base.kernel import ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.bytecode.program import Program
@@ -19,8 +19,8 @@ from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
 from rmr.node.trace import Level
-from rmr.radio.air import Announcement
-from rmr.radio.station import RadioConfig, Station
+from rmr.radio.ether import Ether
+from rmr.radio.security import Security
 from rmr_world.lab import Lab
 from rmr_world.physics import World
 from rmr_world.terms import parse_fact
@@ -35,30 +35,33 @@ class SimulatedRobot:
     def __init__(self, simulation: "Simulation", robot: int, node_of: Any) -> None:
         self._simulation = simulation
         self.robot = robot
-        lab, seed = simulation.lab, simulation.seed
-        radio = lab.radio
-        self.station = Station(
-            robot,
-            lab.pan,
-            radio.seed if radio.seed is not None else seed,
-            stream(f"{seed}/robot{robot}/csma"),
-            simulation.radio,
+        seed = simulation.seed
+        self.x, self.y, _ = simulation.world.pose(robot)
+        self.station = simulation.ether.add(
+            robot, stream(f"{seed}/robot{robot}/csma"), self._take, self.x, self.y, security=simulation.security(robot)
         )
         self._received: list[Received] = []
         self._confirmed: list[Confirmed] = []
         self._samples: list[Sensed] = []
-        self.x, self.y, _ = simulation.world.pose(robot)
-        self.station.move(self.x, self.y)
         self.still = True
         self.node: Node = node_of(Ports(self, self))
-        self.radio_alarm = Alarm(simulation.kernel, RADIO, self._advance)
         self.node_alarm = Alarm(simulation.kernel, ROBOT, self.tick)
 
     # -- the node's ports -------------------------------------------------------------------------------------
 
+    @property
+    def payload_max(self) -> int:
+        """Octets that fit a frame."""
+        return self.station.payload_max
+
+    @property
+    def payload_max(self) -> int:
+        """Octets of payload that a frame holds."""
+        return self.station.payload_max
+
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Queue a frame."""
-        self.station.request(self._simulation.kernel.now, payload, destination, handle)
+        self.station.request(payload, destination, handle)
 
     def receive(self) -> list[Received]:
         """Return the frames that have arrived."""
@@ -93,27 +96,13 @@ class SimulatedRobot:
         """Let the node run, and see to what it wants next."""
         self.node.tick(now)
         self.node_alarm.set(max(self.node.next_wake, now + 1))
-        self.radio_alarm.set(self.station.next_wake)
 
-    def _advance(self, now: Instant) -> None:
-        arrived = False
-        for out in self.station.advance(now, self.x, self.y):
-            if isinstance(out, Announcement):
-                self._simulation.announce(self, out)
-            elif isinstance(out, Confirmed):
-                self._confirmed.append(out)
-                arrived = True
-            else:
-                self._received.append(out)
-                arrived = True
-        if arrived:
-            self.node_alarm.set(now)
-        self.radio_alarm.set(self.station.next_wake)
-
-    def hear(self, announcement: Announcement) -> None:
-        """Hear another station's transmission."""
-        self.station.hear(announcement)
-        self.radio_alarm.set(self.station.next_wake)
+    def _take(self, out: Received | Confirmed) -> None:
+        if isinstance(out, Confirmed):
+            self._confirmed.append(out)
+        else:
+            self._received.append(out)
+        self.node_alarm.set(self._simulation.kernel.now)
 
 
 class Simulation:
@@ -133,10 +122,9 @@ class Simulation:
         self.seed = seed
         self.kernel = Kernel()
         self.world = World(lab, seed)
-        radio = lab.radio
-        self.radio = RadioConfig(
-            radio.tx_power_dbm, radio.sensitivity_dbm, radio.exponent, radio.loss, radio.interference
-        )
+        self.radio = lab.radio.config
+        radio_seed = seed if lab.radio.seed is None else lab.radio.seed
+        self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan, lab.disturbances)
         self._stopping = False
         self._trace: list[dict[str, Any]] = []
         facts = tuple((fact.name, fact.owner, fact.args) for fact in map(parse_fact, lab.facts))
@@ -159,11 +147,9 @@ class Simulation:
 
         self.robots = [SimulatedRobot(self, robot, node_of(robot)) for robot in roster]
 
-    def announce(self, sender: SimulatedRobot, announcement: Announcement) -> None:
-        """Hand a transmission to all other stations."""
-        for robot in self.robots:
-            if robot is not sender:
-                robot.hear(announcement)
+    def security(self, robot: int) -> Security | None:
+        """Return what secures the frames of `robot`; None: nothing does."""
+        return None
 
     def run(self) -> bool:
         """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.
