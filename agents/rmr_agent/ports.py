@@ -42,6 +42,11 @@ class RadioLink:
         """Whether the node has something to fetch."""
         return bool(self._received or self._confirmed)
 
+    @property
+    def payload_max(self) -> int:
+        """Octets of payload that a frame holds."""
+        return self.station.payload_max
+
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Queue `payload`; see `rmr.node.ports.Link`."""
         self.station.request(self._now(), payload, destination, handle)

@@ -53,6 +53,8 @@ class Messages:
 class EtherLink:
     """One robot's end of it: the `rmr.node.ports.Link` of its node."""
 
+    payload_max = wire.PAYLOAD_OCTETS_MAX
+
     def __init__(self, ether: "Ether", robot: int, wake: Callable[[Instant], None]) -> None:
         self.robot = robot
         self.wake = wake

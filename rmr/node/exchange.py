@@ -85,7 +85,8 @@ class _Seen:
 class Exchange:
     """Reliable, unordered delivery of facts to other robots over a lossy link."""
 
-    def __init__(self, digest: int, epoch: int, rng: Random) -> None:
+    def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = wire.PAYLOAD_OCTETS_MAX) -> None:
+        self._payload_max = payload_max
         self._digest = digest & 0xFFFF
         self._epoch = epoch & 0xFF
         self._rng = rng
@@ -120,7 +121,7 @@ class Exchange:
         if len(peer.waiting) >= WAITING_MAX:
             raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
         sequence = peer.next_sequence
-        frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body)
+        frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
         peer.next_sequence = (sequence + 1) & 0xFFFF
         peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
         self.sent += 1

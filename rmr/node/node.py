@@ -17,6 +17,7 @@ from rmr.base.time import NEVER, Instant, in_seconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
+from rmr.coord.values import Values
 from rmr.node import wire
 from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
 from rmr.node.config import NodeConfig
@@ -68,10 +69,12 @@ class Node:
         """None: a robot without a body."""
         if ports.body is not None:
             self.driver = Driver(config.robot, tuple(config.roster), config.arena, ports.body)
-        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1))
+        room = ports.link.payload_max
+        values = Values(payload_max=room)
+        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1), values)
         self.turns = Turns(self, core, digest)
         self._coordination = CoordLink(core, self.transmit, self.turns.handle)
-        self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange")), digest)
+        self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange"), room), digest)
         self.actions = Dispatcher(self)
         self.mind = Mind(self)
         self.executive = Executive(

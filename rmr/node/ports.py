@@ -50,10 +50,17 @@ class Sensed(NamedTuple):
 
 
 class Link(Protocol):
-    """The radio as the robot sees it: IEEE 802.15.4 data frames, payload up to 116 octets."""
+    """The radio as the robot sees it: IEEE 802.15.4 data frames."""
+
+    @property
+    def payload_max(self) -> int:
+        """Octets of payload that a frame holds: 116, fewer where the radio secures frames. It never changes."""
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
-        """Queue `payload` for `destination` (None: broadcast). A `Confirmed` with `handle` follows."""
+        """Queue `payload` for `destination` (None: broadcast). A `Confirmed` with `handle` follows.
+
+        Raises `ValueError` for a payload of more than `payload_max` octets.
+        """
 
     def receive(self) -> list[Received]:
         """Return what has arrived since the last call, oldest first."""

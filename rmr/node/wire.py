@@ -15,7 +15,7 @@ from typing import NamedTuple
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 
 PAYLOAD_OCTETS_MAX = 116
-"""127 octets of PSDU less 9 of header and 2 of FCS (IEEE 802.15.4-2006, 7.2)."""
+"""127 octets of PSDU less 9 of header and 2 of FCS (IEEE 802.15.4-2006, 7.2). A secured radio leaves fewer."""
 
 LIST_DEPTH_MAX = 8
 """Deeper lists are refused, so that a malformed frame cannot exhaust the stack."""
@@ -101,10 +101,9 @@ _FACT = struct.Struct(">BHBH")
 _ACK = struct.Struct(">BBH")
 _FRAGMENT = struct.Struct(">BHBHBB")
 _FAILURE = struct.Struct(">BHB")
-FRAGMENT_OCTETS = PAYLOAD_OCTETS_MAX - _FRAGMENT.size
 FACT_BODY_OCTETS_MAX = PAYLOAD_OCTETS_MAX - _FACT.size
 PARTS_MAX = 64
-"""A fact larger than 64 fragments (about 6.9 kB) is refused by the sender."""
+"""A fact larger than 64 fragments (about 6.9 kB, secured 5.6 kB at least) is refused by the sender."""
 
 _PARKED, _GOAL = 1, 2
 _NO_ASSERTION = 255
@@ -147,13 +146,16 @@ class FactFrame(NamedTuple):
     piece: bytes
 
 
-def encode_fact_frames(digest: int, epoch: int, sequence: int, body: bytes) -> list[bytes]:
+def encode_fact_frames(
+    digest: int, epoch: int, sequence: int, body: bytes, payload_max: int = PAYLOAD_OCTETS_MAX
+) -> list[bytes]:
     """Return the payloads that carry `body`: one, or fragments. Raises WireError when it is too large."""
-    if len(body) <= FACT_BODY_OCTETS_MAX:
+    if _FACT.size + len(body) <= payload_max:
         return [_FACT.pack(Kind.FACT, digest & 0xFFFF, epoch & 0xFF, sequence) + body]
-    pieces = [body[i : i + FRAGMENT_OCTETS] for i in range(0, len(body), FRAGMENT_OCTETS)]
+    piece = payload_max - _FRAGMENT.size
+    pieces = [body[i : i + piece] for i in range(0, len(body), piece)]
     if len(pieces) > PARTS_MAX:
-        raise WireError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * FRAGMENT_OCTETS} octets")
+        raise WireError(f"a fact of {len(body)} octets is too large: at most {PARTS_MAX * piece} octets")
     return [
         _FRAGMENT.pack(Kind.FRAGMENT, digest & 0xFFFF, epoch & 0xFF, sequence, part, len(pieces)) + piece
         for part, piece in enumerate(pieces)

@@ -82,10 +82,17 @@ def test_a_role_that_nobody_knows_is_no_delivery(role):
     assert read(struct.pack(">BHBQ", role << 4, 0, 0, 0)) is None
 
 
-@given(st.integers(0, 0xFFFF), st.integers(0, 0xFF), st.integers(0, 0xFFFF), st.binary(max_size=700))
-def test_the_frames_of_a_delivery_fit_the_radio_and_hold_its_whole_body(digest, epoch, sequence, body):
-    payloads = wire.encode_fact_frames(digest, epoch, sequence, body)
-    assert all(len(payload) <= wire.PAYLOAD_OCTETS_MAX for payload in payloads)
+@given(
+    st.integers(0, 0xFFFF),
+    st.integers(0, 0xFF),
+    st.integers(0, 0xFFFF),
+    st.binary(max_size=700),
+    st.sampled_from((116, 107, 103, 95)),
+)
+def test_the_frames_of_a_delivery_fit_the_radio_and_hold_its_whole_body(digest, epoch, sequence, body, room):
+    payloads = wire.encode_fact_frames(digest, epoch, sequence, body, room)
+    assert all(len(payload) <= room for payload in payloads)
+    assert len(payloads) == 1 or len(payloads[0]) == room
     frames = [wire.decode_fact_frame(payload) for payload in payloads]
     assert {(f.digest, f.epoch, f.sequence, f.parts) for f in frames} == {(digest, epoch, sequence, len(frames))}
     assert b"".join(f.piece for f in frames) == body

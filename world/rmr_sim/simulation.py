@@ -54,11 +54,6 @@ class SimulatedRobot:
         """Octets that fit a frame."""
         return self.station.payload_max
 
-    @property
-    def payload_max(self) -> int:
-        """Octets of payload that a frame holds."""
-        return self.station.payload_max
-
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Queue a frame."""
         self.station.request(payload, destination, handle)

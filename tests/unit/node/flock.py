@@ -17,6 +17,7 @@ from rmr.node.config import NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received
 from rmr.node.trace import Level
+from rmr.node.wire import PAYLOAD_OCTETS_MAX
 
 LATENCY = milliseconds(5)
 
@@ -26,6 +27,8 @@ Passes = Callable[[Instant, int, int, bytes], bool]
 
 class _Robot:
     """A node's link and its timer."""
+
+    payload_max = PAYLOAD_OCTETS_MAX
 
     def __init__(self, flock: "Flock", robot: int, node_of: Callable[[Ports], Node], ports: dict[str, Any]) -> None:
         self.flock = flock

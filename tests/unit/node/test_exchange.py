@@ -152,8 +152,8 @@ def test_a_sender_does_not_run_so_far_ahead_that_the_receiver_forgets_what_it_ma
 
 def test_fragments_that_disagree_on_their_number_are_no_delivery_and_no_reason_to_stop():
     receiver = Exchange(1, 0, Random(0))
-    body = bytes(3 * wire.FRAGMENT_OCTETS)
+    body = bytes(3 * 108)
     one, two, three = wire.encode_fact_frames(1, 0, 7, body)
-    other = wire.encode_fact_frames(1, 0, 7, bytes(2 * wire.FRAGMENT_OCTETS))
+    other = wire.encode_fact_frames(1, 0, 7, bytes(2 * 108))
     assert [receiver.received(frame, 5) for frame in (three, other[0], one)] == [None, None, None]
     assert receiver.received(two, 5) == body

@@ -17,6 +17,7 @@ from rmr.node.node import ROUNDS_MAX, Node
 from rmr.node.ports import Ports
 from rmr.node.report import robot_report
 from rmr.node.trace import ENTRIES_MAX, EVENTS, Level
+from rmr.node.wire import PAYLOAD_OCTETS_MAX
 
 NODE_OCTETS_MAX = 60_000
 """Of a robot with three rules, so that 10,000 of them fit in 600 MB."""
@@ -24,6 +25,8 @@ NODE_OCTETS_MAX = 60_000
 
 class Silence:
     """A link on which nobody is."""
+
+    payload_max = PAYLOAD_OCTETS_MAX
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         raise AssertionError("a robot that has nothing to say has said something")
