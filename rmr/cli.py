@@ -22,6 +22,7 @@ COMMANDS = ("check", "compile", "dis", "eval", "explain", "fmt")
 
 PROGRAMS: dict[str, str] = {
     "up": "Run a lab with one process for each robot.",
+    "fault": "Disturb the radio of a lab that runs.",
     "sim": "Run a lab deterministically, in virtual time.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",

@@ -11,18 +11,16 @@ Every wait here is bounded by a named constant.
 """
 
 import asyncio
-import json
-import os
 import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from rmr_deploy.obituary import obituary
 from rmr_deploy.plan import INVALID, Plan, free_port
+from rmr_deploy.running import write_processes
 from rmr_deploy.screen import Line, Screen
 from rmr_deploy.supervisor import Child, Family
 from rmr_deploy.watch import Watch
@@ -123,7 +121,7 @@ class Run:
         for robot in plan.lab.roster:
             self._robots[robot] = self._child(f"robot-{robot}", agent_command(plan, robot, endpoint))
         pids = {child.name: child.pid for child in self._family.children}
-        write_processes(plan.folder / "processes.json", endpoint, pids)
+        write_processes(plan.folder, endpoint, pids)
 
     def _child(self, name: str, command: Sequence[str]) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
@@ -297,9 +295,3 @@ def agent_command(plan: Plan, robot: int, endpoint: str) -> list[str]:
 def python(module: str) -> list[str]:
     """Return the command that runs `module` with this very interpreter, whatever lies in the current folder (-P)."""
     return [sys.executable, "-P", "-m", module]
-
-
-def write_processes(path: Path, endpoint: str, pids: dict[str, int]) -> None:
-    """Leave in the run folder what runs and where: for whoever wants to look at one of them."""
-    record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids}
-    path.write_text(json.dumps(record, indent=1) + "\n")

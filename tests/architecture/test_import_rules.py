@@ -23,7 +23,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr_agent": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr.bus"},
     "rmr_world": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr.radio", "rmr.bus"},
     "rmr_sim": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr_world"},
-    "rmr_deploy": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr_world"},
+    "rmr_deploy": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
 }
 """Part -> the other parts that it may import."""
 

@@ -8,19 +8,24 @@ import pytest
 import yaml
 from doc_pages import ROOT, blocks, codes, page, section, table
 
+from rmr.base.time import NS_PER_MS
 from rmr.base.values import ROBOT_ID_MAX
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, ENDPOINT
+from rmr.bus.wire import Disturbances
 from rmr.node.actions import RobotHandle
 from rmr.node.provided import PROVIDED
-from rmr.radio.links import DISTURBANCES_MAX
+from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr_agent.main import main as agent
 from rmr_deploy import launch
+from rmr_deploy.disturb import record
+from rmr_deploy.fault import command as fault
 from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan, Wishes
 from rmr_deploy.record import make_report
 from rmr_deploy.up import command
 from rmr_sim.main import main as sim
 from rmr_sim.run import prepare, report_of
+from rmr_world.disturbed import LEAD
 from rmr_world.lab import load_lab
 from rmr_world.main import main as world
 from rmr_world.schema import CELLS_MAX, LabFile, json_schema
@@ -149,6 +154,25 @@ def test_every_option_of_a_command_is_documented_and_no_other(title, main):
     rows = table(section(PAGE, title), "option", "does")
     documented = {code.split()[0] for row in rows for code in codes(row[0])}
     assert {name for name in documented if name.startswith("-")} == offered
+
+
+def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_others():
+    text = section(PAGE, "rmr fault")
+    subcommands = [codes(row[0])[0].split()[2] for row in table(text, "command", "does")]
+    assert sorted(subcommands) == sorted(fault.commands)
+    offered = {"--version", "--help", "-h"}
+    offered |= {name for each in fault.commands.values() for option in each.params for name in option.opts}
+    rows = table(text, "option", "does")
+    documented = {code.split()[0] for row in rows for code in codes(row[0])}
+    assert documented == {name for name in offered if name.startswith("-")}
+
+
+def test_what_rmr_fault_shows_of_a_disturbance_is_documented():
+    told = Disturbances("x", 0, (Disturbance(loss=0.5),), 0, "")
+    shown = record(told)["disturbances"][0]
+    assert [codes(row[0])[0] for row in table(PAGE, "of a disturbance", "meaning")] == list(shown)
+    assert f"begins {LEAD // NS_PER_MS} ms of lab time later" in PAGE
+    assert f"a {DISTURBANCES_MAX + 1}th disturbance" in PAGE
 
 
 def test_the_endpoint_is_the_one_that_commands_default_to():

@@ -1,0 +1,149 @@
+"""What `rmr fault` does: find the lab, put the wish to its world, show what disturbs the radio then.
+
+The world judges the wish and keeps the list; this is one more client of the star for the length of a question.
+"""
+
+import asyncio
+import json
+from collections.abc import Iterator
+from math import isinf
+from pathlib import Path
+from typing import Any
+
+import click
+
+from rmr.base.time import NEVER, in_seconds
+from rmr.bus import wire
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
+from rmr.bus.keys import ANY_LAB, Keys
+from rmr.bus.process import EXIT_FAILED, EXIT_OK, EXIT_USAGE
+from rmr.bus.session import Bus, open_bus
+from rmr.radio.links import Disturbance
+from rmr_deploy.running import endpoint_of, newest_endpoint
+
+ASK_S = 2.0
+"""How long the world may take to answer: it does so within milliseconds, unless its machine is overloaded."""
+
+
+class FaultError(Exception):
+    """The wish was not granted: why, for people, and the exit code."""
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
+
+
+def perform(
+    wish: str, added: Disturbance | None, *, connect: str | None, folder: Path | None, lab: str | None, as_json: bool
+) -> int:
+    """Put `wish`, one of `wire.WISHES`, to the world; return the exit code."""
+    try:
+        endpoint, keys = find(connect, folder), _keys(lab)
+        told = asyncio.run(_ask(endpoint, keys, wire.AskDisturbances(wish, added)))
+    except FaultError as error:
+        click.echo(f"rmr fault: {error}", err=True)
+        return error.exit_code
+    if told.refused:
+        click.echo(f"rmr fault: {told.refused}", err=True)
+        return EXIT_USAGE
+    click.echo(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
+    return EXIT_OK
+
+
+def find(connect: str | None, folder: Path | None) -> str:
+    """Return where the world listens: as said, as the run folder says, or as a run under way here does."""
+    if connect is not None:
+        try:
+            return check_endpoint(connect)
+        except BusError as error:
+            raise FaultError(str(error), EXIT_USAGE) from None
+    if folder is None:
+        return newest_endpoint(Path("runs")) or DEFAULT_ENDPOINT
+    endpoint = endpoint_of(folder)
+    if endpoint is None:
+        raise FaultError(f"{folder} is no folder of a run of processes", EXIT_USAGE)
+    return endpoint
+
+
+def _keys(lab: str | None) -> Keys:
+    try:
+        return Keys(lab or ANY_LAB)
+    except ValueError as error:
+        raise FaultError(str(error), EXIT_USAGE) from None
+
+
+async def _ask(endpoint: str, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
+    try:
+        bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
+    except BusError as error:
+        raise FaultError(str(error), EXIT_FAILED) from None
+    try:
+        if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
+            keys = Keys((await _answer(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
+        return await _answer(bus, keys, question, endpoint)
+    finally:
+        bus.close()
+
+
+async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint: str) -> wire.Disturbances:
+    replies = await bus.ask(keys.disturbances, question, ASK_S)
+    told = [envelope.body for envelope, _ in replies if isinstance(envelope.body, wire.Disturbances)]
+    labs = sorted({one.lab for one in told})
+    if len(labs) > 1:
+        message = f"several labs run at {endpoint}: {', '.join(labs)}; choose with --lab"
+        raise FaultError(message, EXIT_USAGE)
+    if not told:
+        who = "no lab's world" if keys.lab == ANY_LAB else f"no world of lab {keys.lab}"
+        raise FaultError(f"{who} answers at {endpoint}", EXIT_FAILED)
+    return told[0]
+
+
+def current(told: wire.Disturbances) -> list[tuple[str, Disturbance]]:
+    """Return what holds now or will, each with who says so."""
+    sources = ["lab file"] * told.given + ["rmr fault"] * (len(told.held) - told.given)
+    return [pair for pair in zip(sources, told.held, strict=False) if pair[1].until > told.stamp]
+
+
+def record(told: wire.Disturbances) -> dict[str, Any]:
+    """Return what disturbs the radio as plain data: seconds of lab time, null for the end of the run."""
+    held = [
+        {
+            "by": source,
+            "since_s": round(in_seconds(one.since), 3),
+            "until_s": None if one.until >= NEVER else round(in_seconds(one.until), 3),
+            "groups": one.groups,
+            "one_way": one.one_way,
+            "loss": one.loss,
+            "attenuation_db": 0.0 if isinf(one.attenuation_db) else one.attenuation_db,
+            "cut": isinf(one.attenuation_db),
+        }
+        for source, one in current(told)
+    ]
+    return {"lab": told.lab, "time_s": round(in_seconds(max(0, told.stamp)), 3), "disturbances": held}
+
+
+def lines(told: wire.Disturbances) -> Iterator[str]:
+    """Yield the same for people."""
+    held = current(told)
+    yield f"lab {told.lab}, {in_seconds(max(0, told.stamp)):.1f} s:" + ("" if held else " nothing disturbs the radio")
+    for source, one in held:
+        until = "the end" if one.until >= NEVER else f"{in_seconds(one.until):.1f} s"
+        yield f"  {source:9}  {in_seconds(one.since):.1f} s to {until}: {_links(one)}, {_harm(one)}"
+
+
+def _links(one: Disturbance) -> str:
+    groups = list(map(_ids, one.groups))
+    if not groups:
+        return "all links"
+    return f"from {' to '.join(groups)}" if one.one_way else f"between {' and '.join(groups)}"
+
+
+def _ids(group: tuple[int, ...]) -> str:
+    return ",".join(map(str, group))
+
+
+def _harm(one: Disturbance) -> str:
+    if isinf(one.attenuation_db):
+        return "cut"
+    harms = [f"loss {one.loss:g}"] if one.loss or not one.attenuation_db else []
+    return " and ".join([*harms, *([f"attenuation {one.attenuation_db:g} dB"] if one.attenuation_db else [])])

@@ -1,0 +1,55 @@
+"""Runs that are under way on this machine, as their run folders tell: there is no daemon that knows of them.
+
+`rmr up` leaves in the run folder where its world listens and the ids of its processes. A run is under way while its
+launcher lives and no report has been written.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from rmr_world.report import REPORT_FILE
+
+PROCESSES_FILE = "processes.json"
+
+
+def write_processes(folder: Path, endpoint: str, pids: dict[str, int]) -> None:
+    """Leave in the run folder what runs and where: for whoever wants to look at one of them. Raises OSError."""
+    record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids}
+    (folder / PROCESSES_FILE).write_text(json.dumps(record, indent=1) + "\n")
+
+
+def endpoint_of(folder: Path) -> str | None:
+    """Return where the world of the run in `folder` listens, or listened; None if no processes ran there."""
+    endpoint = _read(folder).get("connect")
+    return endpoint if isinstance(endpoint, str) else None
+
+
+def newest_endpoint(runs: Path) -> str | None:
+    """Return where the world of the newest run under way listens, of those whose folders are in `runs`."""
+    found = [(path.stat().st_mtime_ns, path.parent) for path in runs.glob(f"*/{PROCESSES_FILE}")]
+    for _, folder in sorted(found, reverse=True):
+        if not (folder / REPORT_FILE).exists() and _lives(_read(folder).get("launcher")):
+            return endpoint_of(folder)
+    return None
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    try:
+        record = json.loads((folder / PROCESSES_FILE).read_text())
+    except (OSError, ValueError):
+        return {}
+    return record if isinstance(record, dict) else {}
+
+
+def _lives(pid: object) -> bool:
+    if type(pid) is not int or not 0 < pid < 1 << 31:
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
