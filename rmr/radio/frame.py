@@ -119,4 +119,6 @@ def decode(psdu: bytes) -> DataFrame | AckFrame:
     wants_ack = bool(control & _ACK_REQUEST)
     if wants_ack and destination == BROADCAST:
         raise FrameError("a broadcast that wants an acknowledgement")
+    if source == BROADCAST:
+        raise FrameError("a frame from everybody")
     return DataFrame(pan, destination, source, psdu[2], wants_ack, psdu[9:-2], bool(control & _SECURED))
