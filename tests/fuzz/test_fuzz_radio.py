@@ -70,7 +70,7 @@ def test_a_hundred_thousand_octet_strings_are_counted_and_dropped() -> None:
     assert STRINGS // 2 < wrong < STRINGS
     assert kept == listener.counters.received > 0
     assert listener.counters.unsecured > 0
-    good = announced(GOOD, STRINGS * STEP)
+    good = announced(encode_data(DataFrame(PAN, 1, 2, 200, True, b"good")), (STRINGS + 100) * STEP)
     listener.hear(good)
     received = [out for out in listener.advance(good.end, 0.0, 0.0) if isinstance(out, Received)]
     assert [out.payload for out in received] == [b"good"]
