@@ -25,8 +25,8 @@ from rmr.radio.cells import (
 )
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.links import SHADOWING_SIGMAS
-from rmr.radio.phy import RadioConfig, airtime, path_loss_db
-from rmr.radio.station import RELEVANCE_DB, Station
+from rmr.radio.phy import RELEVANCE_DB, RadioConfig, airtime, path_loss_db
+from rmr.radio.station import Station
 
 INDOORS = RadioConfig(tx_power_dbm=-50.0)
 """A range of about 1.9 m."""

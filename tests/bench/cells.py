@@ -1,0 +1,407 @@
+"""What the cells of the air save on the bus: a table, and JSON in build/bench-cells.json.
+
+    python tests/bench/cells.py [--quick] [--output FILE] [--write FOLDER] [--page FILE]
+
+Robots drive about in a square arena, and each announces some frames a second: over a session of its own, ten sessions
+to a process, through a router in another process, on this machine. Everything between the station and the bus is the
+robots' own: the keys that they listen to as they drive, messages read strictly, stations that keep what matters. Each
+arena is taken twice, with the cells of the lab's radio and with one cell as wide as can be, in which everybody is told
+of everything. Rates and processor time (of Python and zenoh) are taken over some seconds in between; shares over the
+whole run, when all has arrived.
+
+The share of deliveries that is saved is told beside the one that follows from the width of the arena in cells if robots
+may be anywhere. Deliveries to robots within the interference range are the least that any scheme could do with.
+"""
+
+import argparse
+import asyncio
+import json
+import math
+import multiprocessing
+import os
+import platform
+import resource
+import socket
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+from page import renewed, table
+from run import ROOT
+
+from rmr.base.time import NS_PER_S
+from rmr.bus import wire
+from rmr.bus.keys import Keys
+from rmr.bus.session import Bus, open_bus
+from rmr.radio.air import Announcement
+from rmr.radio.cells import RANGE_MAX_M, Grid, grid_of, interference_range_m
+from rmr.radio.frame import BROADCAST, DataFrame, encode_data
+from rmr.radio.phy import TURNAROUND, RadioConfig, airtime
+from rmr.radio.station import Station
+from rmr_agent.air import LocalAir
+from rmr_agent.ports import RADIO_GRACE, RadioLink
+
+CONFIG = RadioConfig(tx_power_dbm=-30.0)
+"""A weak radio, for a short range: what counts is how wide the arena is in ranges."""
+RANGE_M = interference_range_m(CONFIG)
+SPEED_MPS = 0.2
+GRID = grid_of(CONFIG, SPEED_MPS)
+ONE_CELL = Grid(RANGE_MAX_M)
+
+ROBOTS = (50, 100)
+ARENAS = (1, 4, 9)
+"""Widths in interference ranges."""
+FRAMES_PER_S = 2
+"""Announced by each robot: what 100 robots in one cell deliver must not be more than two cores can take."""
+PAYLOAD = bytes(50)
+MEASURED_S = 5.0
+WARM_S = 1.0
+"""From the first announcement until the measuring begins."""
+SESSIONS = 10
+"""Robots in one process: a hundred interpreters would not fit this machine's cores and measure their own start."""
+SETTLE_S = 0.5
+"""From the last announcement until what has arrived is counted."""
+PATIENCE_S = 60.0
+
+
+class Case(NamedTuple):
+    """One run."""
+
+    robots: int
+    arena: int
+    cells: bool
+    seconds: float
+
+    @property
+    def grid(self) -> Grid:
+        return GRID if self.cells else ONE_CELL
+
+    @property
+    def side_m(self) -> float:
+        return self.arena * RANGE_M
+
+
+class Tally(NamedTuple):
+    """What processes count."""
+
+    announced: int = 0
+    delivered: int = 0
+    near: int = 0
+    """Of those delivered: within the interference range."""
+    changes: int = 0
+    """Robots' changes of cell."""
+    lost: int = 0
+    cpu_s: float = 0.0
+
+    def minus(self, other: "Tally") -> "Tally":
+        return Tally(*(now - before for now, before in zip(self, other, strict=True)))  # type: ignore[arg-type]
+
+
+def cpu_s() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+class Robot:
+    """A body that drives about and a radio that announces frames."""
+
+    def __init__(self, robot: int, case: Case, bus: Bus) -> None:
+        self._rng = Random(f"{robot}/{case.arena}")
+        self._side = case.side_m
+        self._grid = case.grid
+        self.robot, self.bus = robot, bus
+        self.x, self.y = (self._rng.uniform(0.0, self._side) for _ in "xy")
+        self._angle = self._rng.uniform(0.0, math.tau)
+        self._air = LocalAir(bus, Keys("bench"), case.grid, self._hear)
+        station = Station(robot, 7, 1, Random(robot), CONFIG, RADIO_GRACE)
+        self._link = RadioLink(station, time.monotonic_ns, self._air.publish)
+        self._psdu = encode_data(DataFrame(7, BROADCAST, robot, 0, False, PAYLOAD))
+        self.announced = self.delivered = self.near = self.changes = 0
+        self._place(self.x, self.y)
+
+    def _place(self, x: float, y: float) -> None:
+        self.changes += self._grid.cell_of(x, y) != self._grid.cell_of(self.x, self.y)
+        self.x, self.y = x, y
+        self._link.station.move(x, y)
+        self._air.move(x, y)
+
+    def _hear(self, _key: str, message: wire.Envelope) -> None:
+        assert isinstance(message.body, wire.Air)
+        fields = message.body.announcement
+        self.delivered += 1
+        self.near += math.dist(fields[6:8], (self.x, self.y)) <= RANGE_M
+        self._link.hear(fields)
+
+    def step(self) -> None:
+        """Drive on until the next frame, straight but for the walls; announce one."""
+        way = SPEED_MPS / FRAMES_PER_S
+        x, y = self.x + way * math.cos(self._angle), self.y + way * math.sin(self._angle)
+        if not (0.0 <= x <= self._side and 0.0 <= y <= self._side):
+            self._angle = self._rng.uniform(0.0, math.tau)
+            x, y = self.x, self.y
+        self._place(x, y)
+        now = time.monotonic_ns()
+        self._link.advance(now, x, y)
+        self._link.receive()
+        start = now + TURNAROUND
+        self._air.publish(
+            Announcement(
+                self.robot, self.announced, 0, start, start + airtime(len(self._psdu)), CONFIG.tx_power_dbm, x, y,
+                self._psdu,
+            )
+        )  # fmt: skip
+        self.announced += 1
+
+    async def live(self, begin_ns: int, end_ns: int) -> None:
+        """Announce frames at an even pace, at an instant of its own within each."""
+        pace = NS_PER_S // FRAMES_PER_S
+        at = begin_ns + self._rng.randrange(pace)
+        while at < end_ns:
+            await until(at)
+            self.step()
+            at += pace
+
+
+async def until(instant_ns: int) -> None:
+    await asyncio.sleep(max(0, instant_ns - time.monotonic_ns()) / NS_PER_S)
+
+
+async def robots_live(case: Case, ids: Sequence[int], endpoint: str, pipe: Connection) -> None:
+    """Open sessions, wait for the word, live; tell the tally of the time measured, and of all."""
+    robots = [Robot(robot, case, open_bus(robot, connect=endpoint)) for robot in ids]
+
+    def tally() -> Tally:
+        fields = ("announced", "delivered", "near", "changes")
+        counts = [sum(getattr(robot, field) for robot in robots) for field in fields]
+        return Tally(*counts, lost=sum(robot.bus.losses.lost for robot in robots), cpu_s=cpu_s())
+
+    pipe.send("ready")
+    begin_ns = await asyncio.to_thread(pipe.recv)
+    from_ns = begin_ns + int(WARM_S * NS_PER_S)
+    to_ns = from_ns + int(case.seconds * NS_PER_S)
+    lives = [asyncio.ensure_future(robot.live(begin_ns, to_ns)) for robot in robots]
+    await until(from_ns)
+    before = tally()
+    await until(to_ns)
+    pipe.send(tally().minus(before))
+    await asyncio.gather(*lives)
+    await asyncio.sleep(SETTLE_S)
+    pipe.send(tally())
+    await asyncio.to_thread(pipe.recv)
+    for robot in robots:
+        robot.bus.close()
+
+
+async def router_lives(case: Case, endpoint: str, pipe: Connection) -> None:
+    bus = open_bus(wire.WORLD_ID, listen=endpoint)
+    pipe.send("ready")
+    begin_ns = await asyncio.to_thread(pipe.recv)
+    from_ns = begin_ns + int(WARM_S * NS_PER_S)
+    await until(from_ns)
+    before = cpu_s()
+    await until(from_ns + int(case.seconds * NS_PER_S))
+    pipe.send(Tally(cpu_s=cpu_s() - before))
+    pipe.send(Tally())
+    await asyncio.to_thread(pipe.recv)
+    bus.close()
+
+
+def process(case: Case, ids: Sequence[int], endpoint: str, pipe: Connection) -> None:
+    """Be the router (no ids) or some robots."""
+    asyncio.run(robots_live(case, ids, endpoint, pipe) if ids else router_lives(case, endpoint, pipe))
+
+
+def free_endpoint() -> str:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def said(pipe: Connection) -> Tally:
+    """Return what a process says. Raises RuntimeError when it says nothing."""
+    if not pipe.poll(PATIENCE_S):
+        raise RuntimeError(f"a process said nothing for {PATIENCE_S:g} s")
+    heard = pipe.recv()
+    return heard if isinstance(heard, Tally) else Tally()
+
+
+class Run(NamedTuple):
+    """What was counted in one run."""
+
+    measured: Tally
+    """By the robots, in the time that is measured."""
+    whole: Tally
+    """By the robots, from the first announcement until all had arrived."""
+    router_cpu_s: float
+    """In the time that is measured."""
+
+
+def summed(tallies: Sequence[Tally]) -> Tally:
+    return Tally(*map(sum, zip(*tallies, strict=True)))  # type: ignore[arg-type]
+
+
+def run(case: Case) -> Run:
+    """Let the robots of one run live, and their router."""
+    context, endpoint = multiprocessing.get_context("spawn"), free_endpoint()
+    pipes, processes = [], []
+    groups = [(), *(range(at, min(at + SESSIONS, case.robots)) for at in range(0, case.robots, SESSIONS))]
+    try:
+        for ids in groups:
+            pipe, theirs = context.Pipe()
+            started = context.Process(target=process, args=(case, ids, endpoint, theirs), daemon=True)
+            started.start()
+            pipes.append(pipe)
+            processes.append(started)
+            if not ids:
+                said(pipe)
+        for pipe in pipes[1:]:
+            said(pipe)
+        begin_ns = time.monotonic_ns() + NS_PER_S // 2
+        for pipe in pipes:
+            pipe.send(begin_ns)
+        router, *measured = [said(pipe) for pipe in pipes]
+        _, *whole = [said(pipe) for pipe in pipes]
+        for pipe in reversed(pipes):
+            pipe.send("end")
+        for each in reversed(processes):
+            each.join(PATIENCE_S)
+    finally:
+        for each in processes:
+            if each.is_alive():
+                each.kill()
+    return Run(summed(measured), summed(whole), router.cpu_s)
+
+
+@dataclass(frozen=True)
+class Row:
+    """An arena with one cell and with those of the radio."""
+
+    robots: int
+    arena_ranges: int
+    arena_m: float
+    robots_per_range_squared: float
+    announced_per_s: float
+    delivered_per_s: float
+    """With one cell."""
+    delivered_per_s_cells: float
+    saved_percent: float
+    expected_percent: float
+    needed_percent: float
+    """Of the deliveries with one cell: those to robots within the interference range."""
+    robots_cpu: float
+    """Cores that all robots keep busy."""
+    robots_cpu_cells: float
+    router_cpu: float
+    router_cpu_cells: float
+    changes: int
+    """Of all robots' cells in the run with cells."""
+    lost: int
+    """Messages that the bus lost, in both runs."""
+
+
+def expected_percent(case: Case) -> float:
+    """Return the share of deliveries that cells save if robots may be anywhere: between cells that do not touch."""
+    whole, part = divmod(case.side_m, GRID.width_m)
+    shares = [GRID.width_m / case.side_m] * int(whole) + [part / case.side_m]
+    beside = sum(share * sum(shares[max(0, at - 1) : at + 2]) for at, share in enumerate(shares))
+    return 100.0 * (1.0 - beside * beside)
+
+
+def compared(robots: int, arena: int, seconds: float) -> Row:
+    case = Case(robots, arena, cells=True, seconds=seconds)
+    one, cells = run(case._replace(cells=False)), run(case)
+    due = one.whole.announced * (robots - 1)
+    assert one.whole.delivered + one.whole.lost == due, f"{one.whole.delivered} of {due} arrived where all should"
+    # Both runs announce from the same places; only who listens drives on while an announcement is under way.
+    assert cells.whole.announced == one.whole.announced
+    assert cells.whole.near > 0.99 * one.whole.near - 10, "cells keep from robots what they should hear"
+    return Row(
+        robots=robots,
+        arena_ranges=arena,
+        arena_m=case.side_m,
+        robots_per_range_squared=robots / arena**2,
+        announced_per_s=one.measured.announced / seconds,
+        delivered_per_s=one.measured.delivered / seconds,
+        delivered_per_s_cells=cells.measured.delivered / seconds,
+        saved_percent=100.0 * (1.0 - cells.whole.delivered / one.whole.delivered),
+        expected_percent=expected_percent(case),
+        needed_percent=100.0 * one.whole.near / one.whole.delivered,
+        robots_cpu=one.measured.cpu_s / seconds,
+        robots_cpu_cells=cells.measured.cpu_s / seconds,
+        router_cpu=one.router_cpu_s / seconds,
+        router_cpu_cells=cells.router_cpu_s / seconds,
+        changes=cells.whole.changes,
+        lost=one.whole.lost + cells.whole.lost,
+    )
+
+
+HEADER = (
+    "robots", "arena, ranges", "deliveries/s, one cell", "with cells", "saved", "expected", "within range",
+    "cores of the robots", "with cells", "of the router", "with cells", "lost",
+)  # fmt: skip
+
+
+def cells_of(row: Row) -> tuple[str, ...]:
+    """Return a row of the table."""
+    return (
+        f"{row.robots}",
+        f"{row.arena_ranges} x {row.arena_ranges}",
+        f"{row.delivered_per_s:,.0f}",
+        f"{row.delivered_per_s_cells:,.0f}",
+        f"{row.saved_percent:.1f} %",
+        f"{row.expected_percent:.1f} %",
+        f"{row.needed_percent:.1f} %",
+        f"{row.robots_cpu:.2f}",
+        f"{row.robots_cpu_cells:.2f}",
+        f"{row.router_cpu:.2f}",
+        f"{row.router_cpu_cells:.2f}",
+        f"{row.lost}",
+    )
+
+
+def rows(*, quick: bool) -> Iterator[Row]:
+    for robots in ROBOTS[:1] if quick else ROBOTS:
+        for arena in ARENAS:
+            yield compared(robots, arena, 1.0 if quick else MEASURED_S)
+
+
+def main() -> int:
+    """Take all rows; return the exit code."""
+    parser = argparse.ArgumentParser(description="Take what the cells of the air save on the bus.")
+    parser.add_argument("--quick", action="store_true", help="50 robots only, a second each")
+    parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench-cells.json", metavar="FILE")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the data into FOLDER, too")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in a page")
+    options = parser.parse_args()
+    taken = []
+    for row in rows(quick=options.quick):
+        taken.append(row)
+        print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
+    record = {
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+        "quick": options.quick,
+        "range_m": RANGE_M,
+        "cell_m": GRID.width_m,
+        "frames_per_s": FRAMES_PER_S,
+        "payload_octets": len(PAYLOAD),
+        "sessions_per_process": SESSIONS,
+    }
+    data = json.dumps({**record, "rows": [asdict(row) for row in taken]}, indent=1) + "\n"
+    for path in [options.output] + ([options.write / "cells.json"] if options.write else []):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(data)
+    if options.page:
+        lines = [*table(HEADER, [cells_of(row) for row in taken]), ""]
+        options.page.write_text(renewed(options.page.read_text("utf-8"), "\n".join(lines), "cells"), "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
