@@ -13,7 +13,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Sched, Term, encode, entries_max, on_grid
+from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Phase, Sched, Term, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
 from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
 
@@ -112,6 +112,11 @@ class Held:
         """Whether the newest frame is a resignation."""
         return any(part.resign for part in self.parts.values())
 
+    @property
+    def opening(self) -> bool:
+        """Whether the leader still gathers jobs before it gives slots."""
+        return any(part.opens for part in self.parts.values())
+
     def take(self, sched: Sched) -> None:
         """Hold `sched` in place of what it supersedes."""
         if sched.term != self.term:
@@ -178,6 +183,9 @@ class Context:
         self.bans: dict[int, Instant] = {}
         self.no_acks = 0
         self.joins = 0
+        """JOBs sent or due for what the leader does not list."""
+        self.untold = False
+        """The leader followed has not been told the own job."""
         self.relayed: Instant = -NEVER
         self.answered: Instant = -NEVER
         self.reminded: Instant = -NEVER
@@ -214,10 +222,19 @@ class Context:
         """Return a duration drawn from [low, high)."""
         return low + int(self.rng.random() * (high - low))
 
-    def spread(self) -> Duration:
-        """Return a random wait before an answer that several may give."""
-        peers = min(max(self.peers(), 1), self.values.reply_peers_max)
-        return self.uniform(0, self.values.reply_spread * peers)
+    def spread(self, answers: int, least: Duration = 0) -> Duration:
+        """Return a random wait before an answer to a broadcast that `answers` robots may give.
+
+        Where few answer, waits reach up to `least`; where many do, as far as their answers need.
+        """
+        values = self.values
+        return self.uniform(0, max(least, values.reply_spread * min(max(answers, 1), values.answers_max)))
+
+    def unlisted(self) -> int:
+        """Return how many robots, this one included, may have a job that the schedule held does not list."""
+        entries = self.held.entries()
+        listed = sum(entry.robot != NOBODY and entry.phase is not Phase.PROVISIONAL for entry in entries)
+        return self.peers() + 1 - listed
 
     def become(self, role: Role) -> None:
         """Change the role."""

@@ -6,7 +6,7 @@ sends it. A member makes sure that it is listed, reminds the leader of itself, a
 is silent or does not acknowledge.
 """
 
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Timer
 from rmr.coord.events import LeaderChanged
@@ -23,8 +23,7 @@ def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None
     c.no_acks = 0
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
-    spread = max(c.values.ask_spread, c.values.reply_spread * (c.peers() + 1))
-    c.set(Timer.ASK, now + c.uniform(0, spread) if first is None else first)
+    c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
 
 
 def on_ask_timer(c: Context, now: Instant) -> bool:
@@ -49,9 +48,15 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> None:
             c.asked_by[source] = job
         if c.asked is None or (job.asked, source) < (c.asked, c.robot):
             c.asks = 0
-            c.set(Timer.ASK, now + c.values.yield_wait + c.uniform(0, c.values.yield_jitter))
+            c.set(Timer.ASK, now + c.values.yield_wait + c.spread(c.peers(), c.values.yield_jitter))
     elif c.role is Role.FOLLOWING and c.fresh(now):
-        c.sooner(Timer.RELAY, now + c.values.relay_wait + c.spread())
+        relay_soon(c, now + c.values.relay_wait)
+
+
+def relay_soon(c: Context, now: Instant) -> None:
+    """Relay the schedule held, unless another does so first: all who follow it have heard what calls for it."""
+    followers = c.peers() if c.held.opening else len(c.held.entries())
+    c.sooner(Timer.RELAY, now + c.spread(followers))
 
 
 def on_relay_timer(c: Context, now: Instant) -> None:
@@ -70,9 +75,7 @@ def relay(c: Context, now: Instant) -> None:
 
 def accept(c: Context, now: Instant, sched: Sched) -> None:
     """Hold `sched`, follow its leader if there is a job, and take the own slot from it."""
-    old = c.held.term
-    if c.held.issued <= sched.issued:
-        c.set(Timer.RELAY, NEVER)
+    old, was_listed = c.held.term, listed(c)
     c.held.take(sched)
     for entry in sched.entries:
         if entry.phase is Phase.OUT and entry.robot != NOBODY:
@@ -84,7 +87,7 @@ def accept(c: Context, now: Instant, sched: Sched) -> None:
     if sched.term != old or c.role is not Role.FOLLOWING:
         _follow(c, sched.term)
     passage.on_schedule(c, now)
-    _see_to_listing(c, now)
+    _see_to_listing(c, now, was_listed)
     _suspect_later(c)
 
 
@@ -93,7 +96,7 @@ def _follow(c: Context, term: Term) -> None:
     c.asked, c.asks = None, 0
     c.asked_by.clear()
     c.set(Timer.ASK, NEVER)
-    c.no_acks, c.joins = 0, 0
+    c.no_acks, c.joins, c.untold = 0, 0, True
     c.set(Timer.JOIN, NEVER)
     c.emit(LeaderChanged(c.event, term.leader, term.counter))
 
@@ -105,21 +108,31 @@ def _remind(c: Context, now: Instant, sched: Sched) -> None:
             continue
         if c.fence.is_finished(c.robot, entry.trigger) and now - c.reminded >= c.values.reminder_gap:
             c.reminded = now
-            passage.repeat_out(c, now, entry)
+            passage.repeat_out(c, now + c.spread(len(sched.entries)), entry)
 
 
-def _see_to_listing(c: Context, now: Instant) -> None:
-    """Arrange for the next JOB: soon when the leader does not know the job as it is, else as a reminder."""
+def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
+    """Arrange for the next JOB: soon when the leader does not know the job as it is, else as a reminder.
+
+    A new leader is told at once, even by who has heard but a part of its schedule and may stand in another.
+    """
     job = c.job
     if job is None or c.passage is Passage.INSIDE:
         c.set(Timer.JOIN, NEVER)
         return
     if listed(c):
         c.joins = 0
-        c.sooner(Timer.JOIN, now + c.values.keep)
-    elif c.joins == 0 and (c.held.complete() or c.held.find(c.robot, job.trigger) is not None):
+        if not was_listed and job.told == (job.request.release, job.request.duration):
+            c.set(Timer.JOIN, NEVER)
+        c.sooner(Timer.JOIN, _reminder(c, now))
+    elif c.joins == 0 and (c.untold or c.held.complete() or c.held.find(c.robot, job.trigger) is not None):
         c.joins = 1
-        c.sooner(Timer.JOIN, now + c.spread())
+        c.sooner(Timer.JOIN, now + c.spread(c.unlisted()))
+
+
+def _reminder(c: Context, now: Instant) -> Instant:
+    """Return when to repeat a job that is listed: not when all others do that one schedule listed."""
+    return now + c.values.keep - c.spread(c.peers() + 1)
 
 
 def listed(c: Context) -> bool:
@@ -139,14 +152,19 @@ def on_join_timer(c: Context, now: Instant) -> None:
     c.set(Timer.JOIN, NEVER)
     if c.role is not Role.FOLLOWING or c.job is None or c.passage is Passage.INSIDE:
         return
+    c.untold = False
     c.send(c.job_frame(now, c.held.term), now, c.held.term.leader)
-    values = c.values
     if listed(c):
-        c.set(Timer.JOIN, now + values.keep)
-        return
-    gap = min(values.rejoin_first << min(max(c.joins - 1, 0), 8), values.rejoin_max)
-    c.joins += 1
-    c.set(Timer.JOIN, now + c.uniform(gap, gap + gap // 2))
+        c.set(Timer.JOIN, _reminder(c, now))
+    else:
+        c.set(Timer.JOIN, now + _back_off(c))
+        c.joins += 1
+
+
+def _back_off(c: Context) -> Duration:
+    """Return how long to wait before telling the leader again."""
+    gap = min(c.values.rejoin_first << min(max(c.joins - 1, 0), 8), c.values.rejoin_max)
+    return c.uniform(gap, gap + gap // 2)
 
 
 def tell(c: Context, now: Instant) -> None:
@@ -157,12 +175,14 @@ def tell(c: Context, now: Instant) -> None:
 
 
 def _suspect_later(c: Context) -> None:
-    """The leader is suspected when it is silent for long; the next in the list moves first."""
+    """The leader is suspected when it is silent for long; the next in the list moves first, the unlisted last."""
     values, held = c.values, c.held
     listed_robots = [e.robot for e in held.entries() if e.phase is not Phase.OUT and e.robot != held.term.leader]
-    rank = listed_robots.index(c.robot) if c.robot in listed_robots else len(listed_robots)
+    unlisted = c.robot not in listed_robots
+    rank = len(listed_robots) if unlisted else listed_robots.index(c.robot)
     wait = values.lease if held.resigned else values.suspicion
-    c.set(Timer.SUSPECT, held.issued + wait + rank * values.stagger)
+    spread = c.spread(c.unlisted()) if unlisted else 0
+    c.set(Timer.SUSPECT, held.issued + wait + rank * values.stagger + spread)
 
 
 def on_suspect_timer(c: Context, now: Instant) -> None:
@@ -176,10 +196,19 @@ def on_suspect_timer(c: Context, now: Instant) -> None:
 
 
 def on_confirmed(c: Context, now: Instant, status: str) -> None:
-    """The outcome of a JOB to the leader: after some without acknowledgement avoid that leader."""
+    """The outcome of a JOB to the leader.
+
+    One that has arrived is not repeated before the leader has had time to list it, one that has not, after a
+    back-off. After some without acknowledgement that leader is avoided.
+    """
     if status == "ok":
         c.no_acks = 0
+        if c.timers[Timer.JOIN] < NEVER:
+            gap = c.values.repetition
+            c.set(Timer.JOIN, max(c.timers[Timer.JOIN], now + c.uniform(gap, gap + gap // 2)))
         return
+    if c.role is Role.FOLLOWING and c.joins:
+        c.sooner(Timer.JOIN, now + _back_off(c))
     if status != "no_ack" or c.role is not Role.FOLLOWING:
         return
     c.no_acks += 1

@@ -43,8 +43,8 @@ class Group:
             leader.own_job_changed(c, now)
         elif c.fresh(now) and not c.held.resigned and not c.banned(c.held.term.leader, now):
             c.become(Role.FOLLOWING)
-            c.joins = 1
-            c.set(Timer.JOIN, now + c.uniform(0, c.values.join_jitter))
+            c.joins, c.untold = 1, True
+            c.set(Timer.JOIN, now + c.spread(c.unlisted(), c.values.join_jitter))
             c.set(Timer.SUSPECT, c.held.issued + c.values.suspicion)
             c.emit(LeaderChanged(c.event, c.held.term.leader, c.held.term.counter))
         elif c.role is not Role.ASKING:
@@ -163,7 +163,7 @@ class Group:
             silent = c.fence.unheard(now, beacon)
             if silent is not None:
                 c.witnessed = silent
-                c.set(Timer.WITNESS, now + c.uniform(c.values.witness_min, c.values.witness_max))
+                c.set(Timer.WITNESS, now + c.values.witness_min + c.spread(c.peers(), c.values.witness_spread))
 
     def _on_job(self, now: Instant, job: Job, source: int) -> None:
         c = self.context
@@ -176,7 +176,7 @@ class Group:
         elif question:
             follower.on_question(c, now, source, job)
         elif c.role is Role.FOLLOWING and c.fresh(now):
-            c.sooner(Timer.RELAY, now + c.spread())
+            follower.relay_soon(c, now)
 
     def _on_sched(self, now: Instant, sched: Sched, source: int) -> None:
         c, values = self.context, self.context.values
@@ -188,13 +188,15 @@ class Group:
             if source != term.leader:
                 return
             del c.bans[term.leader]
+        if sched.issued >= c.held.issued and not c.held.term.better(term):
+            c.set(Timer.RELAY, NEVER)
         if term.leader == c.robot:
             self._on_own_name(now, sched)
         elif c.role is Role.LEADING and not sched.resign:
             self._on_rival(now, sched)
         elif c.fresh(now) and c.held.term.better(term) and not c.held.resigned:
             if c.role is Role.FOLLOWING and now - c.relayed >= values.repetition:
-                follower.relay(c, now)
+                follower.relay_soon(c, now)
         elif self._is_news(sched):
             follower.accept(c, now, sched)
             self._after_accept(now, sched)

@@ -42,7 +42,10 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     c.held.term, c.held.order = own, held.order
     c.idle_since = None
     c.extras = 0
-    wait = 0 if heir else c.values.takeover_wait if predecessor else ledger.wait(now, c.peers())
+    answers = c.values.reply_spread * min(c.peers(), c.values.answers_max) + c.values.answer_time
+    ledger.answered = now + answers
+    takeover = max(c.values.takeover_wait, answers)
+    wait = 0 if heir else takeover if predecessor else ledger.wait(now, c.peers())
     ledger.opens = now + wait
     c.emit(LeadershipBegan(c.event, c.counter))
     if wait:

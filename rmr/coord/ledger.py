@@ -92,6 +92,8 @@ class Ledger:
         """By rank: jobs that are over, before some that are not."""
         self.opens: Instant = NEVER
         """When slots are given for the first time."""
+        self.answered: Instant = 0
+        """By when all answers to the announcement should be here."""
         self.open = False
 
     # -- news ------------------------------------------------------------------------------------------
@@ -304,17 +306,18 @@ class Ledger:
 
         Waiting x costs the k jobs noted k x of lateness and spares p peers not yet noted, of whom
         exp(-x / tau) come later still, a delay c each; the sum is least at tau ln(p c / (k tau)). Lateness
-        turns into misses as 1 / slack, so the slack only bounds it.
+        turns into misses as 1 / slack, so the slack only bounds it. While somebody is missing, answers to the
+        announcement are waited for, too. Who is known from a predecessor's list only is missing.
         """
         values = self._values
-        count = len(self.lines)
-        missing = peers - (count - (self._robot in self.lines))
-        if missing <= 0 or not count:
+        told = [line for line in self.lines.values() if not line.provisional]
+        missing = peers - sum(line.robot != self._robot for line in told)
+        if missing <= 0 or not told:
             return 0
-        delay = values.frozen / 2 + max(line.headway for line in self.lines.values())
-        best = values.spread * math.log(max(missing * delay / (count * values.spread), 1.0))
-        slack = min(line.deadline - line.duration - max(now, line.release) for line in self.lines.values())
-        return int(max(0.0, min(best, slack / 4, values.wait_max)))
+        delay = values.frozen / 2 + max(line.headway for line in told)
+        best = values.spread * math.log(max(missing * delay / (len(told) * values.spread), 1.0))
+        slack = min(line.deadline - line.duration - max(now, line.release) for line in told)
+        return int(max(0.0, min(max(best, self.answered - now), slack / 4, values.wait_max)))
 
 
 def _task(line: Line) -> Task:

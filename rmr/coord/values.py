@@ -59,8 +59,13 @@ class Values:
 
     ask_spread: Duration = 50 * MS
     """The first question comes after at most this, so that of several robots one usually speaks first."""
-    reply_spread: Duration = 5 * MS
-    """Per expected answer: less loses most answers to a broadcast."""
+    reply_spread: Duration = 6 * MS
+    """Per expected answer to a broadcast. A JOB with access and acknowledgement takes 4 ms; of 50 at 5 ms one in twenty
+    would find no free channel, at 6 ms one in thirty."""
+    answer_time: Duration = 20 * MS
+    """What an answer needs besides: the dither, access to the channel and a repeat."""
+    answers_max: int = JOBS_MAX
+    """Answers are spread for at most so many: a leader takes no more jobs."""
     asks: int = 3
     """Unanswered questions after which a robot leads: three in a row are rarely all lost."""
     ask_gap: Duration = 110 * MS
@@ -69,8 +74,6 @@ class Values:
     yield_wait: Duration = 460 * MS
     """Who let an earlier asker go first asks again after this: just longer than that one needs to lead."""
     yield_jitter: Duration = 50 * MS
-    reply_peers_max: int = 10
-    """Answers are spread for at most this many peers; beyond, most stay silent because another answered."""
     answer_jitter: Duration = 20 * MS
     """The leader answers a question within this."""
     relay_wait: Duration = 20 * MS
@@ -125,8 +128,9 @@ class Values:
     reminder_gap: Duration = 200 * MS
     """Who is listed though finished says OUT at most this often."""
     witness_min: Duration = 5 * MS
-    witness_max: Duration = 45 * MS
-    """A witness repeats the beacon of a silent robot inside after a time between these."""
+    witness_spread: Duration = 40 * MS
+    """A witness repeats the beacon of a silent robot inside after the first, and within the second of these after it
+    (or 6 ms for each known robot, if that is more), unless another has done so."""
 
     suspicion: Duration = 1500 * MS
     """A leader that is silent for this long is replaced (T_SUS); all its leases have ended by then."""
@@ -135,7 +139,7 @@ class Values:
     gone: Duration = 10_000 * MS
     """A robot inside that is silent for this long is presumed gone (T_GONE): longer than any stall."""
     keep: Duration = 2000 * MS
-    """A member repeats its job to the leader this often."""
+    """A member repeats its job to the leader this often, or a spread sooner: one schedule has set all their clocks."""
     drop: Duration = 5000 * MS
     """A waiting job that is not heard of for this long is dropped: two repeats may be lost."""
     drop_provisional: Duration = 3000 * MS
