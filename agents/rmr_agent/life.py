@@ -23,6 +23,7 @@ from rmr.node.ports import Ports
 from rmr.radio.cells import Grid, grid_of
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts
+from rmr.radio.security import Security
 from rmr.radio.station import RadioConfig, Station
 from rmr.vm.outside import Gate
 from rmr_agent.air import LocalAir
@@ -93,7 +94,7 @@ def _as(kind: Type, value: Value) -> Value:
 
 def radio_config(radio: dict[str, Any]) -> RadioConfig:
     """Return the radio's model from the settings that the world tells. Raises RefusedError."""
-    settings = {name: value for name, value in radio.items() if name not in {"pan", "seed"}}
+    settings = {name: value for name, value in radio.items() if name not in {"pan", "seed", "security"}}
     try:
         if settings.get("bursts") is not None:
             settings["bursts"] = Bursts(**settings["bursts"])
@@ -102,11 +103,11 @@ def radio_config(radio: dict[str, Any]) -> RadioConfig:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
 
-def make_station(config: NodeConfig, radio: dict[str, Any]) -> Station:
+def make_station(config: NodeConfig, radio: dict[str, Any], security: Security | None = None) -> Station:
     """Return the robot's radio from the settings that the world tells. Raises RefusedError."""
     rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
     try:
-        return Station(config.robot, radio["pan"], radio["seed"], rng, config.radio, RADIO_GRACE)
+        return Station(config.robot, radio["pan"], radio["seed"], rng, config.radio, RADIO_GRACE, security=security)
     except (KeyError, TypeError, ValueError) as error:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
@@ -127,7 +128,7 @@ class Life:
         config: NodeConfig,
         loaded: Loaded,
         handlers: dict[str, Handler],
-        radio: dict[str, Any],
+        station: Station,
         clock: LabClock,
         send: "Sender",
         fail: Callable[[BaseException], None],
@@ -140,7 +141,7 @@ class Life:
         self._over = False
         self._begun_cpu = 0
         self._air = send.air
-        self.link = RadioLink(make_station(config, radio), self.now, send.air.publish)
+        self.link = RadioLink(station, self.now, send.air.publish)
         self.body = BusBody(send.act)
         self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
         self.started = False

@@ -19,22 +19,26 @@ from rmr.bus.process import (
     hold_lifeline,
     start_logging,
 )
-from rmr.node.actions import Handler
-from rmr_agent.bytecode import Loaded, RefusedError, check_actions, load_handlers, load_program
-from rmr_agent.robot import RobotProcess
+from rmr.radio.keyfile import KeyFileError, read_key
+from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
+from rmr_agent.robot import Carried, RobotProcess
 
 
-def _load(options: argparse.Namespace) -> tuple[Loaded, dict[str, Handler]]:
+def _load(options: argparse.Namespace) -> Carried:
     loaded = load_program(options.program)
     handlers = load_handlers(options.actions)
     check_actions(loaded.program, handlers)
-    return loaded, handlers
+    try:
+        key = None if options.radio_key is None else read_key(options.radio_key)
+    except KeyFileError as error:
+        raise RefusedError(str(error)) from None
+    return Carried(loaded, handlers, key)
 
 
-async def _live(options: argparse.Namespace, loaded: Loaded, handlers: dict[str, Handler], ending: Ending) -> None:
+async def _live(options: argparse.Namespace, carried: Carried, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    await RobotProcess(options.id, options.connect, options.lab, loaded, handlers, ending).run()
+    await RobotProcess(options.id, options.connect, options.lab, carried, ending).run()
 
 
 def perform(options: argparse.Namespace) -> int:
@@ -46,13 +50,13 @@ def perform(options: argparse.Namespace) -> int:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return EXIT_USAGE
     try:
-        loaded, handlers = _load(options)
+        carried = _load(options)
     except RefusedError as error:
         print(f"{who}: {error}", file=sys.stderr)
         return EXIT_INVALID
     ending = Ending()
     try:
-        asyncio.run(_live(options, loaded, handlers, ending))
+        asyncio.run(_live(options, carried, ending))
     except BusError as error:
         ending.ask(str(error), EXIT_FAILED)
     except Exception as error:

@@ -15,7 +15,7 @@ import contextlib
 import logging
 import random
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
@@ -26,7 +26,8 @@ from rmr.node.report import progress, robot_report
 from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, floor_grid, node_config
+from rmr_agent.life import Life, Sender, floor_grid, make_station, node_config
+from rmr_agent.secured import make_security
 
 SAY_AGAIN_S = 5.0
 """How often a waiting robot says that it waits."""
@@ -62,16 +63,22 @@ FAILURES_MAX = 20
 log = logging.getLogger("rmr")
 
 
+class Carried(NamedTuple):
+    """What a robot brings along: all else it is told by its world."""
+
+    loaded: Loaded
+    handlers: dict[str, Handler]
+    key: bytes | None
+    """Of the radio; None where the lab's is open."""
+
+
 class RobotProcess:
     """One robot in one process."""
 
-    def __init__(
-        self, robot: int, connect: str, lab: str | None, loaded: Loaded, handlers: dict[str, Handler], ending: Ending
-    ) -> None:
+    def __init__(self, robot: int, connect: str, lab: str | None, carried: Carried, ending: Ending) -> None:
         self._robot = robot
         self._connect = connect
-        self._loaded = loaded
-        self._handlers = handlers
+        self._carried = carried
         self._ending = ending
         self._keys = Keys(lab or ANY_LAB)
         self._token = random.SystemRandom().getrandbits(48)
@@ -189,14 +196,15 @@ class RobotProcess:
             self._life.end()
             log.info("another run has begun; robot %d starts anew", self._robot)
         try:
-            config = node_config(self._robot, known, self._loaded.program, known.lives)
+            loaded, handlers, key = self._carried
+            config = node_config(self._robot, known, loaded.program, known.lives)
+            security = make_security(self._robot, known, envelope.run, key)
+            station = make_station(config, known.radio, security)
             send = Sender(
                 LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
             )
-            self._life = Life(
-                config, self._loaded, self._handlers, known.radio, self._clock, send, self._ending.break_down
-            )
+            self._life = Life(config, loaded, handlers, station, self._clock, send, self._ending.break_down)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
@@ -314,6 +322,8 @@ class RobotProcess:
 
     def _log_trace(self, life: Life) -> None:
         """Write what the node has noted since the last time into the log."""
+        if life.link.station.mute:
+            self._say_failure("the radio's frame counter is used up: the robot sends nothing more; start it again")
         for entry in life.node.trace_log:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
             if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):

@@ -288,7 +288,8 @@ def world_command(plan: Plan, endpoint: str) -> list[str]:
 def agent_command(plan: Plan, robot: int, endpoint: str) -> list[str]:
     """Return the command that starts one robot."""
     actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
-    options = ["--id", str(robot), "--connect", endpoint, "--lab", plan.lab.name, *actions]
+    key = ["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []
+    options = ["--id", str(robot), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
     return [*python("rmr_agent.main"), *options, str(plan.byte_code)]
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from rmr.base.time import in_seconds
 from rmr_world.lab import Lab, LabError, load_lab
 from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_lab_program
+from rmr_world.radiokey import radio_key
 from rmr_world.runfolder import RunFolderError, make_run_folder
 from rmr_world.usage import check_program
 
@@ -114,6 +115,7 @@ def read_lab(path: Path, robots: int | None) -> Lab:
     """Return the valid lab in `path`, with its first `robots` robots. Raises RefusedError."""
     try:
         lab = load_lab(path)
+        radio_key(lab)  # the robots will read it: here it is only judged
         return lab if robots is None else lab.with_robots(robots)
     except LabError as error:
         raise RefusedError(str(error), INVALID) from error

@@ -103,6 +103,7 @@ class Station:
         self.links = links or Links(self.config, seed)
         self.next_wake: Instant = NEVER
         self._seed = seed
+        self._security = security
         self._grace = grace
         self._channel = channel_of(self.config)
         self._mac = Mac(address, pan, rng, 2 * grace + GRACE_MARGIN if grace else 0, security)
@@ -114,6 +115,11 @@ class Station:
         self._intake = Intake(address, pan, self.counters, security)
         self._assessed: deque[Instant] = deque(maxlen=ASSESSMENTS_MAX)
         self._out: list[Output] = []
+
+    @property
+    def mute(self) -> bool:
+        """Whether it sends nothing more, having used up its frame counter."""
+        return self._security is not None and self._security.used_up
 
     def move(self, x: float, y: float) -> None:
         """Set the station's true position, metres; `advance` does so as well."""

@@ -11,6 +11,7 @@ from rmr_world.checks import check_program
 from rmr_world.document import LabError
 from rmr_world.lab import load_lab
 from rmr_world.program import load_handlers, load_lab_program
+from rmr_world.radiokey import radio_key
 from rmr_world.report import assemble
 
 
@@ -42,7 +43,8 @@ def prepare(
     if problems:
         raise LabError(problems)
     handlers = load_handlers(loaded.program, actions)
-    return Simulation(lab, loaded.program, loaded.digest, lab.seed if seed is None else seed, handlers, trace)
+    seed = lab.seed if seed is None else seed
+    return Simulation(lab, loaded.program, loaded.digest, seed, handlers, trace, radio_key(lab))
 
 
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:

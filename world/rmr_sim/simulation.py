@@ -20,7 +20,7 @@ from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
 from rmr.node.trace import Level
 from rmr.radio.ether import Ether
-from rmr.radio.security import Security
+from rmr.radio.security import LEVELS, Security, run_key
 from rmr_world.lab import Lab
 from rmr_world.physics import World
 from rmr_world.terms import parse_fact
@@ -111,9 +111,14 @@ class Simulation:
         seed: int,
         handlers: Mapping[str, Handler] | None = None,
         trace: Level = Level.NOTES,
+        key: bytes | None = None,
     ) -> None:
-        """Raise `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out."""
+        """`key` is the lab's, where its radio is secured.
+
+        Raises `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out.
+        """
         self.lab = lab
+        self._key = None if key is None else run_key(key, "simulator", lab.name, seed)
         self.seed = seed
         self.kernel = Kernel()
         self.world = World(lab, seed)
@@ -144,7 +149,11 @@ class Simulation:
 
     def security(self, robot: int) -> Security | None:
         """Return what secures the frames of `robot`; None: nothing does."""
-        return None
+        level = LEVELS[self.lab.radio.security]
+        if level is None:
+            return None
+        assert self._key is not None, "a lab whose radio is secured comes with its key"
+        return Security(level, self._key, robot)
 
     def run(self) -> bool:
         """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.

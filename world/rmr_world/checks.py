@@ -18,10 +18,11 @@ from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr.radio.phy import Bursts
+from rmr.radio.security import UNSECURED
 from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
 from rmr_world.faults import passing, standing
-from rmr_world.lab import Fault, Lab, Localisation, RadioSettings, RobotStart
+from rmr_world.lab import KEYED, Fault, Lab, Localisation, RadioSettings, RobotStart
 from rmr_world.schema import (
     LAB_NAME,
     NAME,
@@ -200,6 +201,7 @@ class _Judge:
             faults=faults,
             disturbances=disturbances,
             path=path,
+            key_file=None if spec.radio.key_file is None else path.parent / spec.radio.key_file,
             places=self._document.places,
         )
 
@@ -369,7 +371,9 @@ class _Judge:
 
 def _radio(spec: RadioSpec) -> RadioSettings:
     bursts = None if spec.bursts is None else Bursts(**spec.bursts.model_dump())
-    return RadioSettings(**spec.model_dump(exclude={"bursts", "links", "partition"}), bursts=bursts)
+    security = spec.security or (UNSECURED if spec.key_file is None else KEYED)
+    others = {"bursts", "links", "partition", "security", "key_file"}
+    return RadioSettings(**spec.model_dump(exclude=others), bursts=bursts, security=security)
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:

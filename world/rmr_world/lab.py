@@ -16,10 +16,13 @@ from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
+from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Path_, Problem, read
 from rmr_world.terms import FinishPattern, LabFact, parse_fact, parse_finish
 
 LAB_FILE = "lab.yaml"
+KEYED = "enc-mic-64"
+"""Of a radio of which only the key is given: no luck forges a frame, and 103 octets of payload are left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,8 @@ class RadioSettings:
     interference: str = "capture_3db"
     seed: int | None = None
     """None: the run's seed."""
+    security: str = UNSECURED
+    """A name of `rmr.radio.security.LEVELS`."""
 
     @property
     def config(self) -> RadioConfig:
@@ -122,6 +127,8 @@ class Lab:
     disturbances: tuple[Disturbance, ...] = ()
     """Of the radio: `radio.links` and `radio.partition`, then the `faults` that concern it."""
     path: Path = Path(LAB_FILE)
+    key_file: Path | None = None
+    """Holds the radio's key. Not among the radio's settings, which all of the bus can read."""
     fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)
     """For each of `facts` its index in the file's list; empty: they are all of them."""
     places: Mapping[Path_, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)

@@ -234,8 +234,16 @@ class RadioSpec(_Strict):
     bursts: BurstsSpec | None = None
     interference: Literal["capture_3db", "awgn"] = "capture_3db"
     seed: Integer | None = None
+    security: Literal["none", "enc-mic-32", "enc-mic-64", "enc-mic-128"] | None = None
+    key_file: Annotated[str, Field(min_length=1, description="Relative to this file.")] | None = None
     links: Annotated[list[LinkSpec], Field(max_length=DISTURBANCES_MAX)] = []
     partition: Groups | None = None
+
+    @model_validator(mode="after")
+    def _key_used(self) -> "RadioSpec":
+        if self.security == "none" and self.key_file is not None:
+            raise ValueError("security none uses no key: remove security, or key_file")
+        return self
 
 
 class LocalisationSpec(_Strict):

@@ -16,7 +16,7 @@ from rmr.radio.station import RadioConfig
 from rmr_agent import life as lives
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, node_config
+from rmr_agent.life import Life, Sender, make_station, node_config
 
 MS = NS_PER_MS
 FLOAT, INT, LIST = Type(Base.FLOAT), Type(Base.INT), Type(Base.LIST, element=Type(Base.FLOAT))
@@ -145,7 +145,9 @@ def live(monkeypatch, scene):
     async def play():
         clock, failures = LabClock(), []
         silent = Sender(DeafAir(), lambda body: None)
-        life = Life(node_config(1, known(), PROGRAM, 0), Loaded(PROGRAM, 1), {}, RADIO, clock, silent, failures.append)
+        config = node_config(1, known(), PROGRAM, 0)
+        station = make_station(config, RADIO)
+        life = Life(config, Loaded(PROGRAM, 1), {}, station, clock, silent, failures.append)
         try:
             await scene(life, clock, life.node, failures)
         finally:
