@@ -12,7 +12,7 @@ from rmr_agent.bytecode import RefusedError
 def make_security(robot: int, known: wire.Map, run: int, key: bytes | None) -> Security | None:
     """Return what secures `robot` in the run that the world tells of; None in an open lab. Raises RefusedError."""
     name = known.radio.get("security", UNSECURED)
-    if name not in LEVELS:
+    if not isinstance(name, str) or name not in LEVELS:
         raise RefusedError(f"its radio is secured in a way that this robot does not know ({name!r})")
     level = LEVELS[name]
     if level is None and key is None:
