@@ -5,7 +5,6 @@ byte-code and its actions (3), then the world (waited for). It imports little, s
 """
 
 import argparse
-import asyncio
 import logging
 import sys
 
@@ -17,6 +16,7 @@ from rmr.bus.process import (
     Ending,
     handle_signals,
     hold_lifeline,
+    run_precisely,
     start_logging,
 )
 from rmr.radio.keyfile import KeyFileError, read_key
@@ -56,7 +56,7 @@ def perform(options: argparse.Namespace) -> int:
         return EXIT_INVALID
     ending = Ending()
     try:
-        asyncio.run(_live(options, carried, ending))
+        run_precisely(_live(options, carried, ending))
     except BusError as error:
         ending.ask(str(error), EXIT_FAILED)
     except Exception as error:
