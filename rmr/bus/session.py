@@ -190,9 +190,8 @@ class Bus:
 
     def retire(self, key: str) -> None:
         """Free what `publish` holds for `key`. Its numbers go on if something is published there again."""
-        publisher = self._publishers.pop(key, None)
-        if publisher is not None:
-            publisher.undeclare()
+        if key in self._publishers and not self._closed:
+            self._publishers.pop(key).undeclare()
 
     def _decode(self, payload: Any) -> wire.Envelope | None:
         try:

