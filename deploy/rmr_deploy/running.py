@@ -28,8 +28,8 @@ def endpoint_of(folder: Path) -> str | None:
 
 def newest_endpoint(runs: Path) -> str | None:
     """Return where the world of the newest run under way listens, of those whose folders are in `runs`."""
-    found = [(path.stat().st_mtime_ns, path.parent) for path in runs.glob(f"*/{PROCESSES_FILE}")]
-    for _, folder in sorted(found, reverse=True):
+    folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}")]
+    for folder in sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True):
         if not (folder / REPORT_FILE).exists() and _lives(_read(folder).get("launcher")):
             return endpoint_of(folder)
     return None
@@ -41,6 +41,14 @@ def _read(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return record if isinstance(record, dict) else {}
+
+
+def _written(folder: Path) -> int:
+    """Return when the folder's record was written; 0 if it has just been removed."""
+    try:
+        return (folder / PROCESSES_FILE).stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _lives(pid: object) -> bool:

@@ -4,8 +4,10 @@ import pytest
 from world_labs import LABS
 
 from rmr.base.time import tick_start
+from rmr.bus import wire
 from rmr.bus.process import Ending
 from rmr.bus.wire import Losses
+from rmr.radio.links import Disturbance, partition
 from rmr_world import server
 from rmr_world.lab import load_lab
 from rmr_world.server import BEHIND_MAX, CATCH_UP_MAX, WorldServer
@@ -48,3 +50,48 @@ def test_a_tick_that_is_made_up_for_is_counted_once(monkeypatch):
 def test_a_world_that_is_too_far_behind_sets_lab_time_back_and_makes_up_for_nothing(monkeypatch):
     report = Held(monkeypatch).catch_up(BEHIND_MAX + 10, 1)
     assert (report["ticks_late"], report["set_back"]) == (0, 1)
+
+
+class Asked:
+    """A world that operators ask about disturbances."""
+
+    def __init__(self) -> None:
+        self.bus = StubBus()
+        self.server = WorldServer(load_lab(LABS / "testbed" / "lab.yaml"), 1, self.bus, Ending(), when_ready=True)
+
+    def ask(self, wish: str, added: Disturbance | None = None) -> wire.Disturbances:
+        question = wire.Envelope(wire.OPERATOR_ID, 1, 1, wire.AskDisturbances(wish, added))
+        answer = self.server._answer_disturbances(question, 0)
+        assert isinstance(answer, wire.Disturbances)
+        return answer
+
+    @property
+    def told(self) -> list[tuple[Disturbance, ...]]:
+        """What the robots have been told, news by news."""
+        bodies = [body for key, body in self.bus.published if key == "rmr/testbed/disturbances"]
+        return [body.held for body in bodies if isinstance(body, wire.Disturbances)]
+
+    def arrives(self, robot: int) -> wire.Map:
+        answer = self.server._answer_map(wire.Envelope(robot, 1, 1, wire.AskMap(robot, 5)), 0)
+        assert isinstance(answer, wire.Map)
+        return answer
+
+
+def test_what_an_operator_changes_is_told_to_the_robots_there_and_to_those_that_come():
+    world = Asked()
+    held = world.ask("add", partition([[1], [2]])).held
+    assert len(held) == 1
+    assert world.told == [held]
+    assert world.arrives(1).disturbances == held
+    cleared = world.ask("clear").held
+    assert world.told == [held, cleared]
+    assert world.arrives(2).disturbances == cleared
+
+
+def test_what_changes_nothing_is_told_to_nobody():
+    world = Asked()
+    assert world.ask("list").held == ()
+    refusal = world.ask("add", partition([[1], [77]]))
+    assert (refusal.held, refusal.refused[:27]) == ((), "lab testbed has no robot 77")
+    world.ask("clear")
+    assert world.told == []
