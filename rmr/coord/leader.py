@@ -5,14 +5,27 @@ lease. One that has issued nothing for a lease leads no more, for others may by 
 stays while others wait, even when its own job is done.
 """
 
+from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Held, Timer, stamp
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NOBODY, PARTS_MAX, Beacon, Entry, Job, Phase, Sched, Term, entries_max, split_path
+from rmr.coord.messages import (
+    NOBODY,
+    PARTS_MAX,
+    Beacon,
+    Entry,
+    Job,
+    PathPart,
+    Phase,
+    Sched,
+    Term,
+    entries_max,
+    steps_max,
+)
 from rmr.coord.states import Role
-from rmr.coord.values import MS
+from rmr.coord.values import MS, PAYLOAD_MAX
 
 _ROTATE_PARTS = 2
 """Schedules of more parts than this repeat the first each time and the others in turn."""
@@ -282,3 +295,18 @@ def send_path(c: Context, now: Instant, way: int) -> None:
     for part in split_path(c.event, offered[0], c.led, way, offered[1], c.values.payload_max):
         for i in range(c.values.path_repeats):
             c.send(part, now + i * c.values.path_gap)
+
+
+def split_path(
+    event: bytes, time: Instant, term: Term, way: int, path: GridPath, payload_max: int = PAYLOAD_MAX
+) -> list[PathPart]:
+    """Return the frames of a whole path. Raises ValueError for a path of more than 65535 steps or cells beyond."""
+    total = len(path.steps)
+    if total > 0xFFFF or not all(0 <= c <= 0xFFFF for c in path.first):
+        raise ValueError("a path has at most 65535 steps and begins in a cell of the arena")
+    full = steps_max(payload_max)
+    offsets = range(0, max(total, 1), full)
+    return [
+        PathPart(event, time, term, way, i, path.first, total, at, path.steps[at : at + full])
+        for i, at in enumerate(offsets)
+    ]

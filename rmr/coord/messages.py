@@ -16,7 +16,6 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant
 from rmr.coord.values import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
 
@@ -196,10 +195,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(payload: bytes, payload_max: int = PAYLOAD_MAX) -> Message:
-    """Return the message in `payload`, of robots whose frames hold `payload_max` octets.
-
-    Raises MessageError for anything malformed.
-    """
+    """Return the message in `payload`, `payload_max` octets at most. Raises MessageError for anything malformed."""
     if len(payload) < _HEADER.size or len(payload) > payload_max:
         raise MessageError(f"{len(payload)} octets are no frame")
     if payload[0] == Kind.PATH:
@@ -380,21 +376,6 @@ def _decode_path(payload: bytes, full: int) -> PathPart:
     bits = int.from_bytes(payload[PATH_OCTETS:], "big") >> (8 * octets - 3 * count)
     steps = tuple(bits >> 3 * (count - 1 - i) & 7 for i in range(count))
     return PathPart(event, time * MS, Term(counter, leader), way, part, (column, row), total, offset, steps)
-
-
-def split_path(
-    event: bytes, time: Instant, term: Term, way: int, path: GridPath, payload_max: int = PAYLOAD_MAX
-) -> list[PathPart]:
-    """Return the frames of a whole path. Raises ValueError for a path of more than 65535 steps or cells beyond."""
-    total = len(path.steps)
-    if total > _U16 or not all(0 <= c <= _U16 for c in path.first):
-        raise ValueError("a path has at most 65535 steps and begins in a cell of the arena")
-    full = steps_max(payload_max)
-    offsets = range(0, max(total, 1), full)
-    return [
-        PathPart(event, time, term, way, i, path.first, total, at, path.steps[at : at + full])
-        for i, at in enumerate(offsets)
-    ]
 
 
 _ENCODERS: dict[type, Callable[[Any], bytes]] = {

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from rmr.base.gridpath import GridPath
 from rmr.coord import messages as m
+from rmr.coord.leader import split_path
 from rmr.coord.values import GRID, HEADWAY_UNIT, MS
 
 EVENTS = st.binary(min_size=6, max_size=6)
@@ -72,7 +73,7 @@ def test_frames_have_the_sizes_of_their_table(job: m.Job, sched: m.Sched, beacon
 
 @given(st.lists(st.integers(0, 7), max_size=600), EVENTS, TIMES, TERMS, WAYS)
 def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: int, term: m.Term, way: int) -> None:
-    parts = m.split_path(event, time, term, way, GridPath((3, 4), tuple(steps)))
+    parts = split_path(event, time, term, way, GridPath((3, 4), tuple(steps)))
     decoded = [m.decode(m.encode(part)) for part in parts]
     assert decoded == parts
     assert [step for part in parts for step in part.steps] == steps
@@ -83,7 +84,7 @@ def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: 
 def test_a_path_fits_frames_that_security_has_made_shorter(
     limit: int, steps: list[int], event: bytes, time: int, term: m.Term, way: int
 ) -> None:
-    parts = m.split_path(event, time, term, way, GridPath((3, 4), tuple(steps)), limit)
+    parts = split_path(event, time, term, way, GridPath((3, 4), tuple(steps)), limit)
     assert [m.decode(m.encode(part), limit) for part in parts] == parts
     assert [step for part in parts for step in part.steps] == steps
     assert max(len(m.encode(part)) for part in parts) <= limit
