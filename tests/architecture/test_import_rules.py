@@ -33,6 +33,7 @@ OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_worl
 LIBRARIES: dict[str, set[str]] = {
     "rmr.lang": {"lark"},
     "rmr.columns": {"numpy"},
+    "rmr.radio": {"cryptography", "numpy"},
     "rmr.bus": {"zenoh", "msgpack"},
     "rmr.cli": {"click"},
     "rmr.commands": {"click", "rich"},
@@ -71,6 +72,9 @@ HEAVY = (
     "rmr_deploy",
 )
 """What a robot process never carries: fifty of them must start in seconds."""
+
+KEYED = ("cryptography", "cffi")
+"""What a robot process carries only where it was given a key."""
 
 
 def names(module: Module) -> list[str]:
@@ -113,4 +117,4 @@ def test_a_robot_process_can_reach_no_heavy_library_even_by_a_late_import():
 def test_a_robot_process_has_loaded_no_heavy_library():
     code = "import sys, rmr_agent.main, rmr_agent.perform; print(*sys.modules, sep='\\n')"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert [name for name in loaded if name.startswith(HEAVY)] == []
+    assert [name for name in loaded if name.startswith(HEAVY + KEYED)] == []
