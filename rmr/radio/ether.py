@@ -377,7 +377,7 @@ class Ether:
     def _quality(self, wave: Wave, places: Places, success: Floats) -> Floats:
         """Return the LQI at each of the places; see `phy.link_quality`."""
         if not self._channel.capture:
-            return np.rint(255.0 * success)
+            return np.floor(255.0 * success)
         over_db = wave.power_dbm[places] - self.config.sensitivity_dbm
         return np.clip(np.rint(over_db * (255.0 / 40.0)), 0.0, 255.0)
 

@@ -258,9 +258,12 @@ def _can_lock(
         if begin <= locks_at and finish > start:
             return False
     if not channel.capture:
-        # Of frames that start together the first in order locks: ns-3 handles them one after the other.
-        rank = (start, signal.source)
-        noise = sum(o.power_mw for o in air if o.start <= start < o.end and (o.start, o.source) < rank)
+        # Of frames that start together the strongest, from the nearest sender, is first: in ns-3 signals take their
+        # time. If it does not lock, no weaker one does.
+        rank = (signal.power_mw, -signal.source)
+        if any(o.start == start and (o.power_mw, -o.source) > rank for o in air):
+            return False
+        noise = sum(o.power_mw for o in air if o.start < start < o.end)
         return signal.power_mw > LOCK_RATIO * (channel.noise_mw + noise)
     if signal.power_mw <= LOCK_RATIO * channel.noise_mw:
         return False
@@ -298,7 +301,7 @@ def link_quality(rssi_dbm: float, verdict: Verdict, config: RadioConfig) -> int:
     the probability of success, as in ns-3.
     """
     if config.interference == "awgn":
-        return round(255 * verdict.success)
+        return int(255 * verdict.success)
     return max(0, min(255, round((rssi_dbm - config.sensitivity_dbm) * (255 / 40))))
 
 

@@ -133,15 +133,18 @@ def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
         if others:
             can &= power >= CAPTURE_RATIO * strongest(start, lock_at, others, at)
     else:
-        # Of frames that start together the first in order locks: ns-3 handles them one after the other.
         noise: Any = channel.noise_mw
-        present = [o for o in air if o.start <= start < o.end and o.before(wave)]
+        present = [o for o in air if o.start < start < o.end]
         if present:
             total = present[0].power[at]
             for other in present[1:]:
                 total = total + other.power[at]
             noise = channel.noise_mw + total
         can = power > LOCK_RATIO * noise
+        for other in air:
+            # Of frames that start together the strongest comes first; see `phy`.
+            if other.start == start and other is not wave:
+                can &= power >= other.power[at] if wave.before(other) else power > other.power[at]
     locks = np.zeros(len(wave.power), dtype=np.bool_)
     locks[at] = can
     for other in air:

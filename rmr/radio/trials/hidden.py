@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from rmr.base.time import NS_PER_S, Duration, Instant, seconds
-from rmr.radio.phy import RadioConfig
+from rmr.radio.phy import LOSS_AT_1_M_DB, RadioConfig, path_loss_db
 from rmr.radio.trials import REFERENCE, Row, Runs
 from rmr.radio.trials.contention import check_length, check_load, start_traffic
 from rmr.radio.trials.places import ORIGIN, at_angle
@@ -49,23 +49,30 @@ class Hidden:
         check_length(self.measured_s)
 
 
-def scale(config: RadioConfig) -> float:
-    """Return by what the distances are to be multiplied for this radio."""
-    margin_db = (config.tx_power_dbm - config.sensitivity_dbm) - (REFERENCE.tx_power_dbm - REFERENCE.sensitivity_dbm)
-    return float(10.0 ** (margin_db / (10.0 * config.exponent)))
+def distances(case: str, config: RadioConfig) -> tuple[float, float]:
+    """Return the metres from A and from C to B for this radio. Raises `ValueError` if it is too weak."""
+    weaker_db = (config.tx_power_dbm - config.sensitivity_dbm) - (REFERENCE.tx_power_dbm - REFERENCE.sensitivity_dbm)
+    a_m, c_m = (
+        10.0 ** ((path_loss_db(metres, REFERENCE.exponent) - LOSS_AT_1_M_DB + weaker_db) / (10.0 * config.exponent))
+        for metres in CASES[case][:2]
+    )
+    if min(a_m, c_m) < 1.0:
+        raise ValueError(
+            "so weak a radio hides stations at less than a metre: raise its power, or lower its sensitivity"
+        )
+    return a_m, c_m
 
 
 def run(case: Hidden, runs: Runs) -> Row:
     """Return what becomes of the frames of each of the two."""
+    a_m, c_m = distances(case.case, runs.config)
     samples = list(runs.over(partial(_sample, case, runs.config), runs.seeds))
-    a_m, c_m, angle_deg = CASES[case.case]
-    factor = scale(runs.config)
     row: Row = {
         "case": case.case,
         "type": "unicast_ack" if case.unicast else "broadcast",
-        "dA_m": round(a_m * factor, 3),
-        "dC_m": round(c_m * factor, 3),
-        "angle_deg": angle_deg,
+        "dA_m": round(a_m, 3),
+        "dC_m": round(c_m, 3),
+        "angle_deg": CASES[case.case][2],
         "saturated": case.load_fps is None,
         "load_per_node_fps": case.load_fps,
         "payload_bytes": case.payload,
@@ -82,10 +89,9 @@ def _sample(case: Hidden, config: RadioConfig, seed: int) -> dict[str, dict[str,
     scene = Scene(config, seed)
     scene.listener(B, ORIGIN, scene.note_delivery)
     end = WARM_UP + seconds(case.measured_s)
-    a_m, c_m, angle_deg = CASES[case.case]
-    factor = scale(config)
+    a_m, c_m = distances(case.case, config)
     destination = B if case.unicast else None
-    for address, place in enumerate((at_angle(a_m * factor, 0.0), at_angle(c_m * factor, angle_deg)), 1):
+    for address, place in enumerate((at_angle(a_m, 0.0), at_angle(c_m, CASES[case.case][2])), 1):
         scene.sender(address, place, destination, case.payload)
         start_traffic(scene, address, case.load_fps, end)
     scene.kernel.run_until(end - 1 if case.load_fps is None else end + DRAIN)

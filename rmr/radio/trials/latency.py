@@ -25,6 +25,12 @@ DISTANCE_M = 10.0
 PERIOD: Duration = 50 * NS_PER_MS
 """From one request to the next: the channel has long been idle again."""
 
+BACKOFFS = (1 << BE_MIN) - 1
+"""Most backoff periods of a first attempt."""
+FIRST: Duration = CCA + TURNAROUND
+LAST: Duration = FIRST + BACKOFFS * BACKOFF_PERIOD
+"""The shortest and the longest access."""
+
 RECEIVER, SENDER = 0, 1
 
 
@@ -47,8 +53,7 @@ def run(case: Latency, runs: Runs) -> Row:
     samples = runs.over(partial(_sample, case, runs.config), runs.seeds)
     frames = [frame for sample in samples for frame in sample]
     psdu = octets_of(case.payload)
-    first_us, step_us, last = (CCA + TURNAROUND) // NS_PER_US, BACKOFF_PERIOD // NS_PER_US, (1 << BE_MIN) - 1
-    mean_us = first_us + step_us * last // 2
+    mean_us = (FIRST + LAST) // 2 // NS_PER_US
     air_us = airtime(psdu) // NS_PER_US
     answer_us = (TURNAROUND + airtime(ACK_OCTETS)) // NS_PER_US if case.unicast else 0
     access = [frame.aired - frame.offered for frame in frames if frame.attempts]
@@ -61,7 +66,7 @@ def run(case: Latency, runs: Runs) -> Row:
         "n": len(frames),
         "delivered": len(oneway),
         "airtime_us": air_us,
-        "theory_access_us": f"{step_us}*U{{0..{last}}}+{CCA // NS_PER_US}+{TURNAROUND // NS_PER_US}, mean {mean_us}",
+        "theory_access_us": _theory(),
         "theory_oneway_us_mean": mean_us + air_us,
         "theory_confirm_us_mean": mean_us + air_us + answer_us,
         "access_ms": _summary(access),
@@ -82,6 +87,13 @@ def _sample(case: Latency, config: RadioConfig, seed: int) -> list[Frame]:
         scene.kernel.at(index * PERIOD, ROBOT, sender.offer)
         scene.kernel.run_until((index + 1) * PERIOD - 1)
     return sender.frames
+
+
+def _theory() -> str:
+    """Return in words which times access takes, us."""
+    cca, turnaround, step, first, last = (t // NS_PER_US for t in (CCA, TURNAROUND, BACKOFF_PERIOD, FIRST, LAST))
+    values = f"{{{first},{first + step},...,{last}}}"
+    return f"{step}*U{{0..{BACKOFFS}}}+{cca}+{turnaround} => {values}, mean {(first + last) // 2}"
 
 
 def _summary(times: list[Duration]) -> dict[str, float]:

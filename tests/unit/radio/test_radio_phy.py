@@ -127,9 +127,15 @@ def test_as_noise_equal_power_is_mostly_survived_by_the_first_and_never_by_the_s
 
 
 def test_as_noise_each_stretch_of_interference_counts_by_its_own_length() -> None:
-    whole, _ = verdicts(signal(1, 0, -30), signal(2, 0, -29), channel=AWGN)
-    half, _ = verdicts(signal(1, 0, -30), signal(2, 1072, -29), channel=AWGN)
+    whole, _ = verdicts(signal(1, 0, -30), signal(2, 0, -31), channel=AWGN)
+    half, _ = verdicts(signal(1, 0, -30), signal(2, 1072, -31), channel=AWGN)
     assert half.success == pytest.approx(whole.success**0.5, rel=1e-9)
+
+
+def test_as_noise_the_stronger_of_two_frames_that_start_together_is_locked_on() -> None:
+    weak, strong = verdicts(signal(1, 0, -33), signal(2, 0, -30), channel=AWGN)
+    assert weak == Verdict(0.0, "collision")
+    assert strong.success > 0.99
 
 
 def test_stretches_of_interference_cover_the_frame_and_sum_what_is_present() -> None:
