@@ -8,7 +8,7 @@ is silent or does not acknowledge.
 
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import passage
-from rmr.coord.context import Context, Timer
+from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeaderChanged
 from rmr.coord.messages import NO_TERM, NOBODY, Job, Phase, Sched, Term
 from rmr.coord.states import Passage, Role
@@ -34,7 +34,7 @@ def on_ask_timer(c: Context, now: Instant) -> bool:
     if c.asks >= c.values.asks:
         return True
     if c.asked is None:
-        c.asked = now
+        c.asked = stamp(now)  # as others read it, or two who ask within one millisecond both yield
     c.asks += 1
     c.send(c.job_frame(now, Term(c.counter, NOBODY)), now)
     c.set(Timer.ASK, now + c.values.ask_gap + c.uniform(0, c.values.ask_jitter))

@@ -28,7 +28,7 @@ from rmr.coord.states import Role
 from rmr.coord.values import MS, PAYLOAD_MAX
 
 _ROTATE_PARTS = 2
-"""Schedules of more parts than this repeat the first each time and the others in turn."""
+"""Schedules of more parts than this repeat the first each time and the others in turn; news is sent whole twice."""
 
 
 def begin(c: Context, now: Instant, heir: bool = False) -> None:
@@ -188,7 +188,7 @@ def on_issue_timer(c: Context, now: Instant) -> None:
         changed = ledger.plan(now, changed) or changed
     if changed:
         c.extras = c.values.extra
-    issue(c, now, everything=changed)
+    issue(c, now, everything=changed or c.extras > 0)
 
 
 def issue(c: Context, now: Instant, everything: bool) -> None:

@@ -11,9 +11,11 @@ PERIOD_MOVING: Duration = milliseconds(400)
 PERIOD_PARKED: Duration = seconds(1)
 FIRST_AFTER: Duration = milliseconds(200)
 FIRST_SPREAD: Duration = milliseconds(100)
-"""The first hellos are spread over this much per robot of the roster, at most one second."""
+"""The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
 CHANGE_SPREAD: Duration = milliseconds(20)
-"""A change is told within this: something that matters to several often changes for several at once."""
+"""A change is told within this, where that is enough."""
+ANSWER_SPREAD: Duration = milliseconds(5)
+"""Per robot of the roster, enough: what matters to several, as a new schedule does, may change for all at once."""
 
 
 class HelloClock:
@@ -27,12 +29,13 @@ class HelloClock:
 
     def start(self, now: Instant) -> None:
         """Plan the first hello."""
-        spread = min(FIRST_SPREAD * self._robots, seconds(1))
+        spread = max(min(FIRST_SPREAD * self._robots, seconds(1)), ANSWER_SPREAD * self._robots)
         self.due = now + FIRST_AFTER + round(self._rng.random() * spread)
 
     def soon(self, now: Instant) -> None:
         """Something that matters to the others has changed."""
-        self.due = min(self.due, now + round(self._rng.random() * CHANGE_SPREAD))
+        spread = max(CHANGE_SPREAD, ANSWER_SPREAD * self._robots)
+        self.due = min(self.due, now + round(self._rng.random() * spread))
 
     def look(self, now: Instant, *, parked: bool) -> None:
         """Notice a change between parked and moving."""

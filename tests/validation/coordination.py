@@ -45,7 +45,7 @@ SPREAD = ms(20)
 """All triggers come within this."""
 LIMIT = ms(10_000)
 """A round that takes longer has failed."""
-STEADY = ms(10_000)
+STEADY = ms(5_000)
 """How long the steady state is measured."""
 SETTLED = ms(500)
 """The repeats of a new schedule are over."""
