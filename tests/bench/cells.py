@@ -6,8 +6,8 @@ Robots drive about in a square arena, and each announces some frames a second: o
 to a process, through a router in another process, on this machine. Everything between the station and the bus is the
 robots' own: the keys that they listen to as they drive, messages read strictly, stations that keep what matters. Each
 arena is taken twice, with the cells of the lab's radio and with one cell as wide as can be, in which everybody is told
-of everything. Rates and processor time (of Python and zenoh) are taken over some seconds in between; shares over the
-whole run, when all has arrived.
+of everything. Deliveries and processor time (of Python and zenoh) are counted from the first announcement until all
+have arrived, and told for each second in which robots announce.
 
 The share of deliveries that is saved is told beside the one that follows from the width of the arena in cells if robots
 may be anywhere. Deliveries to robots within the interference range are the least that any scheme could do with.
@@ -59,9 +59,7 @@ ARENAS = (1, 4, 9)  # ranges wide
 FRAMES_PER_S = 1
 """Announced by each robot: 9,900 deliveries a second to 100 robots in one cell keep about one core busy."""
 PAYLOAD = bytes(50)
-MEASURED_S = 5.0
-WARM_S = 1.0
-"""From the first announcement until the measuring begins."""
+TALKING_S = 5.0
 SESSIONS = 10
 """Robots in one process: a hundred interpreters would not fit this machine's cores and measure their own start."""
 SETTLE_S = 0.5
@@ -99,9 +97,6 @@ class Tally(NamedTuple):
     """Robots' changes of cell."""
     lost: int = 0
     cpu_s: float = 0.0
-
-    def minus(self, other: "Tally") -> "Tally":
-        return Tally(*(now - before for now, before in zip(self, other, strict=True)))
 
 
 def cpu_s() -> float:
@@ -173,50 +168,42 @@ async def until(instant_ns: int) -> None:
 
 
 async def robots_live(case: Case, ids: Sequence[int], endpoint: str, pipe: Connection) -> None:
-    """Open sessions, wait for the word, live; tell the tally of the time measured, and of all."""
+    """Open sessions, wait for the word, live; tell the tally when all has arrived."""
     robots = [Robot(robot, case, open_bus(robot, connect=endpoint)) for robot in ids]
 
     def tally() -> Tally:
         fields = ("announced", "delivered", "near", "changes")
         counts = [sum(getattr(robot, field) for robot in robots) for field in fields]
-        return Tally(*counts, lost=sum(robot.bus.losses.lost for robot in robots), cpu_s=cpu_s())
+        return Tally(*counts, lost=sum(robot.bus.losses.lost for robot in robots))
 
     pipe.send("ready")
     begin_ns = await asyncio.to_thread(pipe.recv)
-    from_ns = begin_ns + int(WARM_S * NS_PER_S)
-    to_ns = from_ns + int(case.seconds * NS_PER_S)
-    lives = [asyncio.ensure_future(robot.live(begin_ns, to_ns)) for robot in robots]
-    await until(from_ns)
-    before = tally()
-    await until(to_ns)
-    pipe.send(tally().minus(before))
-    await asyncio.gather(*lives)
-    whole = None
-    while whole != (whole := tally().delivered):
+    before = cpu_s()
+    await asyncio.gather(*[robot.live(begin_ns, begin_ns + int(case.seconds * NS_PER_S)) for robot in robots])
+    delivered = None
+    while delivered != (delivered := tally().delivered):
         await asyncio.sleep(SETTLE_S)
-    pipe.send(tally())
+    pipe.send(tally()._replace(cpu_s=cpu_s() - before))
     await asyncio.to_thread(pipe.recv)
     for robot in robots:
         robot.bus.close()
 
 
-async def router_lives(case: Case, endpoint: str, pipe: Connection) -> None:
+async def router_lives(endpoint: str, pipe: Connection) -> None:
+    """Open a router; tell what it used from the first word until the second."""
     bus = open_bus(wire.WORLD_ID, listen=endpoint)
     pipe.send("ready")
-    begin_ns = await asyncio.to_thread(pipe.recv)
-    from_ns = begin_ns + int(WARM_S * NS_PER_S)
-    await until(from_ns)
+    await asyncio.to_thread(pipe.recv)
     before = cpu_s()
-    await until(from_ns + int(case.seconds * NS_PER_S))
+    await asyncio.to_thread(pipe.recv)
     pipe.send(Tally(cpu_s=cpu_s() - before))
-    pipe.send(Tally())
     await asyncio.to_thread(pipe.recv)
     bus.close()
 
 
 def process(case: Case, ids: Sequence[int], endpoint: str, pipe: Connection) -> None:
     """Be the router (no ids) or some robots."""
-    asyncio.run(robots_live(case, ids, endpoint, pipe) if ids else router_lives(case, endpoint, pipe))
+    asyncio.run(robots_live(case, ids, endpoint, pipe) if ids else router_lives(endpoint, pipe))
 
 
 def free_endpoint() -> str:
@@ -233,23 +220,8 @@ def said(pipe: Connection) -> Tally:
     return heard if isinstance(heard, Tally) else Tally()
 
 
-class Run(NamedTuple):
-    """What was counted in one run."""
-
-    measured: Tally
-    """By the robots, in the time that is measured."""
-    whole: Tally
-    """By the robots, from the first announcement until all had arrived."""
-    router_cpu_s: float
-    """In the time that is measured."""
-
-
-def summed(tallies: Sequence[Tally]) -> Tally:
-    return Tally(*map(sum, zip(*tallies, strict=True)))
-
-
-def run(case: Case) -> Run:
-    """Let the robots of one run live, and their router."""
+def run(case: Case) -> tuple[Tally, float]:
+    """Let the robots of one run live; return what they have counted, and the processor time of their router."""
     context, endpoint = multiprocessing.get_context("spawn"), free_endpoint()
     pipes, processes = [], []
     groups = [(), *(range(at, min(at + SESSIONS, case.robots)) for at in range(0, case.robots, SESSIONS))]
@@ -267,8 +239,9 @@ def run(case: Case) -> Run:
         begin_ns = time.monotonic_ns() + NS_PER_S // 2
         for pipe in pipes:
             pipe.send(begin_ns)
-        router, *measured = [said(pipe) for pipe in pipes]
-        _, *whole = [said(pipe) for pipe in pipes]
+        tallies = [said(pipe) for pipe in pipes[1:]]
+        pipes[0].send("that was all")
+        router = said(pipes[0])
         for pipe in reversed(pipes):
             pipe.send("end")
         for each in reversed(processes):
@@ -277,7 +250,7 @@ def run(case: Case) -> Run:
         for each in processes:
             if each.is_alive():
                 each.kill()
-    return Run(summed(measured), summed(whole), router.cpu_s)
+    return Tally(*map(sum, zip(*tallies, strict=True))), router.cpu_s
 
 
 @dataclass(frozen=True)
@@ -317,30 +290,30 @@ def expected_percent(case: Case) -> float:
 
 def compared(robots: int, arena: int, seconds: float) -> Row:
     case = Case(robots, arena, cells=True, seconds=seconds)
-    one, cells = run(case._replace(cells=False)), run(case)
-    due = one.whole.announced * (robots - 1)
-    if one.whole.delivered < ARRIVED_MIN * due:
-        raise RuntimeError(f"{one.whole.delivered} of {due} deliveries: this machine is too busy")
+    (one, router_one), (cells, router_cells) = run(case._replace(cells=False)), run(case)
+    due = one.announced * (robots - 1)
+    if one.delivered < ARRIVED_MIN * due:
+        raise RuntimeError(f"{one.delivered} of {due} deliveries: this machine is too busy")
     # Both runs announce from the same places; only who listens drives on while an announcement is under way.
-    assert cells.whole.announced == one.whole.announced
-    assert cells.whole.near > ARRIVED_MIN * one.whole.near - 10, "cells keep from robots what they should hear"
+    assert cells.announced == one.announced
+    assert cells.near > ARRIVED_MIN * one.near - 10, "cells keep from robots what they should hear"
     return Row(
         robots=robots,
         arena_ranges=arena,
         arena_m=case.side_m,
         robots_per_range_squared=robots / arena**2,
-        announced_per_s=one.measured.announced / seconds,
-        delivered_per_s=one.measured.delivered / seconds,
-        delivered_per_s_cells=cells.measured.delivered / seconds,
-        saved_percent=100.0 * (1.0 - cells.whole.delivered / due),
+        announced_per_s=one.announced / seconds,
+        delivered_per_s=one.delivered / seconds,
+        delivered_per_s_cells=cells.delivered / seconds,
+        saved_percent=100.0 * (1.0 - cells.delivered / due),
         expected_percent=expected_percent(case),
-        needed_percent=100.0 * one.whole.near / one.whole.delivered,
-        robots_cpu=one.measured.cpu_s / seconds,
-        robots_cpu_cells=cells.measured.cpu_s / seconds,
-        router_cpu=one.router_cpu_s / seconds,
-        router_cpu_cells=cells.router_cpu_s / seconds,
-        changes=cells.whole.changes,
-        lost=one.whole.lost + cells.whole.lost,
+        needed_percent=100.0 * one.near / one.delivered,
+        robots_cpu=one.cpu_s / seconds,
+        robots_cpu_cells=cells.cpu_s / seconds,
+        router_cpu=router_one / seconds,
+        router_cpu_cells=router_cells / seconds,
+        changes=cells.changes,
+        lost=one.lost + cells.lost,
     )
 
 
@@ -379,7 +352,7 @@ def main() -> int:
     taken = []
     sizes = ROBOTS[:1] if options.quick else ROBOTS
     for robots, arena in itertools.product(sizes, ARENAS):
-        taken.append(row := compared(robots, arena, 1.0 if options.quick else MEASURED_S))
+        taken.append(row := compared(robots, arena, 1.0 if options.quick else TALKING_S))
         print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
     record = {
         "cores": os.cpu_count(),

@@ -14,12 +14,12 @@ def test_the_share_that_is_expected_is_that_of_places_drawn_evenly(arena):
     def cell():
         return cells.GRID.cell_of(*(rng.uniform(0.0, case.side_m) for _ in "xy"))
 
-    far = sum(cell() not in cell().ring for _ in range(20_000)) / 20_000
-    assert cells.expected_percent(case) == pytest.approx(100.0 * far, abs=1.5)
+    far = sum(cell() not in cell().ring for _ in range(4_000)) / 4_000
+    assert cells.expected_percent(case) == pytest.approx(100.0 * far, abs=2.5)
 
 
 def test_with_one_cell_all_that_is_announced_reaches_all_others():
-    counted = cells.run(cells.Case(3, 1, cells=False, seconds=0.1)).whole
+    counted, _ = cells.run(cells.Case(3, 1, cells=False, seconds=1.0))
     assert counted.delivered + counted.lost == 2 * counted.announced > 0
 
 
