@@ -15,6 +15,7 @@ from rmr.radio.frame import (
     encode_ack,
     encode_data,
 )
+from rmr.radio.security import Level, Security, SecurityError
 
 addresses = st.integers(0, 0xFFFE)
 data_frames = st.builds(
@@ -75,3 +76,31 @@ def assert_refused_or_canonical(octets: bytes) -> None:
         return
     again = encode_ack(frame.sequence) if isinstance(frame, AckFrame) else encode_data(frame)
     assert again == octets
+
+
+KEY = bytes(range(16))
+
+
+@given(st.sampled_from(Level), data_frames, st.integers(0, 255), st.binary(max_size=95), st.data())
+def test_what_is_secured_opens_as_it_was_and_no_part_of_it_may_be_exchanged(
+    level: Level, frame: DataFrame, life: int, payload: bytes, data: st.DataObject
+) -> None:
+    frame = frame._replace(payload=payload, secured=False)
+    receiver = Security(level, KEY, frame.source + 1)
+    secured = decode(Security(level, KEY, frame.source, life).protect(frame))
+    assert isinstance(secured, DataFrame)
+    at = data.draw(st.integers(0, len(secured.payload)))
+    part = data.draw(st.binary(min_size=1, max_size=5))
+    other = secured.payload[:at] + part + secured.payload[at + len(part) :]
+    if other != secured.payload:
+        with pytest.raises(SecurityError):
+            receiver.open(secured._replace(payload=other))
+    assert receiver.open(secured) == frame
+
+
+@given(data_frames, st.sampled_from(Level))
+def test_whatever_stands_where_security_should_is_refused_by_name(frame: DataFrame, level: Level) -> None:
+    with pytest.raises(SecurityError) as refused:
+        Security(level, KEY, 1).open(frame)
+    assert refused.value.reason in ("forged", "unsecured")
+    assert frame.secured or refused.value.reason == "unsecured"

@@ -1,11 +1,13 @@
 """What a run needs before it starts: mistakes are refused, whatever they are about."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 
-from rmr_deploy.plan import USAGE, RefusedError, Wishes, make_plan
+from rmr_deploy.launch import agent_command, world_command
+from rmr_deploy.plan import INVALID, USAGE, RefusedError, Wishes, make_plan
 
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 
@@ -20,3 +22,35 @@ def test_an_empty_run_folder_that_may_not_be_written_is_wrong_usage(tmp_path, mo
     with pytest.raises(RefusedError, match=r"dash\.rbc: Permission denied; name a run folder") as refusal:
         make_plan(Wishes(lab=DASH, folder=folder), color=False)
     assert refusal.value.exit_code == USAGE
+
+
+def secured(folder, settings):
+    """Return a copy of the small lab with these settings of its radio."""
+    lab = folder / "lab"
+    shutil.copytree(DASH, lab)
+    with (lab / "lab.yaml").open("a") as file:
+        file.write(f"radio: {settings}\n")
+    return lab
+
+
+def test_the_robots_are_handed_the_file_of_the_key_and_the_world_is_not(tmp_path):
+    lab = secured(tmp_path, "{key_file: lab.key}")
+    (lab / "lab.key").write_text("00112233445566778899aabbccddeeff")
+    plan = make_plan(Wishes(lab=lab, folder=tmp_path / "run"), color=False)
+    command = agent_command(plan, 1, "tcp/127.0.0.1:1")
+    assert command[command.index("--radio-key") + 1] == str(lab / "lab.key")
+    assert "--radio-key" not in world_command(plan, "tcp/127.0.0.1:1")
+
+
+@pytest.mark.parametrize(
+    ("settings", "why"),
+    [
+        ("{key_file: lab.key}", r"lab\.key: No such file or directory; to make a key: openssl"),
+        ("{security: enc-mic-64}", r"radio\.security: enc-mic-64 needs a key: name its file in radio\.key_file"),
+    ],
+)
+def test_a_secured_lab_without_its_key_is_refused_before_anything_starts(tmp_path, settings, why):
+    with pytest.raises(RefusedError, match=why) as refusal:
+        make_plan(Wishes(lab=secured(tmp_path, settings), folder=tmp_path / "run"), color=False)
+    assert refusal.value.exit_code == INVALID
+    assert not (tmp_path / "run").exists()
