@@ -17,7 +17,7 @@ import click
 
 from rmr.commands.common import EXIT_FAILED, SETTINGS, VERSION
 
-COMMANDS = ("check", "compile", "dis", "eval", "explain", "fmt")
+COMMANDS = ("check", "compile", "dis", "eval", "explain", "fmt", "radio")
 """The language's own subcommands, each the `command` of the module of its name in `rmr.commands`."""
 
 PROGRAMS: dict[str, str] = {

@@ -19,7 +19,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
     "rmr.bus": {"rmr.base", "rmr.node", "rmr.radio"},
     "rmr.cli": {"rmr.commands"},
-    "rmr.commands": {"rmr.base", "rmr.bytecode", "rmr.eval", "rmr.lang", "rmr.vm"},
+    "rmr.commands": {"rmr.base", "rmr.bytecode", "rmr.eval", "rmr.lang", "rmr.radio", "rmr.vm"},
     "rmr_agent": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr.bus"},
     "rmr_world": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr.radio", "rmr.bus"},
     "rmr_sim": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr_world"},

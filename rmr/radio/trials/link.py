@@ -5,7 +5,9 @@ formulas; under shadowing, averaged over links of that length, some of which are
 frames over one link of an ether instead, which tells whether chance falls as the formulas say.
 """
 
+from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from math import erf, log10, sqrt
 
 from rmr.base.time import NS_PER_MS, NS_PER_US, Duration
@@ -29,7 +31,7 @@ from rmr.radio.phy import (
 from rmr.radio.trials import Row, Runs
 from rmr.radio.trials.overlap import check_count, check_psdu
 from rmr.radio.trials.places import ORIGIN, at_angle
-from rmr.radio.trials.statistics import mean, ratio, wilson
+from rmr.radio.trials.statistics import DIGITS, mean, ratio, wilson
 from rmr.radio.trials.traffic import PAN, Scene, octets_of
 
 DISTANCE_MAX_M = 100_000.0
@@ -42,16 +44,35 @@ TABLE_PSDUS = (5, 20, 50, 100, 127)
 RECEIVER, SENDER = 0, 1
 
 
-def check_distance(distance_m: float) -> None:
-    """Raise `ValueError` if no link is so long."""
-    if not 0.0 <= distance_m <= DISTANCE_MAX_M:
-        raise ValueError(f"a distance of {distance_m:g} m: write 0 to {DISTANCE_MAX_M:g}")
+@dataclass(frozen=True)
+class Link:
+    """What is sent how far. Raises `ValueError` for what cannot be."""
+
+    distance_m: float
+    psdu: int = 61
+    """Octets of the frame."""
+    count: int | None = None
+    """Frames to send and count in each replication; None: the formulas only."""
+
+    def __post_init__(self) -> None:
+        check_psdu(self.psdu)
+        if not 0.0 <= self.distance_m <= DISTANCE_MAX_M:
+            raise ValueError(f"a distance of {self.distance_m:g} m: write 0 to {DISTANCE_MAX_M:g}")
+        if self.count is not None:
+            check_count(self.count)
+
+
+def run(case: Link, runs: Runs) -> Row:
+    """Return what the formulas say, and then what has been counted."""
+    row = at_distance(case.distance_m, case.psdu, runs.config)
+    if case.count is None:
+        return row
+    counted = drawn(case.distance_m, case.psdu, runs, case.count)
+    return row | counted | {"per": round(1.0 - counted["success"], DIGITS)}
 
 
 def at_distance(distance_m: float, psdu: int, config: RadioConfig) -> Row:
-    """Return what the model says of a frame of `psdu` octets over `distance_m`. Raises `ValueError`."""
-    check_distance(distance_m)
-    check_psdu(psdu)
+    """Return what the model says of a frame of `psdu` octets over `distance_m`."""
     power_dbm = config.tx_power_dbm - path_loss_db(distance_m, config.exponent)
     snr_db = power_dbm - 10.0 * log10(channel_of(config).noise_mw)
     success = sum(
@@ -86,10 +107,7 @@ def per(snr_db: float) -> Row:
 
 
 def drawn(distance_m: float, psdu: int, runs: Runs, count: int = 2000) -> Row:
-    """Return how many of `count` frames a replication arrive over `distance_m`. Raises `ValueError`."""
-    check_distance(distance_m)
-    check_psdu(psdu)
-    check_count(count)
+    """Return how many of `count` frames a replication arrive over `distance_m`."""
     qualities = [
         quality
         for sample in runs.over(partial(_sample, distance_m, psdu, count, runs.config), runs.seeds)
@@ -101,7 +119,7 @@ def drawn(distance_m: float, psdu: int, runs: Runs, count: int = 2000) -> Row:
         "d_m": distance_m,
         "rx_dbm": theory["rx_dbm"],
         "snr_db": theory["snr_db"],
-        "success": round(ratio(len(qualities), total), 6),
+        "success": round(ratio(len(qualities), total), DIGITS),
         "ci95": wilson(len(qualities), total),
         "n": total,
         "lqi_mean_of_received": int(mean(qualities)),
@@ -134,4 +152,4 @@ def _shades(sigma_db: float) -> list[tuple[float, float]]:
     edges = [-SHADOWING_SIGMAS + width * index for index in range(SHADES + 1)]
     below = [0.0, *((1.0 + erf(edge / sqrt(2.0))) / 2.0 for edge in edges), 1.0]
     middles = [-SHADOWING_SIGMAS, *(edge + width / 2 for edge in edges[:-1]), SHADOWING_SIGMAS]
-    return [(sigma_db * middle, high - low) for middle, low, high in zip(middles, below, below[1:], strict=True)]
+    return [(sigma_db * middle, high - low) for middle, (low, high) in zip(middles, pairwise(below), strict=True)]
