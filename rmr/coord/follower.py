@@ -122,9 +122,9 @@ def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
         return
     if listed(c):
         c.joins = 0
-        if not was_listed and job.told == (job.request.release, job.request.duration):
-            c.set(Timer.JOIN, NEVER)
-        c.sooner(Timer.JOIN, _reminder(c, now))
+        told = job.told == (job.request.release, job.request.duration)
+        if c.timers[Timer.JOIN] == NEVER or (told and not was_listed):
+            c.set(Timer.JOIN, _reminder(c, now))
     elif c.joins == 0 and (c.untold or c.held.complete() or c.held.find(c.robot, job.trigger) is not None):
         c.joins = 1
         c.sooner(Timer.JOIN, now + c.spread(c.unlisted()))
