@@ -138,6 +138,7 @@ def test_a_frame_of_another_key_level_or_of_none_opens_nowhere() -> None:
     assert refusal(receiver, secured(1, level=Level.ENC_MIC_32).protect(frame())) == "unsecured"
     assert refusal(receiver, secured(1, level=Level.ENC_MIC_128).protect(frame())) == "unsecured"
     assert refusal(receiver, encode_data(frame())) == "unsecured"
+    assert refusal(receiver, encode_data(frame(bytes((Level.ENC_MIC_64,)) * 30))) == "unsecured"
 
 
 def test_a_frame_in_the_name_of_another_source_or_network_opens_nowhere() -> None:
