@@ -195,7 +195,7 @@ def test_link_quality_spans_its_octet() -> None:
         255,
         255,
     ]
-    assert link_quality(-60.0, Verdict(0.5, "noise"), RadioConfig(interference="awgn")) == 128
+    assert link_quality(-60.0, Verdict(0.5, "noise"), RadioConfig(interference="awgn")) == 127
 
 
 def test_a_draw_depends_on_each_of_its_arguments_and_is_fair() -> None:
