@@ -35,6 +35,7 @@ bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python tests/bench/compile.py
 	$(BIN)/python tests/bench/engine.py
 	$(BIN)/python tests/bench/columns.py
+	$(BIN)/python tests/bench/radio.py
 	$(BIN)/python tests/bench/cells.py
 
 lock: $(STAMP) ## pin every dependency with hashes, without addresses
