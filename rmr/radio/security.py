@@ -83,7 +83,7 @@ def run_key(key: bytes, host: Literal["robots", "simulator"], lab: str, run: int
     `run` is the number of the world's session among robots, the seed in the simulator; both are below 2^64. A
     simulated run is repeatable, nonces included, so that its key must not be that of any real one.
     """
-    # Loaded by robots with a key alone: it takes longer than anything else that a robot loads.
+    # Loaded where there is a key alone: it takes 30 ms and 6 MB, and a host may start fifty robots.
     from cryptography.hazmat.primitives.hashes import SHA256  # noqa: PLC0415
     from cryptography.hazmat.primitives.kdf.hkdf import HKDF  # noqa: PLC0415
 

@@ -214,6 +214,7 @@ def test_a_station_whose_counter_is_used_up_confirms_a_failure_and_stays_silent(
     one = secured(1)
     one._counter = FRAMES_MAX - 1
     speaker = station(1, security=one)
+    assert not speaker.mute
     for handle in (1, 2):
         speaker.request(0, b"x", None, handle)
     out = speaker.advance(SECOND, 0.0, 0.0)
@@ -222,6 +223,7 @@ def test_a_station_whose_counter_is_used_up_confirms_a_failure_and_stays_silent(
         (1, "ok"),
     ]
     assert speaker.counters.access_failed == 1
+    assert speaker.mute
 
 
 def test_every_run_lab_and_host_has_a_key_of_its_own() -> None:
