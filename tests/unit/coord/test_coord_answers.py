@@ -10,7 +10,6 @@ from coord_harness import EVENT, Model, ms
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
 from rmr.coord.messages import NOBODY, Beacon, Entry, Job, Message, Phase, Sched, Term, decode, encode
-from rmr.coord.states import Role
 from rmr.coord.values import Values
 
 PEERS = 49
@@ -244,18 +243,46 @@ def test_a_job_that_has_not_arrived_is_repeated_with_back_off(status: str) -> No
     assert 90 <= gaps[1] <= 310
 
 
-def test_a_takeover_waits_until_all_members_can_have_joined_again() -> None:
+def test_news_of_a_listed_job_that_has_not_arrived_is_repeated_with_back_off_too() -> None:
+    robot = Robot().follower()
+    robot.core.revise(robot.now, EVENT, release=ms(20_000))
+    while not joined(robot):
+        robot.run(robot.now + ms(1))
+    lost = outcome(robot, "access_failure").now
+    assert joined(robot.run(lost + ms(160))) == 2
+
+
+def test_a_changed_schedule_of_many_parts_is_sent_whole_twice_and_then_in_turn() -> None:
+    issues: dict[int, set[int]] = {}
+
+    def watch(source: int, target: int, payload: bytes, now: int) -> bool:
+        message = decode(payload)
+        if isinstance(message, Sched) and not message.opens:
+            issues.setdefault(message.issued, set()).add(message.part)
+        return True
+
+    model = Model(3, 30)
+    model.air.filter = watch
+    for robot in model.ids:
+        model.trigger(ms(robot % 20), robot, deadline=ms(60_000 + 4000 * robot), release=ms(30_000))
+    model.run(ms(3000))
+    parts = [len(issues[at]) for at in sorted(issues)]
+    news = max(index for index, count in enumerate(parts) if count == 3)
+    assert parts[news - 1 :][:4] == [3, 3, 2, 2]
+
+
+def test_a_leader_that_takes_over_gives_slots_when_all_members_have_joined_again() -> None:
     model = Model(3, 8)
     for robot in model.ids:
         model.trigger(ms(robot), robot, deadline=ms(60_000 + 4000 * robot), release=ms(20_000))
     model.run(ms(3000))
     (leader,) = model.leaders()
     model.crash(model.now, leader)
-    model.run_until(lambda: bool(model.leaders()), ms(9000))
+    model.run(model.now + ms(100))
+    assert model.run_until(lambda: model.leaders() != [], ms(9000))
     (heir,) = model.leaders()
     ledger = model.minds[heir].core._groups[EVENT].context.ledger
     assert ledger is not None
-    model.run_until(lambda: ledger.open, ms(9000))
-    provisional = [line.robot for line in ledger.lines.values() if line.provisional]
-    assert provisional in ([], [leader])
-    assert model.role(heir) is Role.LEADING
+    assert not ledger.open
+    assert model.run_until(lambda: ledger.open, ms(9000))
+    assert [line.robot for line in ledger.lines.values() if line.provisional] == [leader]
