@@ -4,6 +4,7 @@ One table names all fields that are shown; a field that is not in it only stands
 """
 
 from collections.abc import Iterator, Mapping
+from math import inf
 from typing import Any
 
 NAMES: dict[str, tuple[str, str]] = {
@@ -67,16 +68,20 @@ def _lines(row: Mapping[str, Any], indent: str) -> Iterator[str]:
 
 
 def _value(value: Any, unit: str) -> str:
-    """Return a value with its unit and interval, or a distribution by what 95 and all of 100 do not exceed."""
+    """Return a value with its unit and interval, or a distribution by what 95 and all of 100 do not exceed.
+
+    All values that have intervals are counts, times or shares: what an interval says beyond that is not shown.
+    """
     if not isinstance(value, dict):
         return f"{_number(value, unit)} {unit}"
     if "max" in value:
-        mean, most, all_of_it = (_number(value[name], unit) for name in ("mean", "p95", "max"))
-        return f"{mean} {unit}, 95 of 100 within {most.strip()}, all within {all_of_it.strip()}"
+        mean, usual, longest = (_number(value[name], unit) for name in ("mean", "p95", "max"))
+        return f"{mean} {unit}, 95 of 100 within {usual.strip()}, all within {longest.strip()}"
     middle = _number(value["mean"] if "mean" in value else value["p"], unit)
     if value["ci95"] is None:
         return f"{middle} {unit}"
-    low, high = (_number(end, unit).strip() for end in value["ci95"])
+    most = 1.0 if unit == "%" else inf
+    low, high = (_number(min(max(end, 0.0), most), unit).strip() for end in value["ci95"])
     return f"{middle} {unit:8}  {low} .. {high}"
 
 

@@ -1,6 +1,6 @@
 """What the radio costs in virtual time: a table, and JSON in build/bench-radio.json.
 
-    python tests/bench/radio.py [--quick] [--output FILE] [--write FOLDER]
+    python tests/bench/radio.py [--quick] [--output FILE] [--write FOLDER] [--page FILE]
 
 *Receptions.* 50 stations on a circle of 10 m, all in range of each other, broadcast 10 frames of 50 octets a second
 each for 60 s of virtual time, with the radio of the reference. ns-3 3.44 (C++) transmits 6,100 frames and receives
@@ -26,6 +26,7 @@ from math import sqrt
 from pathlib import Path
 
 import numpy as np
+from page import figure_rows, renewed, table
 from run import ROOT, Figure, show
 
 from rmr.base.kernel import ROBOT, Kernel
@@ -138,6 +139,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="less time and fewer rounds")
     parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench-radio.json", metavar="FILE")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the data into FOLDER, too")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in the page FILE")
     options = parser.parse_args()
     rounds, seconds, frames = (1, SECONDS // 10, FRAMES // 4) if options.quick else (ROUNDS, SECONDS, FRAMES)
     taken = [*receptions(rounds, seconds), *reach(rounds, frames)]
@@ -148,6 +150,9 @@ def main() -> int:
     for path in [options.output] + ([options.write / "speed.json"] if options.write else []):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(data)
+    if options.page:
+        rows = table(("radio in virtual time", "taken", "target", ""), figure_rows(told))
+        options.page.write_text(renewed(options.page.read_text("utf-8"), "\n".join([*rows, ""]), "radio"), "utf-8")
     return 0 if all(figure.met for figure in taken) else 1
 
 
