@@ -27,7 +27,11 @@ SENDERS_MAX = 1_000
 """So many around one sink are no longer a question of contention."""
 SECONDS_MAX = 86_400.0
 OFFERED_MAX_FPS = 100_000.0
-"""Hundreds of times what the channel carries: beyond it only memory is filled."""
+"""Hundreds of times what the channel carries."""
+SATURATED_FPS = 240.0
+"""A saturated sender gets rid of so many frames at most."""
+FRAMES_MAX = 5_000_000
+"""Frames of one run: the story of each is kept to its end, about a gigabyte in all."""
 
 SINK = 0
 
@@ -50,20 +54,18 @@ class Contention:
         check_payload(self.payload)
         if not 1 <= self.senders <= SENDERS_MAX:
             raise ValueError(f"{self.senders} senders: write 1 to {SENDERS_MAX}")
-        check_load(self.offered_fps)
-        check_length(self.measured_s)
+        check_load(self.senders, self.offered_fps, self.measured_s)
 
 
-def check_load(offered_fps: float | None) -> None:
-    """Raise `ValueError` if so many frames a second cannot be offered."""
-    if offered_fps is not None and not 0.0 < offered_fps <= OFFERED_MAX_FPS:
-        raise ValueError(f"{offered_fps:g} frames/s offered: write more than 0, at most {OFFERED_MAX_FPS:g}")
-
-
-def check_length(measured_s: float) -> None:
-    """Raise `ValueError` if so long cannot be measured."""
+def check_load(senders: int, offered_fps: float | None, measured_s: float) -> None:
+    """Raise `ValueError` if so much cannot be offered by `senders`, all together, for so long."""
     if not 0.0 < measured_s <= SECONDS_MAX:
         raise ValueError(f"{measured_s:g} s: write more than 0, at most {SECONDS_MAX:g} (a day)")
+    if offered_fps is not None and not 0.0 < offered_fps <= OFFERED_MAX_FPS:
+        raise ValueError(f"{offered_fps:g} frames/s offered: write more than 0, at most {OFFERED_MAX_FPS:g}")
+    frames = measured_s * (senders * SATURATED_FPS if offered_fps is None else offered_fps)
+    if frames > FRAMES_MAX:
+        raise ValueError(f"up to {frames:,.0f} frames a run, at most {FRAMES_MAX:,}: try more runs of less time")
 
 
 def run(case: Contention, runs: Runs) -> Row:

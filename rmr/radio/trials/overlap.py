@@ -21,7 +21,8 @@ SIR_MAX_DB = 29.0
 """The second sender then stands at a metre, at exponent 3; nearer the path loss does not fall."""
 OFFSET_MAX_US = 5_000.0
 """Longer than a frame of any size: there is nothing left to overlap."""
-COUNT_MAX = 1_000_000
+COUNT_MAX = 100_000
+"""Frames of one run: more than any interval here has use for."""
 PERIOD: Duration = 20 * NS_PER_MS
 """From one pair of frames to the next; longer than any pair takes."""
 
