@@ -5,9 +5,9 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test lint bench lock clean install
+.PHONY: help demo test lint bench validate-radio lock clean install
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 20
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
 
 $(STAMP): pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -37,6 +37,9 @@ bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python tests/bench/columns.py
 	$(BIN)/python tests/bench/radio.py
 	$(BIN)/python tests/bench/cells.py
+
+validate-radio: $(STAMP) ## the radio against ns-3, row by row: docs/radio-validation.md
+	$(BIN)/python tests/validation/validate.py --seeds 10 --write docs/radio
 
 lock: $(STAMP) ## pin every dependency with hashes, without addresses
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \

@@ -104,10 +104,10 @@ def _cca_modes(_: object) -> Pair:
 
 
 def _link_quality(_: object) -> Pair:
-    """In awgn the probability of success in 255 parts; in capture_3db at least eight values, all of the span."""
+    """In awgn the probability of success in 255 parts, cut off; in capture_3db over eight values, all of the span."""
     parts: list[Value] = [link_quality(-80.0, Verdict(p, "noise"), AWGN) for p in (0.0, 0.25, 0.5, 1.0)]
     real = [link_quality(SENSITIVITY_DBM + db, Verdict(1.0, "noise"), CAPTURE) for db in range(-1, 42)]
-    return [*parts, min(real), max(real), len(set(real)) >= 8], [0, 64, 128, 255, 0, 255, True]
+    return [*parts, min(real), max(real), len(set(real)) >= 8], [0, 63, 127, 255, 0, 255, True]
 
 
 def _required_sensitivity(entry: Data) -> Pair:

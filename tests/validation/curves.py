@@ -9,7 +9,7 @@ computed by ns-3, too, and have to agree to the digits that it prints.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import exp, factorial, log10, sqrt
+from math import exp, inf, lgamma, log, log10, sqrt
 from typing import NamedTuple
 
 from reference import EXPONENT, SENSITIVITY_DBM, TOLERANCES, TX_POWER_DBM, rows
@@ -34,7 +34,7 @@ LEVELS = (0.9, 0.5, 0.1)
 POWER_DB = 0.002
 """ns-3 prints powers with four digits and the noise, and so the ratio, with three."""
 LQI_STEPS = 1.0
-"""ns-3 cuts off where we round."""
+"""A probability at the edge of a step falls to either side of it: ns-3's noise has a digit more than ours."""
 WONDER = 1e-4
 NO_WONDER = 3.89
 """Normal deviations within which a count stays but once in 10,000 times."""
@@ -162,5 +162,6 @@ def likely(probability: float, share: float, n: int) -> bool:
     expected = n * rare
     if expected >= NORMAL_FROM:
         return abs(count - expected) <= NO_WONDER * sqrt(expected * (1.0 - rare))
-    poisson = [exp(-expected) * expected**k / factorial(k) for k in range(count + 1)]
+    logarithm = log(expected) if expected else -inf
+    poisson = [exp(k * logarithm - expected - lgamma(k + 1)) if k else exp(-expected) for k in range(count + 1)]
     return min(sum(poisson), 1.0 - sum(poisson[:-1])) >= WONDER / 2.0

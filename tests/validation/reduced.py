@@ -1,0 +1,48 @@
+"""The families of checks, each in a version that takes about a second: for every run of the suite and for `mutations`.
+
+A family is one file of the reference (or mode ``capture_3db``, which has none). The exact ones are whole; of the
+measured ones a few rows are run for a short time at fixed seeds, and judged with the slack that chance needs.
+"""
+
+from collections.abc import Callable, Iterator
+
+import constants
+import curves
+import measured
+import overlaps
+from measured import SHORT, Effort
+from verdicts import Check
+
+ROWS: dict[str, tuple[int, ...]] = {
+    "psr_vs_distance": (7,),
+    "latency_single_hop": (4, 5),
+    "contention": (3, 11, 27, 32, 37),
+    "hidden_terminal": (3, 15, 20),
+    "capture_overlap": (2,),
+    "reply_storm": (3, 9, 24, 41, 43),
+}
+"""Which rows of each file."""
+EFFORTS: dict[str, Effort] = {}
+"""Where a family needs another effort than `SHORT`."""
+
+
+def measured_rows(file: str) -> Iterator[Check]:
+    """Yield the checks of a file's reduced rows."""
+    for index in ROWS[file]:
+        ours = measured.measure(file, index, EFFORTS.get(file, SHORT))
+        yield from measured.checks(file, index, ours, slack=True)
+
+
+FAMILIES: dict[str, Callable[[], Iterator[Check]]] = {
+    "constants": constants.checks,
+    "per_vs_snr": curves.per_vs_snr,
+    "psr_vs_distance": curves.psr_vs_distance,
+    "psr_vs_distance, frames sent": lambda: measured_rows("psr_vs_distance"),
+    "latency_single_hop": lambda: measured_rows("latency_single_hop"),
+    "contention": lambda: measured_rows("contention"),
+    "hidden_terminal": lambda: measured_rows("hidden_terminal"),
+    "capture_overlap": overlaps.capture_overlap,
+    "capture_overlap, frames sent": lambda: measured_rows("capture_overlap"),
+    "reply_storm": lambda: measured_rows("reply_storm"),
+    "capture_3db": overlaps.capture_rules,
+}
