@@ -111,9 +111,10 @@ def receptions(rounds: int, seconds: int) -> Iterable[Figure]:
             taken_s = field.run(seconds)
             assert field.handed_on == (field.received if handed else 0)
             best = max(best, (field.received / taken_s, field.frames / taken_s))
-        target = NS3_RECEPTIONS / 3 if handed else None
-        yield Figure(f"50 stations in range, {words}: receptions", best[0], "/s", target, at_least=True)
-        yield Figure(f"50 stations in range, {words}: frames", best[1], "/s")
+        target = round(NS3_RECEPTIONS / 3e3, 1) if handed else None
+        name, unit = f"50 stations in range, {words}", "thousand/s"
+        yield Figure(f"{name}: receptions", best[0] / 1e3, unit, target, at_least=True)
+        yield Figure(f"{name}: frames", best[1] / 1e3, unit)
 
 
 def reach(rounds: int, frames: int) -> Iterable[Figure]:
