@@ -79,6 +79,8 @@ def accept(c: Context, now: Instant, sched: Sched) -> None:
     c.held.take(sched)
     for entry in sched.entries:
         if entry.phase is Phase.OUT and entry.robot != NOBODY:
+            if c.job is not None and (entry.robot, entry.trigger) == (c.robot, c.job.trigger):
+                passage.renew(c, now)
             c.fence.finish(entry.robot, entry.trigger)
     c.report_order()
     if c.job is None:

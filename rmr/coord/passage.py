@@ -24,6 +24,17 @@ def begin(c: Context, request: JobRequest) -> None:
     c.proceed(Passage.WAITING)
 
 
+def renew(c: Context, now: Instant) -> None:
+    """Go on with the own job under a new identity: others take it for over, silent as it was, and that is final."""
+    job = c.job
+    assert job is not None
+    if c.passage is not Passage.INSIDE:
+        _lose(c, now)
+        job.missed = None
+    job.trigger = identity(now, job.trigger)
+    c.joins, c.untold = 0, True
+
+
 def abandon(c: Context) -> None:
     """Forget the own job."""
     c.job = None

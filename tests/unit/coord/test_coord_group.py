@@ -12,7 +12,7 @@ from rmr.base.gridpath import GridPath
 from rmr.coord import events
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
-from rmr.coord.messages import Beacon, Job, Kind, Phase, Sched, decode
+from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched, Term, decode, encode
 from rmr.coord.states import Role
 
 
@@ -381,3 +381,29 @@ def test_a_question_and_a_join_are_told_apart_by_the_term() -> None:
     assert jobs[0].term.leader == 0xFFFF
     assert all(entry.phase is not Phase.PROVISIONAL for sched in scheds for entry in sched.entries)
     assert model.role(1) in {Role.NONE, Role.LEADING}
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_robot_that_others_take_for_gone_goes_on_under_a_new_identity(inside: bool) -> None:
+    model = Model(4, 2)
+    model.trigger(0, 1, deadline=ms(60_000), duration=ms(8000))
+    model.run(ms(2000 if inside else 400))
+    mind = model.minds[1]
+    assert (mind.inside is not None) is inside
+    gone = Entry(1, 0, None, ms(8000), 0, Phase.OUT)
+    better = Sched(EVENT, model.now, Term(50, 9), False, 0xFFFF, 0, 1, 0, 1, (gone,))
+    mind.core.receive(model.now, encode(better), 9)
+    model.settle(mind)
+    frames: list[Job | Beacon] = []
+
+    def watch(source: int, target: int, payload: bytes, now: int) -> bool:
+        message = decode(payload)
+        if isinstance(message, Job | Beacon) and source == 1:
+            frames.append(message)
+        return True
+
+    model.air.filter = watch
+    served(model)
+    assert len(model.entries) == 1
+    assert frames
+    assert all(frame.trigger > 0 for frame in frames), "the old one is final"
