@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from verdicts import MISSED
 
-RELOADED = ("probe", "constants", "curves", "overlaps", "measured", "reduced")
+RELOADED = ("probe", "constants", "curves", "overlaps", "judged", "experiments", "reduced")
 """The modules of checks, which have to import the broken radio."""
 
 Noticed = tuple[str, str, str]

@@ -30,6 +30,7 @@ from rmr.radio.phy import (
     path_loss_db,
     reception,
 )
+from rmr.radio.trials import Runs, overlap
 
 CAPTURE = RadioConfig(sensitivity_dbm=SENSITIVITY_DBM)
 FIRST_DBM = -path_loss_db(10.0, 3.0)
@@ -39,6 +40,9 @@ SIR_STEP_DB = 0.5
 BIAS_DB = 0.01
 """How far from a threshold its two sides are tried."""
 STRONG_DBM = -50.0
+CAPTURE_DB = 3.0
+PAIRS = 5
+"""Of frames sent for each ratio and offset: all fare alike."""
 
 
 def signal(source: int, start_us: float, dbm: float, octets: int = OCTETS) -> Signal:
@@ -84,6 +88,20 @@ def capture_rules() -> Iterator[Check]:
     yield from _assessments()
 
 
+def capture_sent() -> Iterator[Check]:
+    """Yield the checks of pairs of frames that are sent through an ether in mode ``capture_3db``."""
+    for offset_us, sir_db in product((0.0, 159.0, 161.0, 1000.0), (-10.0, -3.05, -2.95, 0.0, 2.95, 3.05, 10.0)):
+        row = overlap.run(overlap.Overlap(sir_db, offset_us, count=PAIRS), Runs(CAPTURE, (1,)))
+        first = sir_db > CAPTURE_DB
+        second = sir_db < -CAPTURE_DB and offset_us < SYNCHRONISATION / NS_PER_US
+        where = ("capture_3db", "frames sent", f"second frame {offset_us:g} us later, {_stronger(-sir_db)}")
+        yield equal(where, [row["first_ok"]["p"], row["second_ok"]["p"]], [float(first), float(second)])
+
+
+def _stronger(by_db: float) -> str:
+    return f"{abs(by_db):g} dB {'stronger' if by_db > 0.0 else 'weaker'}" if by_db else "as strong"
+
+
 def _rule(rule: str, ours: list[float] | list[bool], expected: list[float] | list[bool]) -> Check:
     return equal(
         ("capture_3db", "its own rules", rule), [round(float(x), 6) for x in ours], [float(x) for x in expected]
@@ -109,7 +127,7 @@ def _moments() -> Iterator[Check]:
     for later_us, over_db in product((before, before + 2.0, 1000.0), (-10.0, 10.0)):
         stronger_takes_over = later_us <= before and over_db < 0.0
         expected = [0.0, 1.0] if stronger_takes_over else [0.0, 0.0] if over_db < 0.0 else [1.0, 0.0]
-        name = f"second frame {later_us:g} us later, {abs(over_db):g} dB {'stronger' if over_db < 0 else 'weaker'}"
+        name = f"second frame {later_us:g} us later, {_stronger(-over_db)}"
         yield _rule(name, successes(CAPTURE, *_two(over_db, later_us)), expected)
     # The second begins when the first has ended: no interference however strong it is.
     airtime_us = airtime(OCTETS) / NS_PER_US

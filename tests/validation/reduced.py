@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 
 import constants
 import curves
-import measured
+import judged
 import overlaps
-from measured import SHORT, Effort
+from experiments import SHORT, measure
 from verdicts import Check
 
 ROWS: dict[str, tuple[int, ...]] = {
@@ -19,18 +19,16 @@ ROWS: dict[str, tuple[int, ...]] = {
     "contention": (3, 11, 27, 32, 37),
     "hidden_terminal": (3, 15, 20),
     "capture_overlap": (2,),
-    "reply_storm": (3, 9, 24, 41, 43),
+    "reply_storm": (13, 16, 24, 41, 45),
 }
 """Which rows of each file."""
-EFFORTS: dict[str, Effort] = {}
-"""Where a family needs another effort than `SHORT`."""
 
 
 def measured_rows(file: str) -> Iterator[Check]:
     """Yield the checks of a file's reduced rows."""
     for index in ROWS[file]:
-        ours = measured.measure(file, index, EFFORTS.get(file, SHORT))
-        yield from measured.checks(file, index, ours, slack=True)
+        ours = measure(file, index, SHORT)
+        yield from judged.checks(file, index, ours, slack=True)
 
 
 FAMILIES: dict[str, Callable[[], Iterator[Check]]] = {
@@ -45,4 +43,5 @@ FAMILIES: dict[str, Callable[[], Iterator[Check]]] = {
     "capture_overlap, frames sent": lambda: measured_rows("capture_overlap"),
     "reply_storm": lambda: measured_rows("reply_storm"),
     "capture_3db": overlaps.capture_rules,
+    "capture_3db, frames sent": overlaps.capture_sent,
 }

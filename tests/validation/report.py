@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import figures
-import measured
+import judged
 import mutations
+from experiments import Effort
 from reference import TOLERANCES, rows
 from verdicts import MET, MISSED, SHOWN, Check, Data, tally
 
@@ -20,8 +21,8 @@ import rmr
 
 HEADER = ("scenario", "quantity", "ours", "ns-3", "difference", "tolerance", "verdict")
 LABELS: dict[str, Callable[[Data], str]] = {
-    "contention": measured.label_contention,
-    "reply_storm": measured.label_storm,
+    "contention": judged.label_contention,
+    "reply_storm": judged.label_storm,
 }
 MODES = {"contention": "delivery_ratio_sink", "reply_storm": "reply_delivery_ratio"}
 """What is compared between the modes of interference."""
@@ -29,7 +30,7 @@ MODES = {"contention": "delivery_ratio_sink", "reply_storm": "reply_delivery_rat
 Cells = tuple[str, ...]
 
 
-def gathered(checks: Sequence[Check], found: Mapping[Any, Data], effort: measured.Effort) -> Data:
+def gathered(checks: Sequence[Check], found: Mapping[Any, Data], effort: Effort) -> Data:
     """Return everything that a validation found, as plain data."""
     jobs: dict[str, list[Any]] = {}
     for job in sorted(found):
@@ -124,7 +125,7 @@ def tables(data: Data) -> dict[str, list[str]]:
     found = {"summary": _summary(data)}
     for file in dict.fromkeys(check["file"] for check in checks):
         found[file] = _file([check for check in checks if check["file"] == file])
-    unjudged = [check for check in checks if check.get("unjudged") and check["unjudged"] != measured.NO_TOLERANCE]
+    unjudged = [check for check in checks if check.get("unjudged") and check["unjudged"] != judged.NO_TOLERANCE]
     header = ("file", "scenario", "quantity", "ours", "ns-3", "why not judged")
     lines = [(_code(c["file"]), c["row"], _code(c["quantity"]), *_sides(c), c["unjudged"]) for c in unjudged]
     found["unjudged"] = table(header, lines)

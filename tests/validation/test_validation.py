@@ -8,7 +8,7 @@ from pathlib import Path
 import mutations
 import pytest
 import reduced
-from measured import SHORT
+from experiments import SHORT
 from verdicts import MISSED, SHOWN
 
 BROKEN = {

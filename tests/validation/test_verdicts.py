@@ -3,7 +3,7 @@
 from math import inf, nan
 
 import curves
-import measured
+import judged
 import pytest
 from reference import FILES, FOLDER, load, rows
 from verdicts import MET, MISSED, SHOWN, Check, Estimate, compared, equal, estimate, proportion, tally
@@ -64,11 +64,11 @@ def test_a_count_is_a_wonder_when_chance_makes_it_once_in_ten_thousand_times() -
 
 def test_uncertain_rows_are_judged_together() -> None:
     def off(deviations: float) -> Check:
-        return compared(WHERE, Estimate(0.5 + deviations * 0.1, 0.0), Estimate(0.5, 0.196), None, measured.BLURRED)
+        return compared(WHERE, Estimate(0.5 + deviations * 0.1, 0.0), Estimate(0.5, 0.196), None, judged.BLURRED)
 
-    assert measured.together([off(1.0)] * 20, "file").verdict == MET
-    assert measured.together([off(0.1)] * 20, "file").verdict == MET
-    assert measured.together([off(2.0)] * 20, "file").verdict == MISSED
+    assert judged.together([off(1.0)] * 20, "file").verdict == MET
+    assert judged.together([off(0.1)] * 20, "file").verdict == MET
+    assert judged.together([off(2.0)] * 20, "file").verdict == MISSED
 
 
 def test_the_reference_is_whole() -> None:

@@ -14,6 +14,7 @@ import argparse
 import hashlib
 import importlib
 import json
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -25,11 +26,12 @@ from typing import NamedTuple
 
 import constants
 import curves
-import measured
+import imitation
+import judged
 import mutations
 import overlaps
 import report
-from measured import FULL, Effort
+from experiments import FULL, Effort, measure
 from reference import FILES, rows
 from verdicts import SHOWN, Check, Data, missed, tally
 
@@ -37,11 +39,12 @@ from rmr.radio.trials import REFERENCE
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "build" / "validation"
-EXPERIMENTS = ("rmr/base", "rmr/radio", "tests/validation/measured.py", "tests/validation/reference")
+EXPERIMENTS = ("rmr/base", "rmr/radio", "tests/validation/experiments.py", "tests/validation/reference")
 CHECKS = tuple(f"tests/validation/{name}.py" for name in (*mutations.RELOADED, "mutations", "verdicts", "reference"))
 ROUNDS = ("rmr/base", "rmr/radio", "rmr/coord", "tests/coord_harness.py", "tests/validation/coordination.py")
 DEPENDS = {
     "row": EXPERIMENTS,
+    "imitated": (*EXPERIMENTS, "tests/validation/imitation.py"),
     "capture": EXPERIMENTS,
     "mutation": (*EXPERIMENTS, *CHECKS, "tests/validation/mutations.toml"),
     "rounds": ROUNDS,
@@ -71,9 +74,12 @@ class Job(NamedTuple):
 def perform(job: Job, effort: Effort) -> Data:
     """Return what a job finds."""
     if job.kind == "row":
-        return measured.measure(job.name, job.which, effort)
+        return measure(job.name, job.which, effort)
+    if job.kind == "imitated":
+        with imitation.forgetful():
+            return measure(job.name, job.which, effort)
     if job.kind == "capture":
-        return measured.measure(job.name, job.which, effort._replace(until_narrow=False), CAPTURE)
+        return measure(job.name, job.which, effort._replace(until_narrow=False), CAPTURE)
     if job.kind in ("rounds", "discovery"):
         found: Data = getattr(_coordination(), job.kind)(job.which, range(1, ROUND_SEEDS + 1), job.name)
         return found
@@ -91,7 +97,8 @@ def _coordination() -> ModuleType:
 def all_jobs(only: str | None) -> list[Job]:
     """Return the jobs, the long ones first: only those of one file or kind, if asked for."""
     coordination = _coordination()
-    jobs = [Job("row", file, index) for file in measured.FILES for index in range(len(rows(file)))]
+    jobs = [Job("row", file, index) for file in judged.FILES for index in range(len(rows(file)))]
+    jobs += [Job("imitated", "hidden_terminal", index) for index in judged.FORGETFUL]
     jobs += [Job("capture", file, index) for file, index in captured()]
     jobs += [Job("mutation", name) for name in mutations.NAMES]
     jobs += [Job("rounds", "capture_3db", members) for members in coordination.MEMBERS]
@@ -105,7 +112,7 @@ def captured() -> list[tuple[str, int]]:
     wanted += [
         ("reply_storm", i)
         for i, row in enumerate(rows("reply_storm"))
-        if row["replies"] == "broadcast" and measured.geometry(row) == "circle"
+        if row["replies"] == "broadcast" and judged.geometry(row) == "circle"
     ]
     return wanted
 
@@ -135,7 +142,7 @@ def digest(kind: str, effort: Effort) -> str:
 def run(jobs: Sequence[Job], effort: Effort, processes: int, tell: Callable[[str], None]) -> dict[Job, Data]:
     """Return what all jobs find, from what is kept or anew."""
     digests = {kind: digest(kind, effort) for kind in DEPENDS}
-    files = {job: KEPT / digests[job.kind] / f"{'-'.join(map(str, job)).replace(' ', '_')}.json" for job in jobs}
+    files = {job: KEPT / digests[job.kind] / f"{re.sub('[^A-Za-z0-9.]+', '_', str(job))}.json" for job in jobs}
     found = {job: json.loads(file.read_text("utf-8")) for job, file in files.items() if file.exists()}
     todo = [job for job in jobs if job not in found]
     tell(f"{len(jobs)} jobs, {len(found)} of them kept from before")
@@ -151,16 +158,16 @@ def run(jobs: Sequence[Job], effort: Effort, processes: int, tell: Callable[[str
     return found
 
 
-def judged(found: dict[Job, Data]) -> list[Check]:
+def all_checks(found: dict[Job, Data]) -> list[Check]:
     """Return all checks, in the order of the files of the reference; first those that need no chance."""
     exact: list[Iterable[Check]] = [constants.checks(), curves.per_vs_snr(), curves.psr_vs_distance()]
-    exact += [overlaps.capture_overlap(), overlaps.capture_rules()]
+    exact += [overlaps.capture_overlap(), overlaps.capture_rules(), overlaps.capture_sent()]
     checks = [check for group in exact for check in group]
-    for job in sorted(job for job in found if job.kind == "row"):
-        checks += measured.checks(job.name, job.which, found[job])
-    wide = [check for check in checks if check.unjudged == measured.BLURRED]
+    for job in sorted((job for job in found if job.kind in ("row", "imitated")), key=lambda job: job[1:]):
+        checks += judged.checks(job.name, job.which, found[job], imitated=job.kind == "imitated")
+    wide = [check for check in checks if check.unjudged == judged.BLURRED]
     if wide:
-        checks.append(measured.together(wide, wide[0].file))
+        checks.append(judged.together(wide, wide[0].file))
     order = [*FILES, "capture_3db"]
     return sorted(checks, key=lambda check: order.index(check.file))
 
@@ -179,7 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     effort = FULL._replace(seeds=options.seeds)
     found = run(all_jobs(options.only), effort, options.jobs, tell)
-    checks = judged(found)
+    checks = all_checks(found)
     data = report.gathered(checks, found, effort)
     if options.write:
         report.write(options.write, data)

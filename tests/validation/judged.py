@@ -1,60 +1,41 @@
-"""What has to be measured: the experiments of `rmr.radio.trials` at each row of the reference, and how it is judged.
+"""How a row that was measured is judged: which quantities, how closely, and which not at all.
 
-A row of the reference becomes a case with the same stations, traffic and radio, run with as many seeds and as long as
-an `Effort` says. A full effort goes on with more seeds until every judged quantity is known to half its tolerance, so
-that the verdict is about the model and not about luck; a short one allows for luck instead (`verdicts`).
-
-Which quantities are judged, and how closely, are the tables below; everything else that ns-3 measured is shown.
+The tables below are all there is; everything else that ns-3 measured is shown. The rows of both sides have the forms
+of the reference files.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import sqrt
-from typing import Any, NamedTuple
 
-from curves import crossing, likely, point
+from curves import crossing, likely
 from reference import TOLERANCES, rows
 from verdicts import NARROW, Check, Data, Estimate, compared, equal, estimate, proportion
-
-from rmr.radio.phy import RadioConfig
-from rmr.radio.trials import REFERENCE, Runs, contention, hidden, latency, link, overlap, storm
 
 FILES = ("psr_vs_distance", "latency_single_hop", "contention", "hidden_terminal", "capture_overlap", "reply_storm")
 
 NO_TOLERANCE = "no tolerance is stated"
+
 OVER_CAPACITY = "over capacity: the queue grows with the time that is measured"
+
 NEAR_CAPACITY = "so near capacity that the delay hangs on the last half percent of load that chance offers"
+
+FORGOTTEN = "ns-3 forgets an interferer that ends inside the locked frame; judged with that imitated, below"
+"""Of hidden stations under saturation, which transmit nearly all the time: most frames that get through at all have
+begun inside another one that they survive the end of."""
+FORGETFUL = (17,)
+"""Rows of hidden_terminal.json that are judged with this fault of ns-3 imitated (`imitation`)."""
 BLURRED = "ns-3's own interval is wider than half the tolerance: all such rows are judged together"
+
 TIGHT = 1.0 / 8.0
 """Share of each of the eight backoffs of an idle channel."""
+
 RARE = 3.72
 """Normal deviations that are exceeded once in 10,000 times."""
-DRAWN = (0.02, 0.98)
-"""Over distance, frames are sent where their chance is neither nothing nor certainty."""
 
-
-class Effort(NamedTuple):
-    """How much is run."""
-
-    seeds: int
-    """Replications at first."""
-    frames: int
-    """Of contention and hidden stations, in each replication, about."""
-    storms: int
-    """Replications of a storm at first, each one storm."""
-    counted: int
-    """Frames or pairs of a point of psr_vs_distance, capture_overlap and latency, in each replication."""
-    saturated_s: float
-    """Least time of a saturated replication: frames that are on their way when it ends count as lost."""
-    until_narrow: bool = False
-    """Whether to go on with more seeds until the intervals are narrow."""
-    seeds_max: int = 640
-    """Of contention and hidden stations."""
-    storms_max: int = 3200
-
-
-FULL = Effort(seeds=10, frames=1_000, storms=200, counted=200, saturated_s=3.0, until_narrow=True)
-SHORT = Effort(seeds=10, frames=100, storms=60, counted=20, saturated_s=0.5)
+SIR_STEP_DB = 0.5
+"""From one point of capture_overlap.json to the next."""
 
 Rule = float | tuple[float, float] | None
 """A tolerance: absolute, or the greater of an absolute and a relative one, or None."""
@@ -66,11 +47,13 @@ CONTENTION: dict[str, Rule] = {
     "mean_access_delay_ms": (0.0, TOLERANCES["access delay, part"]),
     "throughput_sink_fps": (0.0, TOLERANCES["saturated throughput, part"]),
 }
+
 HIDDEN: dict[str, Rule] = {
     "delivery_ratio": TOLERANCES["hidden terminal"],
     "caf_ratio": TOLERANCES["hidden terminal"],
     "no_ack_ratio": TOLERANCES["hidden terminal"],
 }
+
 STORM: dict[str, Rule] = {
     "discovery_heard_ratio": TOLERANCES["storm"],
     "reply_delivery_ratio": TOLERANCES["storm"],
@@ -79,43 +62,23 @@ STORM: dict[str, Rule] = {
     "all_replies_received_prob": TOLERANCES["storm"],
     "member_hears_other_reply_ratio": TOLERANCES["storm"],
 }
+
 COUNTED_BY_NS3 = ("events_per_rep",)
 """What says how much ns-3 worked and nothing about the radio."""
 
 
-class Kept:
-    """Runs replications one after the other and keeps what they found, so that more seeds cost only the new ones."""
+def checks(file: str, index: int, ours: Data, slack: bool = False, imitated: bool = False) -> Iterator[Check]:
+    """Yield the checks of our row against row `index` of a file of the reference.
 
-    def __init__(self) -> None:
-        self._samples: dict[int, Any] = {}
-
-    def __call__(self, trial: Callable[[int], Any], seeds: Sequence[int], /) -> Iterable[Any]:
-        for seed in seeds:
-            if seed not in self._samples:
-                self._samples[seed] = trial(seed)
-        return [self._samples[seed] for seed in seeds]
-
-
-def measure(file: str, index: int, effort: Effort, config: RadioConfig = REFERENCE) -> Data:
-    """Return our row for row `index` of a file of the reference."""
-    return MEASURES[file](rows(file)[index], effort, config)
-
-
-def checks(file: str, index: int, ours: Data, slack: bool = False) -> Iterator[Check]:
-    """Yield the checks of our row against row `index` of a file of the reference."""
-    return JUDGES[file](rows(file)[index], ours, slack)
-
-
-def _until_narrow(
-    run: Callable[[Runs], Data], file: str, theirs: Data, effort: Effort, config: RadioConfig, seeds: int
-) -> Data:
-    kept = Kept()
-    most = effort.storms_max if file == "reply_storm" else effort.seeds_max
-    while True:
-        ours = run(Runs(config, range(1, seeds + 1), kept))
-        if not effort.until_narrow or seeds >= most or all(each.narrow for each in JUDGES[file](theirs, ours, False)):
-            return ours
-        seeds *= 2
+    Of a row in `FORGETFUL` only what was measured with ns-3's fault `imitated` is judged.
+    """
+    for check in JUDGES[file](rows(file)[index], ours, slack):
+        if imitated:
+            yield replace(check, row=f"{check.row}, ns-3's fault imitated")
+        elif file == "hidden_terminal" and index in FORGETFUL and check.tolerance is not None:
+            yield replace(check, tolerance=None, unjudged=FORGOTTEN)
+        else:
+            yield check
 
 
 def _compare(where: tuple[str, str, str], ours: Data, theirs: Data, rule: Rule, unjudged: str, slack: bool) -> Check:
@@ -125,24 +88,6 @@ def _compare(where: tuple[str, str, str], ours: Data, theirs: Data, rule: Rule, 
     tolerance = None if absolute is None or unjudged else max(absolute, part * abs(known.mean))
     reason = unjudged or ("" if tolerance is not None else NO_TOLERANCE)
     return compared(where, estimate(ours), known, tolerance, reason, slack)
-
-
-# -- contention ---------------------------------------------------------------------------------------------------
-
-
-def _contention(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    offered = theirs["offered_total_fps"]
-    # Under saturation as many frames are offered as leave, one way or the other.
-    rate = offered or theirs["throughput_sink_fps"]["mean"] / theirs["delivery_ratio_sink"]["mean"]
-    case = contention.Contention(
-        theirs["N_senders"],
-        offered,
-        theirs["payload_bytes"],
-        theirs["type"] != "broadcast",
-        max(effort.frames / rate, 0.0 if offered else effort.saturated_s),
-        min(float(theirs["warmup_s"]), effort.saturated_s),
-    )
-    return _until_narrow(lambda runs: contention.run(case, runs), "contention", theirs, effort, config, effort.seeds)
 
 
 def label_contention(row: Data) -> str:
@@ -165,20 +110,6 @@ def _judge_contention(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
         yield _compare(where, ours[name], field, rule, unjudged, slack)
 
 
-# -- hidden stations ----------------------------------------------------------------------------------------------
-
-
-def _hidden(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    load = theirs["load_per_node_fps"]
-    seconds = effort.frames / (2.0 * load) if load else max(effort.frames / SATURATED_PAIR_FPS, effort.saturated_s)
-    case = hidden.Hidden(theirs["case"], load, theirs["payload_bytes"], theirs["type"] != "broadcast", seconds)
-    return _until_narrow(lambda runs: hidden.run(case, runs), "hidden_terminal", theirs, effort, config, effort.seeds)
-
-
-SATURATED_PAIR_FPS = 300.0
-"""About what two saturated stations offer."""
-
-
 def label_hidden(row: Data) -> str:
     """Return which scenario of hidden_terminal.json a row is."""
     load = "saturated" if row["saturated"] else f"{row['load_per_node_fps']:g} frames/s each"
@@ -196,23 +127,6 @@ def _judge_hidden(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
     where = ("hidden_terminal", label, "both_delivery_ratio")
     both = "both_delivery_ratio"
     yield _compare(where, ours[both], theirs[both], TOLERANCES["hidden terminal"], unjudged, slack)
-
-
-# -- storms -------------------------------------------------------------------------------------------------------
-
-
-def _storm(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    case = storm.Storm(
-        theirs["N_members"],
-        theirs["reply_jitter_ms"],
-        geometry(theirs),
-        theirs["payload_bytes"],
-        theirs["replies"] != "broadcast",
-        theirs["discovery_payload_bytes"],
-    )
-    # Many answers tell as much as many storms.
-    seeds = max(effort.seeds, round(effort.storms * 5 / theirs["N_members"]))
-    return _until_narrow(lambda runs: storm.run(case, runs), "reply_storm", theirs, effort, config, seeds)
 
 
 def label_storm(row: Data) -> str:
@@ -253,14 +167,6 @@ def _square(check: Check) -> float:
     return check.difference**2 / variance
 
 
-# -- one sender alone ---------------------------------------------------------------------------------------------
-
-
-def _latency(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    case = latency.Latency(theirs["payload_bytes"], theirs["unicast_ack"], 5 * effort.counted)
-    return latency.run(case, Runs(config, range(1, effort.seeds + 1)))
-
-
 def _judge_latency(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
     label = f"payload of {theirs['payload_bytes']}, {'unicast' if theirs['unicast_ack'] else 'broadcast'}"
     yield equal(("latency_single_hop", label, "all delivered"), ours["delivered"] == ours["n"], True)
@@ -277,46 +183,23 @@ def _judge_latency(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
     yield compared(where, Estimate(float(odd)), Estimate(0.0), 0.0)
 
 
-# -- frames drawn over distance, and in pairs -----------------------------------------------------------------------
-
-
-def _distance(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    config = replace(config, sensitivity_dbm=theirs["rx_sensitivity_dbm"])
-    octets = theirs["psdu_bytes"]
-    runs = Runs(config, range(1, effort.seeds + 1))
-    chances = [(row["d_m"], point(row["d_m"], octets, config).success) for row in theirs["rows"]]
-    asked = [distance for distance, chance in chances if DRAWN[0] < chance < DRAWN[1]]
-    return {"rows": [link.drawn(distance, octets, runs, effort.counted) for distance in asked]}
-
-
 def _judge_distance(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
     name = f"PSDU of {theirs['psdu_bytes']}, sensitivity {theirs['rx_sensitivity_dbm']:g} dBm"
     curves = [[(row["d_m"], row["success"]) for row in side["rows"]] for side in (ours, theirs)]
     means = [crossing(curve, 0.5) for curve in curves]
     # Where the curve is steepest, one deviation of the count is so many metres.
-    slope = max(abs(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(curves[1], curves[1][1:], strict=False))
+    slope = max(abs(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(curves[1]))
     halves = [proportion(side["rows"][0]["n"] // 2, side["rows"][0]["n"]).half / slope for side in (ours, theirs)]
     pair = [Estimate(mean, half) for mean, half in zip(means, halves, strict=True)]
     where = ("psr_vs_distance", name, "distance of 50% of frames sent, m")
     yield compared(where, *pair, TOLERANCES["crossing, m"], slack=slack)
 
 
-def _overlap(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    runs = Runs(config, range(1, effort.seeds + 1))
-    found = []
-    for row in theirs["rows"]:
-        if not DOUBTFUL_DB[0] <= row["sir_db"] <= DOUBTFUL_DB[1]:
-            continue
-        case = overlap.Overlap(float(row["sir_db"]), theirs["offset_us"], count=max(1, effort.counted // 10))
-        found.append(overlap.run(case, runs))
-    return {"rows": found}
-
-
 def _judge_overlap(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
     name = f"second frame {theirs['offset_us']:g} us later"
     curves = [sorted((-row["sir_db"], row["first_ok"]["p"]) for row in side["rows"]) for side in (ours, theirs)]
     halves = [proportion(side["rows"][0]["n"] // 2, side["rows"][0]["n"]).half for side in (ours, theirs)]
-    steep = max(a[1] - b[1] for a, b in zip(curves[1], curves[1][1:], strict=False)) / SIR_STEP_DB
+    steep = max(a[1] - b[1] for a, b in pairwise(curves[1])) / SIR_STEP_DB
     pair = [Estimate(-crossing(curve, 0.5), half / steep) for curve, half in zip(curves, halves, strict=True)]
     where = ("capture_overlap", name, "SIR at which half of the first frames sent survive, dB")
     yield compared(where, *pair, SIR_STEP_DB / 2.0, slack=slack)
@@ -325,19 +208,6 @@ def _judge_overlap(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
     yield equal(where, seconds, sum(row["second_ok"]["k"] for row in theirs["rows"]))
 
 
-SIR_STEP_DB = 0.5
-"""From one point of capture_overlap.json to the next."""
-DOUBTFUL_DB = (-4.0, 4.0)
-"""Pairs of frames are sent where it is not certain what becomes of the first."""
-
-MEASURES: dict[str, Callable[[Data, Effort, RadioConfig], Data]] = {
-    "psr_vs_distance": _distance,
-    "latency_single_hop": _latency,
-    "contention": _contention,
-    "hidden_terminal": _hidden,
-    "capture_overlap": _overlap,
-    "reply_storm": _storm,
-}
 JUDGES: dict[str, Callable[[Data, Data, bool], Iterator[Check]]] = {
     "psr_vs_distance": _judge_distance,
     "latency_single_hop": _judge_latency,
