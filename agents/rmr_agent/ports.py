@@ -19,6 +19,10 @@ from rmr.radio.station import Station
 RADIO_GRACE: Duration = milliseconds(4)
 """How long after a frame's end its reception is decided: announcements cross the bus in 0.3 to 2 ms."""
 
+AHEAD_MAX: Duration = milliseconds(1000)
+"""Announcements from farther ahead in lab time are dropped: twice what a robot may go ahead of its world. They are of
+another run, as when a world begins anew and some robots have not noticed yet, and would be received in an hour."""
+
 SAMPLES_MAX = 240
 """Sensor samples that wait for the node: four seconds of a moving robot."""
 
@@ -36,6 +40,7 @@ class RadioLink:
         self._received: deque[Received] = deque(maxlen=FRAMES_MAX)
         self._confirmed: deque[Confirmed] = deque(maxlen=FRAMES_MAX)
         self.malformed = 0
+        """Announcements that cannot be: of no such form, or of a time that is far from come."""
 
     @property
     def waiting(self) -> bool:
@@ -65,12 +70,16 @@ class RadioLink:
 
     def hear(self, fields: tuple[Any, ...]) -> None:
         """Take in an announcement from the bus."""
+        now = self._now()
         try:
             announcement = Announcement.from_wire(fields)
         except ValueError:
             self.malformed += 1
             return
-        self.station.hear(announcement, self._now())
+        if announcement.start > now + AHEAD_MAX:
+            self.malformed += 1
+            return
+        self.station.hear(announcement, now)
 
     def advance(self, now: Instant, x: float, y: float) -> None:
         """Let the station do what is due; (x, y) is the robot's true place in metres."""

@@ -6,8 +6,11 @@ from rmr.base.geometry import STILL, Twist
 from rmr.base.time import NS_PER_MS
 from rmr.bus import wire
 from rmr.node.ports import SeenBody
+from rmr.radio.air import Announcement
+from rmr.radio.frame import BROADCAST, DataFrame, encode_data
+from rmr.radio.phy import airtime
 from rmr.radio.station import Station
-from rmr_agent.ports import FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink
+from rmr_agent.ports import AHEAD_MAX, FRAMES_MAX, RADIO_GRACE, SAMPLES_MAX, BusBody, RadioLink
 
 MS = NS_PER_MS
 
@@ -54,6 +57,16 @@ def test_an_announcement_that_is_none_is_counted_and_dropped():
     ether.links[1].hear((1, 2, 3))
     ether.links[1].hear(("a",) * 9)
     assert ether.links[1].malformed == 2
+
+
+def test_a_frame_of_another_run_that_lies_far_ahead_is_not_received_when_its_time_has_come():
+    for ahead, count in ((AHEAD_MAX, 1), (AHEAD_MAX + 1, 0)):
+        ether = Ether(late=0)
+        psdu = encode_data(DataFrame(7, BROADCAST, 9, 0, False, b"ghost"))
+        ghost = Announcement(9, 0, 0, ahead, ahead + airtime(len(psdu)), 0.0, 3.0, 0.0, psdu)
+        ether.links[1].hear(ghost.to_wire())
+        ether.run(AHEAD_MAX + 20 * MS)
+        assert (len(ether.links[1].receive()), ether.links[1].malformed) == (count, 1 - count)
 
 
 def test_frames_that_nobody_fetches_are_bounded():
