@@ -108,7 +108,7 @@ def make_station(config: NodeConfig, radio: dict[str, Any], security: Security |
     rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
     try:
         return Station(config.robot, radio["pan"], radio["seed"], rng, config.radio, RADIO_GRACE, security=security)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
 

@@ -100,6 +100,12 @@ def test_a_radio_of_settings_that_the_robot_does_not_know_is_refused(monkeypatch
         lives.make_station(node_config(1, known(), PROGRAM, 0), {"seed": 1})
 
 
+def test_a_radio_whose_powers_are_beyond_all_numbers_is_refused():
+    config = replace(node_config(1, known(), PROGRAM, 0), radio=RadioConfig(sensitivity_dbm=1e9))
+    with pytest.raises(RefusedError, match="radio"):
+        lives.make_station(config, RADIO)
+
+
 # --- when the node is called -------------------------------------------------------------------------------------
 
 
