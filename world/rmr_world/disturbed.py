@@ -27,6 +27,9 @@ class Disturbed:
         """By the lab file."""
         self.added: tuple[Disturbance, ...] = ()
         """By people, in the order in which they begin."""
+        self.touched = False
+        """Whether people have ever added any. From then on the list bears being told again, empty or not: who has
+        missed that the last one was cleared before it began would hold it for ever."""
 
     @property
     def held(self) -> tuple[Disturbance, ...]:
@@ -42,6 +45,7 @@ class Disturbed:
             return f"lab {self._lab} has no robot {', '.join(strangers)}; its robots are {robots}"
         if len(self.held) >= DISTURBANCES_MAX:
             return f"the radio is disturbed in {DISTURBANCES_MAX} ways already; end those added: rmr fault clear"
+        self.touched = True
         begin = max(0, now) + LEAD
         self.added += (wanted._replace(since=begin, until=min(NEVER, begin + wanted.until)),)
         return ""

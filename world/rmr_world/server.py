@@ -318,7 +318,7 @@ class WorldServer:
         while True:
             self._publish_status(final=False)
             self._disturbed.forget(self._time.at(time.monotonic_ns()))
-            if self._disturbed.added:  # once more, for whom the bus has lost the news
+            if self._disturbed.touched:  # once more, for who came between two news, or lost them
                 self._publish_disturbances()
             if self._time.state != "running":
                 self._publish_truth(final=False)

@@ -1,5 +1,7 @@
 """The world server's bookkeeping, with a bus that keeps what it is given."""
 
+import asyncio
+
 import pytest
 from world_labs import LABS
 
@@ -86,6 +88,23 @@ def test_what_an_operator_changes_is_told_to_the_robots_there_and_to_those_that_
     cleared = world.ask("clear").held
     assert world.told == [held, cleared]
     assert world.arrives(2).disturbances == cleared
+
+
+def test_once_people_have_disturbed_it_the_list_is_told_again_even_when_all_is_cleared_before_it_began():
+    world = Asked()
+
+    async def telling():
+        task = asyncio.ensure_future(world.server._tell())
+        await asyncio.sleep(0)
+        task.cancel()
+
+    asyncio.run(telling())
+    assert world.told == []
+    world.ask("add", partition([[1], [2]]))
+    world.ask("clear")
+    before = len(world.told)
+    asyncio.run(telling())
+    assert world.told[before:] == [()]
 
 
 def test_what_changes_nothing_is_told_to_nobody():
