@@ -100,8 +100,11 @@ async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint
 
 def current(told: wire.Disturbances) -> list[tuple[str, Disturbance]]:
     """Return what holds now or will, each with who says so."""
-    sources = ["lab file"] * told.given + ["rmr fault"] * (len(told.held) - told.given)
-    return [pair for pair in zip(sources, told.held, strict=False) if pair[1].until > told.stamp]
+    return [
+        ("lab file" if index < told.given else "rmr fault", one)
+        for index, one in enumerate(told.held)
+        if one.until > told.stamp
+    ]
 
 
 def record(told: wire.Disturbances) -> dict[str, Any]:
