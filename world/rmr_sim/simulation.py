@@ -1,8 +1,8 @@
 """One simulated run: world, radios and nodes of a lab in virtual time.
 
-The robots are the very nodes that a robot process hosts and the radios the very stations; only the hosts differ.
-No announcement is late there, so receptions are exact. The world advances at
-each 1/60 s tick; robots that stand still are sampled less often, as it is in processes.
+The robots are the very nodes that a robot process hosts. Their radios share medium access and the rules of reception
+with those of processes, but live in one ether, where no announcement is late. The world advances at each 1/60 s tick;
+robots that stand still are sampled less often, as in processes.
 """
 
 from collections.abc import Mapping
