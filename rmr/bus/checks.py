@@ -14,6 +14,9 @@ from rmr.radio.links import Disturbance
 VALUE_DEPTH_MAX = 16
 """Lists within lists in a fact's arguments."""
 
+PLAIN_DEPTH_MAX = 32
+"""Lists and records within each other in plain data; reports and arenas have a handful."""
+
 
 class MalformedError(ValueError):
     """Octets that are no message of ours; the message says what is wrong with them."""
@@ -66,15 +69,17 @@ def text(value: Any) -> str:
     return value
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any, depth: int = 0) -> Any:
     """Accept what JSON and msgpack share, and octets; lists become tuples."""
     kind = type(value)
     if value is None or kind in {bool, int, float, str, bytes}:
         return value
+    if depth > PLAIN_DEPTH_MAX:
+        raise MalformedError("nested too deeply")
     if kind is list:
-        return tuple(plain(item) for item in value)
+        return tuple([plain(item, depth + 1) for item in value])
     if kind is dict:
-        return {text(key): plain(item) for key, item in value.items()}
+        return {text(key): plain(item, depth + 1) for key, item in value.items()}
     raise MalformedError("expected plain data")
 
 

@@ -314,6 +314,10 @@ STREAMS_MAX = 4096
 """Streams that a `Losses` keeps apart: more than robots times keys that one process hears."""
 
 
+LOST_MAX = 1 << 53
+"""What `Losses.lost` counts up to: numbers that a peer makes up must not add up to one that no message carries."""
+
+
 class Losses:
     """Counts what the middleware lost: gaps in the numbers of each sender's messages on each key."""
 
@@ -335,7 +339,7 @@ class Losses:
             self.repeated += 1
             return
         else:
-            self.lost += message.number - number - 1
+            self.lost = min(LOST_MAX, self.lost + message.number - number - 1)
         self._streams[stream] = (message.run, message.number)
 
     def forget(self, on: Callable[[str], bool]) -> None:

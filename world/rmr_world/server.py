@@ -203,7 +203,8 @@ class WorldServer:
             self._physics.act(message.sender, twist, body.stamp, self._time.at(time.monotonic_ns()))
 
     def _on_status(self, _key: str, message: wire.Envelope) -> None:
-        if isinstance(message.body, wire.Status) and message.body.state == "ready":
+        body = message.body
+        if isinstance(body, wire.Status) and body.state == "ready" and message.sender in self._lab.roster:
             self._ready.add(message.sender)
             if self._when_ready and self._time.state == "waiting" and self._ready >= set(self._lab.roster):
                 self._start()

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bus import wire
-from rmr.bus.wire import Envelope, Losses, MalformedError, decode, encode
+from rmr.bus.checks import PLAIN_DEPTH_MAX
+from rmr.bus.wire import LOST_MAX, Envelope, Losses, MalformedError, decode, encode
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -234,6 +235,15 @@ def test_whole_numbers_are_accepted_where_fractions_may_stand():
     assert isinstance(body.v, float)
 
 
+@pytest.mark.parametrize("depth", [PLAIN_DEPTH_MAX + 2, 400, 900])
+@pytest.mark.parametrize("open_", [b"\x91", b"\x81\xa1a"], ids=["lists", "records"])
+def test_plain_data_nested_without_end_are_malformed(depth, open_):
+    start = b"\x95\x01\x01\x01\x01\x91"  # an `Air` with one field, of which the rest is the item
+    assert decode(start + open_ * PLAIN_DEPTH_MAX + b"\xc0").body.announcement
+    with pytest.raises(MalformedError):
+        decode(start + open_ * depth + b"\xc0")
+
+
 def test_values_nested_without_end_are_malformed():
     value = "x"
     for _ in range(100):
@@ -272,6 +282,16 @@ def test_a_sender_that_restarts_begins_a_new_count():
     losses.note("k", Envelope(4, 2, 1, wire.AskClock()))
     losses.note("k", Envelope(4, 2, 3, wire.AskClock()))
     assert (losses.lost, losses.repeated) == (1, 0)
+
+
+def test_numbers_that_a_peer_makes_up_leave_a_count_that_can_be_told():
+    losses = Losses()
+    for run in range(4):
+        losses.note("k", Envelope(1, run, 0, wire.AskClock()))
+        losses.note("k", Envelope(1, run, 2**64 - 1, wire.AskClock()))
+    assert losses.lost == LOST_MAX
+    status = wire.Status("ready", "", False, False, 0, {"bus": {"lost": losses.lost}})
+    assert decode(encode(1, 1, 1, status)).body == status
 
 
 def test_senders_and_keys_are_counted_apart():

@@ -114,3 +114,11 @@ def test_what_changes_nothing_is_told_to_nobody():
     assert (refusal.held, refusal.refused[:27]) == ((), "lab testbed has no robot 77")
     world.ask("clear")
     assert world.told == []
+
+
+def test_strangers_that_say_they_are_ready_are_not_counted():
+    world = Asked().server
+    ready = wire.Status("ready", "", False, False, 0, {})
+    for sender in (*range(10_000, 10_100), *world._lab.roster[1:]):
+        world._on_status("k", wire.Envelope(sender, 1, 1, ready))
+    assert world._report()["ready"] == list(world._lab.roster[1:])
