@@ -16,7 +16,6 @@ may be anywhere. Deliveries to robots within the interference range are the leas
 import argparse
 import asyncio
 import itertools
-import json
 import math
 import multiprocessing
 import os
@@ -28,12 +27,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from page import renewed, table
-from run import ROOT
+from page import add_options, keep, table
 
 from rmr.base.time import NS_PER_S
 from rmr.bus import wire
@@ -345,16 +342,14 @@ def main() -> int:
     """Take all rows; return the exit code."""
     parser = argparse.ArgumentParser(description="Take what the cells of the air save on the bus.")
     parser.add_argument("--quick", action="store_true", help="50 robots only, a second each")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench-cells.json", metavar="FILE")
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the data into FOLDER, too")
-    parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in a page")
+    add_options(parser, "cells")
     options = parser.parse_args()
     taken = []
     sizes = ROBOTS[:1] if options.quick else ROBOTS
     for robots, arena in itertools.product(sizes, ARENAS):
         taken.append(row := compared(robots, arena, 1.0 if options.quick else TALKING_S))
         print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
-    record = {
+    record: dict[str, Any] = {
         "cores": os.cpu_count(),
         "system": platform.system(),
         "python": platform.python_version(),
@@ -365,13 +360,8 @@ def main() -> int:
         "payload_octets": len(PAYLOAD),
         "sessions_per_process": SESSIONS,
     }
-    data = json.dumps({**record, "rows": [asdict(row) for row in taken]}, indent=1) + "\n"
-    for path in [options.output] + ([options.write / "cells.json"] if options.write else []):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(data)
-    if options.page:
-        lines = [*table(HEADER, [cells_of(row) for row in taken]), ""]
-        options.page.write_text(renewed(options.page.read_text("utf-8"), "\n".join(lines), "cells"), "utf-8")
+    record["rows"] = [asdict(row) for row in taken]
+    keep(options, "cells.json", record, "cells", table(HEADER, [cells_of(row) for row in taken]))
     return 0
 
 

@@ -11,7 +11,6 @@ What that does to deliveries is the difference between the two.
 
 import argparse
 import asyncio
-import json
 import multiprocessing
 import os
 import platform
@@ -20,13 +19,11 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
 from cells import free_endpoint
-from page import renewed, table
-from run import ROOT
+from page import add_options, keep, table
 
 from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.time import NS_PER_S, Instant, seconds
@@ -249,16 +246,14 @@ def main() -> int:
     """Take all rows; return the exit code."""
     parser = argparse.ArgumentParser(description="Take what the bus costs the radio.")
     parser.add_argument("--quick", action="store_true", help="two loads, 3 s each")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench-lateness.json", metavar="FILE")
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the data into FOLDER, too")
-    parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in a page")
+    add_options(parser, "lateness")
     options = parser.parse_args()
     taken = []
     for stations, offered_fps in CASES[:2] if options.quick else CASES:
         row = compared(stations, offered_fps, 3.0 if options.quick else MEASURED_S)
         taken.append(row)
         print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
-    record = {
+    record: dict[str, Any] = {
         "cores": os.cpu_count(),
         "system": platform.system(),
         "python": platform.python_version(),
@@ -267,13 +262,8 @@ def main() -> int:
         "payload_octets": len(PAYLOAD),
         "measured_s": MEASURED_S,
     }
-    data = json.dumps({**record, "rows": [asdict(row) for row in taken]}, indent=1) + "\n"
-    for path in [options.output] + ([options.write / "lateness.json"] if options.write else []):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(data)
-    if options.page:
-        lines = [*table(HEADER, [cells_of(row) for row in taken]), ""]
-        options.page.write_text(renewed(options.page.read_text("utf-8"), "\n".join(lines), "lateness"), "utf-8")
+    record["rows"] = [asdict(row) for row in taken]
+    keep(options, "lateness.json", record, "lateness", table(HEADER, [cells_of(row) for row in taken]))
     return 0
 
 

@@ -1,13 +1,15 @@
-"""What docs/benchmarks.md shows of one taking: tables between two marks in the page, a figure, the data.
+"""What a page of the docs shows of one taking: tables between two marks in the page, a figure, the data.
 
 The words around them are written by hand and stay. The figure needs matplotlib; without it the old one stays.
 """
 
+import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from run import ROOT
 from systems import CLIPS, installed
 
 Data = dict[str, Any]
@@ -29,6 +31,28 @@ def write(folder: Path, data: Data) -> None:
     (folder / "engine.json").write_text(json.dumps(data, indent=1) + "\n", "utf-8")
     if installed("matplotlib"):
         draw(data["comparisons"], folder / "engine.svg")
+
+
+def add_options(parser: argparse.ArgumentParser, name: str) -> None:
+    """Add the options that say where `keep` writes."""
+    output = ROOT / "build" / f"bench-{name}.json"
+    parser.add_argument("--output", type=Path, default=output, metavar="FILE", help="the data (default: %(default)s)")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the data into FOLDER, too")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in a page")
+
+
+def keep(options: argparse.Namespace, file: str, data: Data, what: str, lines: Sequence[str]) -> None:
+    """Write a taking where the options say: its data, in a folder as `file`, and a table between the marks of a page.
+
+    Raises:
+        ValueError: the page has no marks for `what`.
+    """
+    text = json.dumps(data, indent=1) + "\n"
+    for path in [options.output, *([options.write / file] if options.write else [])]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+    if options.page:
+        options.page.write_text(renewed(options.page.read_text("utf-8"), "\n".join([*lines, ""]), what), "utf-8")
 
 
 def renewed(text: str, generated: str, what: str = "taken") -> str:

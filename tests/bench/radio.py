@@ -16,18 +16,16 @@ Each figure is the best of some rounds, of processor time; the exit code is 0 on
 
 import argparse
 import gc
-import json
 import os
 import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from math import sqrt
-from pathlib import Path
 
 import numpy as np
-from page import figure_rows, renewed, table
-from run import ROOT, Figure, show
+from page import add_options, figure_rows, keep, table
+from run import Figure, show
 
 from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.streams import stream
@@ -138,22 +136,15 @@ def main() -> int:
     """Take all figures; return the exit code."""
     parser = argparse.ArgumentParser(description="Take what the radio costs in virtual time.")
     parser.add_argument("--quick", action="store_true", help="less time and fewer rounds")
-    parser.add_argument("--output", type=Path, default=ROOT / "build" / "bench-radio.json", metavar="FILE")
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the data into FOLDER, too")
-    parser.add_argument("--page", type=Path, metavar="FILE", help="renew the table in the page FILE")
+    add_options(parser, "radio")
     options = parser.parse_args()
     rounds, seconds, frames = (1, SECONDS // 10, FRAMES // 4) if options.quick else (ROUNDS, SECONDS, FRAMES)
     taken = [*receptions(rounds, seconds), *reach(rounds, frames)]
     show(taken, [])
     record = {"cores": os.cpu_count(), "numpy": np.__version__, "quick": options.quick}
     told = [{**asdict(figure), "met": figure.met} for figure in taken]
-    data = json.dumps({**record, "figures": told}, indent=1) + "\n"
-    for path in [options.output] + ([options.write / "speed.json"] if options.write else []):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(data)
-    if options.page:
-        rows = table(("radio in virtual time", "taken", "target", ""), figure_rows(told))
-        options.page.write_text(renewed(options.page.read_text("utf-8"), "\n".join([*rows, ""]), "radio"), "utf-8")
+    rows = table(("radio in virtual time", "taken", "target", ""), figure_rows(told))
+    keep(options, "speed.json", {**record, "figures": told}, "radio", rows)
     return 0 if all(figure.met for figure in taken) else 1
 
 
