@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from curves import point
-from judged import JUDGES, geometry
+from judged import JUDGES, geometry, over_capacity
 from reference import rows
 from verdicts import Data
 
@@ -100,6 +100,9 @@ def _contention(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
 def _hidden(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
     load = theirs["load_per_node_fps"]
     seconds = effort.frames / (2.0 * load) if load else max(effort.frames / SATURATED_PAIR_FPS, effort.saturated_s)
+    if effort.until_narrow and over_capacity(theirs):
+        # The longer one looks, the longer the queue: only what was measured as long can be set beside it at all.
+        seconds = theirs["measured_s_per_rep"]
     case = hidden.Hidden(theirs["case"], load, theirs["payload_bytes"], theirs["type"] != "broadcast", seconds)
     return _until_narrow(lambda runs: hidden.run(case, runs), "hidden_terminal", theirs, effort, config, effort.seeds)
 
@@ -126,21 +129,31 @@ def _latency(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
 def _distance(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
     config = replace(config, sensitivity_dbm=theirs["rx_sensitivity_dbm"])
     octets = theirs["psdu_bytes"]
-    runs = Runs(config, range(1, effort.seeds + 1))
     chances = [(row["d_m"], point(row["d_m"], octets, config).success) for row in theirs["rows"]]
-    asked = [distance for distance, chance in chances if DRAWN[0] < chance < DRAWN[1]]
-    return {"rows": [link.drawn(distance, octets, runs, effort.counted) for distance in asked]}
+    kept = {distance: Kept() for distance, chance in chances if DRAWN[0] < chance < DRAWN[1]}
+
+    def run(runs: Runs) -> Data:
+        return {
+            "rows": [
+                link.drawn(distance, octets, Runs(config, runs.seeds, over), effort.counted)
+                for distance, over in kept.items()
+            ]
+        }
+
+    return _until_narrow(run, "psr_vs_distance", theirs, effort, config, effort.seeds)
 
 
 def _overlap(theirs: Data, effort: Effort, config: RadioConfig) -> Data:
-    runs = Runs(config, range(1, effort.seeds + 1))
-    found = []
-    for row in theirs["rows"]:
-        if not DOUBTFUL_DB[0] <= row["sir_db"] <= DOUBTFUL_DB[1]:
-            continue
-        case = overlap.Overlap(float(row["sir_db"]), theirs["offset_us"], count=max(1, effort.counted // 10))
-        found.append(overlap.run(case, runs))
-    return {"rows": found}
+    kept = {row["sir_db"]: Kept() for row in theirs["rows"] if DOUBTFUL_DB[0] <= row["sir_db"] <= DOUBTFUL_DB[1]}
+    cases = {
+        sir_db: overlap.Overlap(float(sir_db), theirs["offset_us"], count=max(1, effort.counted // 10))
+        for sir_db in kept
+    }
+
+    def run(runs: Runs) -> Data:
+        return {"rows": [overlap.run(cases[sir_db], Runs(config, runs.seeds, over)) for sir_db, over in kept.items()]}
+
+    return _until_narrow(run, "capture_overlap", theirs, effort, config, effort.seeds)
 
 
 MEASURES: dict[str, Callable[[Data, Effort, RadioConfig], Data]] = {

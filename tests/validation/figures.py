@@ -142,7 +142,8 @@ def capture(axes: Any, _: Any) -> None:
             ours = [overlaps.pair(config, ratio, series["offset_us"]) for ratio in ratios]
             each.plot(ratios, [first for first, _ in ours], color=shade, linewidth=1, label=f"{name}: first")
             each.plot(ratios, [second for _, second in ours], "--", color=shade, linewidth=1, label=f"{name}: second")
-        _finish(each, "first over second, dB", "received", legend=index == 0)
+        _finish(each, "first over second, dB", "received", legend=False)
+        each.legend(frameon=False, fontsize=7, loc="center left")
         each.set_title(f"second {series['offset_us']:g} us later", fontsize=9)
 
 

@@ -116,9 +116,13 @@ def label_hidden(row: Data) -> str:
     return f"{row['case']}, {row['type'].partition('_')[0]}, {load}"
 
 
+def over_capacity(row: Data) -> bool:
+    """Whether more is offered in a row of hidden_terminal.json than the channel carries, repeats included."""
+    return row["type"] != "broadcast" and row["case"] != "exposed_control" and row["load_per_node_fps"] == 100
+
+
 def _judge_hidden(theirs: Data, ours: Data, slack: bool) -> Iterator[Check]:
-    over = theirs["type"] != "broadcast" and theirs["case"] != "exposed_control" and theirs["load_per_node_fps"] == 100
-    unjudged = OVER_CAPACITY if over else ""
+    unjudged = OVER_CAPACITY if over_capacity(theirs) else ""
     label = label_hidden(theirs)
     for station in ("A", "C"):
         for name, field in theirs[station].items():

@@ -7,6 +7,7 @@ used, in which every check is met as long as no rule is broken (test_validation.
 """
 
 import importlib
+import re
 import sys
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -18,7 +19,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, NamedTuple
 
-from verdicts import MISSED
+from verdicts import MISSED, SHOWN
 
 RELOADED = ("probe", "constants", "curves", "overlaps", "judged", "experiments", "reduced")
 """The modules of checks, which have to import the broken radio."""
@@ -42,11 +43,15 @@ class Mutation(NamedTuple):
 
     rule: str
     edits: Sequence[Edit]
+    families: Sequence[str] = ()
+    """The families that are run with it; none: all."""
 
 
 def _read(file: Path) -> tuple[Mutation, ...]:
     found = tomllib.loads(file.read_text("utf-8"))["mutation"]
-    return tuple(Mutation(each["rule"], [Edit(**edit) for edit in each["edit"]]) for each in found)
+    return tuple(
+        Mutation(each["rule"], [Edit(**edit) for edit in each["edit"]], each.get("families", ())) for each in found
+    )
 
 
 MUTATIONS = _read(Path(__file__).with_suffix(".toml"))
@@ -115,12 +120,17 @@ def _is_fresh(name: str) -> bool:
     return name in RELOADED or name == "rmr.radio" or name.startswith("rmr.radio.")
 
 
-def noticed(rule: str, families: Sequence[str] | None = None) -> list[Noticed]:
-    """Return the checks that fail when a rule is broken: of some families, or of all."""
-    (mutation,) = [each for each in MUTATIONS if each.rule == rule]
+def of(rule: str) -> Mutation:
+    """Return the mutation that breaks a rule."""
+    return next(each for each in MUTATIONS if each.rule == rule)
+
+
+def noticed(rule: str, families: Sequence[str] = ()) -> list[Noticed]:
+    """Return the checks that fail when a rule is broken: of some families, or of those that the mutation names."""
+    mutation = of(rule)
     found: list[Noticed] = []
     with broken(mutation) as reduced:
-        for family in families or reduced.FAMILIES:
+        for family in families or mutation.families or reduced.FAMILIES:
             try:
                 checks = list(reduced.FAMILIES[family]())
             except (ArithmeticError, AssertionError, LookupError, ValueError) as error:
@@ -129,3 +139,15 @@ def noticed(rule: str, families: Sequence[str] | None = None) -> list[Noticed]:
                 continue
             found += [(family, check.row, check.quantity) for check in checks if check.verdict == MISSED]
     return found
+
+
+def guarded() -> list[tuple[str, str]]:
+    """Return what each family judges: (family, kind of quantity)."""
+    families = importlib.import_module("reduced").FAMILIES
+    judged = [(name, check) for name, family in families.items() for check in family() if check.verdict != SHOWN]
+    return list(dict.fromkeys((name, kind(check.quantity)) for name, check in judged))
+
+
+def kind(quantity: str) -> str:
+    """Return a quantity without the numbers that tell one check of a family from the next."""
+    return re.sub(r"-?\d+(\.\d+)?", "#", quantity)

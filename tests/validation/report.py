@@ -1,7 +1,8 @@
 """The report of a validation: its data, the tables of docs/radio-validation.md, and the figures.
 
 The words of the page are written by hand; each table stands between two marks and is renewed from the data, which are
-written beside the figures as validation.json. Checks in which both sides are exactly the same are counted, not listed.
+written beside the figures as validation.json. Where both sides of many checks are exactly the same, these are counted
+and not listed.
 """
 
 import json
@@ -24,6 +25,8 @@ LABELS: dict[str, Callable[[Data], str]] = {
     "contention": judged.label_contention,
     "reply_storm": judged.label_storm,
 }
+EXPECTED = {"constants": "standard, or ns-3", "capture_3db": "expected"}
+"""Files whose checks are all listed, with what they are compared with."""
 MODES = {"contention": "delivery_ratio_sink", "reply_storm": "reply_delivery_ratio"}
 """What is compared between the modes of interference."""
 
@@ -36,6 +39,8 @@ def gathered(checks: Sequence[Check], found: Mapping[Any, Data], effort: Effort)
     for job in sorted(found):
         jobs.setdefault(job.kind, []).append(job)
     noticed = {job.name: found[job]["noticed"] for job in jobs.get("mutation", ())}
+    failed = {(family, mutations.kind(quantity)) for each in noticed.values() for family, _, quantity in each}
+    guarded = [pair for job in jobs.get("guarded", ()) for pair in found[job]["guarded"]]
     return {
         "version": rmr.__version__,
         "seeds": f"1 to {effort.seeds}, and more where an interval asked for it",
@@ -49,6 +54,10 @@ def gathered(checks: Sequence[Check], found: Mapping[Any, Data], effort: Effort)
             {"rule": rule, "noticed": _families(noticed[rule]), "checks": len(noticed[rule])}
             for rule in mutations.NAMES
             if rule in noticed
+        ],
+        "guarded": len(guarded),
+        "unguarded": [
+            [family, quantity] for family, quantity in guarded if noticed and (family, quantity) not in failed
         ],
     }
 
@@ -129,7 +138,7 @@ def tables(data: Data) -> dict[str, list[str]]:
     header = ("file", "scenario", "quantity", "ours", "ns-3", "why not judged")
     lines = [(_code(c["file"]), c["row"], _code(c["quantity"]), *_sides(c), c["unjudged"]) for c in unjudged]
     found["unjudged"] = table(header, lines)
-    found["mutations"] = _mutations(data["mutations"])
+    found["mutations"] = _mutations(data)
     found["modes"] = _mode_rows(data["modes"])
     found["rounds"] = _rounds(data["rounds"])
     found["discovery"] = _discovery(data["discovery"])
@@ -157,9 +166,11 @@ def as_check(data: Data) -> Check:
 
 def _file(checks: Sequence[Data]) -> list[str]:
     judged = [check for check in checks if check["verdict"] != SHOWN]
-    same = [check for check in judged if check["ours"] == check["theirs"] and "ours_half" not in check]
+    expected = EXPECTED.get(checks[0]["file"])
+    same = [] if expected else [c for c in judged if c["ours"] == c["theirs"] and "ours_half" not in c]
     listed = [check for check in judged if check not in same]
-    lines = table(HEADER, map(_cells, listed)) if listed else []
+    header = [expected if expected and name == "ns-3" else name for name in HEADER]
+    lines = table(header, map(_cells, listed)) if listed else []
     if same:
         quantities = ", ".join(dict.fromkeys(_code(_kind(check["quantity"])) for check in same))
         lines += ["", f"Besides, {len(same)} checks in which both sides are exactly the same: {quantities}."]
@@ -209,13 +220,16 @@ def _code(text: str) -> str:
     return f"`{text}`"
 
 
-def _mutations(found: Sequence[Data]) -> list[str]:
+def _mutations(data: Data) -> list[str]:
     def by(noticed: Mapping[str, int]) -> str:
         return ", ".join(f"{family} ({count})" for family, count in noticed.items()) or "**none**"
 
-    return table(("rule broken", "families of checks that noticed (how many checks)"), [
-        (row["rule"], by(row["noticed"])) for row in found
-    ])  # fmt: skip
+    header = ("rule broken", "families of checks that noticed (how many checks)")
+    lines = table(header, [(row["rule"], by(row["noticed"])) for row in data["mutations"]])
+    unguarded = [f"{family}: {quantity}" for family, quantity in data["unguarded"]]
+    failed = data["guarded"] - len(unguarded)
+    lines += ["", f"Of {data['guarded']} kinds of checks {failed} fail for at least one of these rules."]
+    return [*lines, f"No rule makes these fail: {'; '.join(unguarded)}."] if unguarded else lines
 
 
 def _mode_rows(found: Sequence[Data]) -> list[str]:

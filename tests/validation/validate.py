@@ -7,7 +7,8 @@ Each row of the reference, each broken rule (`mutations`) and each size of group
 depends on, so a run that was ended goes on where it stood, and only what a change touches is run anew. The seeds are
 1, 2, 3 ..., the same in every run, so the results are, too.
 
-Ends with 1 if a judged check is missed, or if a rule can be broken without a check that notices.
+Ends with 1 if a judged check is missed, if a rule can be broken without a check that notices, or if a kind of check
+fails for none of the broken rules.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -46,14 +48,15 @@ DEPENDS = {
     "row": EXPERIMENTS,
     "imitated": (*EXPERIMENTS, "tests/validation/imitation.py"),
     "capture": EXPERIMENTS,
-    "mutation": (*EXPERIMENTS, *CHECKS, "tests/validation/mutations.toml"),
+    "mutation": (*EXPERIMENTS, *CHECKS),
+    "guarded": (*EXPERIMENTS, *CHECKS),
     "rounds": ROUNDS,
     "discovery": ROUNDS,
 }
 """Kind of job -> the sources that its result depends on."""
 
 CAPTURE = replace(REFERENCE, interference="capture_3db")
-ROUND_SEEDS = 10
+SEEDS = {"rounds": 10, "discovery": 30}
 """Of each size of group."""
 
 
@@ -81,8 +84,10 @@ def perform(job: Job, effort: Effort) -> Data:
     if job.kind == "capture":
         return measure(job.name, job.which, effort._replace(until_narrow=False), CAPTURE)
     if job.kind in ("rounds", "discovery"):
-        found: Data = getattr(_coordination(), job.kind)(job.which, range(1, ROUND_SEEDS + 1), job.name)
+        found: Data = getattr(_coordination(), job.kind)(job.which, range(1, SEEDS[job.kind] + 1), job.name)
         return found
+    if job.kind == "guarded":
+        return {"guarded": [list(each) for each in mutations.guarded()]}
     return {"noticed": [list(each) for each in mutations.noticed(job.name)]}
 
 
@@ -101,6 +106,7 @@ def all_jobs(only: str | None) -> list[Job]:
     jobs += [Job("imitated", "hidden_terminal", index) for index in judged.FORGETFUL]
     jobs += [Job("capture", file, index) for file, index in captured()]
     jobs += [Job("mutation", name) for name in mutations.NAMES]
+    jobs += [Job("guarded", "mutation")]
     jobs += [Job("rounds", "capture_3db", members) for members in coordination.MEMBERS]
     jobs += [Job("discovery", "capture_3db", members) for members in coordination.DISCOVERY]
     return sorted((job for job in jobs if only in (None, job.name, job.kind)), key=cost, reverse=True)
@@ -121,29 +127,37 @@ def cost(job: Job) -> float:
     """Return how long a job takes, roughly, to begin with the long ones."""
     if job.kind in ("rounds", "discovery"):
         return float(job.which)
-    if job.kind == "mutation":
+    if job.kind in ("mutation", "guarded"):
         return 20.0
     row = rows(job.name)[job.which]
     stations: int = row.get("N_senders") or row.get("N_members") or 5
     return stations * (5.0 if row.get("saturated") else 1.0)
 
 
-def digest(kind: str, effort: Effort) -> str:
-    """Return what names the state of everything that a kind of job depends on."""
-    state = hashlib.sha256(repr(effort).encode())
+def digest(job: Job, effort: Effort) -> str:
+    """Return what names the state of everything that a job depends on."""
+    state = hashlib.sha256(_sources(job.kind))
+    state.update(repr((mutations.of(job.name) if job.kind == "mutation" else "", effort, SEEDS)).encode())
+    return state.hexdigest()[:12]
+
+
+@cache
+def _sources(kind: str) -> bytes:
+    """Return the digest of the sources that a kind of job depends on."""
+    state = hashlib.sha256()
     for place in DEPENDS[kind]:
         path = ROOT / place
         for file in [path] if path.is_file() else sorted(path.rglob("*.*")):
             if file.suffix in (".py", ".json"):
                 state.update(file.read_bytes())
-    return state.hexdigest()[:12]
+    return state.digest()
 
 
 def run(jobs: Sequence[Job], effort: Effort, processes: int, tell: Callable[[str], None]) -> dict[Job, Data]:
     """Return what all jobs find, from what is kept or anew."""
-    digests = {kind: digest(kind, effort) for kind in DEPENDS}
-    files = {job: KEPT / digests[job.kind] / f"{re.sub('[^A-Za-z0-9.]+', '_', str(job))}.json" for job in jobs}
+    files = {job: KEPT / f"{re.sub('[^A-Za-z0-9.]+', '_', str(job))}-{digest(job, effort)}.json" for job in jobs}
     found = {job: json.loads(file.read_text("utf-8")) for job, file in files.items() if file.exists()}
+    KEPT.mkdir(parents=True, exist_ok=True)
     todo = [job for job in jobs if job not in found]
     tell(f"{len(jobs)} jobs, {len(found)} of them kept from before")
     with ProcessPoolExecutor(processes) as pool:
@@ -152,7 +166,6 @@ def run(jobs: Sequence[Job], effort: Effort, processes: int, tell: Callable[[str
         for done, future in enumerate(as_completed(running), 1):
             job = running[future]
             found[job] = future.result()
-            files[job].parent.mkdir(parents=True, exist_ok=True)
             files[job].write_text(json.dumps(found[job]), "utf-8")
             tell(f"{done}/{len(todo)} {time.monotonic() - begun:.0f} s: {job}")
     return found
@@ -200,7 +213,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     unnoticed = [row["rule"] for row in data["mutations"] if not row["noticed"]]
     for rule in unnoticed:
         tell(f"broken without a check that notices: {rule}")
-    return 1 if missed(checks) or unnoticed else 0
+    for family, quantity in data["unguarded"]:
+        tell(f"a check that no broken rule makes fail: {family}: {quantity}")
+    return 1 if missed(checks) or unnoticed or data["unguarded"] else 0
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ Pure data: nothing here knows the radio.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import hypot, isfinite, sqrt
+from math import hypot, isfinite, nan, sqrt
 from typing import Any, NamedTuple
 
 Data = dict[str, Any]
@@ -122,7 +122,9 @@ def equal(where: tuple[str, str, str], ours: Value, theirs: Value) -> Check:
 
 
 def estimate(field: Data) -> Estimate:
-    """Return a field of the reference's form, ``{mean, ci95, ...}`` or ``{p, ci95, ...}``."""
+    """Return a field of the reference's form, ``{mean, ci95, ...}`` or ``{p, ci95, ...}``; NaN without an interval."""
+    if field["ci95"] is None:
+        return Estimate(nan)
     low, high = field["ci95"]
     return Estimate(float(field["mean"] if "mean" in field else field["p"]), (high - low) / 2.0)
 
