@@ -17,7 +17,8 @@ from rmr.radio.station import Station
 PAN = 7
 RUNS = 40
 Places = dict[int, tuple[float, float]]
-Requests = list[tuple[int, int, int | None, bytes]]
+Request = tuple[int, int, int | None, bytes, tuple[float, float]]
+"""When, who, to whom, what, and where it is from then on."""
 Log = dict[int, list[Any]]
 
 
@@ -27,7 +28,7 @@ def rounded(out: Announcement | Received | Confirmed) -> Any:
 
 
 def in_the_ether(
-    places: Places, requests: Requests, config: RadioConfig, seed: int, disturbances: list[Disturbance], until: int
+    places: Places, requests: list[Request], config: RadioConfig, seed: int, disturbances: list[Disturbance], until: int
 ) -> tuple[Log, dict[int, dict[str, int]]]:
     kernel = Kernel()
     ether = Ether(kernel, config, seed, PAN, disturbances)
@@ -40,15 +41,22 @@ def in_the_ether(
 
         ether.add(address, stream(f"{seed}/{address}"), take, x, y)
     stations = {station.intake.address: station for station in ether.stations}
-    for index, (when, source, to, payload) in enumerate(requests):
-        kernel.at(when, ROBOT, lambda _, i=index, s=source, t=to, p=payload: stations[s].request(p, t, i))
+
+    def ask(index: int) -> None:
+        _, source, to, payload, place = requests[index]
+        stations[source].move(*place)
+        stations[source].request(payload, to, index)
+
+    for index, (when, *_) in enumerate(requests):
+        kernel.at(when, ROBOT, lambda _, index=index: ask(index))
     kernel.run_until(until)
     return log, {address: station.counters.as_dict() for address, station in stations.items()}
 
 
 def of_stations(
-    places: Places, requests: Requests, config: RadioConfig, seed: int, disturbances: list[Disturbance], until: int
+    places: Places, requests: list[Request], config: RadioConfig, seed: int, disturbances: list[Disturbance], until: int
 ) -> tuple[Log, dict[int, dict[str, int]]]:
+    places = dict(places)
     stations = {
         address: Station(
             address, PAN, seed, stream(f"{seed}/{address}"), config, links=Links(config, seed, disturbances)
@@ -70,11 +78,12 @@ def of_stations(
                     for other in stations.values():
                         other.hear(out)
         while waiting and waiting[0][1][0] <= now:
-            index, (_, source, to, payload) = waiting.pop(0)
+            index, (_, source, to, payload, places[source]) = waiting.pop(0)
+            stations[source].move(*places[source])
             stations[source].request(now, payload, to, index)
 
 
-def drawn(seed: int) -> tuple[Places, Requests, RadioConfig, list[Disturbance]]:
+def drawn(seed: int) -> tuple[Places, list[Request], RadioConfig, list[Disturbance]]:
     """Return a crowd with things to say: near and far, over and below what the channel takes."""
     chance = Random(seed)
     count = chance.randrange(2, 9)
@@ -84,14 +93,16 @@ def drawn(seed: int) -> tuple[Places, Requests, RadioConfig, list[Disturbance]]:
         places = {address: (10.0 * (i % 2), 10.0 * (i // 2 % 2)) for i, address in enumerate(places)}
     addresses = list(places)
     rate = chance.choice([5, 20, 60])
-    requests: Requests = []
+    drives = chance.choice([0.0, 0.0, 0.5])  # metres, before each frame: over borders of cells too
+    requests: list[Request] = []
     for source in addresses:
         for _ in range(rate // 2):
             others = [None, *(a for a in addresses if a != source), 999]
             to = chance.choice(others) if chance.random() < 0.6 else None
             step = chance.choice([1, 320 * NS_PER_US, NS_PER_MS])
             when = chance.randrange(500 * NS_PER_MS) // step * step
-            requests.append((when, source, to, bytes(chance.randrange(1, 117))))
+            place = tuple(along + chance.uniform(-1.0, 1.0) * drives for along in places[source])
+            requests.append((when, source, to, bytes(chance.randrange(1, 117)), place))
     disturbances = []
     if chance.random() < 0.3:
         disturbances.append(partition([addresses[:1], addresses[1:2]], 100 * NS_PER_MS, 300 * NS_PER_MS))
@@ -102,6 +113,7 @@ def drawn(seed: int) -> tuple[Places, Requests, RadioConfig, list[Disturbance]]:
         loss=chance.choice([0.0, 0.0, 0.1]),
         shadowing_db=chance.choice([0.0, 0.0, 4.0]),
         bursts=chance.choice([None, None, Bursts(seconds(0.1), seconds(0.02))]),
+        tx_power_dbm=chance.choice([0.0, -20.0, -30.0]),  # in a crowd of 40 m: a single cell, nine, or twenty-five
     )
     return places, requests, config, disturbances
 
