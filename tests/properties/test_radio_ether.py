@@ -101,8 +101,8 @@ def drawn(seed: int) -> tuple[Places, list[Request], RadioConfig, list[Disturban
             to = chance.choice(others) if chance.random() < 0.6 else None
             step = chance.choice([1, 320 * NS_PER_US, NS_PER_MS])
             when = chance.randrange(500 * NS_PER_MS) // step * step
-            place = tuple(along + chance.uniform(-1.0, 1.0) * drives for along in places[source])
-            requests.append((when, source, to, bytes(chance.randrange(1, 117)), place))
+            x, y = (along + chance.uniform(-1.0, 1.0) * drives for along in places[source])
+            requests.append((when, source, to, bytes(chance.randrange(1, 117)), (x, y)))
     disturbances = []
     if chance.random() < 0.3:
         disturbances.append(partition([addresses[:1], addresses[1:2]], 100 * NS_PER_MS, 300 * NS_PER_MS))
