@@ -17,7 +17,7 @@ from typing import Any
 
 from rmr.base import arena
 from rmr.base.geometry import STILL, Pose, Twist
-from rmr.base.time import NS_PER_S, TICK_HZ, in_seconds, milliseconds, tick_index, tick_start
+from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.process import Ending
@@ -184,7 +184,7 @@ class WorldServer:
         if not isinstance(message.body, wire.AskDisturbances):
             return None
         wish, wanted = message.body
-        disturbed, now, refused = self._disturbed, self._time.at(time.monotonic_ns()), ""
+        disturbed, now, refused = self._disturbed, self._unreturned(), ""
         before = disturbed.held
         if wish == "clear":
             disturbed.clear(now)
@@ -290,8 +290,15 @@ class WorldServer:
         self._bus.publish(self._keys.clock, wire.Clock(self._time.state, now, now))
 
     def _disturbances(self, refused: str = "") -> wire.Disturbances:
-        disturbed, now = self._disturbed, self._time.at(time.monotonic_ns())
+        disturbed, now = self._disturbed, self._unreturned()
         return wire.Disturbances(self._lab.name, now, disturbed.held, len(disturbed.given), refused)
+
+    def _unreturned(self) -> Instant:
+        """Return lab time, but none that is about to be set back because the world was held up.
+
+        By such a time disturbances would be forgotten that still hold, and new ones begin long after the wish.
+        """
+        return min(self._time.at(time.monotonic_ns()), tick_start(self._tick + BEHIND_MAX))
 
     def _publish_disturbances(self) -> None:
         self._bus.publish(self._keys.disturbances, self._disturbances())
@@ -318,7 +325,7 @@ class WorldServer:
     async def _tell(self) -> None:
         while True:
             self._publish_status(final=False)
-            self._disturbed.forget(self._time.at(time.monotonic_ns()))
+            self._disturbed.forget(self._unreturned())
             if self._disturbed.touched:  # once more, for who came between two news, or lost them
                 self._publish_disturbances()
             if self._time.state != "running":

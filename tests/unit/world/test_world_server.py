@@ -5,7 +5,7 @@ import asyncio
 import pytest
 from world_labs import LABS
 
-from rmr.base.time import tick_start
+from rmr.base.time import NS_PER_S, tick_start
 from rmr.bus import wire
 from rmr.bus.process import Ending
 from rmr.bus.wire import Losses
@@ -54,6 +54,28 @@ def test_a_world_that_is_too_far_behind_sets_lab_time_back_and_makes_up_for_noth
     assert (report["ticks_late"], report["set_back"]) == (0, 1)
 
 
+def test_a_world_that_was_held_up_forgets_no_disturbance_that_still_holds_once_lab_time_is_set_back(monkeypatch):
+    held = Held(monkeypatch)
+    wish = wire.Envelope(wire.OPERATOR_ID, 1, 1, wire.AskDisturbances("add", Disturbance(0, 5 * NS_PER_S, loss=0.5)))
+    held.server._answer_disturbances(wish, 0)
+    held.now = 60 * NS_PER_S  # and its questions are answered before its physics notices
+    held.server._answer_disturbances(wish, 0)
+    asyncio.run(telling(held.server))
+    held.server._catch_up()
+    back = held.server._time.at(held.now)
+    assert back < NS_PER_S
+    since = [one.since for one in held.server._disturbed.added]
+    assert len(since) == 2
+    assert max(since) < back + 2 * NS_PER_S
+
+
+async def telling(world: WorldServer) -> None:
+    """Let the world tell its state once."""
+    task = asyncio.ensure_future(world._tell())
+    await asyncio.sleep(0)
+    task.cancel()
+
+
 class Asked:
     """A world that operators ask about disturbances."""
 
@@ -93,17 +115,12 @@ def test_what_an_operator_changes_is_told_to_the_robots_there_and_to_those_that_
 def test_once_people_have_disturbed_it_the_list_is_told_again_even_when_all_is_cleared_before_it_began():
     world = Asked()
 
-    async def telling():
-        task = asyncio.ensure_future(world.server._tell())
-        await asyncio.sleep(0)
-        task.cancel()
-
-    asyncio.run(telling())
+    asyncio.run(telling(world.server))
     assert world.told == []
     world.ask("add", partition([[1], [2]]))
     world.ask("clear")
     before = len(world.told)
-    asyncio.run(telling())
+    asyncio.run(telling(world.server))
     assert world.told[before:] == [()]
 
 
