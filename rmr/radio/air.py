@@ -1,9 +1,9 @@
 """What crosses the boundary of a station: announcements of transmissions, receptions, outcomes.
 
-There is no medium object. Whoever transmits announces it with its start, end, power and position, and each
-receiver works out for itself what it hears. In the simulator announcements are handed over at the instant
-they are made, 192 us before the first symbol; between processes they cross the bus and come late, out of
-order, twice or not at all, so all that matters goes by the time stamps that they carry.
+Whoever transmits announces it with its start, end, power and position, 192 us before the first symbol. In virtual time
+`rmr.radio.ether` knows all announcements at once. Between processes there is no medium: announcements cross the bus and
+come late, out of order, twice or not at all, and each receiver works out for itself what it hears, so all that matters
+goes by the time stamps that they carry.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,11 @@ ACK_ATTEMPT = 0x80
 """Set in `Announcement.attempt` of an acknowledgement, whose low bits repeat the data frame's attempt."""
 
 SEQUENCE_MASK = 0xFFFF_FFFF
+
+POWER_MAX_DBM = 100.0
+"""Ten megawatts: no robot radiates more, and the milliwatts of some thousand dBm are no number."""
+PLACE_MAX_M = 1e6
+"""No robot is farther away from the origin."""
 
 
 class Announcement(NamedTuple):
@@ -53,7 +58,8 @@ class Announcement(NamedTuple):
         numbers = ((source, 0xFFFF), (sequence, SEQUENCE_MASK), (attempt, 0xFF), (start, NEVER), (end, NEVER))
         if not all(type(value) is int and 0 <= value <= limit for value, limit in numbers):
             raise ValueError("an announcement's integers are out of range")
-        if not all(isinstance(value, int | float) and -1e6 < value < 1e6 for value in (power_dbm, x, y)):
+        limits = ((power_dbm, POWER_MAX_DBM), (x, PLACE_MAX_M), (y, PLACE_MAX_M))
+        if not all(isinstance(value, int | float) and -limit < value < limit for value, limit in limits):
             raise ValueError("an announcement's power or position is out of range")
         if not isinstance(psdu, bytes) or len(psdu) > PSDU_MAX or end - start != airtime(len(psdu)):
             raise ValueError("an announcement's frame and its airtime do not agree")

@@ -1,9 +1,10 @@
 """All radios of a lab in virtual time.
 
 The same medium access (`rmr.radio.mac`), the same intake and the same rules of reception as in a robot process, but
-for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whoever hears it, and
-nothing for those out of reach. Time is the kernel's. A frame is announced at the end of an idle channel assessment,
-192 us before its first symbol; so when a lock instant or an end comes, all that bears on it is known.
+for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whoever hears it; those
+out of reach only have their places in the arrays. Time is the kernel's. A frame is announced at the end of an idle
+channel assessment, 192 us before its first symbol; so when a lock instant or an end comes, all that bears on it is
+known.
 
 What is due at the same instant happens in this order: a frame's end, with its receptions and acknowledgements;
 then the timers of medium access. Receivers of one frame are told in the order in which they were added.

@@ -1,8 +1,8 @@
 """Where the stations of the ether stand, who is within reach of whom, and with what power each hears another.
 
 Stations are known by their index; arrays have an entry for each. Only the stations in a transmitter's cell and the
-ring around it are looked at (`rmr.radio.cells`), so the cost of a frame does not grow with the robots out of range.
-What a transmitter reaches is remembered until somebody moves.
+ring around it are looked at (`rmr.radio.cells`), so of robots out of range a frame costs no more than those entries.
+What a transmitter reaches is remembered until somebody moves, where links are what distance makes them.
 """
 
 from bisect import insort
@@ -82,11 +82,11 @@ class Floor:
 
     def reached(self, index: int, start: Instant) -> Reached:
         """Return what a transmission of station `index` reaches that begins at `start`."""
+        if self._links.fades:  # as the time and who else is disturbed will have it
+            return self._reach(index, start)
         known = self._reached.get(index)
         if known is None:
-            known = self._reach(index, start)
-            if not self._links.fades:
-                self._reached[index] = known
+            known = self._reached[index] = self._reach(index, start)
         return known
 
     def _enter(self, index: int, cell: Cell) -> None:

@@ -268,6 +268,8 @@ def _can_lock(
     if signal.power_mw <= LOCK_RATIO * channel.noise_mw:
         return False
     others = [o for o in air if o.start < locks_at and o.end > start and o is not signal]
+    if any(signal.power_mw < CAPTURE_RATIO * o.power_mw for o in others):  # spares a crowd the sums
+        return False
     return not others or signal.power_mw >= CAPTURE_RATIO * max(p for _, p in interference(start, locks_at, others))
 
 

@@ -5,12 +5,11 @@ It keeps those that matter (all within `RELEVANCE_DB` of its sensitivity), and a
 meant for it decides by `phy.reception` and `phy.draw` whether it has received it. A received unicast is
 acknowledged 192 us after its end without assessing the channel (802.15.4-2006, 7.5.6.4).
 
-The same class serves two hosts. The simulator hands announcements over at the instant they are made and
-advances all stations in order of time (`grace` 0): 192 us pass between an announcement and its first symbol,
-so none comes too late. Between robot processes they come some milliseconds late and out of order; there a
-reception is decided `grace` after the frame's end and acknowledged then, still stamped end + 192 us, and the
-sender waits for its acknowledgement twice the grace longer. Everything else goes by the time stamps, so a late
-announcement leads to the same reception as an early one.
+It is the radio of a robot process. Between processes announcements come some milliseconds late and out of order, so a
+reception is decided `grace` after the frame's end and acknowledged then, still stamped end + 192 us, and the sender
+waits for its acknowledgement twice the grace longer. Everything else goes by the time stamps, so a late announcement
+leads to the same reception as an early one. With grace 0, announcements handed over as they are made, and all stations
+advanced in order of time, nothing comes too late: so run, stations are what `rmr.radio.ether` is held to.
 """
 
 from bisect import bisect_left, insort
@@ -156,10 +155,11 @@ class Station:
         if self._grace and arrived > heard.start:
             self.counters.late += 1
             self._contradict(heard)
-        if self._concerns(heard) and len(self._due) < AIR_MAX:
+        if self._concerns(heard):
             if arrived > heard.end + self._allowance(announcement.attempt):
                 self.counters.overdue += 1
             insort(self._due, heard, key=_by_end)
+            del self._due[AIR_MAX:]  # the farthest ahead: what is stamped with times to come displaces nothing
             self.next_wake = min(self.next_wake, self._due[0].end + self._grace)
 
     def advance(self, now: Instant, x: float, y: float) -> list[Output]:

@@ -134,7 +134,7 @@ def test_what_differs_from_a_wrong_frame_in_the_wrong_thing_alone_is_a_frame() -
 
 def test_no_announcement_from_the_bus_raises_but_what_the_host_counts() -> None:
     chance = Random(3)
-    values = (0, -1, 7, 1 << 70, 1.5, float("nan"), float("inf"), None, True, b"", GOOD, "x", [1], {})
+    values = (0, -1, 7, 1 << 70, 1.5, 9e4, -9e5, float("nan"), float("inf"), None, True, b"", GOOD, "x", [1], {})
     good = announced(GOOD, STEP)
     assert Announcement.from_wire(good.to_wire()) == good
     refused = 0

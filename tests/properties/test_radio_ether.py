@@ -127,3 +127,16 @@ def test_the_ether_and_the_stations_of_processes_do_the_same(seed: int) -> None:
         assert one[address] == other[address]
     assert counted == counts
     assert sum(len(log) for log in one.values()) > len(requests)
+
+
+def test_disturbances_that_begin_when_a_sender_has_been_heard_before_touch_it_too() -> None:
+    kernel = Kernel()
+    ether = Ether(kernel, RadioConfig(), 1, PAN)
+    heard: list[Any] = []
+    speaker = ether.add(1, stream("1"), None)
+    ether.add(2, stream("2"), heard.append, 5.0)
+    for disturbances, count in (([], 1), ([partition([[1], [2]])], 1), ([], 2)):
+        ether.links.replace(disturbances)
+        speaker.request(b"hello", None, 0)
+        kernel.run_until(kernel.now + seconds(0.1))
+        assert len(heard) == count

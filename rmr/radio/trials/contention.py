@@ -26,6 +26,8 @@ DRAIN: Duration = NS_PER_S
 SENDERS_MAX = 1_000
 """So many around one sink are no longer a question of contention."""
 SECONDS_MAX = 86_400.0
+OFFERED_MIN_FPS = 1e-6
+"""A frame in eleven days."""
 OFFERED_MAX_FPS = 100_000.0
 """Hundreds of times what the channel carries."""
 SATURATED_FPS = 240.0
@@ -61,8 +63,8 @@ def check_load(senders: int, offered_fps: float | None, measured_s: float) -> No
     """Raise `ValueError` if so much cannot be offered by `senders`, all together, for so long."""
     if not 0.0 < measured_s <= SECONDS_MAX:
         raise ValueError(f"{measured_s:g} s: write more than 0, at most {SECONDS_MAX:g} (a day)")
-    if offered_fps is not None and not 0.0 < offered_fps <= OFFERED_MAX_FPS:
-        raise ValueError(f"{offered_fps:g} frames/s offered: write more than 0, at most {OFFERED_MAX_FPS:g}")
+    if offered_fps is not None and not OFFERED_MIN_FPS <= offered_fps <= OFFERED_MAX_FPS:
+        raise ValueError(f"{offered_fps:g} frames/s offered: write {OFFERED_MIN_FPS:g} to {OFFERED_MAX_FPS:g}")
     frames = measured_s * (senders * SATURATED_FPS if offered_fps is None else offered_fps)
     if frames > FRAMES_MAX:
         raise ValueError(f"up to {frames:,.0f} frames a run, at most {FRAMES_MAX:,}: try more runs of less time")

@@ -5,16 +5,19 @@
     near_far_hidden   A 90 m and C 65 m from B on opposite sides: hidden, and C is 4 dB stronger at B
 
 The distances suit the radio of the reference (`rmr.radio.trials.REFERENCE`); for another radio they are scaled so that
-the power at B lies as far above the sensitivity. Shares are of the frames offered to each station.
+the power at B lies as far above the sensitivity. Where power falls slowly with distance (exponents up to 2.7), A and C
+cannot both reach B without hearing each other; such a case is refused. Shares are of the frames offered to each.
 """
 
 from dataclasses import dataclass
 from functools import partial
+from math import log10
 
 from rmr.base.time import NS_PER_S, Duration, Instant, seconds
-from rmr.radio.phy import LOSS_AT_1_M_DB, RadioConfig, path_loss_db
+from rmr.radio.phy import LOCK_RATIO, LOSS_AT_1_M_DB, NOISE_BELOW_SENSITIVITY_DB, RadioConfig, path_loss_db
 from rmr.radio.trials import REFERENCE, Row, Runs
 from rmr.radio.trials.contention import check_load, start_traffic
+from rmr.radio.trials.link import DISTANCE_MAX_M
 from rmr.radio.trials.places import ORIGIN, at_angle
 from rmr.radio.trials.statistics import mean, over_few, ratio
 from rmr.radio.trials.traffic import Frame, Scene, check_payload, in_ms
@@ -22,7 +25,12 @@ from rmr.radio.trials.traffic import Frame, Scene, check_payload, in_ms
 DRAIN: Duration = NS_PER_S
 WARM_UP: Duration = NS_PER_S
 
-CASES = {"hidden": (80.0, 80.0, 180.0), "exposed_control": (80.0, 80.0, 20.0), "near_far_hidden": (90.0, 65.0, 180.0)}
+OPPOSITE = 180.0
+CASES = {
+    "hidden": (80.0, 80.0, OPPOSITE),
+    "exposed_control": (80.0, 80.0, 20.0),
+    "near_far_hidden": (90.0, 65.0, OPPOSITE),
+}
 """Name -> metres from A to B, metres from C to B, degrees between them."""
 
 NAMES = ("A", "C")
@@ -49,7 +57,7 @@ class Hidden:
 
 
 def distances(case: str, config: RadioConfig) -> tuple[float, float]:
-    """Return the metres from A and from C to B for this radio. Raises `ValueError` if it is too weak."""
+    """Return the metres from A and from C to B for this radio. Raises `ValueError` if there are none."""
     weaker_db = (config.tx_power_dbm - config.sensitivity_dbm) - (REFERENCE.tx_power_dbm - REFERENCE.sensitivity_dbm)
     a_m, c_m = (
         10.0 ** ((path_loss_db(metres, REFERENCE.exponent) - LOSS_AT_1_M_DB + weaker_db) / (10.0 * config.exponent))
@@ -59,7 +67,17 @@ def distances(case: str, config: RadioConfig) -> tuple[float, float]:
         raise ValueError(
             "so weak a radio hides stations at less than a metre: raise its power, or lower its sensitivity"
         )
+    if max(a_m, c_m) > DISTANCE_MAX_M:
+        raise ValueError(f"so strong a radio reaches over {DISTANCE_MAX_M:g} m: lower its power, or raise the exponent")
+    if CASES[case][2] == OPPOSITE and _hears(a_m + c_m, config):
+        raise ValueError("A and C hear each other, so slowly does power fall with distance: raise the exponent")
     return a_m, c_m
+
+
+def _hears(metres: float, config: RadioConfig) -> bool:
+    """Whether a receiver locks on, and so senses, a frame from so far away."""
+    power_dbm = config.tx_power_dbm - path_loss_db(metres, config.exponent)
+    return power_dbm - (config.sensitivity_dbm - NOISE_BELOW_SENSITIVITY_DB) > 10.0 * log10(LOCK_RATIO)
 
 
 def run(case: Hidden, runs: Runs) -> Row:

@@ -16,10 +16,9 @@ from rmr.radio.frame import ACK_OCTETS
 from rmr.radio.mac import BACKOFF_PERIOD, BE_MIN
 from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime
 from rmr.radio.trials import Row, Runs
-from rmr.radio.trials.overlap import check_count
 from rmr.radio.trials.places import ORIGIN, at_angle
 from rmr.radio.trials.statistics import DIGITS, NORMAL_QUANTILE, mean, percentile
-from rmr.radio.trials.traffic import Frame, Scene, check_payload, in_ms, octets_of
+from rmr.radio.trials.traffic import Frame, Scene, check_count, check_payload, in_ms, octets_of
 
 DISTANCE_M = 10.0
 PERIOD: Duration = 50 * NS_PER_MS

@@ -29,10 +29,9 @@ from rmr.radio.phy import (
     success_probability,
 )
 from rmr.radio.trials import Row, Runs
-from rmr.radio.trials.overlap import check_count, check_psdu
 from rmr.radio.trials.places import ORIGIN, at_angle
 from rmr.radio.trials.statistics import DIGITS, mean, ratio, wilson
-from rmr.radio.trials.traffic import PAN, Scene, octets_of
+from rmr.radio.trials.traffic import PAN, Scene, check_count, check_psdu, octets_of
 
 DISTANCE_MAX_M = 100_000.0
 PERIOD: Duration = 20 * NS_PER_MS

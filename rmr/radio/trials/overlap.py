@@ -6,23 +6,22 @@ ratio asked for. What the receiver makes of it shows the rules of locking and ca
 
 from dataclasses import dataclass
 from functools import partial
+from math import log10
 
 from rmr.base.time import NS_PER_MS, Duration, Instant
 from rmr.radio.air import Received
-from rmr.radio.frame import BROADCAST, PSDU_MAX, DataFrame, encode_data
+from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import TURNAROUND, RadioConfig
 from rmr.radio.trials import Row, Runs
 from rmr.radio.trials.places import ORIGIN, at_angle
 from rmr.radio.trials.statistics import share
-from rmr.radio.trials.traffic import PAN, Scene, octets_of
+from rmr.radio.trials.traffic import PAN, Scene, check_count, check_psdu, octets_of
 
 FIRST_M = 10.0
 SIR_MAX_DB = 29.0
 """The second sender then stands at a metre, at exponent 3; nearer the path loss does not fall."""
 OFFSET_MAX_US = 5_000.0
 """Longer than a frame of any size: there is nothing left to overlap."""
-COUNT_MAX = 100_000
-"""Frames of one run: more than any interval here has use for."""
 PERIOD: Duration = 20 * NS_PER_MS
 """From one pair of frames to the next; longer than any pair takes."""
 
@@ -51,16 +50,13 @@ class Overlap:
         check_count(self.count)
 
 
-def check_psdu(psdu: int) -> None:
-    """Raise `ValueError` if no data frame has so many octets."""
-    if not octets_of(0) <= psdu <= PSDU_MAX:
-        raise ValueError(f"a PSDU of {psdu} octets: a data frame has {octets_of(0)} to {PSDU_MAX}")
-
-
-def check_count(count: int) -> None:
-    """Raise `ValueError` if so many frames cannot be tried."""
-    if not 1 <= count <= COUNT_MAX:
-        raise ValueError(f"{count} frames: write 1 to {COUNT_MAX}")
+def second_m(case: Overlap, config: RadioConfig) -> float:
+    """Return the metres from the second sender to the receiver. Raises `ValueError` if there are none."""
+    metres = float(FIRST_M * 10.0 ** (case.sir_db / 10.0 / config.exponent))
+    if metres < 1.0:  # where the path loss does not fall any more
+        least_db = -10.0 * config.exponent * log10(FIRST_M)
+        raise ValueError(f"a ratio of {case.sir_db:g} dB: at this exponent write {least_db:g} or more")
+    return metres
 
 
 def run(case: Overlap, runs: Runs) -> Row:
@@ -86,7 +82,7 @@ def _sample(case: Overlap, config: RadioConfig, seed: int) -> tuple[int, int]:
 
     scene.listener(RECEIVER, ORIGIN, hear)
     scene.listener(FIRST, at_angle(FIRST_M, 0.0), None)
-    scene.listener(SECOND, at_angle(FIRST_M * 10.0 ** (case.sir_db / 10.0 / config.exponent), 180.0), None)
+    scene.listener(SECOND, at_angle(second_m(case, config), 180.0), None)
     for index in range(case.count):
         start = scene.kernel.now + TURNAROUND
         _transmit(scene, FIRST, case.psdu, index, start)

@@ -16,7 +16,7 @@ from rmr.base.streams import stream
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Received
 from rmr.radio.ether import Ether, EtherStation
-from rmr.radio.frame import FCS_OCTETS, HEADER_OCTETS, PAYLOAD_MAX
+from rmr.radio.frame import FCS_OCTETS, HEADER_OCTETS, PAYLOAD_MAX, PSDU_MAX
 from rmr.radio.phy import RadioConfig
 from rmr.radio.trials.places import Place
 
@@ -24,6 +24,8 @@ PAN = 1
 
 PHASES: Duration = 10 * NS_PER_MS
 """Within so long saturated senders begin."""
+COUNT_MAX = 100_000
+"""Frames of one run that are sent one by one: more than any interval has use for."""
 
 
 class Frame:
@@ -185,3 +187,15 @@ def check_payload(payload: int) -> None:
     """Raise `ValueError` if `payload` octets do not fit one frame."""
     if not 0 <= payload <= PAYLOAD_MAX:
         raise ValueError(f"a payload of {payload} octets: a frame carries 0 to {PAYLOAD_MAX}")
+
+
+def check_psdu(psdu: int) -> None:
+    """Raise `ValueError` if no data frame has so many octets."""
+    if not octets_of(0) <= psdu <= PSDU_MAX:
+        raise ValueError(f"a PSDU of {psdu} octets: a data frame has {octets_of(0)} to {PSDU_MAX}")
+
+
+def check_count(count: int) -> None:
+    """Raise `ValueError` if so many frames cannot be tried."""
+    if not 1 <= count <= COUNT_MAX:
+        raise ValueError(f"{count} frames: write 1 to {COUNT_MAX}")

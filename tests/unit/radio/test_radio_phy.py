@@ -5,6 +5,7 @@ from math import comb, exp
 import pytest
 from radio_ether import US
 
+from rmr.radio import phy
 from rmr.radio.phy import (
     BIT,
     RadioConfig,
@@ -130,6 +131,16 @@ def test_as_noise_each_stretch_of_interference_counts_by_its_own_length() -> Non
     whole, _ = verdicts(signal(1, 0, -30), signal(2, 0, -31), channel=AWGN)
     half, _ = verdicts(signal(1, 0, -30), signal(2, 1072, -31), channel=AWGN)
     assert half.success == pytest.approx(whole.success**0.5, rel=1e-9)
+
+
+def test_whoever_is_in_a_crowd_pays_for_no_sums_unless_it_may_be_locked_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    summed = []
+    monkeypatch.setattr(phy, "interference", lambda *arguments: summed.append(1) or interference(*arguments))
+    crowd = [signal(source, source) for source in range(100)]
+    assert set(verdicts(*crowd)) == {Verdict(0.0, "collision")}
+    assert not summed
+    assert verdicts(signal(1, 0, -40), *(signal(source, source, -60) for source in range(2, 52)))[0].success == 1.0
+    assert summed
 
 
 def test_as_noise_the_stronger_of_two_frames_that_start_together_is_locked_on() -> None:

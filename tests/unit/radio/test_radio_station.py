@@ -16,7 +16,7 @@ from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Received
 from rmr.radio.frame import encode_ack
 from rmr.radio.mac import QUEUE_MAX
 from rmr.radio.phy import airtime
-from rmr.radio.station import Station
+from rmr.radio.station import AIR_MAX, Station
 
 ACCESS_US = [320 * k for k in range(1, 9)]
 SECOND = 1000 * MS
@@ -290,6 +290,15 @@ def test_a_host_that_calls_late_loses_nothing_but_is_told_so() -> None:
     assert (prompt.counters.overdue, tardy.counters.overdue) == (0, 1)
 
 
+def test_announcements_of_times_to_come_displace_no_frame_of_now() -> None:
+    one = station(1, grace=4 * MS)
+    one.advance(0, 0.0, 0.0)
+    for index in range(2 * AIR_MAX):
+        one.hear(transmission(2 + index, 1000 * MS + index * 5 * MS, x=2.0), 0)
+    one.hear(transmission(9, MS, x=2.0), 0)
+    assert [out.source for out in one.advance(900 * MS, 0.0, 0.0) if isinstance(out, Received)] == [9]
+
+
 def test_an_announcement_survives_the_wire() -> None:
     announcement = transmission(9, MS, x=2.0, to=3, attempt=2)
     assert Announcement.from_wire(msgpack.unpackb(msgpack.packb(announcement.to_wire()))) == announcement
@@ -306,6 +315,7 @@ def test_an_announcement_survives_the_wire() -> None:
         {"end": 2 * MS},
         {"x": float("nan")},
         {"power_dbm": None},
+        {"power_dbm": 3080.0},  # more milliwatts than a number holds
         {"psdu": "text"},
         {"psdu": bytes(128)},
     ],

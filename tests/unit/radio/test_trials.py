@@ -115,6 +115,23 @@ def test_hidden_stations_stand_where_the_reference_has_them_and_nearer_with_a_we
     assert weaker == pytest.approx((8.0, 8.0))  # 30 dB are a decade of distance
     with pytest.raises(ValueError, match="less than a metre"):
         hidden.distances("hidden", replace(REFERENCE, tx_power_dbm=-60.0))
+    with pytest.raises(ValueError, match="reaches over 100000 m"):
+        hidden.distances("exposed_control", RadioConfig(tx_power_dbm=40.0, sensitivity_dbm=-130.0, exponent=1.5))
+
+
+@pytest.mark.parametrize("case", ["hidden", "near_far_hidden"])
+def test_stations_that_would_hear_each_other_are_not_called_hidden(case: str) -> None:
+    assert hidden.distances(case, RadioConfig(exponent=3.0))
+    with pytest.raises(ValueError, match="A and C hear each other"):
+        hidden.distances(case, RadioConfig(exponent=2.5))
+    assert hidden.distances("exposed_control", RadioConfig(exponent=2.5))
+
+
+def test_a_second_frame_that_no_nearness_makes_so_strong_is_refused() -> None:
+    case = overlap.Overlap(-29.0, 1.0)
+    assert overlap.second_m(case, RadioConfig(exponent=3.0)) == pytest.approx(1.08, abs=0.01)
+    with pytest.raises(ValueError, match="write -20 or more"):
+        overlap.second_m(case, RadioConfig(exponent=2.0))
 
 
 def test_answers_that_take_their_time_arrive() -> None:
@@ -184,6 +201,7 @@ def test_losses_come_on_top_and_shadowing_blurs_the_border() -> None:
     [
         (lambda: contention.Contention(0, 10.0), "0 senders: write 1 to 1000"),
         (lambda: contention.Contention(10, 0.0), "0 frames/s offered"),
+        (lambda: contention.Contention(10, 1e-320), "frames/s offered: write 1e-06 to 100000"),
         (lambda: contention.Contention(10, float("nan")), "nan frames/s offered"),
         (lambda: contention.Contention(10, 10.0, payload=117), "117 octets: a frame carries 0 to 116"),
         (lambda: contention.Contention(10, 10.0, measured_s=0.0), "0 s: write more than 0"),
