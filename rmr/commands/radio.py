@@ -195,10 +195,11 @@ def storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast: 
 @_run_options(1)
 def overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) -> None:
     """Which of two frames at once is received, by their powers. The first comes from 10 m."""
-    from rmr.radio.trials.overlap import Overlap, run
+    from rmr.radio.trials.overlap import Overlap, run, second_m
 
     with _refused():
         case = Overlap(sir, offset, psdu, frames)
+        second_m(case, _config(others))
     title = f"the first {sir:g} dB over the second, which begins {offset:g} us later"
     _tell(title, partial(run, case), others)
 
@@ -298,10 +299,27 @@ def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -
         return
     from multiprocessing import get_context
 
-    with get_context("spawn").Pool(jobs, _ignore_interrupts) as pool:
+    interrupt = {signal.SIGINT}
+    signal.pthread_sigmask(signal.SIG_BLOCK, interrupt)  # which the processes inherit: the parent ends them
+    try:
+        pool = get_context("spawn").Pool(jobs, _end_with_parent)
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, interrupt)
+    with pool:
         yield pool.imap(trial, seeds)
 
 
-def _ignore_interrupts() -> None:
-    """Leave it to the parent to end this process, which is no use without it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _end_with_parent() -> None:
+    """End this process when its parent has, however that ended: nobody takes its results."""
+    import os
+    from multiprocessing import parent_process
+    from threading import Thread
+
+    parent = parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=follow, daemon=True).start()
