@@ -2,6 +2,8 @@
 
 import ast
 import re
+from collections import Counter
+from pathlib import PurePosixPath
 
 import pytest
 from source_tree import ROOT, Module, modules, tracked_text
@@ -96,3 +98,11 @@ def test_no_tracked_file_names_a_package_registry():
 def test_no_tracked_source_is_left_to_be_done():
     mark = "TO" + "DO"
     assert [name for name, text in tracked_text() if name.endswith(".py") and mark in text] == []
+
+
+def test_no_two_modules_of_the_tests_share_a_name():
+    """They are imported by their bare names, so the second would be taken for the first."""
+    paths = [PurePosixPath(name) for name, _ in tracked_text() if name.startswith("tests/") and name.endswith(".py")]
+    counts = Counter(path.name for path in paths if path.name != "conftest.py")
+    assert len(counts) > 100
+    assert [str(path) for path in paths if counts[path.name] > 1] == []
