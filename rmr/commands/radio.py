@@ -299,12 +299,11 @@ def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -
         return
     from multiprocessing import get_context
 
-    interrupt = {signal.SIGINT}
-    signal.pthread_sigmask(signal.SIG_BLOCK, interrupt)  # which the processes inherit: the parent ends them
+    on_interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the processes inherit: the parent ends them
     try:
         pool = get_context("spawn").Pool(jobs, _end_with_parent)
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, interrupt)
+        signal.signal(signal.SIGINT, on_interrupt)
     with pool:
         yield pool.imap(trial, seeds)
 
