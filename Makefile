@@ -22,8 +22,8 @@ install: $(STAMP) ## install into .venv
 demo: $(STAMP) ## six robot processes pass a corridor in the order of their deadlines
 	$(BIN)/rmr up deploy/labs/corridor
 
-test: $(STAMP) ## the whole test suite, the way CI runs it
-	$(BIN)/python -m pytest
+test: $(STAMP) ## the whole test suite on all cores, the way CI runs it
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(STAMP) ## ruff and mypy --strict
 	$(BIN)/ruff check .
