@@ -46,6 +46,11 @@ CONTENTION: dict[str, Rule] = {
     "channel_access_failure_ratio": (TOLERANCES["access failure"], TOLERANCES["access failure, part"]),
     "mean_access_delay_ms": (0.0, TOLERANCES["access delay, part"]),
     "throughput_sink_fps": (0.0, TOLERANCES["saturated throughput, part"]),
+    # For these the reference states none; they are held to those of shares and of delays.
+    "no_ack_ratio": TOLERANCES["delivery"],
+    "duplicates_per_delivered": TOLERANCES["delivery"],
+    "attempts_per_transmitted_frame": (0.0, TOLERANCES["access delay, part"]),
+    "mean_service_ms": (0.0, TOLERANCES["access delay, part"]),
 }
 
 HIDDEN: dict[str, Rule] = {

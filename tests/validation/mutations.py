@@ -150,4 +150,4 @@ def guarded() -> list[tuple[str, str]]:
 
 def kind(quantity: str) -> str:
     """Return a quantity without the numbers that tell one check of a family from the next."""
-    return re.sub(r"-?\d+(\.\d+)?", "#", quantity)
+    return re.sub(r"(?<![\w-])-?\d+(\.\d+)?", "#", quantity)

@@ -10,13 +10,18 @@ three frames, worked out by hand.
 """
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import product
+from random import Random
 
 from curves import AWGN, crossing, likely
 from reference import SENSITIVITY_DBM, load, rows
 from verdicts import Check, Estimate, compared, equal
 
-from rmr.base.time import NS_PER_US
+from rmr.base.kernel import ROBOT, Kernel
+from rmr.base.time import NS_PER_MS, NS_PER_S, NS_PER_US, Instant
+from rmr.radio.ether import Ether, EtherStation
+from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import (
     CAPTURE_RATIO,
     SYNCHRONISATION,
@@ -31,6 +36,7 @@ from rmr.radio.phy import (
     reception,
 )
 from rmr.radio.trials import Runs, overlap
+from rmr.radio.trials.traffic import PAN
 
 CAPTURE = RadioConfig(sensitivity_dbm=SENSITIVITY_DBM)
 FIRST_DBM = -path_loss_db(10.0, 3.0)
@@ -98,6 +104,51 @@ def capture_sent() -> Iterator[Check]:
         yield equal(where, [row["first_ok"]["p"], row["second_ok"]["p"]], [float(first), float(second)])
 
 
+def stations_sent() -> Iterator[Check]:
+    """Yield the checks of what two stations of an ether make of frames that they send each other."""
+    end_us = airtime(OCTETS) / NS_PER_US
+    deaf_us = TURNAROUND / NS_PER_US
+    for later_us, heard in ((500.0, [0, 0]), (end_us + deaf_us - 1.0, [0, 0]), (end_us + 2.0 * deaf_us, [1, 1])):
+        name = f"frames sent to each other, the second {later_us:g} us after the first"
+        yield equal(("capture_3db", "frames sent", name), _exchanged(later_us), heard)
+    yield equal(("capture_3db", "frames sent", "a repeat: handed on, acknowledged, counted"), _repeated(), [1, 2, 1])
+
+
+def _pair() -> tuple[Kernel, Ether, list[EtherStation]]:
+    kernel = Kernel()
+    ether = Ether(kernel, CAPTURE, 1, PAN)
+    return kernel, ether, [ether.add(address, Random(address), None, 10.0 * address, 0.0) for address in (1, 2)]
+
+
+def _frame(source: int, wants_ack: bool = False) -> bytes:
+    destination = 3 - source if wants_ack else BROADCAST
+    return encode_data(DataFrame(PAN, destination, source, 0, wants_ack, bytes(50)))
+
+
+def _exchanged(later_us: float) -> list[int]:
+    """Return how many frames each of two stations receives of which each sends one."""
+    kernel, ether, stations = _pair()
+    first = NS_PER_MS
+    for source, start in ((1, first), (2, first + round(later_us * NS_PER_US))):
+        kernel.at(start - TURNAROUND, ROBOT, partial(_send, ether, source, start))
+    kernel.run_until(NS_PER_S)
+    return [station.counters.received for station in stations]
+
+
+def _send(ether: Ether, source: int, start: Instant, _now: Instant) -> None:
+    ether.transmit(source, _frame(source), start)
+
+
+def _repeated() -> list[int]:
+    """Return how often a frame that comes twice is handed on, acknowledged, and counted as a repeat."""
+    kernel, ether, stations = _pair()
+    for index in (1, 2):
+        ether.transmit(1, _frame(1, wants_ack=True), index * 10 * NS_PER_MS)
+    kernel.run_until(NS_PER_S)
+    counters = stations[1].counters
+    return [counters.received, counters.acknowledgements, counters.duplicates]
+
+
 def _stronger(by_db: float) -> str:
     return f"{abs(by_db):g} dB {'stronger' if by_db > 0.0 else 'weaker'}" if by_db else "as strong"
 
@@ -162,5 +213,6 @@ def _assessments() -> Iterator[Check]:
     gone = signal(1, 2871.0 - airtime(5) / NS_PER_US, STRONG_DBM, 5)
     answers = [channel_busy(end, [frame], [], channel) for frame in (inside, weak, gone)]
     yield _rule("assessing: a frame that ends within it, a too weak one, one that ended before", answers, [1, 0, 0])
-    ending = [channel_busy(end, [inside], [], channel_of(AWGN))]
+    strong = signal(1, 2900.0 - airtime(5) / NS_PER_US, STRONG_DBM, 5)
+    ending = [channel_busy(end, [strong], [], channel_of(AWGN))]
     yield _rule("ns-3 misses what ends within the assessment, and so does mode awgn", ending, [0])

@@ -11,7 +11,7 @@ from random import Random
 
 from rmr.base.time import NS_PER_MS, NS_PER_US
 from rmr.radio.air import ACK_ATTEMPT, Announcement
-from rmr.radio.frame import DataFrame, encode_data
+from rmr.radio.frame import FCS_OCTETS, HEADER_OCTETS, DataFrame, encode_data
 from rmr.radio.mac import Mac, State, Transmission
 from rmr.radio.phy import (
     SYMBOL,
@@ -66,10 +66,11 @@ def assessments(highest: bool, busy: int) -> list[int]:
 
 
 def backoff_periods(busy: int) -> int:
-    """Return the most backoff periods that precede the assessment after `busy` busy ones."""
-    lazy, eager = (assessments(highest, busy) for highest in (True, False))
-    length = [b - a for a, b in zip([0, *lazy], lazy, strict=False)][busy]
-    shortest = [b - a for a, b in zip([0, *eager], eager, strict=False)][busy]
+    """Return the most backoff periods that precede the assessment after `busy` busy ones; -1 if there is none."""
+    lazy, eager = ([0, *assessments(highest, busy)] for highest in (True, False))
+    if len(lazy) < busy + 2:
+        return -1
+    length, shortest = (ends[busy + 1] - ends[busy] for ends in (lazy, eager))
     return (length - shortest) // backoff_period()
 
 
@@ -131,7 +132,7 @@ def transmissions_unanswered(destination: int | None) -> int:
 
 def space_ns(psdu: int) -> int:
     """Return the space between a broadcast of `psdu` octets and the backoff of the next one."""
-    payload = psdu - len(empty_frame())
+    payload = psdu - HEADER_OCTETS - FCS_OCTETS
     machine = mac(payload=payload)
     machine.request(0, b"", None, 1)
     machine.fire(False)

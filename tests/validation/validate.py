@@ -174,7 +174,8 @@ def run(jobs: Sequence[Job], effort: Effort, processes: int, tell: Callable[[str
 def all_checks(found: dict[Job, Data]) -> list[Check]:
     """Return all checks, in the order of the files of the reference; first those that need no chance."""
     exact: list[Iterable[Check]] = [constants.checks(), curves.per_vs_snr(), curves.psr_vs_distance()]
-    exact += [overlaps.capture_overlap(), overlaps.capture_rules(), overlaps.capture_sent()]
+    exact += [overlaps.capture_overlap(), overlaps.capture_rules()]
+    exact += [overlaps.capture_sent(), overlaps.stations_sent()]
     checks = [check for group in exact for check in group]
     for job in sorted((job for job in found if job.kind in ("row", "imitated")), key=lambda job: job[1:]):
         checks += judged.checks(job.name, job.which, found[job], imitated=job.kind == "imitated")
