@@ -75,9 +75,9 @@ def test_what_had_arrived_before_a_subscription_was_withdrawn_is_dropped_and_lea
         busy = False
         withdraw = two.subscribe(key, lambda _, message: heard.append(message))
         await until(lambda: one.publish(key, wire.Air(())) or heard)
-        heard.clear()
-        busy = True  # as if the loop took nothing out of its inbox
+        busy = True  # as if the loop took nothing more into its inbox
         await until(lambda: one.publish(key, wire.Air(())) or late)
+        heard.clear()
         withdraw()
         for take, item in late:
             take(item, 0)
