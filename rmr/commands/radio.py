@@ -5,7 +5,7 @@ import math
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,9 +14,13 @@ import click
 from rmr.commands.common import SETTINGS, VERSION, counted, print_json
 
 if TYPE_CHECKING:
+    from multiprocessing.synchronize import Semaphore
+
     from rmr.radio.phy import RadioConfig
     from rmr.radio.trials import Over, Row, Runs
 
+START_S = 10.0
+"""How long a process that shares the work may take to begin before nobody waits for it any more."""
 JOBS_MAX = 64
 """Processes at once; more than any one machine of a lab has use for."""
 SEEDS_MAX = 100_000
@@ -299,16 +303,35 @@ def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -
         return
     from multiprocessing import get_context
 
-    on_interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the processes inherit: the parent ends them
-    try:
-        pool = get_context("spawn").Pool(jobs, _end_with_parent)
-    finally:
-        signal.signal(signal.SIGINT, on_interrupt)
-    with pool:
+    context = get_context("spawn")
+    begun = context.Semaphore(0)
+    with ExitStack() as stack:
+        with _interrupted_later():
+            pool = stack.enter_context(context.Pool(jobs, _end_with_parent, (begun,)))
+            for _ in range(jobs):
+                begun.acquire(timeout=START_S)  # a process that is ended while it begins says so
         yield pool.imap(trial, seeds)
 
 
-def _end_with_parent() -> None:
+@contextmanager
+def _interrupted_later() -> Iterator[None]:
+    """Put Ctrl-C off until this is over. Processes that are started meanwhile never get it: the parent ends them."""
+    from multiprocessing import resource_tracker
+
+    came: list[int] = []
+    resource_tracker.ensure_running()  # first: starting it unblocks the signal
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which is inherited; other threads take it as it comes
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, before)
+    if came:
+        raise KeyboardInterrupt
+
+
+def _end_with_parent(begun: "Semaphore") -> None:
     """End this process when its parent has, however that ended: nobody takes its results."""
     import os
     from multiprocessing import parent_process
@@ -322,3 +345,4 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     Thread(target=follow, daemon=True).start()
+    begun.release()
