@@ -17,11 +17,7 @@ import argparse
 import asyncio
 import itertools
 import math
-import multiprocessing
-import os
-import platform
 import resource
-import socket
 import sys
 import time
 from collections.abc import Sequence
@@ -30,6 +26,7 @@ from multiprocessing.connection import Connection
 from random import Random
 from typing import Any, NamedTuple
 
+from hosts import hosts, machine, said
 from page import add_options, keep, table
 
 from rmr.base.time import NS_PER_S
@@ -63,7 +60,6 @@ SETTLE_S = 0.5
 """When nothing has arrived for so long after the last announcement, all has."""
 ARRIVED_MIN = 0.98
 """Of all that one cell should deliver; a machine that is too busy for that measures nothing but its own load."""
-PATIENCE_S = 60.0
 
 
 class Case(NamedTuple):
@@ -203,50 +199,16 @@ def process(case: Case, ids: Sequence[int], endpoint: str, pipe: Connection) -> 
     asyncio.run(robots_live(case, ids, endpoint, pipe) if ids else router_lives(endpoint, pipe))
 
 
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-def said(pipe: Connection) -> Tally:
-    """Return what a process says. Raises RuntimeError when it says nothing."""
-    if not pipe.poll(PATIENCE_S):
-        raise RuntimeError(f"a process said nothing for {PATIENCE_S:g} s")
-    heard = pipe.recv()
-    return heard if isinstance(heard, Tally) else Tally()
-
-
 def run(case: Case) -> tuple[Tally, float]:
     """Let the robots of one run live; return what they have counted, and the processor time of their router."""
-    context, endpoint = multiprocessing.get_context("spawn"), free_endpoint()
-    pipes, processes = [], []
     groups = [(), *(range(at, min(at + SESSIONS, case.robots)) for at in range(0, case.robots, SESSIONS))]
-    try:
-        for ids in groups:
-            pipe, theirs = context.Pipe()
-            started = context.Process(target=process, args=(case, ids, endpoint, theirs), daemon=True)
-            started.start()
-            pipes.append(pipe)
-            processes.append(started)
-            if not ids:
-                said(pipe)
-        for pipe in pipes[1:]:
-            said(pipe)
+    with hosts(process, case, groups) as pipes:
         begin_ns = time.monotonic_ns() + NS_PER_S // 2
         for pipe in pipes:
             pipe.send(begin_ns)
-        tallies = [said(pipe) for pipe in pipes[1:]]
+        tallies: list[Tally] = [said(pipe) for pipe in pipes[1:]]
         pipes[0].send("that was all")
-        router = said(pipes[0])
-        for pipe in reversed(pipes):
-            pipe.send("end")
-        for each in reversed(processes):
-            each.join(PATIENCE_S)
-    finally:
-        for each in processes:
-            if each.is_alive():
-                each.kill()
+        router: Tally = said(pipes[0])
     return Tally(*map(sum, zip(*tallies, strict=True))), router.cpu_s
 
 
@@ -350,9 +312,7 @@ def main() -> int:
         taken.append(row := compared(robots, arena, 1.0 if options.quick else TALKING_S))
         print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
     record: dict[str, Any] = {
-        "cores": os.cpu_count(),
-        "system": platform.system(),
-        "python": platform.python_version(),
+        **machine(),
         "quick": options.quick,
         "range_m": RANGE_M,
         "cell_m": GRID.width_m,

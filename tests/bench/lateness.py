@@ -11,9 +11,6 @@ What that does to deliveries is the difference between the two.
 
 import argparse
 import asyncio
-import multiprocessing
-import os
-import platform
 import sys
 import time
 from collections.abc import Iterator
@@ -22,7 +19,7 @@ from multiprocessing.connection import Connection
 from random import Random
 from typing import Any, NamedTuple
 
-from cells import free_endpoint
+from hosts import hosts, machine, said
 from page import add_options, keep, table
 
 from rmr.base.kernel import ROBOT, Kernel
@@ -45,7 +42,6 @@ LEAD_S = 0.5
 SETTLE_S = 0.5
 SLEEP_S = 0.005
 """Of the machine's own test."""
-PATIENCE_S = 60.0
 MEASURED_S = 20.0
 CASES = ((2, 10.0), (5, 25.0), (10, 50.0), (10, 100.0), (10, 200.0))
 """Stations, and frames that all of them together offer in a second."""
@@ -135,13 +131,6 @@ def process(case: Case, robot: int | None, endpoint: str, pipe: Connection) -> N
     run_precisely(router_lives(endpoint, pipe) if robot is None else station_lives(case, robot, endpoint, pipe))
 
 
-def said(pipe: Connection) -> Any:
-    """Return what a process says. Raises RuntimeError when it says nothing."""
-    if not pipe.poll(PATIENCE_S):
-        raise RuntimeError(f"a process said nothing for {PATIENCE_S:g} s")
-    return pipe.recv()
-
-
 def overslept_ms(duration_s: float) -> float:
     """Sleep again and again for so long; return by how much the machine oversleeps, 95 times of 100 at most."""
     until, over = time.monotonic() + duration_s, []
@@ -153,32 +142,12 @@ def overslept_ms(duration_s: float) -> float:
 
 def as_processes(case: Case) -> tuple[list[dict[str, int]], float]:
     """Return the stations' counters after a run as processes, and how much the machine overslept meanwhile, ms."""
-    context, endpoint = multiprocessing.get_context("spawn"), free_endpoint()
-    pipes, processes = [], []
-    try:
-        for robot in (None, *range(1, case.stations + 1)):
-            pipe, theirs = context.Pipe()
-            started = context.Process(target=process, args=(case, robot, endpoint, theirs), daemon=True)
-            started.start()
-            pipes.append(pipe)
-            processes.append(started)
-            if robot is None:
-                said(pipe)
-        for pipe in pipes[1:]:
-            said(pipe)
+    with hosts(process, case, (None, *range(1, case.stations + 1))) as pipes:
         begin_ns = time.monotonic_ns() + seconds(LEAD_S)
         for pipe in pipes[1:]:
             pipe.send(begin_ns)
         overslept = overslept_ms(LEAD_S + case.seconds)
         counters = [said(pipe) for pipe in pipes[1:]]
-        for pipe in reversed(pipes):
-            pipe.send("end")
-        for each in reversed(processes):
-            each.join(PATIENCE_S)
-    finally:
-        for each in processes:
-            if each.is_alive():
-                each.kill()
     return counters, overslept
 
 
@@ -270,9 +239,7 @@ def main() -> int:
         taken.append(row)
         print("  ".join(f"{name} {value}" for name, value in zip(HEADER, cells_of(row), strict=True)), flush=True)
     record: dict[str, Any] = {
-        "cores": os.cpu_count(),
-        "system": platform.system(),
-        "python": platform.python_version(),
+        **machine(),
         "quick": options.quick,
         "seed": SEED,
         "payload_octets": len(PAYLOAD),
