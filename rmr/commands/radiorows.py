@@ -77,6 +77,8 @@ def _value(value: Any, unit: str) -> str:
     if "max" in value:
         mean, usual, longest = (_number(value[name], unit) for name in ("mean", "p95", "max"))
         return f"{mean} {unit}, 95 of 100 within {usual.strip()}, all within {longest.strip()}"
+    if value.get("n_reps") == 0:
+        return f"{'-':>9}"  # there was nothing to take it from, in no run
     middle = _number(value["mean"] if "mean" in value else value["p"], unit)
     if value["ci95"] is None:
         return f"{middle} {unit}"
