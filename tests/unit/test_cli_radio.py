@@ -58,7 +58,8 @@ def test_the_table_has_a_line_with_a_unit_for_each_finding(name):
 
 def test_a_time_that_nothing_took_is_no_time_of_zero():
     lines = radio("storm --members 3 --loss 1 --seeds 2").output.splitlines()
-    assert [line.split()[-1] for line in lines if "the last reply" in line or "half of the replies" in line] == ["-", "-"]
+    times = [line for line in lines if "the last reply" in line or "half of the replies" in line]
+    assert [line.split()[-1] for line in times] == ["-", "-"]
 
 
 def test_another_seed_has_other_chances():
