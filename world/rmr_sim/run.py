@@ -1,50 +1,97 @@
-"""From a lab's path to a simulation, and from a simulation to its report."""
+"""From a lab's path to simulations, and from a simulation to its report.
 
-from collections.abc import Callable
-from dataclasses import replace
+What all runs of a lab have in common is read, compiled and checked once (`load`); each seed then makes a run of its
+own. Nothing of one run reaches another: the user's file of actions is read anew for each, as it may hold state.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from rmr.node.trace import Level
+from rmr_sim.chaos import with_chaos
+from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
 from rmr_world.document import LabError
-from rmr_world.lab import load_lab
-from rmr_world.program import load_handlers, load_lab_program
+from rmr_world.lab import Lab, load_lab
+from rmr_world.program import LoadedProgram, load_handlers, load_lab_program
 from rmr_world.radiokey import radio_key
 from rmr_world.report import assemble
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What is asked of a run beside its seed."""
+
+    robots: int | None = None
+    """Only the first so many of the lab."""
+    loss: float | None = None
+    """Share of radio frames lost, instead of the lab's."""
+    actions: Path | None = None
+    """The file of the user's actions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What all runs of one lab have in common."""
+
+    lab: Lab
+    program: LoadedProgram
+    options: Options
+    warnings: tuple[str, ...]
+    """What a person should know before the first run, each with its line end."""
+    key: bytes | None = field(repr=False)
+    """The radio's, where that is secured."""
+
+    def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
+        """Return the run of `seed` (None: the lab's). Raises ProgramError when the file of actions is wrong."""
+        lab, program = self.lab, self.program
+        handlers = load_handlers(program.program, self.options.actions)
+        seed = lab.seed if seed is None else seed
+        return Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key)
+
+
+def load(path: Path, options: Options) -> Loaded:
+    """Return what all runs of the lab in `path` have in common.
+
+    Raises LabError or ProgramError with what is wrong.
+    """
+    lab = load_lab(path)
+    if options.robots is not None:
+        lab = lab.with_robots(options.robots)
+    if options.loss is not None:
+        lab = replace(lab, radio=replace(lab.radio, loss=options.loss))
+    program = load_lab_program(lab)
+    problems = check_program(lab, program.program)
+    if problems:
+        raise LabError(problems)
+    warnings = [program.warnings] if program.warnings else []
+    if lab.faults:
+        not_yet = "kill, restart and stall are not injected yet; the run goes without them"
+        warnings.append(f"{lab.path}: faults: {not_yet}\n")
+    return Loaded(lab, program, options, tuple(warnings), radio_key(lab))
 
 
 def prepare(
     path: Path,
     *,
     seed: int | None = None,
-    robots: int | None = None,
-    loss: float | None = None,
-    actions: Path | None = None,
     trace: Level = Level.NOTES,
+    chaos: bool = False,
+    events: Iterable[Event] = (),
     warn: Callable[[str], None] = lambda _: None,
+    **options: Any,
 ) -> Simulation:
-    """Return the simulation of the lab in `path`.
+    """Return one run of the lab in `path`; `options` are those of `Options`.
 
     Raises LabError or ProgramError with what is wrong.
     """
-    lab = load_lab(path)
-    if robots is not None:
-        lab = lab.with_robots(robots)
-    if loss is not None:
-        lab = replace(lab, radio=replace(lab.radio, loss=loss))
-    loaded = load_lab_program(lab)
-    if loaded.warnings:
-        warn(loaded.warnings)
-    if lab.faults:
-        warn(f"{lab.path}: faults: kill, restart and stall are not injected yet; the run goes without them\n")
-    problems = check_program(lab, loaded.program)
-    if problems:
-        raise LabError(problems)
-    handlers = load_handlers(loaded.program, actions)
-    seed = lab.seed if seed is None else seed
-    return Simulation(lab, loaded.program, loaded.digest, seed, handlers, trace, radio_key(lab))
+    loaded = load(path, Options(**options))
+    for text in loaded.warnings:
+        warn(text)
+    return loaded.simulation(seed, trace)
 
 
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
