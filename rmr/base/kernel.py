@@ -9,8 +9,9 @@ from collections.abc import Callable
 
 from rmr.base.time import NEVER, Instant
 
-AIR, RADIO, ROBOT = 0, 1, 2
-"""Priorities: what ends on the air, then what radios do of themselves, then what robots make of it."""
+EVENT, AIR, RADIO, ROBOT = -1, 0, 1, 2
+"""Priorities: what is done to the run from outside, then what ends on the air, then what radios do of themselves, then
+what robots make of it."""
 
 
 class Kernel:

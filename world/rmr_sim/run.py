@@ -31,6 +31,8 @@ class Options:
     """Share of radio frames lost, instead of the lab's."""
     actions: Path | None = None
     """The file of the user's actions."""
+    chaos: bool = False
+    """Whether faults are drawn from the seed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,8 @@ class Loaded:
         lab, program = self.lab, self.program
         handlers = load_handlers(program.program, self.options.actions)
         seed = lab.seed if seed is None else seed
+        if self.options.chaos:
+            lab = with_chaos(lab, seed)
         return Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key)
 
 
@@ -79,19 +83,21 @@ def prepare(
     *,
     seed: int | None = None,
     trace: Level = Level.NOTES,
-    chaos: bool = False,
     events: Iterable[Event] = (),
     warn: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> Simulation:
-    """Return one run of the lab in `path`; `options` are those of `Options`.
+    """Return one run of the lab in `path`, in which also `events` happen; `options` are those of `Options`.
 
     Raises LabError or ProgramError with what is wrong.
     """
     loaded = load(path, Options(**options))
     for text in loaded.warnings:
         warn(text)
-    return loaded.simulation(seed, trace)
+    simulation = loaded.simulation(seed, trace)
+    for event in events:
+        simulation.schedule(event)
+    return simulation
 
 
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:

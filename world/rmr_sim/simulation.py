@@ -5,11 +5,12 @@ with those of processes, but live in one ether, where no announcement is late. T
 robots that stand still are sampled less often, as in processes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from rmr.base.geometry import Twist
-from rmr.base.kernel import ROBOT, Alarm, Kernel
+from rmr.base.kernel import EVENT, ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.bytecode.program import Program
@@ -21,9 +22,9 @@ from rmr.node.report import robot_report
 from rmr.node.trace import Level
 from rmr.radio.ether import Ether
 from rmr.radio.security import LEVELS, Security, run_key
+from rmr_sim.event import Event
 from rmr_world.lab import Lab
 from rmr_world.physics import World
-from rmr_world.terms import parse_fact
 
 IDLE_SAMPLE_TICKS = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
@@ -125,9 +126,11 @@ class Simulation:
         self.radio = lab.radio.config
         radio_seed = seed if lab.radio.seed is None else lab.radio.seed
         self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan, lab.disturbances)
+        self.observers: list[Callable[[Instant], None]] = []
+        """Called with the instant of each tick when all has happened that belongs to it."""
         self._stopping = False
         self._trace: list[dict[str, Any]] = []
-        facts = tuple((fact.name, fact.owner, fact.args) for fact in map(parse_fact, lab.facts))
+        facts = tuple((fact.name, fact.owner, fact.args) for fact in replace(lab, seed=seed).initial_facts)
         pattern = lab.finish_pattern
         finish = None if pattern is None else (pattern.name, pattern.patterns)
         roster = lab.roster
@@ -168,6 +171,8 @@ class Simulation:
             self.kernel.run_until(now - 1 if now else 0)
             self.kernel.now = now
             self._tick(now, index)
+            for observe in self.observers:
+                observe(now)
             if self.lab.finish and all(robot.node.finished() for robot in self.robots):
                 return True
             if now >= self.lab.duration:
@@ -175,6 +180,10 @@ class Simulation:
             if self._stopping:
                 return False
             index += 1
+
+    def schedule(self, event: Event) -> None:
+        """Let `event` happen at its instant."""
+        self.kernel.at(event.at, EVENT, lambda _now: event.callback(self))
 
     def stop(self) -> None:
         """End the run after the present tick; it has not finished then."""
