@@ -210,8 +210,8 @@ def test_the_world_can_be_told_to_check_the_facts_against_a_program(stage):
     lab.write_text(lab.read_text().replace('"due(@1, 25)"', '"late(@1, 3)", "due(@1)"'))
     world = stage.world("--program", stage.folder / "idle.rbc")
     assert world.exit_code() == 3
-    assert "late(@1, 3): " in world.said()
-    assert "due(@1): " in world.said()
+    assert "facts.0: the program knows no fact 'late'" in world.said()
+    assert "facts.1: 'due' has 2 arguments in the program, here 1" in world.said()
 
 
 @pytest.mark.parametrize("option", [("--id", "x"), ("--connect", "here"), ("--lab", "a/b"), ("--speed", "9")])

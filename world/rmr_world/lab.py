@@ -18,7 +18,8 @@ from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Path_, Problem, read
-from rmr_world.terms import FinishPattern, LabFact, parse_fact, parse_finish
+from rmr_world.ranges import LabFact, StatedFact, drawn
+from rmr_world.terms import FinishPattern, parse_fact, parse_finish
 
 LAB_FILE = "lab.yaml"
 KEYED = "enc-mic-64"
@@ -113,6 +114,7 @@ class Lab:
     name: str
     program: Path
     seed: int
+    """Of the run: who wants another one than the file's replaces it here, for facts are drawn by it."""
     duration: Duration
     """The run ends then at the latest."""
     finish: str
@@ -145,9 +147,16 @@ class Lab:
         return tuple(sorted(robot.id for robot in self.robots))
 
     @property
-    def initial_facts(self) -> tuple[LabFact, ...]:
+    def stated_facts(self) -> tuple[StatedFact, ...]:
         """`facts`, parsed."""
         return tuple(map(parse_fact, self.facts))
+
+    @property
+    def initial_facts(self) -> tuple[LabFact, ...]:
+        """What robots hold in the beginning: `facts` with the numbers that the seed draws."""
+        indices = self.fact_items or range(len(self.facts))
+        numbered = zip(indices, self.stated_facts, strict=True)
+        return tuple(fact for index, stated in numbered for fact in drawn(stated, index, self.seed, self.roster))
 
     @property
     def finish_pattern(self) -> FinishPattern | None:
@@ -164,7 +173,7 @@ class Lab:
             raise LabError([Problem(str(self.path), *self.places.get(("robots",), (1, 1)), "robots", message)])
         robots = self.robots[:count]
         ids = {robot.id for robot in robots}
-        kept = [i for i, fact in enumerate(self.initial_facts) if fact.owner is None or fact.owner in ids]
+        kept = [i for i, fact in enumerate(self.stated_facts) if fact.owner is None or fact.owner in ids]
         facts, items = tuple(self.facts[i] for i in kept), self.fact_items or range(len(self.facts))
         fact_items = tuple(items[i] for i in kept)
         faults = tuple(fault for fault in self.faults if fault.robot in ids)

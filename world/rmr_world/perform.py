@@ -7,6 +7,7 @@ import argparse
 import asyncio
 import logging
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from rmr.bus import wire
@@ -42,30 +43,25 @@ class InvalidError(Exception):
 def _load(options: argparse.Namespace) -> Lab:
     path = options.config / "lab.yaml" if options.config.is_dir() else options.config
     lab = load_lab(path)
+    if options.seed is not None:
+        lab = replace(lab, seed=options.seed)
     if options.program is not None:
-        _check_facts(lab, options.program)
+        _check_program(lab, options.program)
     return lab if options.robots is None else lab.with_robots(options.robots)
 
 
-def _check_facts(lab: Lab, path: Path) -> None:
-    """Raise InvalidError unless the program in `path` knows what the lab file states and wants to see finished."""
+def _check_program(lab: Lab, path: Path) -> None:
+    """Raise InvalidError for a program in `path` that is none, LabError where it and the lab do not fit."""
     # The front end is heavy, and a world that is given no program starts without it.
-    from rmr.lang.facts import FactError, parse_fact, parse_pattern  # noqa: PLC0415
     from rmr_world.program import ProgramError, load_program  # noqa: PLC0415
+    from rmr_world.usage import check_program  # noqa: PLC0415
 
     try:
-        program = load_program(path).program
+        problems = check_program(lab, load_program(path).program)
     except ProgramError as error:
         raise InvalidError(str(error)) from None
-    wrong: list[str] = []
-    checks = [*((text, parse_fact) for text in lab.facts), *((text, parse_pattern) for text in [lab.finish] if text)]
-    for text, check in checks:
-        try:
-            check(text, program)
-        except FactError as error:
-            wrong.append(f"{lab.path}: {text}: {error}")
-    if wrong:
-        raise InvalidError("\n".join(wrong))
+    if problems:
+        raise LabError(problems)
 
 
 async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
@@ -89,14 +85,13 @@ async def _live(options: argparse.Namespace, lab: Lab, ending: Ending) -> None:
     bus = await _open(options, ending)
     if bus is None:
         return
-    seed = lab.seed if options.seed is None else options.seed
     log.info(
         "lab %s, %d robots, at %s", lab.name, len(lab.robots), options.connect or options.listen or DEFAULT_ENDPOINT
     )
     try:
         if bus.is_client and await bus.ask(Keys(lab.name).clock, wire.AskClock(), ASK_S):
             raise BusError(f"lab {lab.name} has a world at {options.connect} already: end it, or rename this one")
-        await WorldServer(lab, seed, bus, ending, when_ready=options.when_ready).run()
+        await WorldServer(lab, lab.seed, bus, ending, when_ready=options.when_ready).run()
     finally:
         bus.close()
 

@@ -2,8 +2,9 @@
 
 A fact of a lab is a name and a list of values, so this reads terms and no expressions: robots (``@4``),
 integers, floats, times (``500ms``, ``2s``, ``1.5min``: seconds as a float), strings, symbols, ``true`` and
-``false``, and lists of these. The first argument is the owner. Whether the program knows the predicate, and
-takes such arguments, is looked up later: a lab can be read without its program.
+``false``, and lists of these; for a number also a range such as ``20..60``, of which each run draws one. The first
+argument is the owner. Whether the program knows the predicate, and takes such arguments, is looked up later: a lab can
+be read without its program.
 """
 
 import re
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.program import ANY, Anything, Constant
+from rmr_world.ranges import Range, StatedFact
 
 TERM_DEPTH_MAX = 8
 """Lists within lists; deeper ones serve nothing and would only exhaust the stack."""
@@ -18,17 +20,6 @@ TERM_DEPTH_MAX = 8
 
 class TermError(ValueError):
     """A term is not one; the message says where and what was expected."""
-
-
-@dataclass(frozen=True, slots=True)
-class LabFact:
-    """An initial fact of a lab."""
-
-    name: str
-    owner: int | None
-    """None: every robot."""
-    args: tuple[Value, ...]
-    """Without the owner."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +36,15 @@ class _Variable:
     name: str
 
 
-_Term = _Variable | Value
+_Term = _Variable | Value | Range
 
+_NUMBER = r"[-+]?(?:[0-9]+\.[0-9]+|[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_UNIT = r"ms|s|min"
 _TOKEN = re.compile(
-    r"""\s*(?:
+    rf"""\s*(?:
       (?P<robot>@[0-9]+)
-    | (?P<number>[-+]?(?:[0-9]+\.[0-9]+|[0-9]+)(?:[eE][-+]?[0-9]+)?)(?P<unit>ms|s|min)?(?![A-Za-z0-9_.])
+    | (?P<low>{_NUMBER})(?P<low_unit>{_UNIT})?\.\.(?P<high>{_NUMBER})(?P<high_unit>{_UNIT})?(?![A-Za-z0-9_.])
+    | (?P<number>{_NUMBER})(?P<unit>{_UNIT})?(?![A-Za-z0-9_.])
     | (?P<string>"(?:[^"\\\n]|\\.)*")
     | (?P<variable>[A-Z_][A-Za-z0-9_]*)
     | (?P<name>[a-z][A-Za-z0-9_]*)
@@ -122,7 +116,9 @@ class _Terms:
             items = self._terms("]", depth + 1)
             if any(isinstance(item, _Variable) for item in items):
                 raise TermError("a list cannot hold a variable here")
-            return tuple(item for item in items if not isinstance(item, _Variable))
+            if any(isinstance(item, Range) for item in items):
+                raise TermError("a list cannot hold a range")
+            return tuple(item for item in items if not isinstance(item, _Variable | Range))
         token = self._token
         if token is None or token["mark"]:
             raise self._wrong("a value")
@@ -134,6 +130,8 @@ def _leaf(token: re.Match[str]) -> _Term:
     """Return the value or variable that one token stands for."""
     if token["robot"]:
         return _robot(token["robot"])
+    if token["low"]:
+        return _range(token)
     if token["number"]:
         return _number(token["number"], token["unit"])
     if token["string"]:
@@ -148,6 +146,14 @@ def _robot(text: str) -> Robot:
     if len(text) > 6 or int(text[1:]) > ROBOT_ID_MAX:
         raise TermError(f"{text[:12]} is no robot: ids are 0 to {ROBOT_ID_MAX}")
     return Robot(int(text[1:]))
+
+
+def _range(token: re.Match[str]) -> Range:
+    low, high = _number(token["low"], token["low_unit"]), _number(token["high"], token["high_unit"])
+    try:
+        return Range(low, high)
+    except ValueError as error:
+        raise TermError(str(error)) from None
 
 
 def _number(text: str, unit: str | None) -> int | float:
@@ -166,7 +172,7 @@ def _finite(value: float, text: str) -> float:
     return value
 
 
-def parse_fact(text: str) -> LabFact:
+def parse_fact(text: str) -> StatedFact:
     """Return the fact written in `text`. Raises TermError.
 
     The first argument is the owner: a robot, or a variable for every robot; no other variable may stand in it.
@@ -176,7 +182,7 @@ def parse_fact(text: str) -> LabFact:
     args = tuple(term for term in terms[1:] if not isinstance(term, _Variable))
     if len(args) != len(terms) - 1:
         raise TermError("only the owner may be a variable here")
-    return LabFact(name, None if isinstance(owner, _Variable) else int(owner), args)
+    return StatedFact(name, None if isinstance(owner, _Variable) else int(owner), args)
 
 
 def parse_finish(text: str) -> FinishPattern:
@@ -188,7 +194,9 @@ def parse_finish(text: str) -> FinishPattern:
     repeated = next((n for i, n in enumerate(names) if n in names[:i]), None)
     if repeated:
         raise TermError(f"variable {repeated} stands twice; here each matches anything")
-    patterns = tuple(ANY if isinstance(term, _Variable) else Constant(term) for term in terms[1:])
+    if any(isinstance(term, Range) for term in terms):
+        raise TermError("every run finishes with the same fact: a range cannot stand here")
+    patterns = tuple(ANY if isinstance(term, _Variable | Range) else Constant(term) for term in terms[1:])
     return FinishPattern(name, patterns)
 
 

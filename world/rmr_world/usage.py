@@ -35,8 +35,8 @@ from rmr.bytecode.program import (
 )
 from rmr_world.document import Path_, Problem
 from rmr_world.lab import Lab
+from rmr_world.ranges import Range, StatedFact
 from rmr_world.schema import near_miss
-from rmr_world.terms import LabFact
 
 AREA = "area"
 """The symbol type whose members the lab defines."""
@@ -71,7 +71,7 @@ def _problem(lab: Lab, path: Path_, message: str) -> Problem:
 
 
 def _facts(lab: Lab, program: Program) -> Iterator[Problem]:
-    for fact, index in zip(lab.initial_facts, lab.fact_items or count(), strict=False):
+    for fact, index in zip(lab.stated_facts, lab.fact_items or count(), strict=False):
         message = _misfit(fact, program)
         if message:
             yield _problem(lab, ("facts", index), message)
@@ -82,7 +82,7 @@ def _facts(lab: Lab, program: Program) -> Iterator[Problem]:
                 yield _problem(lab, ("facts", index), f"area '{use.area}' is not defined{hint}")
 
 
-def _misfit(fact: LabFact, program: Program) -> str:
+def _misfit(fact: StatedFact, program: Program) -> str:
     """Return why the program cannot hold `fact`, or nothing."""
     known = program.index(fact.name)
     if known is None:
@@ -103,8 +103,10 @@ def _arity(name: str, wanted: int, given: int) -> str:
     return f"'{name}' has {wanted} argument{'s' if wanted > 1 else ''} in the program, here {given}"
 
 
-def _fits(wanted: Type, value: Value) -> bool:
+def _fits(wanted: Type, value: Value | Range) -> bool:
     """Return whether `value` may be an argument of type `wanted`; an int is also a float."""
+    if isinstance(value, Range):
+        value = 0 if value.whole else 0.0
     match wanted.base:
         case Base.ROBOT:
             return isinstance(value, Robot)

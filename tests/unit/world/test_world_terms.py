@@ -4,6 +4,7 @@ import pytest
 
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.program import ANY, Constant
+from rmr_world.ranges import Range
 from rmr_world.terms import TermError, parse_fact, parse_finish
 
 
@@ -20,6 +21,9 @@ from rmr_world.terms import TermError, parse_fact, parse_finish
         ("deep(@1, [1, [-2, x], []])", 1, ((1, (-2, Symbol("x")), ()),)),
         ("big(@1, 9223372036854775807, 1e-3)", 1, (9223372036854775807, 0.001)),
         ("alone(@4)", 4, ()),
+        ("due(@1, 20..60)", 1, (Range(20, 60),)),
+        ("due(@1, -2.5..3)", 1, (Range(-2.5, 3),)),
+        ("due(@1, 500ms..2s)", 1, (Range(0.5, 2.0),)),
         ("  spaced ( @1 ,2 ) ", 1, (2,)),
     ],
 )
@@ -47,6 +51,13 @@ def test_a_fact_is_its_name_owner_and_values(text, owner, args):
         ("due(@1, 1e999)", "1e999 is too large"),
         ("due(@1, 25x)", "expected a value, found '25x)'"),
         ("due(@1, 1 + 2)", "expected ',' or ')', found '+ 2)'"),
+        ("due(@1, 60..20)", "the range 60..20 is the wrong way round: its smaller end comes first"),
+        ("due(@1, 0.61..0.68)", "the range 0.61..0.68 holds no number with one decimal"),
+        ("due(@1, 20..)", "expected a value, found '20..)'"),
+        ("due(@1, 20..x)", "expected a value, found '20..x)'"),
+        ("due(@1, 20...60)", "expected a value, found '20...60)'"),
+        ("due(@1, [20..60])", "a list cannot hold a range"),
+        ("due(20..60)", "the first argument is the owner, a robot: due(@1, ...)"),
         ("p(@1, " + "[" * 50, "lists are nested too deeply"),
     ],
 )
@@ -62,7 +73,12 @@ def test_variables_of_a_finish_match_anything():
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint"), [("at(@1, exit)", "its owner is a variable"), ("p(R, R)", "variable R stands twice")]
+    ("text", "complaint"),
+    [
+        ("at(@1, exit)", "its owner is a variable"),
+        ("p(R, R)", "variable R stands twice"),
+        ("p(R, 1..2)", "a range cannot stand here"),
+    ],
 )
 def test_a_finish_concerns_every_robot(text, complaint):
     with pytest.raises(TermError, match=complaint):

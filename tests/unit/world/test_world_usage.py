@@ -104,6 +104,7 @@ def test_a_line_up_needs_an_area_with_a_queue(tmp_path):
         ("shout(@1)", "'shout' is an action, not a fact"),
         ("due(@1)", "'due' has 2 arguments in the program, here 1"),
         ("due(@1, soon)", "argument 2 of 'due' should be float"),
+        ("place(@1, 3..4)", "argument 2 of 'place' should be area"),
         ("place(@1, 3)", "argument 2 of 'place' should be area"),
     ],
 )
