@@ -18,15 +18,16 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from rmr.base.kernel import AIR, RADIO, Alarm, Kernel
+from rmr.base.kernel import AIR, Kernel
 from rmr.base.time import Duration, Instant
-from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Received
+from rmr.radio.air import ACK_ATTEMPT, Announcement
 from rmr.radio.cells import Cell
+from rmr.radio.etherstation import EtherStation, Take
 from rmr.radio.floor import Floats, Floor, Places
 from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
 from rmr.radio.intake import Counters, Intake, decoded
 from rmr.radio.links import Disturbance, Links
-from rmr.radio.mac import Mac, State, Transmission
+from rmr.radio.mac import Mac
 from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, mix
 from rmr.radio.security import Security, payload_max
 from rmr.radio.waves import (
@@ -42,8 +43,6 @@ from rmr.radio.waves import (
     verdicts,
 )
 
-Take = Callable[[Received | Confirmed], None]
-
 REMEMBERED: Duration = 2 * (airtime(PSDU_MAX) + TURNAROUND)
 """How long after its end a wave may still bear on another: on one as long as can be that began before it ended."""
 
@@ -52,73 +51,6 @@ REACH_CELLS = 2
 
 _ACK_AIRTIME = airtime(ACK_OCTETS)
 _WORD = 4294967296.0
-
-
-class EtherStation:
-    """One robot's radio in the ether."""
-
-    def __init__(
-        self, ether: "Ether", index: int, mac: Mac, intake: Intake, take: Take | None, payload_max: int
-    ) -> None:
-        self.index = index
-        self.mac = mac
-        self.intake = intake
-        self.take = take
-        self.payload_max = payload_max
-        """Octets that fit a frame."""
-        self._ether = ether
-        self._alarm = Alarm(ether.kernel, RADIO, self._fire)
-
-    @property
-    def counters(self) -> Counters:
-        """What it has done and what befell it."""
-        return self._ether.tallies.complete(self.index, self.intake.counters)
-
-    def request(self, payload: bytes, destination: int | None, handle: int) -> None:
-        """Send `payload` (`payload_max` octets at most) to `destination`, None for all.
-
-        A `Confirmed` with `handle` follows. Raises `ValueError` if the payload or the destination does not fit a
-        frame.
-        """
-        kernel = self._ether.kernel
-        if self.mac.request(kernel.now, payload, destination, handle):
-            self._alarm.set(self.mac.next_wake)
-        else:
-            self.intake.counters.access_failed += 1
-            kernel.at(kernel.now, RADIO, lambda _now: self._tell(Confirmed(handle, "access_failure")))
-
-    def move(self, x: float, y: float) -> None:
-        """Set the station's true position, metres."""
-        self._ether.floor.move(self.index, x, y)
-
-    def acknowledged(self, end: Instant) -> None:
-        """Take note of the acknowledgement waited for, whose last symbol arrives at `end`, which is now."""
-        confirmed = self.mac.acknowledged(end, end)
-        self._go_on()
-        self._tell(confirmed)
-
-    def _tell(self, confirmed: Confirmed) -> None:
-        if self.take is not None:
-            self.take(confirmed)
-
-    def _fire(self, now: Instant) -> None:
-        mac, counters = self.mac, self.intake.counters
-        out = mac.fire(mac.state is State.BACKOFF and self._ether.busy(self, now))
-        if isinstance(out, Transmission):
-            counters.sent += 1
-            self._ether.announce(self, out.psdu, out.sequence, out.attempt, out.start)
-        self._go_on()
-        if isinstance(out, Confirmed):
-            counters.no_ack += out.status == "no_ack"
-            counters.access_failed += out.status == "access_failure"
-            self._tell(out)
-
-    def _go_on(self) -> None:
-        self._alarm.set(self.mac.next_wake)
-        if self.mac.state in (State.SENDING, State.WAITING):
-            self._ether.awaiting.add(self.index)
-        else:
-            self._ether.awaiting.discard(self.index)
 
 
 class Tallies:
@@ -179,7 +111,8 @@ class Ether:
         self._air: dict[Cell, deque[Wave]] = {}
         self._near_cells: dict[Cell, list[deque[Wave]]] = {}
         self._unsettled: list[Wave] = []
-        self._listening = np.zeros(self.floor.room, dtype=np.bool_)
+        self.listening = np.zeros(self.floor.room, dtype=np.bool_)
+        """Whether the station of each index is switched on; data frames are for no others."""
 
     def add(
         self,
@@ -190,30 +123,29 @@ class Ether:
         y: float = 0.0,
         *,
         security: Security | None = None,
-        listens: bool = True,
     ) -> EtherStation:
         """Return a new station at (x, y), metres; `rng` is its own, for backoffs.
 
-        `take` is called with each reception and outcome; with None they are only counted. A station that does not
-        listen assesses the channel, but data frames are not for it. Raises `ValueError` if the address is taken.
+        `take` is called with each reception and outcome; with None they are only counted. Raises `ValueError` if the
+        address is taken.
         """
         if address in self._by_address:
             raise ValueError(f"two stations with the address {address}")
         index = self.floor.add(address, x, y)
-        if len(self._listening) < self.floor.room:
+        if len(self.listening) < self.floor.room:
             self._grow()
         intake = Intake(address, self.pan, Counters(), security)
         mac = Mac(address, self.pan, rng, security=security)
         station = EtherStation(self, index, mac, intake, take, payload_max(security))
         self.stations.append(station)
         self._by_address[address] = station
-        self._listening[index] = listens
+        self.listening[index] = True
         self.tallies.bulk[index] = take is None
         return station
 
     def _grow(self) -> None:
         room = self.floor.room
-        self._listening = np.concatenate([self._listening, np.zeros(room - len(self._listening), dtype=np.bool_)])
+        self.listening = np.concatenate([self.listening, np.zeros(room - len(self.listening), dtype=np.bool_)])
         self.tallies.grow(room)
         for waves in self._air.values():
             for wave in waves:
@@ -310,10 +242,10 @@ class Ether:
         elif frame.pan != self.pan:
             return
         elif frame.destination == BROADCAST:
-            self._arrive(wave, frame, np.flatnonzero(self._listening & (wave.power > 0.0)))
+            self._arrive(wave, frame, np.flatnonzero(self.listening & (wave.power > 0.0)))
         else:
             receiver = self._by_address.get(frame.destination)
-            if receiver is not None and wave.power[receiver.index] > 0.0:
+            if receiver is not None and self.listening[receiver.index] and wave.power[receiver.index] > 0.0:
                 self._arrive(wave, frame, np.array([receiver.index], dtype=np.intp))
 
     def _end_of_ack(self, wave: Wave, frame: AckFrame) -> None:
@@ -342,7 +274,13 @@ class Ether:
                 station.take(received)
 
     def _acknowledge(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
-        """Let `station` acknowledge `wave`, unless it transmits at that time (which it cannot without being deaf)."""
+        """Let `station` acknowledge `wave`, unless it is held up.
+
+        That it transmits at that time cannot be: it would be deaf.
+        """
+        if station.held:
+            station.intake.counters.withheld += 1
+            return
         start = wave.end + TURNAROUND
         station.intake.counters.acknowledgements += 1
         original = wave.announcement

@@ -36,7 +36,8 @@ class Counters:
     acknowledgements: int = 0
     """Transmissions of acknowledgements."""
     withheld: int = 0
-    """Acknowledgements not sent because the station transmitted at that time (late announcements only)."""
+    """Acknowledgements not sent because the station transmitted at that time (late announcements only), or was held
+    up."""
     received: int = 0
     """Data frames received and handed on."""
     collided: int = 0

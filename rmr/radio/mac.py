@@ -167,6 +167,11 @@ class Mac:
         """Finish the request whose acknowledgement `awaits_ack`; its last symbol arrived at `ack_end`."""
         return self._finish(now, "ok", ack_end)
 
+    def back_off_again(self, now: Instant) -> None:
+        """Begin the present backoff anew `now`: its host was held up, and the air of that time is past."""
+        assert self.state is State.BACKOFF, "only a backoff can be begun anew"
+        self._backoff(now)
+
     def _backoff(self, now: Instant) -> None:
         self.state = State.BACKOFF
         self.next_wake = now + self._rng.getrandbits(self._exponent) * BACKOFF_PERIOD + CCA
