@@ -43,7 +43,9 @@ validate-radio: $(STAMP) ## the radio against ns-3, row by row: docs/radio-valid
 
 lock: $(STAMP) ## pin every dependency with hashes, without addresses
 	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
-		--extra dev --output-file requirements.lock pyproject.toml build-requirements.in
+		--extra dev --extra plot --output-file requirements.lock pyproject.toml build-requirements.in
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-header --no-emit-index-url \
+		--extra paper --constraint requirements.lock --output-file requirements-paper.lock pyproject.toml
 
 clean: ## remove what builds and runs leave behind
 	rm -rf $(VENV) build dist runs .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -24,6 +24,7 @@ PROGRAMS: dict[str, str] = {
     "up": "Run a lab with one process for each robot.",
     "fault": "Disturb the radio of a lab that runs.",
     "sim": "Run a lab deterministically, in virtual time.",
+    "plot": "Draw figures of experiments.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",
 }

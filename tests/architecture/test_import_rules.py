@@ -24,6 +24,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr_world": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr.radio", "rmr.bus"},
     "rmr_sim": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr_world"},
     "rmr_deploy": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
+    "rmr_view": set(),
 }
 """Part -> the other parts that it may import."""
 
@@ -40,6 +41,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
     "rmr_sim": {"click", "rich", "numpy"},
     "rmr_deploy": {"click", "rich"},
+    "rmr_view": {"pydantic", "matplotlib"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
 
@@ -70,6 +72,7 @@ HEAVY = (
     "rmr_world",
     "rmr_sim",
     "rmr_deploy",
+    "rmr_view",
 )
 """What a robot process never carries: fifty of them must start in seconds."""
 

@@ -1,0 +1,138 @@
+"""Draws a figure with matplotlib, as SVG.
+
+The colours are those of Okabe and Ito ("Color Universal Design", 2008), which people with any common kind of colour
+vision tell apart; series differ in mark and dash as well, groups of stacks in hatching, so that nothing rests on colour
+alone. Text stays text: it can be searched, and read aloud. The same data give the same octets.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+from rmr_view.chart import Figure, Panel, Series
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
+DASHES = ("-", "--", "-.", ":")
+HATCHES = ("", "////", "....", "xxxx")
+PANEL_INCHES = (4.4, 3.6)
+ALONE_INCHES = (7.0, 4.2)
+NOTE_INCHES = 0.16
+"""Height of a line of the note."""
+CHARACTERS_PER_INCH = 15
+STYLE: Any = {
+    "svg.hashsalt": "rmr",
+    "svg.fonttype": "none",
+    "text.parse_math": False,  # a dollar in a label is a dollar
+    "font.size": 9,
+    "axes.axisbelow": True,
+}
+BAR_SHARE = 0.8
+"""Of the distance between two places, taken by the bars of one."""
+
+
+def draw(figure: Figure, path: Path) -> None:
+    """Draw `figure` into an SVG file; raises ImportError without matplotlib, OSError when it cannot be written."""
+    import matplotlib as mpl  # noqa: PLC0415 - whoever only asks for help or names need not have it
+    from matplotlib.figure import Figure as Canvas  # noqa: PLC0415
+
+    count = len(figure.panels)
+    width, height = ALONE_INCHES if count == 1 else (PANEL_INCHES[0] * count, PANEL_INCHES[1])
+    note = fill(figure.note, round(width * CHARACTERS_PER_INCH))
+    with mpl.rc_context(STYLE):
+        canvas = Canvas(figsize=(width, height + NOTE_INCHES * (note.count("\n") + 1)), layout="constrained")
+        canvas.suptitle(figure.title, fontsize=10)
+        canvas.supxlabel(note, fontsize=8, color="0.3")
+        for axes, panel in zip(canvas.subplots(1, count, squeeze=False)[0], figure.panels, strict=True):
+            _panel(axes, panel)
+        told = {"Title": figure.title, "Description": figure.note, "Date": None, "Creator": None}
+        canvas.savefig(path, format="svg", metadata=told)
+
+
+def _panel(axes: Any, panel: Panel) -> None:
+    bars = [series for series in panel.series if series.kind == "bars"]
+    stacks = [series for series in panel.series if series.kind == "stack"]
+    _bars(axes, panel, bars)
+    _stacks(axes, panel, stacks)
+    for index, series in enumerate(panel.series):
+        if series.kind in {"line", "points"}:
+            _points(axes, series, index)
+    for line in panel.lines:
+        axes.axhline(line.y, color="0.35", linewidth=1, linestyle=(0, (6, 3)))
+        axes.annotate(
+            line.label, (1.0, line.y), xycoords=("axes fraction", "data"), xytext=(-2, 2),
+            textcoords="offset points", ha="right", fontsize=7, color="0.25",
+        )  # fmt: skip
+    _axes(axes, panel, from_zero=bool(bars or stacks))
+
+
+def _axes(axes: Any, panel: Panel, *, from_zero: bool) -> None:
+    axes.set_title(panel.title, fontsize=9)
+    axes.set_xlabel(panel.x)
+    axes.set_ylabel(panel.y)
+    if panel.x_log:
+        axes.set_xscale("log")
+    if panel.y_log:
+        axes.set_yscale("log")
+    if panel.ticks:
+        axes.set_xticks([tick.at for tick in panel.ticks], [tick.label for tick in panel.ticks])
+    if panel.y_from is not None or (from_zero and not panel.y_log):
+        axes.set_ylim(bottom=panel.y_from or 0.0)
+    axes.grid(axis="y", color="0.9")
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(frameon=False, fontsize=7)
+
+
+def _points(axes: Any, series: Series, index: int) -> None:
+    mark, colour = MARKS[index % len(MARKS)], COLOURS[index % len(COLOURS)]
+    dash = DASHES[index // 2 % len(DASHES)] if series.kind == "line" else "none"
+    axes.errorbar(
+        series.x, series.y, yerr=_reach(series), label=series.label, color=colour, marker=mark, markersize=4,
+        linestyle=dash, linewidth=1.2, capsize=2,
+    )  # fmt: skip
+
+
+def _reach(series: Series) -> list[list[float]] | None:
+    """Return how far a series's intervals reach below and above its points; None: it has none."""
+    if series.low is None or series.high is None:
+        return None
+    below = [max(0.0, y - low) if low is not None else 0.0 for y, low in zip(series.y, series.low, strict=True)]
+    above = [max(0.0, high - y) if high is not None else 0.0 for y, high in zip(series.y, series.high, strict=True)]
+    return [below, above]
+
+
+def _spacing(panel: Panel) -> float:
+    """Return the least distance between two places of a panel's bars."""
+    places = sorted({x for series in panel.series if series.kind in {"bars", "stack"} for x in series.x})
+    return min((b - a for a, b in pairwise(places)), default=1.0)
+
+
+def _bars(axes: Any, panel: Panel, bars: Sequence[Series]) -> None:
+    width = BAR_SHARE * _spacing(panel) / max(1, len(bars))
+    for index, series in enumerate(bars):
+        shift = (index - (len(bars) - 1) / 2.0) * width
+        axes.bar(
+            [x + shift for x in series.x], series.y, 0.92 * width, yerr=_reach(series), label=series.label,
+            color=COLOURS[index % len(COLOURS)], hatch=HATCHES[index // 2 % len(HATCHES)], edgecolor="white",
+            capsize=2, error_kw={"linewidth": 1},
+        )  # fmt: skip
+
+
+def _stacks(axes: Any, panel: Panel, stacks: Sequence[Series]) -> None:
+    groups = list(dict.fromkeys(series.group for series in stacks))
+    labels = list(dict.fromkeys(series.label for series in stacks))
+    width = BAR_SHARE * _spacing(panel) / max(1, len(groups))
+    tops: dict[tuple[str | None, float], float] = {}
+    for series in stacks:
+        number = groups.index(series.group)
+        shift = (number - (len(groups) - 1) / 2.0) * width
+        bottoms = [tops.get((series.group, x), 0.0) for x in series.x]
+        name = series.label if series.group is None else f"{series.label}, {series.group}"
+        axes.bar(
+            [x + shift for x in series.x], series.y, 0.92 * width, bottom=bottoms, yerr=_reach(series), label=name,
+            color=COLOURS[labels.index(series.label) % len(COLOURS)], hatch=HATCHES[number % len(HATCHES)],
+            edgecolor="white", capsize=2, error_kw={"linewidth": 1},
+        )  # fmt: skip
+        tops |= {(series.group, x): b + y for x, b, y in zip(series.x, bottoms, series.y, strict=True)}

@@ -1,0 +1,111 @@
+"""Takes the experiments of docs/evaluation, writes their data, tables and figures, and tells which targets are met.
+
+    python tests/evaluation/evaluate.py [NAME...] [--jobs N] [--seeds A-B] [--quick] [--out DIR]
+
+README.md in this folder says how an experiment is added. The exit code is 0 only if every target is met.
+"""
+
+import argparse
+import os
+import platform
+import sys
+import time
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+
+from experiment import Data, Experiment, as_json, renewed, table, target_lines
+
+import rmr
+
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "docs" / "evaluation"
+EXPERIMENTS: tuple[str, ...] = ("seeds",)
+"""In the order of the page."""
+HEADER = ("target", "taken", "bound", "")
+
+
+def taken(experiment: Experiment, seeds: Sequence[int], jobs: int, *, quick: bool) -> Data:
+    """Return all data of an experiment, with when and where they were taken."""
+    began = time.monotonic()
+    found = experiment.run(seeds, jobs)
+    return {
+        "name": experiment.NAME,
+        "version": rmr.__version__,
+        "taken": datetime.now(UTC).date().isoformat(),
+        "machine": {"cores": os.cpu_count(), "system": platform.system(), "python": platform.python_version()},
+        "wall_s": round(time.monotonic() - began, 1),
+        "seeds": f"{seeds[0]}-{seeds[-1]}",
+        "quick": quick,
+        **found,
+    }
+
+
+def write(folder: Path, experiment: Experiment, data: Data) -> None:
+    """Write the data into `folder`, renew the page there if there is one, and draw the figure if that can be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{experiment.NAME}.json"
+    file.write_text(as_json(data), "utf-8")
+    page = folder / "README.md"
+    if page.is_file():
+        text = page.read_text("utf-8")
+        for mark, lines in experiment.tables(data).items():
+            text = renewed(text, lines, mark)
+        page.write_text(text, "utf-8")
+    if "figure" in data:
+        drawn(file)
+
+
+def drawn(file: Path) -> None:
+    """Draw the figure of a data file beside it; without matplotlib say so."""
+    from rmr_view.chart import read
+
+    figure = read(file)
+    try:
+        from rmr_view.draw import draw
+
+        draw(figure, file.with_suffix(".svg"))
+    except ModuleNotFoundError:
+        print(f"{file.stem}: not drawn: matplotlib is not installed", file=sys.stderr)
+
+
+def options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Take the experiments of docs/evaluation.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(EXPERIMENTS)} (default: all)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at once")
+    parser.add_argument("--seeds", metavar="A-B", help="instead of each experiment's own")
+    parser.add_argument("--quick", action="store_true", help="a few seeds, to see that everything works")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="where to write (quick: build/evaluation)")
+    chosen = parser.parse_args()
+    if unknown := [name for name in chosen.names if name not in EXPERIMENTS]:
+        parser.error(f"no such experiment: {', '.join(unknown)}; there are {', '.join(EXPERIMENTS)}")
+    return chosen
+
+
+def seeds_of(experiment: Experiment, chosen: argparse.Namespace) -> Sequence[int]:
+    """Return the seeds that the options ask for."""
+    if chosen.seeds:
+        first, _, last = chosen.seeds.partition("-")
+        return range(int(first), int(last or first) + 1)
+    return experiment.QUICK if chosen.quick else experiment.SEEDS
+
+
+def main() -> int:
+    """Take the experiments; return the exit code."""
+    chosen = options()
+    folder = chosen.out or (ROOT / "build" / "evaluation" if chosen.quick else FOLDER)
+    targets: list[Data] = []
+    for name in chosen.names or EXPERIMENTS:
+        experiment: Experiment = import_module(name)  # type: ignore[assignment]
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        data = taken(experiment, seeds_of(experiment, chosen), chosen.jobs, quick=chosen.quick)
+        write(folder, experiment, data)
+        print(f"{name}: {data['wall_s']:.0f} s", file=sys.stderr, flush=True)
+        targets += data.get("targets", [])
+    print("\n".join(table(HEADER, target_lines(targets))))
+    return 0 if all(each["met"] for each in targets) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
