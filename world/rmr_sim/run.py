@@ -11,6 +11,7 @@ from typing import Any
 
 from rmr.node.trace import Level
 from rmr_sim.chaos import with_chaos
+from rmr_sim.checkers import watch
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
@@ -54,7 +55,9 @@ class Loaded:
         seed = lab.seed if seed is None else seed
         if self.options.chaos:
             lab = with_chaos(lab, seed)
-        return Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key)
+        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key)
+        watch(simulation)
+        return simulation
 
 
 def load(path: Path, options: Options) -> Loaded:
@@ -103,7 +106,7 @@ def prepare(
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
     """Return the report of a run that is over; wall time is left out, so that equal seeds give equal octets."""
     world = simulation.world
-    return assemble(
+    report = assemble(
         simulation.lab,
         mode="simulated",
         seed=simulation.seed,
@@ -114,3 +117,5 @@ def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
         truth={"collisions": world.collisions, "min_gap_m": world.min_gap_m},
         bus_lost=0,
     )
+    report["violations"] = [violation.as_dict() for violation in sorted(simulation.violations)]
+    return report

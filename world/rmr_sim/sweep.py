@@ -1,0 +1,127 @@
+"""A sweep: a lab's runs of many seeds, and what they leave.
+
+The run folder gets `sweep.json`, a row for each seed and their summary, and for each seed that failed a folder
+`failed/seed-N` with its report, its trace and, where this project's own code broke down, `breakdown.txt`.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rmr_sim.interruption import Interruption
+from rmr_sim.run import Loaded
+from rmr_sim.summary import summary_of
+from rmr_sim.trial import Result, fails, run_seed
+from rmr_sim.workers import shared
+from rmr_world.report import write
+
+SWEEP_FILE = "sweep.json"
+BREAKDOWN_FILE = "breakdown.txt"
+TRACE_FILE = "trace.jsonl"
+KEPT_MAX = 100
+"""Failing seeds whose report and trace are kept: each takes a megabyte, and a hundred show what is wrong."""
+
+
+class Sweep:
+    """What has come of a sweep so far."""
+
+    def __init__(self, loaded: Loaded, seeds: range, folder: Path) -> None:
+        self._loaded = loaded
+        self._seeds = seeds
+        self._folder = folder
+        self._rows: dict[int, dict[str, Any]] = {}
+        self._kept = 0
+        self._time_s = self._took_s = 0.0
+
+    def run(self, jobs: int) -> bool:
+        """Run all seeds in `jobs` processes (1: in this one); return whether Ctrl-C ended it."""
+        with Interruption() as interruption, _progress(len(self._seeds)) as tell:
+            for result in self._results(jobs, interruption):
+                self._take(result)
+                tell(fails(result.row))
+        return interruption.came
+
+    def _results(self, jobs: int, interruption: Interruption) -> Iterator[Result]:
+        if jobs > 1:
+            yield from shared(self._loaded.lab.path, self._loaded.options, self._seeds, jobs, interruption)
+            return
+        for seed in self._seeds:
+            result = run_seed(self._loaded, seed, interruption)
+            if interruption.came:  # it was stopped on its way
+                return
+            yield result
+
+    def _take(self, result: Result) -> None:
+        self._rows[result.row["seed"]] = result.row
+        self._time_s += result.time_s
+        self._took_s += result.took_s
+        if fails(result.row) and self._kept < KEPT_MAX:
+            self._kept += 1
+            keep(result, self._folder / "failed" / f"seed-{result.row['seed']}")
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows, by seed."""
+        return [self._rows[seed] for seed in sorted(self._rows)]
+
+    @property
+    def speed(self) -> float:
+        """Seconds simulated in a second of one processor."""
+        return self._time_s / self._took_s if self._took_s > 0 else 0.0
+
+    def document(self, command: str) -> dict[str, Any]:
+        """Return what `sweep.json` holds; `command` and a seed repeat a run."""
+        rows = self.rows
+        failing = [row["seed"] for row in rows if fails(row)]
+        return {
+            "lab": self._loaded.lab.name,
+            "command": command,
+            "first_seed": self._seeds[0],
+            "last_seed": self._seeds[-1],
+            "summary": summary_of(rows),
+            "failing": [{"seed": seed, "command": f"{command} --seed {seed}"} for seed in failing],
+            "rows": rows,
+        }
+
+
+def keep(result: Result, folder: Path) -> None:
+    """Leave in `folder` what is known of a run that failed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if result.report is not None:
+        write(result.report, folder)
+    if result.trace is not None:
+        write_trace(result.trace, folder / TRACE_FILE)
+    if result.breakdown is not None:
+        (folder / BREAKDOWN_FILE).write_text(result.breakdown)
+
+
+def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
+    """Write what robots noted as JSON lines."""
+    with path.open("w") as file:
+        for entry in entries:
+            file.write(json.dumps(entry) + "\n")
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[bool], None]]:
+    """Show on a terminal how many runs are over; what it yields is told of each whether it failed."""
+    if not sys.stderr.isatty():
+        yield lambda _failed: None
+        return
+    from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("runs", total=total)
+        failed = 0
+
+        def tell(this_failed: bool) -> None:
+            nonlocal failed
+            failed += this_failed
+            shown.update(task, advance=1, description=f"runs, {failed} failed" if failed else "runs")
+
+        yield tell

@@ -1,0 +1,24 @@
+"""A rule that did not hold in a simulated run."""
+
+from typing import Any, NamedTuple
+
+from rmr.base.time import Instant, in_seconds
+
+CONTACT = "contact"
+"""The check that bodies do not touch: what `collisions` of the report counts too."""
+
+
+class Violation(NamedTuple):
+    """One breach of one rule."""
+
+    at: Instant
+    check: str
+    """Which rule, a name of `docs/simulation.md`."""
+    robots: tuple[int, ...]
+    """Those concerned."""
+    words: str
+    """What happened, for a person."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry of the report."""
+        return {"t_s": in_seconds(self.at), "check": self.check, "robots": list(self.robots), "words": self.words}
