@@ -14,7 +14,8 @@ from collections.abc import Callable
 
 from rmr.bus import wire
 from rmr.bus.keys import Keys
-from rmr.bus.session import Bus, Handler
+from rmr.bus.line import Handler
+from rmr.bus.session import Bus
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Cell, Grid
 

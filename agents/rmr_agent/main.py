@@ -7,15 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rmr import __version__
-from rmr.base.values import ROBOT_ID_MAX
+from rmr.base.ids import listed, spelled
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
 from rmr.bus.keys import Keys
 
 
-def _robot_id(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) <= ROBOT_ID_MAX):
-        raise argparse.ArgumentTypeError(f"'{text}' is no robot id (0 to {ROBOT_ID_MAX})")
-    return int(text)
+def _robot_ids(text: str) -> tuple[int, ...]:
+    try:
+        return listed(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _endpoint(text: str) -> str:
@@ -36,11 +37,13 @@ def parser() -> argparse.ArgumentParser:
     """Return the command line."""
     it = argparse.ArgumentParser(
         prog="rmr-agent",
-        description="Run one robot: load byte-code, find the world, live.",
+        description="Run one robot, or several: load byte-code, find the world, live.",
         epilog="Compile a program with rmrc; start its world with rmr-world; or let `rmr up LAB` do all of it.",
     )
     it.add_argument("program", metavar="PROG.rbc", type=Path, help="the byte-code to run")
-    it.add_argument("--id", required=True, type=_robot_id, metavar="N", help="which robot of the lab this is")
+    it.add_argument(
+        "--id", required=True, type=_robot_ids, metavar="N", help="which robot of the lab this is; 1-20: several robots"
+    )
     it.add_argument(
         "--connect",
         default=DEFAULT_ENDPOINT,
@@ -65,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
         code = perform(options)
     except KeyboardInterrupt:  # before the signal handlers stood
-        print(f"rmr-agent {options.id}: ended (SIGINT)", file=sys.stderr)
+        print(f"rmr-agent {spelled(options.id)}: ended (SIGINT)", file=sys.stderr)
     sys.stdout.flush()
     os._exit(code)  # zenoh's threads and a user's action must not keep the process
 

@@ -8,6 +8,7 @@ import argparse
 import logging
 import sys
 
+from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr.bus.process import (
     EXIT_FAILED,
@@ -21,7 +22,8 @@ from rmr.bus.process import (
 )
 from rmr.radio.keyfile import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
-from rmr_agent.robot import Carried, RobotProcess
+from rmr_agent.crew import live
+from rmr_agent.robot import Carried
 
 
 def _load(options: argparse.Namespace) -> Carried:
@@ -38,12 +40,12 @@ def _load(options: argparse.Namespace) -> Carried:
 async def _live(options: argparse.Namespace, carried: Carried, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    await RobotProcess(options.id, options.connect, options.lab, carried, ending).run()
+    await live(options.id, options.connect, options.lab, carried, ending)
 
 
 def perform(options: argparse.Namespace) -> int:
-    """Run the robot that `options` describe until its end; return the exit code."""
-    who = f"rmr-agent {options.id}"
+    """Run the robots that `options` describe until their end; return the exit code."""
+    who = f"rmr-agent {spelled(options.id)}"
     try:
         log = start_logging(who, options.log)
     except OSError as error:

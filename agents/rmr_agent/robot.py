@@ -1,4 +1,4 @@
-"""The robot process as a whole: it finds its world, lives, and survives the world's end.
+"""A robot as a guest of the bus: it finds its world, lives, and survives the world's end.
 
     waiting     no world (yet, or any more): the process says so and keeps trying
     ready       the world has accepted it, its body answers, lab time is known
@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, Seldom
-from rmr.bus.session import Bus, open_when_there
+from rmr.bus.session import Bus
 from rmr.node.actions import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
 from rmr_agent.air import LocalAir
@@ -72,14 +72,16 @@ class Carried(NamedTuple):
     """Of the radio; None where the lab's is open."""
 
 
-class RobotProcess:
-    """One robot in one process."""
+class HostedRobot:
+    """One robot of the process, with a seat of its own on the bus."""
 
-    def __init__(self, robot: int, connect: str, lab: str | None, carried: Carried, ending: Ending) -> None:
+    def __init__(self, robot: int, bus: Bus, connect: str, lab: str | None, carried: Carried, ending: Ending) -> None:
         self._robot = robot
         self._connect = connect
         self._carried = carried
         self._ending = ending
+        self.leaving = Ending()
+        """This robot's end; the process goes on while others live in it."""
         self._keys = Keys(lab or ANY_LAB)
         self._token = random.SystemRandom().getrandbits(48)
         self._clock = LabClock()
@@ -92,7 +94,7 @@ class RobotProcess:
         self._told: tuple[Any, ...] = ()
         self._told_s = 0.0
         self._failures: list[str] = []
-        self._bus: Bus
+        self._bus = bus
 
     def _say_waiting(self) -> None:
         whose = "the" if self._keys.lab == ANY_LAB else f"lab {self._keys.lab}'s"
@@ -101,39 +103,23 @@ class RobotProcess:
     # -- from nothing to a place in the lab -------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Live until the end is asked for; the reason and the exit code stand in the `Ending`."""
-        opening = asyncio.ensure_future(open_when_there(self._robot, self._connect, self._waiting))
-        if not await self._unless_ended(opening):
-            return
-        self._bus = opening.result()
+        """Live until the end is asked for: by `leaving`, which others may ask, too."""
+        tasks: list[asyncio.Future[None]] = []
         try:
-            await self._lives_in_a_row()
+            await self.leaving.unless_asked(asyncio.ensure_future(self._lives_in_a_row(tasks)))
         finally:
+            for task in tasks:
+                task.cancel()
             await self._leave()
 
-    async def _unless_ended(self, task: asyncio.Future[Any]) -> bool:
-        """Wait for `task`; return False, and cancel it, when the end is asked for first."""
-        ended = asyncio.ensure_future(self._ending.wait())
-        await asyncio.wait([task, ended], return_when=asyncio.FIRST_COMPLETED)
-        ended.cancel()
-        if task.done():
-            task.result()
-            return True
-        task.cancel()
-        return False
-
-    async def _lives_in_a_row(self) -> None:
-        tasks: list[asyncio.Future[None]] = []
+    async def _lives_in_a_row(self, tasks: list[asyncio.Future[None]]) -> None:
         world = None
         while True:
             self._rejoin.clear()
-            joining = asyncio.ensure_future(self._join())
-            if not await self._unless_ended(joining):
-                break
-            known = joining.result()
+            known = await self._join()
             if not tasks:
                 self._listen()
-                tasks = [asyncio.ensure_future(self._keep_time()), asyncio.ensure_future(self._tell())]
+                tasks += [asyncio.ensure_future(self._keep_time()), asyncio.ensure_future(self._tell())]
             if known.run != world:
                 world = known.run
                 self._begin(known)
@@ -142,13 +128,10 @@ class RobotProcess:
                 self._doubt_time()
             self._disturb(known.body)
             self._lost = False
-            if not await self._unless_ended(asyncio.ensure_future(self._rejoin.wait())):
-                break
-        for task in tasks:
-            task.cancel()
+            await self._rejoin.wait()
 
     async def _join(self) -> wire.Envelope:
-        """Return what the world tells the robot, in its envelope. A refusal asks for the end."""
+        """Return what the world tells the robot, in its envelope. A refusal asks for the end of the process."""
         patience_s = time.monotonic() + TAKEN_PATIENCE_S
         while True:
             replies = await self._bus.ask(self._keys.map, wire.AskMap(self._robot, self._token), ASK_S)
@@ -242,12 +225,12 @@ class RobotProcess:
 
     def _on_stop(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Stop):
-            self._ending.ask(message.body.reason or "asked to stop")
+            self.leaving.ask(message.body.reason or "asked to stop")
 
     def _on_world(self, _key: str, alive: bool) -> None:
         if alive:
             self._rejoin.set()
-        elif not self._ending.asked:
+        elif not self.leaving.asked:
             self._lost = True
             what = f"lab {self._keys.lab}'s world" if self._bus.connected else "the connection"
             log.info("lost %s at %s; waiting for it to return", what, self._connect)
@@ -313,7 +296,7 @@ class RobotProcess:
     def _state(self, *, finished: bool, final: bool) -> str:
         assert self._life is not None
         if final:
-            return "stopped" if self._ending.code == 0 else "failed"
+            return "stopped" if self.leaving.code == 0 else "failed"
         if not self._life.ready:
             return "waiting"
         if not self._life.started:
@@ -345,7 +328,7 @@ class RobotProcess:
             log.warning("%s", message)
 
     async def _leave(self) -> None:
-        """Tell for the last time, then leave the bus."""
+        """Tell for the last time."""
         if self._life is not None:
             self._publish_status(final=True)
             self._life.end()

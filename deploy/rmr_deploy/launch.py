@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rmr.base.ids import spelled
 from rmr_deploy.obituary import obituary
 from rmr_deploy.plan import INVALID, Plan, free_port
 from rmr_deploy.running import write_processes
@@ -118,8 +119,9 @@ class Run:
         plan, endpoint = self.plan, f"tcp/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
         self._world = self._child("world", world_command(plan, endpoint))
-        for robot in plan.lab.roster:
-            self._robots[robot] = self._child(f"robot-{robot}", agent_command(plan, robot, endpoint))
+        for crew in plan.crews:
+            child = self._child(f"robot-{spelled(crew)}", agent_command(plan, crew, endpoint))
+            self._robots |= dict.fromkeys(crew, child)
         pids = {child.name: child.pid for child in self._family.children}
         write_processes(plan.folder, endpoint, pids)
 
@@ -160,7 +162,7 @@ class Run:
         return bool(self.outcome.reason)
 
     def _living(self) -> tuple[int, ...]:
-        return tuple(robot for robot in self.plan.lab.roster if f"robot-{robot}" not in self.outcome.died)
+        return tuple(robot for robot, child in self._robots.items() if child.name not in self.outcome.died)
 
     async def _until(self, claim: Callable[[], bool]) -> None:
         """Wait until `claim` holds, or the run must end: `outcome.reason` is then set."""
@@ -215,7 +217,7 @@ class Run:
         self._screen.show(lab_s, [self._line(robot) for robot in roster])
 
     def _line(self, robot: int) -> Line:
-        code = self.outcome.died.get(f"robot-{robot}")
+        code = self.outcome.died.get(self._robots[robot].name)
         if code is not None:
             return Line(robot, "died", f"exit code {code}")
         return Line(robot, *(("starting", "") if self.watch is None else self.watch.line(robot)))
@@ -224,7 +226,7 @@ class Run:
 
     async def _stop(self) -> None:
         """Stop the robots, then the world: ask, wait for the last word, then signals."""
-        watch, robots = self.watch, list(self._robots.values())
+        watch, robots = self.watch, list({child.name: child for child in self._robots.values()}.values())
         if watch is not None and not self._gone(self._world):  # without its router nobody hears
             for robot in self.plan.lab.roster:
                 watch.ask_to_stop(robot, self.outcome.reason)
@@ -285,11 +287,11 @@ def world_command(plan: Plan, endpoint: str) -> list[str]:
     return [*python("rmr_world.main"), "--config", str(lab.path), *options]
 
 
-def agent_command(plan: Plan, robot: int, endpoint: str) -> list[str]:
-    """Return the command that starts one robot."""
+def agent_command(plan: Plan, crew: Sequence[int], endpoint: str) -> list[str]:
+    """Return the command that starts the process of the robots in `crew`."""
     actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
     key = ["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []
-    options = ["--id", str(robot), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
+    options = ["--id", spelled(crew), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
     return [*python("rmr_agent.main"), *options, str(plan.byte_code)]
 
 

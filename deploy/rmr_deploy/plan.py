@@ -45,6 +45,8 @@ class Wishes:
     """The run folder."""
     timeout_s: float | None = None
     """Wall time of the run at most."""
+    processes: int | None = None
+    """Over how many processes the robots are spread, neighbours in the roster together; None: each has its own."""
     keep_going: bool = False
     """Whether the others go on when a robot has died."""
 
@@ -70,6 +72,13 @@ class Plan:
     def logs(self) -> Path:
         """The folder of the logs, one JSON-lines file per process."""
         return self.folder / "logs"
+
+    @property
+    def crews(self) -> list[tuple[int, ...]]:
+        """The robots of each process, in the order of the roster."""
+        roster = self.lab.roster
+        count = min(self.wishes.processes or len(roster), len(roster))
+        return [roster[i * len(roster) // count : (i + 1) * len(roster) // count] for i in range(count)]
 
     @property
     def duration_s(self) -> float:

@@ -47,7 +47,7 @@ class Child:
     """One process of the run."""
 
     name: str
-    """What people call it: ``world``, ``robot-4``."""
+    """What people call it: ``world``, ``robot-4``, ``robot-1-20``."""
     process: subprocess.Popen[bytes]
     output: Path
     """Where its standard output and standard error go."""

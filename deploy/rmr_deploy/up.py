@@ -19,6 +19,7 @@ from rmr import __version__
 @click.option("--strict", is_flag=True, help="Exit code 4 when a deadline was missed or robots touched.")
 @click.option("--run", "folder", type=click.Path(path_type=Path), metavar="DIR", help="The run folder: new or empty.")
 @click.option("--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS", help="Wall time at most.")
+@click.option("--processes", type=click.IntRange(min=1), metavar="N", help="Spread the robots over N processes only.")
 @click.option("--keep-going", is_flag=True, help="Go on without a robot that died; the exit code is 1 all the same.")
 @click.version_option(__version__, prog_name="rmr-up")
 def command(
@@ -30,9 +31,10 @@ def command(
     strict: bool,
     folder: Path | None,
     timeout: float | None,
+    processes: int | None,
     keep_going: bool,
 ) -> None:
-    """Start LAB, a folder or its lab.yaml, as processes: a world and one process per robot.
+    """Start LAB, a folder or its lab.yaml, as processes: a world and one process for each robot.
 
     Waits until all are ready, runs until every robot holds the lab's finish fact, prints a table and leaves a
     run folder with report.json and logs. Ctrl-C stops in order, twice at once.
@@ -50,6 +52,7 @@ def command(
                 strict=strict,
                 folder=folder,
                 timeout_s=timeout,
+                processes=processes,
                 keep_going=keep_going,
             )
         )

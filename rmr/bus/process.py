@@ -127,6 +127,17 @@ class Ending:
         logging.getLogger("rmr").debug("internal error", exc_info=error)
         self.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
 
+    async def unless_asked(self, task: asyncio.Future[Any]) -> bool:
+        """Wait for `task`; return False, and cancel it, when the end is asked for first."""
+        ended = asyncio.ensure_future(self._event.wait())
+        await asyncio.wait([task, ended], return_when=asyncio.FIRST_COMPLETED)
+        ended.cancel()
+        if task.done():
+            task.result()
+            return True
+        task.cancel()
+        return False
+
     async def wait(self) -> None:
         """Return once the end has been asked for."""
         await self._event.wait()

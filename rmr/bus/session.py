@@ -14,12 +14,9 @@ was declared; before the first connection `open_when_there` tries again and agai
 """
 
 import asyncio
-import contextlib
 import json
 import os
-import random
 import re
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -34,9 +31,9 @@ import zenoh  # noqa: E402 - after the environment it reads
 from zenoh.handlers import Callback  # noqa: E402
 
 from rmr.bus import wire  # noqa: E402
-from rmr.bus.bridge import Inbox, Take  # noqa: E402
 from rmr.bus.checks import MalformedError  # noqa: E402
 from rmr.bus.endpoint import BusError, check_endpoint  # noqa: E402
+from rmr.bus.line import Handler, Line, Listener  # noqa: E402
 
 LEASE_MS = 3000
 """A silent peer is given up after this time."""
@@ -48,14 +45,8 @@ RETRY_MAX_MS = 1000
 HANDSHAKE_MS = 1500
 """How long a router that accepts the connection may take to answer; a stopped process never does."""
 
-CLOSE_PATIENCE_S = 1.0
-"""How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""
-
 EAGER_TRIES = 50
 """Attempts at the first pace before the first connection: a lab that starts as a whole is not kept waiting."""
-
-Handler = Callable[[str, wire.Envelope], None]
-"""Takes a key and the message that came on it."""
 
 Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
@@ -114,7 +105,7 @@ def open_bus(sender: int, *, listen: str | None = None, connect: str | None = No
         session = zenoh.open(_config(listen, connect))
     except zenoh.ZError as error:
         raise _explain(error, listen, connect) from None
-    return Bus(session, sender, is_client=listen is None)
+    return Bus(Line(session), sender, is_client=listen is None)
 
 
 async def open_when_there(sender: int, connect: str, waiting: Callable[[], None]) -> "Bus":
@@ -134,13 +125,13 @@ async def open_when_there(sender: int, connect: str, waiting: Callable[[], None]
 class Bus:
     """An open session: publish, subscribe, ask, answer, and who is alive."""
 
-    def __init__(self, session: Any, sender: int, *, is_client: bool) -> None:
+    def __init__(self, line: Line, sender: int, *, is_client: bool) -> None:
         self.is_client = is_client
         """Whether its router is another process."""
-        self._session = session
-        self._inbox = Inbox(asyncio.get_running_loop())
+        self._line = line
+        self._session = line.session
+        self._inbox = line.inbox
         self._sender = sender
-        self._run = random.SystemRandom().getrandbits(48)
         self._publishers: dict[str, Any] = {}
         self._numbers: dict[str, int] = {}
         self._declared: list[Any] = []
@@ -150,22 +141,26 @@ class Bus:
         """What has been lost or malformed among the messages received."""
         self.on_transport: Callable[[bool], None] | None = None
         """Called when the first transport comes up and when the last one has gone."""
-        listener = session.info.declare_transport_events_listener(self._callback(self._transport), history=True)
+        line.join()
+        listener = line.session.info.declare_transport_events_listener(line.callback(self._transport), history=True)
         self._declared.append(listener)
+
+    def seat(self, sender: int) -> "Bus":
+        """Return the bus of another sender over the same session, to be closed like this one.
+
+        What one of them publishes reaches the others that listen on that very key, too.
+        """
+        return Bus(self._line, sender, is_client=self.is_client)
 
     @property
     def run(self) -> int:
         """The random number of this session, as its messages carry it."""
-        return self._run
+        return self._line.run
 
     @property
     def connected(self) -> bool:
         """Whether any transport is up."""
         return self._transports > 0
-
-    def _callback(self, take: Take) -> Any:
-        put = self._inbox.put
-        return Callback(lambda item: put(take, item), indirect=False)
 
     def _transport(self, event: Any, _arrived: int) -> None:
         before = self._transports
@@ -173,9 +168,9 @@ class Bus:
         if (before > 0) != (self._transports > 0) and self.on_transport and not self._closed:
             self.on_transport(self.connected)
 
-    def _envelope(self, key: str, body: wire.Message) -> bytes:
+    def _envelope(self, key: str, body: wire.Message) -> wire.Envelope:
         number = self._numbers[key] = self._numbers.get(key, 0) + 1
-        return wire.encode(self._sender, self._run, number, body)
+        return wire.Envelope(self._sender, self.run, number, body)
 
     def publish(self, key: str, body: wire.Message) -> None:
         """Send `body` to whoever subscribes to `key`. Never blocks; may be lost when the way is congested."""
@@ -186,7 +181,9 @@ class Bus:
             publisher = self._publishers[key] = self._session.declare_publisher(
                 key, congestion_control=zenoh.CongestionControl.DROP, express=False
             )
-        publisher.put(self._envelope(key, body))
+        message = self._envelope(key, body)
+        publisher.put(wire.encode(*message))
+        self._line.hand_round(self, key, message)
 
     def retire(self, key: str) -> None:
         """Free what `publish` holds for `key`. Its numbers go on if something is published there again."""
@@ -207,25 +204,10 @@ class Bus:
         Returns the call that withdraws the subscription: nothing more is handed on, not even what has arrived.
         """
         expression = zenoh.KeyExpr(key)
-        wanted = True
-
-        def take(sample: Any, _arrived: int) -> None:
-            if self._closed or not wanted or sample.kind != zenoh.SampleKind.PUT:
-                return
-            actual = str(sample.key_expr)
-            message = self._decode(sample.payload)
-            if message is not None:
-                self.losses.note(actual, message)
-                handler(actual, message)
-
-        subscriber = self._session.declare_subscriber(key, self._callback(take), allowed_origin=zenoh.Locality.REMOTE)
-        self._declared.append(subscriber)
-        undeclare = self._withdrawal(subscriber)
+        end = self._line.listen(key, Listener(self, handler))
 
         def withdraw() -> None:
-            nonlocal wanted
-            wanted = False
-            undeclare()
+            end()
             self.losses.forget(expression.includes)
 
         return withdraw
@@ -247,10 +229,10 @@ class Bus:
             message = None if self._closed or query.payload is None else self._decode(query.payload)
             reply = None if message is None else answer(message, arrived)
             if reply is not None:
-                query.reply(key, self._envelope(f"{key}?", reply))
+                query.reply(key, wire.encode(*self._envelope(f"{key}?", reply)))
             query.drop()
 
-        self._declared.append(self._session.declare_queryable(key, self._callback(take), complete=True))
+        self._declared.append(self._session.declare_queryable(key, self._line.callback(take), complete=True))
 
     async def ask(self, key: str, body: wire.Message, timeout_s: float) -> list[tuple[wire.Envelope, int]]:
         """Return the replies to `body` of all who serve `key`, each with its instant of arrival (monotonic ns).
@@ -276,7 +258,7 @@ class Bus:
             timeout=timeout_s,
             congestion_control=zenoh.CongestionControl.DROP,
             express=False,
-            payload=self._envelope(f"{key}?", body),
+            payload=wire.encode(*self._envelope(f"{key}?", body)),
         )
         # Twice the time: should the end of the replies be lost with the loop's inbox, nobody waits for ever.
         await asyncio.wait([done], timeout=2 * timeout_s)
@@ -295,19 +277,12 @@ class Bus:
             if not self._closed:
                 handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        self._declared.append(self._session.liveliness().declare_subscriber(key, self._callback(take), history=True))
+        callback = self._line.callback(take)
+        self._declared.append(self._session.liveliness().declare_subscriber(key, callback, history=True))
 
     def close(self) -> None:
-        """Undeclare everything, then close, within `CLOSE_PATIENCE_S`. May be called again."""
+        """Undeclare everything; with the last sender of the session close that. May be called again."""
         if self._closed:
             return
         self._closed = True
-        leaving = threading.Thread(target=self._leave, name="bus-close", daemon=True)
-        leaving.start()
-        leaving.join(CLOSE_PATIENCE_S)
-
-    def _leave(self) -> None:
-        with contextlib.suppress(zenoh.ZError):
-            for declared in [*self._publishers.values(), *reversed(self._declared)]:
-                declared.undeclare()
-            self._session.close()
+        self._line.leave(self, [*self._publishers.values(), *reversed(self._declared)])

@@ -11,13 +11,14 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rmr.base.ids import shown
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import MAGIC, SIZE_MAX
 from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Program, Slot
-from rmr.eval.options import OptionError, outside_event, shown
+from rmr.eval.options import OptionError, outside_event
 from rmr.eval.topology import Topology
 from rmr.lang.compiler import Compilation, compile_file
 from rmr.lang.diagnostic import Diagnostic, Diagnostics

@@ -5,26 +5,18 @@ A value that is none is the caller's mistake: `OptionError` says what was found 
 
 import re
 
+from rmr.base.ids import listed, shown
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import ROBOT_ID_MAX
 
 DURATION_S_MAX = 1e8
 """Three years: more is a slip of the finger, and nanoseconds of it are far from `NEVER`."""
-_SHOWN_MAX = 40
-"""Characters of a wrong value that a message repeats."""
-
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)(ms|s|min|)", re.ASCII)
-_RANGE = re.compile(r"([0-9]{1,6})(?:-([0-9]{1,6}))?", re.ASCII)
 
 
 class OptionError(ValueError):
     """An option's value cannot be used; the message says what is wrong and what to write."""
-
-
-def shown(text: str) -> str:
-    """Return `text` as a message quotes it."""
-    return repr(text if len(text) <= _SHOWN_MAX else text[: _SHOWN_MAX - 3] + "...")
 
 
 def robots(text: str) -> tuple[int, ...]:
@@ -32,13 +24,10 @@ def robots(text: str) -> tuple[int, ...]:
     text = text.strip()
     if text.isdecimal() and text.isascii():
         return _counted(text)
-    ids: dict[int, None] = {}
-    for part in text.split(","):
-        for robot in _listed(part.strip()):
-            if robot in ids:
-                raise OptionError(f"robot {robot} is listed twice")
-            ids[robot] = None
-    return tuple(sorted(ids))
+    try:
+        return listed(text)
+    except ValueError as error:
+        raise OptionError(str(error)) from None
 
 
 def _counted(text: str) -> tuple[int, ...]:
@@ -46,19 +35,6 @@ def _counted(text: str) -> tuple[int, ...]:
     if len(text) > 6 or not 1 <= number <= ROBOT_ID_MAX:
         raise OptionError(f"1 to {ROBOT_ID_MAX} robots, not {shown(text)}; write 0-0 for robot 0 alone")
     return tuple(range(1, number + 1))
-
-
-def _listed(part: str) -> range:
-    match = _RANGE.fullmatch(part)
-    if match is None:
-        raise OptionError(f"{shown(part)} is no id and no range of ids; write a number of robots, or ids such as 0-5,9")
-    first = int(match[1])
-    last = first if match[2] is None else int(match[2])
-    if max(first, last) > ROBOT_ID_MAX:
-        raise OptionError(f"there is no robot {max(first, last)}: ids are 0 to {ROBOT_ID_MAX}")
-    if last < first:
-        raise OptionError(f"the range {part} ends before it begins; write {last}-{first}")
-    return range(first, last + 1)
 
 
 def duration(text: str) -> Duration:

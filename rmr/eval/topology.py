@@ -13,7 +13,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
-from rmr.eval.options import OptionError, shown
+from rmr.base.ids import shown
+from rmr.eval.options import OptionError
 from rmr.lang.names import meant
 
 FILE_OCTETS_MAX = 1 << 26

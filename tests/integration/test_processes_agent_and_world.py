@@ -48,6 +48,19 @@ def test_lab_time_stands_at_zero_until_all_robots_are_ready(stage):
     stage.statuses(lambda newest: in_state(1, "finished")(newest) and in_state(2, "running")(newest))
 
 
+def test_several_robots_live_in_one_process_and_one_that_is_asked_to_leave_leaves_the_others_there(stage):
+    stage.world("--when-ready")
+    crew = stage.agent("1-2")
+    stage.statuses(lambda newest: in_state(1, "finished")(newest) and in_state(2, "running")(newest))
+    newest = stage.statuses(lambda newest: 1 in newest and newest[1].final, ask_to_stop=[1])
+    after = newest[1].stamp
+    newest = stage.statuses(lambda newest: 2 in newest and newest[2].stamp > after)
+    assert newest[2].state == "running"
+    stage.statuses(lambda newest: 2 in newest and newest[2].final, ask_to_stop=[2])
+    assert crew.exit_code() == 0
+    assert "ended (enough)" in crew.said()
+
+
 def test_on_request_a_robot_and_the_world_tell_for_the_last_time_and_leave(stage):
     world, robot = stage.world(), stage.agent(1)
     stage.statuses(in_state(1, "finished"))

@@ -77,6 +77,16 @@ def test_a_run_that_finishes_leaves_a_report_logs_byte_code_and_no_process(up):
         assert [json.loads(line) for line in log.read_text().splitlines()]
 
 
+def test_robots_that_share_processes_finish_likewise_and_hear_each_other_within_and_between_them(up):
+    run = up(DASH, "--processes", "2")
+    assert run.wait() == 0, run.out + run.err
+    assert run.left() == []
+    report = run.report()
+    assert (report["finished"], report["collisions"]) == (True, 0)
+    assert sorted(run.pids) == ["robot-1", "robot-2-3", "world"]
+    assert all(part["frames"]["received"] > 0 for part in report["robots"].values())
+
+
 def test_with_json_standard_output_is_the_report_and_nothing_else(up):
     run = up(DASH, "--json", "--robots", "1", "--seed", "11")
     assert run.wait() == 0, run.err

@@ -190,16 +190,16 @@ def test_one_outside_the_ring_is_told_nothing_and_nobody_loses_anything_by_comin
 
 def test_one_who_crosses_many_cells_holds_the_keys_of_one_ring():
     async def scene(_router, one):
-        before = len(one._declared)
+        before = len(one._line._topics)
         crosser = Robot(one, 1, (0.0, 0.0))
         for column in range(-20, 20):
             crosser.move(column * W, -0.5 * column * W)
             crosser.say()
         air = [key for key in one._publishers if "/radio/" in key]
         assert 0 < len(air) <= 9
-        assert len(one._declared) - before == 9 + 1  # and the marks
+        assert len(one._line._topics) - before == 9 + 1  # and the marks
         crosser.air.leave()
-        assert len(one._declared) - before == 1
+        assert len(one._line._topics) - before == 1
         assert [key for key in one._publishers if "/radio/" in key] == []
 
     on_a_star(scene, clients=1)

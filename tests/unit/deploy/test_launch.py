@@ -60,8 +60,8 @@ def start(tmp_path, monkeypatch):
     monkeypatch.setattr(
         launching,
         "agent_command",
-        lambda plan, robot, endpoint: [
-            *(sys.executable, str(STANDIN), "robot", "--id", str(robot), "--connect", endpoint, "--lab", "standin")
+        lambda plan, crew, endpoint: [
+            *(sys.executable, str(STANDIN), "robot", "--id", str(crew[0]), "--connect", endpoint, "--lab", "standin")
         ],
     )
     (tmp_path / "lab.yaml").write_text(LAB)

@@ -37,7 +37,7 @@ def test_the_robots_are_handed_the_file_of_the_key_and_the_world_is_not(tmp_path
     lab = secured(tmp_path, "{key_file: lab.key}")
     (lab / "lab.key").write_text("00112233445566778899aabbccddeeff")
     plan = make_plan(Wishes(lab=lab, folder=tmp_path / "run"), color=False)
-    command = agent_command(plan, 1, "tcp/127.0.0.1:1")
+    command = agent_command(plan, (1,), "tcp/127.0.0.1:1")
     assert command[command.index("--radio-key") + 1] == str(lab / "lab.key")
     assert "--radio-key" not in world_command(plan, "tcp/127.0.0.1:1")
 

@@ -1,0 +1,41 @@
+"""The robots of one process: they share its session on the bus and its event loop, nothing else.
+
+One robot to a process is the usual thing: what befalls it befalls nobody else. Several to a process are for density:
+fifty robots then need a few interpreters, and one subscription for each cell of the floor instead of fifty.
+"""
+
+import asyncio
+import logging
+from collections.abc import Sequence
+
+from rmr.bus.process import Ending, Seldom
+from rmr.bus.session import open_when_there
+from rmr_agent.robot import SAY_AGAIN_S, Carried, HostedRobot
+
+log = logging.getLogger("rmr")
+
+
+async def live(robots: Sequence[int], connect: str, lab: str | None, carried: Carried, ending: Ending) -> None:
+    """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
+    whose = f"lab {lab}'s" if lab else "the"
+    waiting = Seldom(lambda: log.info("waiting for %s world at %s", whose, connect), SAY_AGAIN_S)
+    opening = asyncio.ensure_future(open_when_there(robots[0], connect, waiting))
+    if not await ending.unless_asked(opening):
+        return
+    bus = opening.result()
+    buses = [bus, *map(bus.seat, robots[1:])]
+    crew = [HostedRobot(robot, seat, connect, lab, carried, ending) for robot, seat in zip(robots, buses, strict=True)]
+    lives = asyncio.gather(*(robot.run() for robot in crew))
+    asking = asyncio.ensure_future(_pass_on(ending, crew))
+    try:
+        await lives
+    finally:
+        asking.cancel()
+    ending.ask(crew[-1].leaving.reason)
+
+
+async def _pass_on(ending: Ending, crew: Sequence[HostedRobot]) -> None:
+    """Ask every robot to leave once the process shall end."""
+    await ending.wait()
+    for robot in crew:
+        robot.leaving.ask(ending.reason, ending.code)

@@ -1,0 +1,149 @@
+"""What the senders of one process share: the session, and what is listened to on it.
+
+A process that hosts several robots has one session. However many of them listen on a key, it is subscribed to once
+and each message on it is decoded once. zenoh does not bring a session its own messages; what one of the senders
+publishes is therefore handed to the others here, in the order in which it is published, on the loop's next round.
+"""
+
+import asyncio
+import contextlib
+import random
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import zenoh
+from zenoh.handlers import Callback
+
+from rmr.bus import wire
+from rmr.bus.bridge import Inbox, Take
+from rmr.bus.checks import MalformedError
+
+CLOSE_PATIENCE_S = 1.0
+"""How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""
+
+Handler = Callable[[str, wire.Envelope], None]
+"""Takes a key and the message that came on it."""
+
+
+class Owner(Protocol):
+    """Who listens: one of the line's senders."""
+
+    losses: wire.Losses
+
+
+class Listener:
+    """One wish to hear what comes on a key."""
+
+    __slots__ = ("handler", "owner", "wanted")
+
+    def __init__(self, owner: Owner, handler: Handler) -> None:
+        self.owner = owner
+        self.handler = handler
+        self.wanted = True
+
+
+class Line:
+    """A session and its listeners. Used on the event loop alone."""
+
+    def __init__(self, session: Any) -> None:
+        self.session = session
+        self.inbox = Inbox(asyncio.get_running_loop())
+        self.run = random.SystemRandom().getrandbits(48)
+        """The random number of this session, as its messages carry it."""
+        self._topics: dict[str, tuple[Any, list[Listener]]] = {}
+        self._senders = 0
+        self._leaving: list[threading.Thread] = []
+
+    def join(self) -> None:
+        """Count one more sender: the session is closed with the last one."""
+        self._senders += 1
+
+    def callback(self, take: Take) -> Any:
+        """Return the callback that hands an item to `take` on the loop."""
+        put = self.inbox.put
+        return Callback(lambda item: put(take, item), indirect=False)
+
+    def listen(self, key: str, listener: Listener) -> Callable[[], None]:
+        """Hand every message on `key` (wild cards allowed) to `listener`; return the call that ends it."""
+        subscriber, listeners = self._topics.get(key, (None, []))
+        listeners.append(listener)
+        if subscriber is None:
+            subscriber = self.session.declare_subscriber(
+                key, self.callback(self._taker(listeners)), allowed_origin=zenoh.Locality.REMOTE
+            )
+            self._topics[key] = subscriber, listeners
+
+        def withdraw() -> None:
+            if not listener.wanted:
+                return
+            listener.wanted = False
+            listeners.remove(listener)
+            if not listeners:
+                del self._topics[key]
+                subscriber.undeclare()
+
+        return withdraw
+
+    @staticmethod
+    def _taker(listeners: list[Listener]) -> Take:
+        def take(sample: Any, _arrived: int) -> None:
+            if not listeners or sample.kind != zenoh.SampleKind.PUT:
+                return
+            key, losses = str(sample.key_expr), listeners[0].owner.losses  # what the line loses counts once
+            try:
+                message = wire.decode(sample.payload.to_bytes())
+            except MalformedError:
+                losses.malformed += 1
+                return
+            losses.note(key, message)
+            hand_on(tuple(listeners), key, message)
+
+        return take
+
+    def hand_round(self, sender: Owner, key: str, message: wire.Envelope) -> None:
+        """Hand what `sender` publishes on `key` to the others of this process that listen on that very key."""
+        _, listeners = self._topics.get(key, (None, ()))
+        others = tuple([listener for listener in listeners if listener.owner is not sender])
+        if others:
+            asyncio.get_running_loop().call_soon(hand_on, others, key, message)
+
+    def leave(self, sender: Owner, declared: list[Any]) -> None:
+        """Undeclare what `sender` has declared; with the last one close the session, within `CLOSE_PATIENCE_S`."""
+        self._senders -= 1
+        declared += self._unheard(sender)
+        last = self._senders == 0
+        leaving = threading.Thread(target=self._undeclare, args=(declared, last), name="bus-close", daemon=True)
+        before, self._leaving = self._leaving, [*self._leaving, leaving]
+        leaving.start()
+        if last:
+            leaving.join(CLOSE_PATIENCE_S)
+        elif not any(thread.is_alive() for thread in before):
+            self._leaving = [leaving]
+
+    def _unheard(self, gone: Owner) -> list[Any]:
+        """Let `gone` listen no more; return the subscriptions that nobody wants then."""
+        unheard = []
+        for key, (_, listeners) in list(self._topics.items()):
+            for listener in [one for one in listeners if one.owner is gone]:
+                listener.wanted = False
+                listeners.remove(listener)
+            if not listeners:
+                unheard.append(self._topics.pop(key)[0])
+        return unheard
+
+    def _undeclare(self, declared: list[Any], last: bool) -> None:
+        with contextlib.suppress(zenoh.ZError):
+            for one in declared:
+                one.undeclare()
+            if last:
+                for thread in self._leaving[:-1]:
+                    thread.join()
+                self.session.close()
+
+
+def hand_on(listeners: tuple[Listener, ...], key: str, message: wire.Envelope) -> None:
+    """Hand a message to those of `listeners` that still want it."""
+    for listener in listeners:
+        if listener.wanted:
+            listener.handler(key, message)
