@@ -32,6 +32,7 @@ class Line:
         "headway",
         "heard",
         "inside",
+        "joined",
         "missed",
         "provisional",
         "rank",
@@ -47,6 +48,7 @@ class Line:
     def __init__(self, robot: int, trigger: Instant, now: Instant) -> None:
         self.robot = robot
         self.trigger = trigger
+        self.joined = now
         self.release: Instant = 0
         self.duration: Duration = 0
         self.deadline: Instant = NEVER
@@ -240,7 +242,8 @@ class Ledger:
             for line in standing
             if line.start is not None
         ]
-        rules = Rules(now + values.lead, values.window + 2 * values.clock_error + values.clear)
+        opposed = values.window + 2 * values.clock_error + values.clear
+        rules = Rules(now + values.lead, opposed, values.order)
         old = sorted(
             (line for line in movable if line.start is not None), key=lambda line: (line.start or 0, line.robot)
         )
@@ -310,6 +313,8 @@ class Ledger:
         announcement are waited for, too. Who is known from a predecessor's list only is missing.
         """
         values = self._values
+        if values.wait is not None:
+            return values.wait
         told = [line for line in self.lines.values() if not line.provisional]
         missing = peers - sum(line.robot != self._robot for line in told)
         if missing <= 0 or not told:
@@ -321,7 +326,7 @@ class Ledger:
 
 
 def _task(line: Line) -> Task:
-    return Task(line.robot, line.release, line.duration, line.deadline, line.headway, line.way)
+    return Task(line.robot, line.release, line.duration, line.deadline, line.headway, line.way, line.joined)
 
 
 def _entry(line: Line) -> Entry:

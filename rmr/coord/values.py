@@ -9,6 +9,7 @@ The safety of a schedule rests on relations between them, checked when a `Values
 """
 
 from dataclasses import dataclass
+from enum import Enum
 
 from rmr.base.time import NS_PER_MS, Duration
 
@@ -40,6 +41,19 @@ PAYLOAD_MAX = 116
 """Octets that an IEEE 802.15.4 data frame with short addresses leaves."""
 
 
+class Order(Enum):
+    """By which rule a leader orders jobs; all but the first are there to be compared with."""
+
+    OURS = "ours"
+    """Most deadlines met (`rmr.coord.schedule`)."""
+    EDF = "edf"
+    """The earliest deadline first."""
+    FCFS = "fcfs"
+    """First come, first served: as jobs have joined."""
+    NONE = "none"
+    """No coordination: nobody asks for a turn."""
+
+
 def same_way(a: int, b: int) -> bool:
     """Return whether two passages may follow each other by a headway; else one ends before the other begins."""
     return a == b != EXCLUSIVE_WAY
@@ -48,6 +62,11 @@ def same_way(a: int, b: int) -> bool:
 @dataclass(frozen=True, slots=True)
 class Values:
     """Durations in nanoseconds and counts. The defaults are those that the models were explored with."""
+
+    order: Order = Order.OURS
+    """How a leader orders the jobs of its group."""
+    wait: Duration | None = None
+    """The paper's waiting time n, where it is fixed instead of worked out."""
 
     payload_max: int = PAYLOAD_MAX
     """Octets that a frame may have; fewer where the radio secures frames. The same for all robots."""

@@ -1,12 +1,16 @@
 """The order of jobs: exact for small groups, never worse than first come, and safe whatever the order."""
 
-from itertools import permutations
+from random import Random
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from schedule_bruteforce import instance
+from schedule_campaign import differences
 
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, gap, on_time, order_jobs, place
-from rmr.coord.values import GRID, MS
+from rmr.coord.search import Problem, branch, layers, triangular
+from rmr.coord.values import GRID, MS, Order
 
 RULES = Rules(floor=600 * MS, opposed=280 * MS)
 
@@ -26,11 +30,46 @@ def met(order: list[Task], standing: list[Placed]) -> int:
     return on_time(order, place(order, standing, RULES))
 
 
+@pytest.mark.parametrize("block", range(6))
+def test_as_many_deadlines_are_met_as_by_the_best_of_all_orders_and_ties_go_as_stated(block: int) -> None:
+    seeds = range(50 * block + 1, 50 * block + 51)
+    assert {seed: found for seed in seeds if (found := differences(seed))} == {}
+
+
+def test_the_instances_compared_are_of_every_kind() -> None:
+    drawn = [instance(Random(f"schedule/{seed}")) for seed in range(1, 301)]
+    assert {len(jobs) for jobs, _, _ in drawn} == set(range(1, 9))
+    assert sum(not triangular(problem(jobs)) for jobs, _, _ in drawn) >= 15
+    assert sum(bool(standing) for _, standing, _ in drawn) >= 100
+    assert sum(met(order_jobs(jobs, [], RULES), []) < len(jobs) for jobs, _, _ in drawn) >= 100
+
+
+def problem(jobs: list[Task]) -> Problem:
+    ordered = sorted(jobs, key=lambda t: (t.deadline, t.robot))
+    return Problem(
+        [place([task], [], RULES)[0] for task in ordered],
+        [task.deadline - task.duration for task in ordered],
+        [task.duration for task in ordered],
+        [[gap(a, b, RULES.opposed) for b in ordered] for a in ordered],
+    )
+
+
 @settings(max_examples=60, deadline=None)
-@given(tasks(5))
-def test_small_groups_meet_as_many_deadlines_as_any_order_could(jobs: list[Task]) -> None:
-    best = max(met(list(order), []) for order in permutations(jobs))
-    assert met(order_jobs(jobs, [], RULES), []) == best
+@given(tasks(7))
+def test_both_exact_searches_find_the_same_order(jobs: list[Task]) -> None:
+    drawn = problem(jobs)
+    assert triangular(drawn)
+    assert layers(drawn) == branch(drawn)
+
+
+@settings(max_examples=40, deadline=None)
+@given(tasks(7), st.sampled_from([Order.EDF, Order.FCFS]))
+def test_the_rules_to_compare_with_are_what_they_are_called(jobs: list[Task], rule: Order) -> None:
+    told = [task._replace(joined=(7 * task.robot) % 5) for task in jobs]
+    order = order_jobs(told, [], RULES._replace(order=rule))
+    keys = [task.deadline if rule is Order.EDF else task.joined for task in order]
+    assert keys == sorted(keys)
+    assert sorted(task.robot for task in order) == sorted(task.robot for task in jobs)
 
 
 @settings(max_examples=60, deadline=None)
