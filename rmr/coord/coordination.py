@@ -80,8 +80,8 @@ class Coordination:
 
     def ready(self, now: Instant, event: bytes, ready: bool) -> None:
         """The robot is at its gate, or will be within the entry window: entering is allowed; or no more."""
-        self._group(event).ready(now, ready)
-        self._settle()
+        if self._group(event).ready(now, ready):
+            self._settle()
 
     def inside_until(self, now: Instant, event: bytes, end: Instant) -> None:
         """While inside: the end has moved."""
@@ -110,6 +110,11 @@ class Coordination:
             if group.next_wake <= now:
                 group.wake(now)
         self._settle()
+
+    @property
+    def has_news(self) -> bool:
+        """Whether there is anything to drain."""
+        return bool(self._outbox.items)
 
     def drain(self) -> "list[Send | CoordEvent]":
         """Return the frames and events since the last call, oldest first."""

@@ -70,13 +70,15 @@ class Group:
         self._tell(now)
         c.awake = now
 
-    def ready(self, now: Instant, ready: bool) -> None:
-        """Entering is allowed, or no more."""
+    def ready(self, now: Instant, ready: bool) -> bool:
+        """Entering is allowed, or no more. Return whether that is new."""
         c = self.context
-        if c.job is not None and c.job.ready is not ready:
-            c.job.ready = ready
-            if c.passage is Passage.CLAIMING and ready:
-                c.sooner(Timer.POLL, now)
+        if c.job is None or c.job.ready is ready:
+            return False
+        c.job.ready = ready
+        if c.passage is Passage.CLAIMING and ready:
+            c.sooner(Timer.POLL, now)
+        return True
 
     def inside_until(self, now: Instant, end: Instant) -> None:
         """The end of the passage has moved."""

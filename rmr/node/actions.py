@@ -179,22 +179,25 @@ class Dispatcher:
 
     def released(self, now: Instant) -> bool:
         """Return whether an action that waited for its turn may begin."""
-        return any(running.turn.released(now) for running in self.held)
+        return bool(self.held) and any(running.turn.released(now) for running in self.held)
 
     @property
     def polling(self) -> bool:
         """Whether an action waits for a condition, which is looked at in every frame."""
-        return any(running.pause.condition is not None for running in self.running)
+        return bool(self.running) and any(running.pause.condition is not None for running in self.running)
 
     @property
     def driving(self) -> Running | None:
         """The action that has the wheels."""
-        return next((running for running in self.running if running.handler.wheels), None)
+        for running in self.running:
+            if running.handler.wheels:
+                return running
+        return None
 
     @property
     def next_wake(self) -> Instant:
         """When the next sleeping action goes on."""
-        return min((running.pause.until for running in self.running), default=NEVER)
+        return min([running.pause.until for running in self.running]) if self.running else NEVER
 
     def derive(self, now: Instant, running: Running) -> None:
         """Take on an action: hold it, queue it, or start it."""
@@ -262,9 +265,10 @@ class Dispatcher:
 
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
-        for running in [queued for queued in self.queue if queued.turn is not None and not queued.turn.released(now)]:
-            self.queue.remove(running)
-            self.held.append(running)
+        if self.queue:
+            for running in [one for one in self.queue if one.turn is not None and not one.turn.released(now)]:
+                self.queue.remove(running)
+                self.held.append(running)
         if self.held:
             for running in [held for held in self.held if held.turn.released(now)]:
                 self.held.remove(running)
@@ -275,7 +279,7 @@ class Dispatcher:
 
     def resume(self, now: Instant) -> None:
         """Go on with the actions whose pauses are over."""
-        for running in list(self.running):
+        for running in self.running.copy():
             if not running.over:  # `stop` may have ended it meanwhile
                 self._resume(now, running)
 

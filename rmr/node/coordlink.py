@@ -37,10 +37,16 @@ class CoordLink:
         """When the core or a frame is due."""
         return min(self._core.next_wake, self._later[0][0] if self._later else NEVER)
 
+    def due(self, now: Instant) -> bool:
+        """Return whether `run` has something to do."""
+        core, later = self._core, self._later
+        return core.next_wake <= now or core.has_news or bool(later and later[0][0] <= now)
+
     def run(self, now: Instant) -> None:
         """Let the core do what is due, and see to what it says."""
-        if self._core.next_wake <= now:
-            self._core.wake(now)
+        if not self.due(now):
+            return
+        self._core.wake(now)
         for out in self._core.drain():
             if not isinstance(out, Send):
                 self._handle(now, out)

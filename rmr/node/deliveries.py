@@ -92,6 +92,7 @@ class Deliveries:
         news = self._exchange.news
         if news:
             self._exchange.news = []
+            self._node.stir()
             for each in news:
                 self._outcome(now, each)
 

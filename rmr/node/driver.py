@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from rmr.base.arena import Area, Arena
-from rmr.base.geometry import STILL, Point, Twist, distance
+from rmr.base.geometry import STILL, Point, Pose, Twist, distance
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds
-from rmr.base.values import Symbol, Value
+from rmr.base.values import Symbol
 from rmr.node.approach import Approach
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import Localiser, Peers, Percept, standing_at
@@ -50,6 +50,9 @@ class Driver:
         self._body = body
         self._bodies: tuple[SeenBody, ...] = ()
         self._bumped = False
+        self._areas = [(area, (Symbol(area.name),)) for area in arena.areas]
+        self._stated: tuple[Pose | None, Point | None] = None, None
+        """The pose and the place of which the facts tell."""
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
         self._heed_at: Instant = 0
@@ -92,13 +95,13 @@ class Driver:
         pose = self.localiser.pose
         if senses.used("obstacle"):
             senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
-        if pose is None:
+        if pose is None or self._stated == (pose, self.place):
             return []
+        self._stated = pose, self.place
         if senses.used("pose"):
             senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
         arrived = []
-        for area in self.arena.areas:
-            args: tuple[Value, ...] = (Symbol(area.name),)
+        for area, args in self._areas:
             was = senses.holds("at", args)
             if standing_at(area, pose, self.place if self.place in area.places else None, was):
                 if not was:

@@ -29,8 +29,10 @@ class Task:
 class Executive:
     """Runs a table of tasks frame by frame."""
 
-    def __init__(self, tasks: list[Task], spent: Callable[[], Duration]) -> None:
+    def __init__(self, tasks: list[Task], spent: Callable[[], Duration] | None) -> None:
+        """`spent` is None in virtual time, which no task uses up."""
         self.tasks = tasks
+        self._between = [task for task in tasks if not task.periodic]
         self._spent = spent
         self._frame = -1
         self._due = False
@@ -50,13 +52,12 @@ class Executive:
             if self._due:
                 self.frames_late += max(0, frame - self._frame - 1)
             self._frame = frame
-        for task in self.tasks:
-            if task.periodic and not begins:
-                continue
-            if self._spent() > FRAME_BUDGET:
+        spent = self._spent
+        for task in self.tasks if begins else self._between:
+            if spent is not None and spent() > FRAME_BUDGET:
                 task.skipped += 1
-                continue
-            task.run(now)
+            else:
+                task.run(now)
 
     def next_frame(self, now: Instant, busy: bool) -> Instant | None:
         """Return when the next frame must begin, or None when nothing periodic goes on."""

@@ -55,15 +55,18 @@ class Mind:
 
     def run(self, now: Instant) -> None:
         """Let the machine deal with what is due, and what it reports happen."""
-        if self._machine.next_wake <= now:
-            self._machine.run(now)
-            self._overrun = not self._machine.quiescent
-        self.settle(now)
+        machine = self._machine
+        if machine.busy or machine.due <= now:
+            machine.run(now)
+            self._overrun = machine.busy
+        if machine.has_news:
+            self.settle(now)
 
     def settle(self, now: Instant) -> bool:
         """Let happen what the machine has reported since; return whether it had anything to report."""
         had_news = False
-        while events := self._machine.drain():
+        while self._machine.has_news:
+            events = self._machine.drain()
             had_news = True
             missed: int | None = None
             actions: list[tuple[ActionDerived, int | None]] = []
@@ -86,7 +89,7 @@ class Mind:
 
     def due(self, now: Instant) -> bool:
         """Return whether another `run` at this very instant has something to do."""
-        return not self._overrun and self._machine.next_wake <= now
+        return not self._overrun and (self._machine.busy or self._machine.due <= now)
 
     def watch_quiescence(self, now: Instant) -> None:
         """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""

@@ -88,6 +88,10 @@ class Node:
             ports.spent,
         )
         self._started = False
+        self._meets = self.senses.used("neighbor") or self.senses.used("range")
+        self._finish_index = None if config.finish is None else program.index(config.finish[0])
+        self._finished = False
+        self._stirred = True
         self._frames_sent = 0
         self._near: Sequence[tuple[int, float]] | None = None
         """The neighbors that the host offered last."""
@@ -117,6 +121,7 @@ class Node:
         if index is None:
             raise ValueError(f"the program knows no predicate {name}")
         self.machine.insert(now, index, tuple(args))
+        self._stirred = True
         self.next_wake = min(self.next_wake, now)
 
     def tick(self, now: Instant) -> None:
@@ -129,7 +134,7 @@ class Node:
         self.next_wake = min(
             frame or NEVER,
             self._coordination.next_wake,
-            self.machine.next_wake if self.machine.quiescent else next_tick(now),
+            next_tick(now) if self.machine.busy else self.machine.due,
             self.actions.next_wake,
             self.talk.next_wake,
             self.turns.next_wake,
@@ -141,7 +146,12 @@ class Node:
 
     # -- tasks ----------------------------------------------------------------------------------------------
 
+    def stir(self) -> None:
+        """Take note that rules, actions or turns have something to look at in this call."""
+        self._stirred = True
+
     def _motor(self, now: Instant) -> None:
+        self._stirred = True
         if self.driver is not None:
             self.driver.step(now, self.turns.rank, self.peers)
 
@@ -171,13 +181,12 @@ class Node:
         if self.driver is not None:
             for area in self.driver.state(now, self.senses):
                 self.trace(now, "at", area=area.name)
-        self._meet(now)
+        if self._meets:
+            self._meet(now)
 
     def _meet(self, now: Instant) -> None:
         """State who is near, and how far away, as the host offers it or as frames tell."""
         senses = self.senses
-        if not (senses.used("neighbor") or senses.used("range")):
-            return
         if self._ports.neighbors is None:
             senses.replace(now, "neighbor", [(Robot(other),) for other in self.peers.neighbors(now)])
             senses.replace(now, "range", self.talk.ranges(now))
@@ -189,7 +198,13 @@ class Node:
             senses.replace(now, "range", [(Robot(other), metres) for other, metres in near])
 
     def _runtime(self, now: Instant) -> None:
-        """Let rules fire and actions go on until nothing more happens at this instant."""
+        """Let rules fire and actions go on until nothing more happens at this instant.
+
+        What others say changes nothing here as a rule: then this costs nothing.
+        """
+        if not (self._stirred or now >= self.next_wake or self._is_due(now)):
+            return
+        self._stirred = False
         for _ in range(ROUNDS_MAX):
             self._coordination.run(now)
             if self.machine.due == now:
@@ -202,9 +217,14 @@ class Node:
             if not (self.mind.settle(now) or self.mind.due(now) or self.actions.released(now)):
                 break
         self.mind.watch_quiescence(now)
-        if self.finish_at is None and self.finished():
+        self._finished = self._holds_finish()
+        if self.finish_at is None and self._finished:
             self.finish_at = now
             self.trace(now, "finished")
+
+    def _is_due(self, now: Instant) -> bool:
+        """Return whether there is something to do that was not foreseen at the end of the last call."""
+        return self.machine.busy or self._coordination.due(now) or self.actions.released(now)
 
     def _telemetry(self, now: Instant) -> None:
         self.talk.telemetry(now)
@@ -266,6 +286,7 @@ class Node:
     def depart(self, goal: Point, *, final_heading: float | None, turn: Turn | None) -> None:
         """Set out for `goal`; with a gated turn through its gate."""
         assert self.driver is not None
+        self._stirred = True
         gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
         shared = self.turns.shared.get((turn.event, turn.way)) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
@@ -307,15 +328,17 @@ class Node:
     # -- what hosts ask ---------------------------------------------------------------------------------------
 
     def finished(self) -> bool:
-        """Return whether the finish fact holds."""
+        """Return whether the finish fact holds, as of the last call."""
+        return self._finished
+
+    def _holds_finish(self) -> bool:
         if self.config.finish is None:
             return False
         name, patterns = self.config.finish
         for args in self.senses.of(name):
             if all(isinstance(p, Anything) or p.value == a for p, a in zip(patterns, args, strict=False)):
                 return True
-        index = self.program.index(name)
-        return index is not None and self.machine.holds(index, patterns)
+        return self._finish_index is not None and self.machine.holds(self._finish_index, patterns)
 
     @property
     def outstanding(self) -> tuple[str, ...]:

@@ -6,7 +6,6 @@ for the radio shim and is never read here.
 """
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -45,13 +44,10 @@ class Localiser:
         self._ekf: Ekf | None = None
         self._ranges: dict[int, float] = {}
         self._last: Sensed | None = None
+        self.pose: Pose | None = None
+        """The estimated pose; None before the first two ranges. The same object until the next sample."""
         self.travelled_m = 0.0
         """Way of the robot's centre by odometry, metres."""
-
-    @property
-    def pose(self) -> Pose | None:
-        """The estimated pose; None before the first two ranges."""
-        return None if self._ekf is None else self._ekf.pose
 
     @property
     def sigma_m(self) -> float:
@@ -72,6 +68,7 @@ class Localiser:
         ekf.compass(sample.compass)
         for beacon, metres in sample.ranges:
             ekf.range(self._arena.beacons[beacon], metres)
+        self.pose = ekf.pose
 
     def _initialise(self, sample: Sensed) -> None:
         self._ranges.update(sample.ranges)
@@ -80,6 +77,7 @@ class Localiser:
         pose = initial_pose(self._ranges, self._arena.beacons, sample.compass, self._arena)
         if pose is not None:
             self._ekf = Ekf(pose.x, pose.y, pose.theta)
+            self.pose = self._ekf.pose
 
 
 @dataclass(slots=True)
@@ -152,5 +150,7 @@ def standing_at(area: Area, pose: Pose, own_place: Point | None, was: bool) -> b
         x0, y0, x1, y1 = area.box
         return x0 <= pose.x <= x1 and y0 <= pose.y <= y1
     reach = AT_LEAVE_M if was else AT_ENTER_M
-    places: Iterable[Point] = area.places if own_place is None else (own_place,)
-    return any(math.hypot(place.x - pose.x, place.y - pose.y) <= reach for place in places)
+    for x, y in area.places if own_place is None else (own_place,):
+        if abs(x - pose.x) <= reach and math.hypot(x - pose.x, y - pose.y) <= reach:
+            return True
+    return False

@@ -79,10 +79,6 @@ class Body(Protocol):
         """Command the wheels. The body drops commands older than 100 ms and stops after 0.5 s without one."""
 
 
-def _nothing_spent() -> Duration:
-    return 0
-
-
 @dataclass(frozen=True, slots=True)
 class Ports:
     """What a host gives a node."""
@@ -91,8 +87,8 @@ class Ports:
     body: Body | None
     """None: a robot without a body (logic only). It says no hellos, having no place to tell, and no sense of its own
     finds out what an action has done: what the action's effects say of sensed predicates holds when it ends."""
-    spent: Callable[[], Duration] = _nothing_spent
-    """Processor time used since the current call of `tick` began; virtual time uses none."""
+    spent: Callable[[], Duration] | None = None
+    """Processor time used since the current call of `tick` began; None: virtual time, which uses none."""
     neighbors: Callable[[], Sequence[tuple[int, float]]] | None = None
     """(robot, metres) of those in range, where the host knows; the same object while nothing has changed. None: the
     robot goes by the frames that it hears."""

@@ -46,6 +46,7 @@ async def _drive(robot: NodeHandle, goal: Point, *, final_heading: float | None 
     await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
+    looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None)
     while navigator.status != "arrived":
         if navigator.status == "blocked":
             blocked_since = blocked_since or node.now
@@ -53,7 +54,7 @@ async def _drive(robot: NodeHandle, goal: Point, *, final_heading: float | None 
                 raise ActionFailed("no way there")
         else:
             blocked_since = None
-        await Pause(condition=lambda: True)
+        await looks
 
 
 async def _located(robot: NodeHandle) -> None:

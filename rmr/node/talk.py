@@ -100,6 +100,7 @@ class Talk:
             case Kind.FACT | Kind.FRAGMENT:
                 body = self.exchange.received(frame.payload, frame.source)
                 if body is not None:
+                    self._node.stir()
                     self.deliveries.arrived(now, body, frame.source)
             case Kind.FACT_ACK:
                 self.exchange.acknowledged(now, frame.payload, frame.source)
@@ -123,6 +124,7 @@ class Talk:
         assertions = self._node.program.assertions
         if digest != self.digest or (assertion is not None and assertion >= len(assertions)):
             return
+        self._node.stir()
         name = UNNAMED_FAILURE if assertion is None else assertions[assertion].name
         self._node.senses.add(now, "failed", (Robot(frame.source), Symbol(name)))
 

@@ -90,7 +90,8 @@ class Turn:
 
 def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:
     """Return whether the robot is out of the bottleneck, even if its drive has been broken off inside."""
-    if navigator.route is not None and navigator.route.gate_m is not None:
+    route = navigator.route
+    if route is not None and route.gate_m is not None:
         return navigator.cleared
     route = turn.passage
     if pose is None or route is None or route.gate_m is None:

@@ -217,7 +217,7 @@ class Turns:
 
     def _revise(self, now: Instant, turn: Turn) -> None:
         """Tell the leader when the robot's own estimate no longer fits its slot."""
-        if now - turn.revised_at < REVISE_EVERY or not turn.gated:
+        if not turn.gated or now - turn.revised_at < REVISE_EVERY:
             return
         turn.revised_at = now
         self._estimate(now, turn)
@@ -232,35 +232,38 @@ class Turns:
 
     def step(self, now: Instant) -> None:
         """Advance every turn."""
+        soonest = NEVER
         for turn in self._turns.values():
-            if not turn.requested and turn.phase is Phase.ASKING:
-                self._request(now, turn)
-            elif turn.phase in (Phase.ASKING, Phase.SLOTTED):
-                self._revise(now, turn)
-                self._coordination.ready(now, turn.event, self._is_ready(now, turn))
-            elif turn.phase is Phase.INSIDE:
+            phase = turn.phase
+            if phase is Phase.LEFT:
+                continue
+            if phase is Phase.INSIDE:
                 self._inside(now, turn)
-        soonest = min((turn.next_wake for turn in self._turns.values()), default=NEVER)
-        self.next_wake = max(soonest, next_tick(now))
+            elif phase is Phase.ASKING and not turn.requested:
+                self._request(now, turn)
+            else:
+                self._revise(now, turn)
+                self._coordination.ready(now, turn.event, self._is_ready(turn))
+            soonest = min(soonest, turn.next_wake)
+        self.next_wake = max(soonest, next_tick(now)) if soonest < NEVER else NEVER
 
-    def _is_ready(self, now: Instant, turn: Turn) -> bool:
-        serving = self._node.serving(turn)
-        if not turn.gated:
-            return serving is not None
+    def _is_ready(self, turn: Turn) -> bool:
         navigator = self._navigator
-        if serving is None or serving.started is None or navigator is None or navigator.route is None:
+        if turn.gated and (navigator is None or not navigator.reaches_gate(READY)):
             return False
-        return navigator.route.gate_m is not None and navigator.eta_gate(now) <= READY
+        serving = self._node.serving(turn)
+        return serving is not None and (not turn.gated or serving.started is not None)
 
     def _inside(self, now: Instant, turn: Turn) -> None:
-        navigator = self._navigator
-        if not turn.gated or navigator is None:
+        driver = self._node.driver
+        if not turn.gated or driver is None:
             if turn.job.finish is not None:
                 self._leave(now, turn)
             elif turn.end < now + turn.notice:
                 self._until(now, turn, now + UNKNOWN_INSIDE)
             return
-        if clear_of_bottleneck(turn, navigator, self._node.percept().pose):
+        navigator = driver.navigator
+        if clear_of_bottleneck(turn, navigator, driver.localiser.pose):
             self._leave(now, turn)
             return
         end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)

@@ -224,6 +224,11 @@ class Machine(Parts):
         """What was dropped because a bound was reached, by kind; empty as a rule."""
         return dict(self._dropped.counts)
 
+    @property
+    def has_news(self) -> bool:
+        """Whether there is anything to drain."""
+        return bool(self._events)
+
     def drain(self) -> list[VmEvent]:
         """Return what happened since the last call, in order."""
         events = self._events.copy()

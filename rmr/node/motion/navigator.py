@@ -62,28 +62,10 @@ class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_back_until",
-        "_driven",
-        "_face",
-        "_follower",
-        "_gate",
-        "_heard",
-        "_late_since",
-        "_next_try",
-        "_order",
-        "_overtake",
-        "_parked",
-        "_pose",
-        "_replan_due",
-        "_share",
-        "_stand_off",
-        "_standing",
-        "_watch",
-        "arena",
-        "replans",
-        "robot",
-        "status",
-    )
+        "_back_until", "_driven", "_face", "_follower", "_gate", "_heard", "_late_since", "_next_try", "_order",
+        "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch", "arena",
+        "replans", "robot", "status",
+    )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int) -> None:
         self.arena = arena
@@ -351,6 +333,15 @@ class Navigator:
     def cleared(self) -> bool:
         """Return whether the hull is out of the narrow section."""
         return self._gate.cleared
+
+    def reaches_gate(self, within: Duration) -> bool:
+        """Return whether the robot drives through a gate and needs at most `within` to its line."""
+        follower = self._follower
+        if follower is None or follower.route.gate_m is None:
+            return False
+        way = self._gate.line_m(follower.route) - follower.s
+        # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
+        return self._drive_time(way, 0.0) <= within and self.eta_gate(0) <= within
 
     def eta_gate(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
