@@ -10,7 +10,7 @@ from random import Random
 
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Duration, Instant
-from rmr.coord.context import Context, Outbox
+from rmr.coord.context import Context, Outbox, OwnJob
 from rmr.coord.events import CoordEvent, JobRequest, Send
 from rmr.coord.group import Group
 from rmr.coord.messages import EVENT_OCTETS, MessageError, decode
@@ -77,6 +77,11 @@ class Coordination:
         if group is not None:
             group.confirmed(now, status)
             self._settle()
+
+    def job(self, event: bytes) -> OwnJob | None:
+        """Return the robot's live job of `event`, to be looked at only; None when there is none."""
+        group = self._groups.get(event)
+        return None if group is None else group.context.job
 
     def ready(self, now: Instant, event: bytes, ready: bool) -> None:
         """The robot is at its gate, or will be within the entry window: entering is allowed; or no more."""

@@ -1,10 +1,10 @@
 """What a robot is told before it starts: who it is, where it is, what it is to finish."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from rmr.base.arena import Arena
-from rmr.base.time import Duration
+from rmr.base.time import Duration, Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.node.trace import Level
@@ -39,3 +39,5 @@ class NodeConfig:
     """What runs the program; all engines do the same."""
     turn: Duration = UNKNOWN_INSIDE
     """How long a turn is expected to last where no drive tells; extended while its action lasts longer."""
+    witness: Callable[[int, Instant, object], None] | None = None
+    """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""

@@ -8,6 +8,7 @@ It does not know what a fact means and it does not know the radio: frames leave 
 """
 
 from collections import OrderedDict, deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from random import Random
@@ -82,6 +83,30 @@ class _Seen:
     sequences: OrderedDict[int, None] = field(default_factory=OrderedDict)
 
 
+class Stage(Enum):
+    """How far a delivery has come."""
+
+    BEGUN = "begun"
+    ACCEPTED = "accepted"
+    """By the other node, the first copy."""
+    ACKNOWLEDGED = "acknowledged"
+    GIVEN_UP = "given up"
+
+
+_STAGES = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: Stage.GIVEN_UP}
+
+
+class Progress(NamedTuple):
+    """A delivery has come further, for whoever checks a run."""
+
+    stage: Stage
+    peer: int
+    """The other robot: of an accepted delivery its sender, else its destination."""
+    epoch: int
+    """The sender's."""
+    sequence: int
+
+
 class Exchange:
     """Reliable, unordered delivery of facts to other robots over a lossy link."""
 
@@ -106,6 +131,7 @@ class Exchange:
         """Deliveries sent again."""
         self.octets = 0
         """Payload octets handed to the link, acknowledgements too."""
+        self.tell: Callable[[Progress], None] = lambda _: None
         self.duplicates = 0
         self.foreign = 0
         """Frames of another program, dropped."""
@@ -124,6 +150,7 @@ class Exchange:
         frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
         peer.next_sequence = (sequence + 1) & 0xFFFF
         peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
+        self.tell(Progress(Stage.BEGUN, destination, self._epoch, sequence))
         self.sent += 1
         self._fill(now, peer)
 
@@ -142,6 +169,9 @@ class Exchange:
 
     def _tell(self, outcome: Outcome, outgoing: _Outgoing) -> None:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
+        stage = _STAGES.get(outcome)
+        if stage is not None:
+            self.tell(Progress(stage, outgoing.destination, self._epoch, outgoing.sequence))
 
     def _put(self, payload: bytes, destination: int) -> None:
         self.outbox.append((payload, destination))
@@ -199,6 +229,7 @@ class Exchange:
             return None
         self._remember(source, frame)
         self.delivered += 1
+        self.tell(Progress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
         self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
         return body
 

@@ -71,6 +71,7 @@ class Mind:
             missed: int | None = None
             actions: list[tuple[ActionDerived, int | None]] = []
             for event in events:
+                self._node.tell(event)
                 if isinstance(event, RuleFired):
                     self._derive(now, actions)
                 if isinstance(event, ActionDerived):

@@ -17,6 +17,7 @@ from rmr.base.time import NEVER, Instant, in_seconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
+from rmr.coord.events import CoordEvent
 from rmr.coord.values import Values
 from rmr.node import wire
 from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
@@ -28,7 +29,7 @@ from rmr.node.executive import Executive, Task
 from rmr.node.mind import Mind
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import Peers, Percept
-from rmr.node.ports import Ports, Received
+from rmr.node.ports import Ports, Received, Spoken
 from rmr.node.provided import PROVIDED, NodeHandle
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
@@ -73,8 +74,12 @@ class Node:
         values = Values(payload_max=room)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1), values)
         self.turns = Turns(self, core, digest)
-        self._coordination = CoordLink(core, self.transmit, self.turns.handle)
-        self.talk = Talk(self, Exchange(digest, config.epoch, stream(f"{name}/exchange"), room), digest)
+        self.core = core
+        """The coordination core, for whoever checks a run to look at."""
+        self._coordination = CoordLink(core, self.transmit, self._coordinated)
+        exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), room)
+        exchange.tell = self.tell
+        self.talk = Talk(self, exchange, digest)
         self.actions = Dispatcher(self)
         self.mind = Mind(self)
         self.executive = Executive(
@@ -162,6 +167,10 @@ class Node:
             self._coordination.confirm(now, outcome)
         self.talk.wake(now)
 
+    def _coordinated(self, now: Instant, event: CoordEvent) -> None:
+        self.tell(event)
+        self.turns.handle(now, event)
+
     def _receive(self, now: Instant, frame: Received) -> None:
         self.peers.heard(now, frame.source, frame.rssi_dbm)
         if not frame.payload:
@@ -171,9 +180,16 @@ class Node:
         else:
             self.talk.receive(now, frame)
 
+    def tell(self, event: object) -> None:
+        """Tell whoever checks the run that `event` has happened."""
+        if self.config.witness is not None:
+            self.config.witness(self.robot, self.now, event)
+
     def transmit(self, payload: bytes, destination: int | None) -> int:
         """Hand a payload to the radio; return the handle by which it will tell the outcome."""
         self._frames_sent += 1
+        if self.config.witness is not None:
+            self.tell(Spoken(payload))
         self._ports.link.transmit(payload, destination, self._frames_sent)
         return self._frames_sent
 

@@ -12,7 +12,7 @@ from rmr.base.geometry import Twist
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import Confirmed, Received
 
-__all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed"]
+__all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed", "Spoken"]
 
 
 class SeenBody(NamedTuple):
@@ -47,6 +47,12 @@ class Sensed(NamedTuple):
     """Whether the hull touches anything."""
     truth: tuple[float, float, float]
     """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
+
+
+class Spoken(NamedTuple):
+    """A frame that a robot has handed to its radio, for whoever checks a run."""
+
+    payload: bytes
 
 
 class Link(Protocol):
