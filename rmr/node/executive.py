@@ -36,8 +36,10 @@ class Executive:
         self._spent = spent
         self._frame = -1
         self._due = False
+        self.frames_due = 0
+        """Frames in which the robot had to act because it was busy."""
         self.frames_late = 0
-        """Frames that the host let pass while the robot was busy."""
+        """Those of them that the host let pass."""
 
     @property
     def skipped(self) -> int:
@@ -50,6 +52,7 @@ class Executive:
         begins = frame > self._frame
         if begins:
             if self._due:
+                self.frames_due += frame - self._frame
                 self.frames_late += max(0, frame - self._frame - 1)
             self._frame = frame
         spent = self._spent

@@ -35,6 +35,7 @@ def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[s
         "expression_failures": node.machine.expression_failures + node.mind.expression_failures,
         "undelivered": node.talk.deliveries.undelivered,
         "frames": radio,
+        "ticks": node.executive.frames_due,
         "ticks_late": node.executive.frames_late,
         "tasks_skipped": node.executive.skipped,
         "schedules": schedules(node),

@@ -35,6 +35,7 @@ _ROBOT_DEFAULTS: Mapping[str, Any] = {
     "expression_failures": 0,
     "undelivered": 0,
     "frames": {"sent": 0, "received": 0, "collided": 0, "no_ack": 0, "access_failed": 0},
+    "ticks": 0,
     "ticks_late": 0,
     "tasks_skipped": 0,
 }
