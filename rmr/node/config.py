@@ -7,6 +7,7 @@ from rmr.base.arena import Arena
 from rmr.base.time import Duration, Instant
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
+from rmr.coord.values import Values
 from rmr.node.trace import Level
 from rmr.node.turn import UNKNOWN_INSIDE
 from rmr.radio.phy import RadioConfig
@@ -39,5 +40,7 @@ class NodeConfig:
     """What runs the program; all engines do the same."""
     turn: Duration = UNKNOWN_INSIDE
     """How long a turn is expected to last where no drive tells; extended while its action lasts longer."""
+    values: Values = field(default_factory=Values)
+    """The constants of coordination; how much a frame holds is the link's to say."""
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""

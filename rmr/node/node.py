@@ -8,6 +8,7 @@ the source language. The host calls `tick` at `next_wake` and whenever the link 
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from rmr.base.arena import Area
@@ -18,7 +19,6 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent
-from rmr.coord.values import Values
 from rmr.node import wire
 from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
 from rmr.node.config import NodeConfig
@@ -71,7 +71,7 @@ class Node:
         if ports.body is not None:
             self.driver = Driver(config.robot, tuple(config.roster), config.arena, ports.body)
         room = ports.link.payload_max
-        values = Values(payload_max=room)
+        values = replace(config.values, payload_max=room)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1), values)
         self.turns = Turns(self, core, digest)
         self.core = core

@@ -28,7 +28,7 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
-from rmr.coord.values import EXCLUSIVE_WAY
+from rmr.coord.values import EXCLUSIVE_WAY, Order
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import EXTEND_BEFORE, REVISE_EVERY, UNKNOWN_INSIDE, Phase, Turn, clear_of_bottleneck, known_arguments
 from rmr.vm.job import Job
@@ -71,7 +71,8 @@ class Turns:
     def started(self, now: Instant, job: Job) -> None:
         """Handle a job that has started: it asks for a turn as soon as the robot knows where it is."""
         assertion = self._node.program.assertions[job.assertion]
-        if not assertion.scheduled or not assertion.serving:
+        alone = self._node.config.values.order is Order.NONE
+        if alone or not assertion.scheduled or not assertion.serving:
             return
         event = self.event_of(job)
         old = self._turns.get(event)

@@ -7,12 +7,14 @@ import shlex
 from pathlib import Path
 
 from rmr import __version__
+from rmr.coord.values import Order
 from rmr_sim.run import Options
 
 SEEDS_MAX = 100_000
 """Of one sweep: days of work, and a sweep.json of 30 MB."""
 JOBS_MAX = 64
 """Processes at once; more than any one machine of a lab has use for."""
+ORDERS = "who goes first: most deadlines met (ours), earliest deadline, first come, or no coordination (none)"
 
 
 def parse(words: list[str] | None) -> argparse.Namespace:
@@ -27,6 +29,7 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--robots", type=_positive, metavar="N", help="only the first N robots of the lab")
     parser.add_argument("--loss", type=_share, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
     parser.add_argument("--chaos", action="store_true", help="faults at random for a while, drawn from the seed")
+    parser.add_argument("--order", choices=[o.value for o in Order], default="ours", help=ORDERS)
     parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
     parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write what happened as JSON lines")
@@ -45,7 +48,13 @@ def parse(words: list[str] | None) -> argparse.Namespace:
 
 def options_of(arguments: argparse.Namespace) -> Options:
     """Return what is asked of each run beside its seed."""
-    return Options(robots=arguments.robots, loss=arguments.loss, actions=arguments.actions, chaos=arguments.chaos)
+    return Options(
+        robots=arguments.robots,
+        loss=arguments.loss,
+        actions=arguments.actions,
+        chaos=arguments.chaos,
+        order=Order(arguments.order),
+    )
 
 
 def command_of(arguments: argparse.Namespace) -> str:
@@ -55,6 +64,8 @@ def command_of(arguments: argparse.Namespace) -> str:
         value = getattr(arguments, name)
         if value is not None:
             words += [f"--{name}", str(value)]
+    if arguments.order != Order.OURS.value:
+        words += ["--order", arguments.order]
     words += [f"--{name}" for name in ("chaos", "strict") if getattr(arguments, name)]
     return shlex.join(words)
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rmr.base.time import Duration
+from rmr.coord.values import Order, Values
 from rmr.node.trace import Level
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers import watch
@@ -34,6 +36,10 @@ class Options:
     """The file of the user's actions."""
     chaos: bool = False
     """Whether faults are drawn from the seed."""
+    order: Order = Order.OURS
+    """By which rule leaders order jobs."""
+    wait: Duration | None = None
+    """The waiting time n of leaders, instead of what they work out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +61,8 @@ class Loaded:
         seed = lab.seed if seed is None else seed
         if self.options.chaos:
             lab = with_chaos(lab, seed)
-        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key)
+        values = Values(order=self.options.order, wait=self.options.wait)
+        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values)
         watch(simulation)
         return simulation
 

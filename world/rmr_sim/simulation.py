@@ -14,6 +14,7 @@ from rmr.base.kernel import EVENT, ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, tick_start
 from rmr.bytecode.program import Program
+from rmr.coord.values import Values
 from rmr.node.actions import Handler
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
@@ -113,8 +114,9 @@ class Simulation:
         handlers: Mapping[str, Handler] | None = None,
         trace: Level = Level.NOTES,
         key: bytes | None = None,
+        values: Values | None = None,
     ) -> None:
-        """`key` is the lab's, where its radio is secured.
+        """`key` is the lab's, where its radio is secured; `values` are those of coordination, where they are others.
 
         Raises `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out.
         """
@@ -145,6 +147,7 @@ class Simulation:
                 facts,
                 finish,
                 trace=trace,
+                values=values or Values(),
             )
             return lambda ports: Node(config, program, ports, handlers or {}, digest)
 
