@@ -6,6 +6,7 @@ frames all the same and keep its newest schedule and beacons, so that they know 
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from random import Random
 
 from rmr.base.gridpath import GridPath
@@ -20,6 +21,9 @@ from rmr.coord.values import EVENTS_MAX, IN_FLIGHT_MAX, WAY_MAX, Values
 __all__ = ["Coordination", "JobRequest"]
 
 _KIND_LAST = 0x0F
+
+_decoded = lru_cache(maxsize=256)(decode)
+"""`decode`, remembered: in virtual time many robots hear the same octets."""
 
 
 class Coordination:
@@ -58,7 +62,7 @@ class Coordination:
         if not payload or not 0 < payload[0] <= _KIND_LAST:
             return False
         try:
-            message = decode(payload, self._values.payload_max)
+            message = _decoded(payload, self._values.payload_max)
         except MessageError:
             self.malformed += 1
             return False

@@ -96,6 +96,7 @@ class Node:
         self._meets = self.senses.used("neighbor") or self.senses.used("range")
         self._finish_index = None if config.finish is None else program.index(config.finish[0])
         self._finished = False
+        self._finish_looked: Instant = 0
         self._stirred = True
         self._frames_sent = 0
         self._near: Sequence[tuple[int, float]] | None = None
@@ -233,7 +234,9 @@ class Node:
             if not (self.mind.settle(now) or self.mind.due(now) or self.actions.released(now)):
                 break
         self.mind.watch_quiescence(now)
-        self._finished = self._holds_finish()
+        if self._finish_looked <= max(self.machine.called_at, self.senses.changed):
+            self._finish_looked = now
+            self._finished = self._holds_finish()
         if self.finish_at is None and self._finished:
             self.finish_at = now
             self.trace(now, "finished")

@@ -25,6 +25,8 @@ class SensedFacts:
             if p.kind is Kind.SENSED or (p.provided and p.kind is not Kind.ACTION)
         }
         self._held: dict[str, dict[Args, None]] = {}
+        self.changed: Instant = 0
+        """When a fact came or went last."""
 
     def used(self, name: str) -> bool:
         """Return whether the program reads `name`."""
@@ -44,12 +46,18 @@ class SensedFacts:
         if args in held:
             return
         held[args] = None
+        self.changed = now
         if name in self._index:
             self._machine.insert(now, self._index[name], args)
 
     def drop(self, now: Instant, name: str, args: Args) -> None:
         """State that a fact holds no more."""
-        if self._held.get(name, {}).pop(args, 0) is None and name in self._index:
+        held = self._held.get(name)
+        if held is None or args not in held:
+            return
+        del held[args]
+        self.changed = now
+        if name in self._index:
             self._machine.withdraw(now, self._index[name], args)
 
     def replace(self, now: Instant, name: str, facts: Iterable[Args]) -> None:

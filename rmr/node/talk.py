@@ -4,6 +4,7 @@ A frame that does not parse, or that no robot of this program could have sent, i
 counted, noted and dropped.
 """
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from rmr.base.streams import stream
@@ -19,6 +20,9 @@ from rmr.radio.phy import LOSS_AT_1_M_DB
 
 if TYPE_CHECKING:
     from rmr.node.node import Node
+
+_hello_in = lru_cache(maxsize=256)(wire.decode_hello)
+"""`decode_hello`, remembered: in virtual time many robots hear the same octets."""
 
 UNNAMED_FAILURE = "broadcast"
 """The event of a failure broadcast that no missed deadline derived."""
@@ -64,15 +68,19 @@ class Talk:
         if self._hello is not None and now >= self._hello.due:
             self._hello.rewind(now)
             self._say_hello(parked=self._hello.parked)
-        self.exchange.wake(now)
+        if now >= self.exchange.next_wake:
+            self.exchange.wake(now)
         self.flush(now)
 
     def flush(self, now: Instant) -> None:
         """Hand the radio what is to leave at once, and see to what became of what has left."""
-        for payload, destination in self.exchange.outbox:
-            self._node.transmit(payload, destination)
-        self.exchange.outbox.clear()
-        self.deliveries.look(now)
+        exchange = self.exchange
+        if exchange.outbox:
+            for payload, destination in exchange.outbox:
+                self._node.transmit(payload, destination)
+            exchange.outbox.clear()
+        if exchange.news:
+            self.deliveries.look(now)
 
     def _say_hello(self, *, parked: bool) -> None:
         node = self._node
@@ -96,7 +104,7 @@ class Talk:
     def _dispatch(self, now: Instant, frame: Received) -> None:
         match frame.payload[0]:
             case Kind.HELLO:
-                self._met(now, frame.source, wire.decode_hello(frame.payload))
+                self._met(now, frame.source, _hello_in(frame.payload))
             case Kind.FACT | Kind.FRAGMENT:
                 body = self.exchange.received(frame.payload, frame.source)
                 if body is not None:

@@ -50,6 +50,7 @@ class Floor:
         self.room = STATIONS_FIRST
         """Length of all arrays."""
         self.x, self.y = np.zeros(self.room), np.zeros(self.room)
+        self._places: list[tuple[float, float]] = []
         self.addresses = np.zeros(self.room, dtype=np.uint64)
 
     def add(self, address: int, x: float, y: float) -> int:
@@ -61,14 +62,16 @@ class Floor:
             self.addresses = np.resize(self.addresses, self.room)
         self.addresses[index] = address
         self.x[index], self.y[index] = x, y
+        self._places.append((x, y))
         self._cells.append(self._grid.cell_of(x, y))
         self._enter(index, self._cells[index])
         return index
 
     def move(self, index: int, x: float, y: float) -> None:
         """Set the place of a station, metres."""
-        if self.x[index] == x and self.y[index] == y:
+        if self._places[index] == (x, y):
             return
+        self._places[index] = x, y
         self.x[index], self.y[index] = x, y
         self._reached.clear()
         cell = self._grid.cell_of(x, y)
@@ -98,17 +101,19 @@ class Floor:
     def _reach(self, index: int, start: Instant) -> Reached:
         config = self._config
         at = self._within_reach(self._cells[index])
-        square = (self.x[at] - self.x[index]) ** 2 + (self.y[at] - self.y[index]) ** 2
+        x, y = self._places[index]
+        square = (self.x[at] - x) ** 2 + (self.y[at] - y) ** 2
         heard_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB - 5.0 * config.exponent * np.log10(np.maximum(square, 1.0))
         if self._links.fades:
             source = int(self.addresses[index])
             heard_dbm += [self._links.gain_db(source, other, start) for other in self.addresses[at].tolist()]
-        power_dbm = np.full(self.room, -inf)
+        power_dbm, power = np.empty(self.room), np.zeros(self.room)
+        power_dbm.fill(-inf)
         power_dbm[at] = heard_dbm
         power_dbm[index] = -inf
-        power = np.zeros(self.room)
-        relevant = power_dbm[at] >= config.sensitivity_dbm - RELEVANCE_DB
-        power[at] = np.where(relevant, 10.0 ** (power_dbm[at] / 10.0), 0.0)
+        powers = 10.0 ** (power_dbm[at] / 10.0)
+        powers *= power_dbm[at] >= config.sensitivity_dbm - RELEVANCE_DB
+        power[at] = powers
         return Reached(at, power_dbm, power)
 
     def _within_reach(self, cell: Cell) -> Places:

@@ -225,6 +225,11 @@ class Machine(Parts):
         return dict(self._dropped.counts)
 
     @property
+    def called_at(self) -> Instant:
+        """When facts may have changed last: the instant of the last call that handed something in, or of `run`."""
+        return self._now
+
+    @property
     def has_news(self) -> bool:
         """Whether there is anything to drain."""
         return bool(self._events)

@@ -45,7 +45,7 @@ def braking_speed(way_m: float) -> float:
 class Follower:
     """Progress along one route."""
 
-    __slots__ = ("arrived", "pivoting", "route", "s", "shape")
+    __slots__ = ("_aim", "_seen", "arrived", "pivoting", "route", "s", "shape")
 
     def __init__(self, route: Route, shape: RobotShape) -> None:
         self.route = route
@@ -53,6 +53,9 @@ class Follower:
         self.s = 0.0
         self.pivoting = True
         self.arrived = False
+        self._seen: tuple[Pose, float] | None = None
+        self._aim = 0.0, 0.0, 0.0
+        """The look-ahead point as seen from the pose, and at the progress, `_seen`: dx, dy and heading error."""
 
     def locate(self, pose: Pose) -> None:
         """Bring progress up to `pose`; it never goes back by more than what braking can undo."""
@@ -65,16 +68,22 @@ class Follower:
 
     def heading_error(self, pose: Pose) -> float:
         """Return how far the look-ahead point is off the robot's heading, radians."""
-        aim = self.route.point(min(self.route.length_m, self.s + LOOK_AHEAD_M))
-        return wrap(math.atan2(aim.y - pose.y, aim.x - pose.x) - pose.theta)
+        return self._look_ahead(pose)[2]
+
+    def _look_ahead(self, pose: Pose) -> tuple[float, float, float]:
+        """Return how far ahead the look-ahead point is along x and y, and how far off the heading."""
+        if self._seen != (pose, self.s):
+            self._seen = pose, self.s
+            x, y = self.route.point(self.s + LOOK_AHEAD_M)
+            dx, dy = x - pose.x, y - pose.y
+            self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
+        return self._aim
 
     def steer(self, pose: Pose, limit: float) -> Twist:
         """Return the wheel command at a speed of at most `limit` m/s; call `locate` before."""
         if self.arrived:
             return STILL
-        aim = self.route.point(min(self.route.length_m, self.s + LOOK_AHEAD_M))
-        dx, dy = aim.x - pose.x, aim.y - pose.y
-        error = wrap(math.atan2(dy, dx) - pose.theta)
+        dx, dy, error = self._look_ahead(pose)
         if abs(error) > (PIVOT_END if self.pivoting else PIVOT_BEGIN):
             self.pivoting = True
             return Twist(0.0, turn_towards(error, self.shape))

@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from functools import lru_cache
 
-from rmr.base.arena import Arena, Disc
+from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, point_segment_distance
 
 MARGIN_M = 0.03
@@ -141,6 +141,8 @@ def segment_clearance(arena: Arena, a: Point, b: Point) -> float:
     for obstacle in arena.obstacles:
         if least <= 0.0:
             return 0.0
+        if _apart(obstacle, a, b) >= least:
+            continue
         if isinstance(obstacle, Disc):
             away = point_segment_distance(*obstacle.centre, a.x, a.y, b.x, b.y) - obstacle.radius
         elif obstacle.contains(a.x, a.y) or obstacle.contains(b.x, b.y):
@@ -150,6 +152,22 @@ def segment_clearance(arena: Arena, a: Point, b: Point) -> float:
             away = min(_segment_distance(a, b, c, d) for c, d in zip(corners, corners[1:] + corners[:1], strict=True))
         least = min(least, away)
     return max(0.0, least)
+
+
+def _apart(obstacle: Obstacle, a: Point, b: Point) -> float:
+    """Return how far apart an obstacle and the segment a-b are along x or along y: they are no nearer than that."""
+    x0, y0, x1, y1 = _extent(obstacle)
+    return max(x0 - max(a.x, b.x), min(a.x, b.x) - x1, y0 - max(a.y, b.y), min(a.y, b.y) - y1)
+
+
+@lru_cache(maxsize=1024)
+def _extent(obstacle: Obstacle) -> tuple[float, float, float, float]:
+    """Return the least and the greatest x and y of an obstacle."""
+    if isinstance(obstacle, Disc):
+        (x, y), r = obstacle.centre, obstacle.radius
+        return x - r, y - r, x + r, y + r
+    xs, ys = zip(*obstacle.corners, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
 
 
 def _segment_distance(a: Point, b: Point, c: Point, d: Point) -> float:

@@ -79,14 +79,16 @@ class Route:
     def project(self, x: float, y: float, low: float, high: float) -> float:
         """Return the arc length within [low, high] whose point is nearest to (x, y)."""
         best, best_s = math.inf, low
-        i = self.segment(low)
-        while i < len(self.points) - 1 and self.at_m[i] <= high:
-            ax, ay = self.points[i]
-            bx, by = self.points[i + 1]
-            length = self.at_m[i + 1] - self.at_m[i]
+        points, at_m = self.points, self.at_m
+        i, last = self.segment(low), len(points) - 1
+        while i < last and at_m[i] <= high:
+            ax, ay = points[i]
+            bx, by = points[i + 1]
+            start = at_m[i]
+            length = at_m[i + 1] - start
             along = 0.0 if length <= 0.0 else ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length
-            s = max(low, min(high, self.at_m[i] + max(0.0, min(length, along))))
-            t = 0.0 if length <= 0.0 else (s - self.at_m[i]) / length
+            s = max(low, min(high, start + max(0.0, min(length, along))))
+            t = 0.0 if length <= 0.0 else (s - start) / length
             away = math.hypot(x - ax - (bx - ax) * t, y - ay - (by - ay) * t)
             if away < best - 1e-12:
                 best, best_s = away, s
