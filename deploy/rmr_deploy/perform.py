@@ -35,7 +35,8 @@ def perform(wishes: Wishes) -> int:
         click.echo(plan.program.warnings.rstrip("\n"), err=True)
     if plan.lab.faults:
         click.echo(
-            f"{plan.lab.path}: faults: kill, restart and stall are not injected yet; the run goes without them",
+            f"{plan.lab.path}: faults: kill, restart, stall, slow and outage befall simulated robots alone (rmr sim); "
+            "this run goes without them",
             err=True,
         )
     try:

@@ -143,12 +143,6 @@ def test_a_lab_without_a_finish_fact_lasts_its_duration_and_is_finished_then(tmp
     assert report["time_s"] == 2.0
 
 
-def test_faults_that_are_not_injected_yet_are_told(tmp_path, capsys):
-    lab = tiny(tmp_path, "done(R).\n", LAB + "faults: [{at: 1s, kill: 1}]\n")
-    assert main([str(lab), "--run", str(tmp_path / "run")]) == 0
-    assert "faults: kill, restart and stall are not injected yet" in capsys.readouterr().err
-
-
 def test_ctrl_c_ends_the_run_in_order_and_the_report_is_written(tmp_path, capsys):
     lab = tiny(tmp_path, "type action act(R: robot) -o acted(R).\ngo(R).\ngo(R) -o act(R).\n", LAB.replace("2s", "60s"))
     lab.joinpath("lab.yaml").write_text((lab / "lab.yaml").read_text().replace("done(R)", "go(R)"))

@@ -69,8 +69,8 @@ def test_robots_with_one_key_finish_and_every_data_frame_on_the_air_is_secured(l
 class Strange(Simulation):
     """Robot 3 has another key than the lab's."""
 
-    def security(self, robot):
-        return Security(Level.ENC_MIC_64, bytes(16), robot) if robot == 3 else super().security(robot)
+    def security(self, robot, life):
+        return Security(Level.ENC_MIC_64, bytes(16), robot) if robot == 3 else super().security(robot, life)
 
 
 def test_a_robot_with_another_key_is_deaf_to_the_others_and_unheard_by_them(lab, monkeypatch):
@@ -87,8 +87,8 @@ def test_a_robot_with_another_key_is_deaf_to_the_others_and_unheard_by_them(lab,
 
 def test_a_robot_without_security_is_deaf_and_unheard_likewise(lab, monkeypatch):
     class Open(Simulation):
-        def security(self, robot):
-            return None if robot == 3 else super().security(robot)
+        def security(self, robot, life):
+            return None if robot == 3 else super().security(robot, life)
 
     monkeypatch.setattr("rmr_sim.run.Simulation", Open)
     simulation = prepare(lab("{key_file: lab.key}"))

@@ -82,9 +82,6 @@ def load(path: Path, options: Options) -> Loaded:
     if problems:
         raise LabError(problems)
     warnings = [program.warnings] if program.warnings else []
-    if lab.faults:
-        not_yet = "kill, restart and stall are not injected yet; the run goes without them"
-        warnings.append(f"{lab.path}: faults: {not_yet}\n")
     return Loaded(lab, program, options, tuple(warnings), radio_key(lab))
 
 

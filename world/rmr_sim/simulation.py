@@ -9,97 +9,28 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from rmr.base.geometry import Twist
-from rmr.base.kernel import EVENT, ROBOT, Alarm, Kernel
-from rmr.base.streams import stream
-from rmr.base.time import Instant, in_seconds, tick_start
+from rmr.base.kernel import EVENT, Kernel
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
 from rmr.bytecode.program import Program
 from rmr.coord.values import Values
 from rmr.node.actions import Handler
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
-from rmr.node.ports import Confirmed, Ports, Received, Sensed
-from rmr.node.report import robot_report
 from rmr.node.trace import Level
 from rmr.radio.ether import Ether
+from rmr.radio.links import Disturbance
 from rmr.radio.security import LEVELS, Security, run_key
+from rmr_sim.befallen import Befell
 from rmr_sim.event import Event
+from rmr_sim.faults import FaultEvent
+from rmr_sim.robot import MakeNode, SimulatedRobot
+from rmr_sim.violation import Violation
+from rmr_world.disturbed import LINGER
 from rmr_world.lab import Lab
 from rmr_world.physics import World
 
 IDLE_SAMPLE_TICKS = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
-
-
-class SimulatedRobot:
-    """A node with its station and its body in the world."""
-
-    def __init__(self, simulation: "Simulation", robot: int, node_of: Any) -> None:
-        self._simulation = simulation
-        self.robot = robot
-        seed = simulation.seed
-        self.x, self.y, _ = simulation.world.pose(robot)
-        self.station = simulation.ether.add(
-            robot, stream(f"{seed}/robot{robot}/csma"), self._take, self.x, self.y, security=simulation.security(robot)
-        )
-        self._received: list[Received] = []
-        self._confirmed: list[Confirmed] = []
-        self._samples: list[Sensed] = []
-        self.still = True
-        self.node: Node = node_of(Ports(self, self))
-        self.node_alarm = Alarm(simulation.kernel, ROBOT, self.tick)
-
-    # -- the node's ports -------------------------------------------------------------------------------------
-
-    @property
-    def payload_max(self) -> int:
-        """Octets that fit a frame."""
-        return self.station.payload_max
-
-    def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
-        """Queue a frame."""
-        self.station.request(payload, destination, handle)
-
-    def receive(self) -> list[Received]:
-        """Return the frames that have arrived."""
-        received, self._received = self._received, []
-        return received
-
-    def confirmations(self) -> list[Confirmed]:
-        """Return the outcomes that have become known."""
-        confirmed, self._confirmed = self._confirmed, []
-        return confirmed
-
-    def sense(self) -> list[Sensed]:
-        """Return the new samples."""
-        samples, self._samples = self._samples, []
-        return samples
-
-    def act(self, twist: Twist, stamp: Instant) -> None:
-        """Command the wheels."""
-        self.still = twist.v == 0.0 and twist.w == 0.0
-        self._simulation.world.act(self.robot, twist, stamp, self._simulation.kernel.now)
-
-    # -- the host's part --------------------------------------------------------------------------------------
-
-    def sample(self, now: Instant) -> None:
-        """Take a sample of the world."""
-        sample = self._simulation.world.sense(self.robot, now)
-        self.x, self.y, _ = sample.truth
-        self.station.move(self.x, self.y)
-        self._samples.append(sample)
-
-    def tick(self, now: Instant) -> None:
-        """Let the node run, and see to what it wants next."""
-        self.node.tick(now)
-        self.node_alarm.set(max(self.node.next_wake, now + 1))
-
-    def _take(self, out: Received | Confirmed) -> None:
-        if isinstance(out, Confirmed):
-            self._confirmed.append(out)
-        else:
-            self._received.append(out)
-        self.node_alarm.set(self._simulation.kernel.now)
 
 
 class Simulation:
@@ -127,9 +58,17 @@ class Simulation:
         self.world = World(lab, seed)
         self.radio = lab.radio.config
         radio_seed = seed if lab.radio.seed is None else lab.radio.seed
-        self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan, lab.disturbances)
+        self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan)
         self.observers: list[Callable[[Instant], None]] = []
         """Called with the instant of each tick when all has happened that belongs to it."""
+        self.violations: list[Violation] = []
+        """Rules that did not hold, as those who watch the run have found (`rmr_sim.checkers`)."""
+        self.hearers: dict[type, list[Callable[[int, Instant, Any], None]]] = {}
+        """By the type of an event, who is told of such: the robot, the instant, the event."""
+        self.befallen: list[Befell | Disturbance] = []
+        """What has gone wrong, and what the radio is told will, in the order in which it became known."""
+        self.finished = False
+        """Whether all robots have held the finish fact at a tick."""
         self._stopping = False
         self._trace: list[dict[str, Any]] = []
         facts = tuple((fact.name, fact.owner, fact.args) for fact in replace(lab, seed=seed).initial_facts)
@@ -137,7 +76,7 @@ class Simulation:
         finish = None if pattern is None else (pattern.name, pattern.patterns)
         roster = lab.roster
 
-        def node_of(robot: int) -> Any:
+        def maker(robot: int) -> MakeNode:
             config = NodeConfig(
                 robot,
                 roster,
@@ -148,18 +87,26 @@ class Simulation:
                 finish,
                 trace=trace,
                 values=values or Values(),
+                witness=self.tell,
             )
-            return lambda ports: Node(config, program, ports, handlers or {}, digest)
+            return lambda ports, epoch: Node(replace(config, epoch=epoch), program, ports, handlers or {}, digest)
 
-        self.robots = [SimulatedRobot(self, robot, node_of(robot)) for robot in roster]
+        self.robots = [SimulatedRobot(self, robot, maker(robot)) for robot in roster]
+        self._served, self._waiting = self.robots, list[SimulatedRobot]()
+        self._by_id = {robot.robot: robot for robot in self.robots}
+        for fault in lab.faults:
+            self.schedule(FaultEvent(fault))
+        self._disturbances: tuple[Disturbance, ...] = ()
+        for disturbance in lab.disturbances:
+            self.disturb(disturbance)
 
-    def security(self, robot: int) -> Security | None:
-        """Return what secures the frames of `robot`; None: nothing does."""
+    def security(self, robot: int, life: int) -> Security | None:
+        """Return what secures the frames of the `life`-th life, from 0, of `robot`; None: nothing does."""
         level = LEVELS[self.lab.radio.security]
         if level is None:
             return None
         assert self._key is not None, "a lab whose radio is secured comes with its key"
-        return Security(level, self._key, robot)
+        return Security(level, self._key, robot, life)
 
     def run(self) -> bool:
         """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.
@@ -176,13 +123,19 @@ class Simulation:
             self._tick(now, index)
             for observe in self.observers:
                 observe(now)
-            if self.lab.finish and all(robot.node.finished() for robot in self.robots):
+            if self.lab.finish and all(robot.finished() for robot in self.robots):
+                self.finished = True
                 return True
             if now >= self.lab.duration:
                 return not self.lab.finish
             if self._stopping:
                 return False
             index += 1
+
+    def tell(self, robot: int, now: Instant, event: object) -> None:
+        """Tell those who watch the run what has happened to, or inside, `robot`."""
+        for hear in self.hearers.get(type(event), ()):
+            hear(robot, now, event)
 
     def schedule(self, event: Event) -> None:
         """Let `event` happen at its instant."""
@@ -192,18 +145,73 @@ class Simulation:
         """End the run after the present tick; it has not finished then."""
         self._stopping = True
 
+    # -- what befalls robots and radio (each raises KeyError for a robot that is not there) --------------------------
+
+    def kill(self, robot: int) -> None:
+        """Let the process of `robot` die. Its body stays where it is; the wheels stop half a second later."""
+        self._by_id[robot].kill()
+        self._note(robot, "killed")
+
+    def restart(self, robot: int) -> None:
+        """Start `robot` again, which remembers nothing. Raises ValueError if it lives."""
+        self.take_traces()
+        self._by_id[robot].restart()
+        self._note(robot, "restarted")
+
+    def stall(self, robot: int, until: Instant) -> None:
+        """Stop the process of `robot` `until` then, as by a signal: what comes in waits for it. Nothing, if dead."""
+        self._by_id[robot].stall(until)
+        self._note(robot, "stalled", until)
+
+    def slow(self, robot: int, until: Instant, every: Duration) -> None:
+        """Call the mind of `robot` once in `every` nanoseconds only, `until` then. Nothing, if dead."""
+        self._by_id[robot].slow(until, every)
+        self._note(robot, "slowed", until)
+
+    def silence(self, robot: int, until: Instant) -> None:
+        """Let `robot` hear no beacon of the localisation service `until` then."""
+        self.world.silence(robot, until)
+        self._note(robot, "silenced", until)
+
+    def disturb(self, disturbance: Disturbance) -> None:
+        """Let `disturbance` befall the radio. Raises ValueError if it cannot be one, or there are too many."""
+        self.ether.links.replace((*self._disturbances, disturbance))
+        self._disturbances = (*self._disturbances, disturbance)
+        self.befallen.append(disturbance)
+        if disturbance.until < NEVER:
+            self.kernel.at(disturbance.until + LINGER, EVENT, self._forget)
+
+    def _forget(self, now: Instant) -> None:
+        """Forget the disturbances that are long over: links that nothing disturbs cost less."""
+        self._disturbances = tuple(one for one in self._disturbances if now < one.until + LINGER)
+        self.ether.links.replace(self._disturbances)
+
+    def _note(self, robot: int, fault: str, until: Instant = NEVER) -> None:
+        self.befallen.append(Befell(self.now, until, robot, fault))
+        self._trace.append({"t": round(in_seconds(self.now), 6), "robot": robot, "what": "fault", "fault": fault})
+
+    def sort_out(self) -> None:
+        """Take note that robots are served otherwise than before."""
+        self._served = [robot for robot in self.robots if robot.served]
+        self._waiting = [robot for robot in self.robots if robot.alive and not robot.served]
+
+    # -- time ---------------------------------------------------------------------------------------------------
+
     def _tick(self, now: Instant, index: int) -> None:
         self.world.step(now)
-        for robot in self.robots:
+        for robot in self._waiting:
+            if not robot.still or not (index + robot.robot) % IDLE_SAMPLE_TICKS:
+                robot.sample(now)
+        for robot in self._served:
             if robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS:
                 if robot.node.next_wake <= now:
                     robot.tick(now)
                 continue
             robot.sample(now)
             robot.tick(now)
-        self._take_traces()
+        self.take_traces()
 
-    def _take_traces(self) -> None:
+    def take_traces(self) -> None:
         """Take over what the robots noted, of which they themselves keep the newest part alone."""
         for robot in self.robots:
             self._trace += robot.node.trace_log
@@ -216,21 +224,16 @@ class Simulation:
 
     def robot_parts(self) -> dict[int, dict[str, Any]]:
         """Return every robot's part of the report."""
-        parts: dict[int, dict[str, Any]] = {}
-        for robot in self.robots:
-            part = robot_report(robot.node, robot.station.counters.as_dict())
-            part["distance_m"] = round(self.world.distance_m(robot.robot), 3)
-            parts[robot.robot] = part
-        return parts
+        return {robot.robot: robot.report() for robot in self.robots}
 
     @property
     def time_s(self) -> float:
-        """From the first tick to the last robot's finish, seconds of lab time."""
+        """From the first tick to the last robot's finish, or to now if not all have finished; seconds of lab time."""
         ends = [robot.node.finish_at for robot in self.robots]
         known = [end for end in ends if end is not None]
-        return in_seconds(max(known) if len(known) == len(ends) else self.now)
+        return in_seconds(max(known) if self.finished and len(known) == len(ends) else self.now)
 
     def trace(self) -> list[dict[str, Any]]:
         """Return what the robots noted, in order of time, then of their ids."""
-        self._take_traces()
+        self.take_traces()
         return sorted(self._trace, key=lambda entry: (entry["t"], entry["robot"]))

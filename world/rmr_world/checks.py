@@ -21,7 +21,7 @@ from rmr.radio.phy import Bursts
 from rmr.radio.security import UNSECURED
 from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
-from rmr_world.faults import passing, standing
+from rmr_world.faults import deaths, passing, standing
 from rmr_world.lab import KEYED, Fault, Lab, Localisation, RadioSettings, RobotStart
 from rmr_world.schema import (
     LAB_NAME,
@@ -353,9 +353,13 @@ class _Judge:
             self._complain(path, f"robot {robot} is not in this lab")
 
     def _faults(self, ids: set[int]) -> tuple[tuple[Fault, ...], tuple[Disturbance, ...]]:
-        """Return what befalls processes, and what befalls the radio."""
+        """Return what befalls robots, and what befalls the radio."""
         found: list[tuple[Path_, Fault | Disturbance]] = [*standing(self._spec.radio)]
-        found += [passing(item, ("faults", i)) for i, item in self._accepted.items("faults")]
+        for i, item in self._accepted.items("faults"):
+            found += passing(item, ("faults", i), sorted(ids))
+        befallen = [(path, fault) for path, fault in found if not isinstance(fault, Disturbance)]
+        for path, message in () if "faults" in self._accepted.cut else deaths(befallen):
+            self._complain(path, message)
         for path, fault in found:
             named = [i for group in fault.groups for i in group] if isinstance(fault, Disturbance) else [fault.robot]
             for robot in dict.fromkeys(named):
@@ -366,7 +370,7 @@ class _Judge:
         if len(disturbances) > DISTURBANCES_MAX:
             message = f"the radio is disturbed in {len(disturbances)} ways; at most {DISTURBANCES_MAX} are possible"
             self._complain(("faults",), message)
-        return tuple(fault for _, fault in found if not isinstance(fault, Disturbance)), disturbances
+        return tuple(fault for _, fault in befallen), disturbances
 
 
 def _radio(spec: RadioSpec) -> RadioSettings:

@@ -88,7 +88,7 @@ class Kill:
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """A robot that died starts again."""
+    """A robot that died starts again, and remembers nothing."""
 
     at: Instant
     robot: int
@@ -103,8 +103,27 @@ class Stall:
     robot: int
 
 
-Fault = Kill | Restart | Stall
-"""What befalls a robot's process."""
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """A robot's mind is called every so often only, instead of in each frame of 1/60 s."""
+
+    start: Instant
+    end: Instant
+    robot: int
+    every: Duration
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """A robot hears no beacon for a while."""
+
+    start: Instant
+    end: Instant
+    robot: int
+
+
+Fault = Kill | Restart | Stall | Slow | Outage
+"""What befalls a robot."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -177,6 +177,11 @@ class World:
         state.stamp = stamp
         state.heard = now
 
+    def silence(self, robot: int, until: Instant) -> None:
+        """Let `robot` hear no beacon `until` then; an outage that lasts longer already is not cut short."""
+        sensors = self._robots[robot].sensors
+        sensors.silent_until = max(sensors.silent_until, until)
+
     def step(self, now: Instant) -> None:
         """Advance to the tick that contains `now` (an instant before that is no step)."""
         index = tick_index(now)

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
 
-from rmr.base.time import NS_PER_S
+from rmr.base.time import NS_PER_S, tick_start
 from rmr.base.values import ROBOT_ID_MAX
 from rmr.radio.links import DISTURBANCES_MAX, GROUPS_MAX
 from rmr.radio.phy import Bursts
-from rmr_world.units import ROBOTS_MAX, angle, duration, ids
+from rmr_world.units import ROBOTS_MAX, angle, duration, ids, ids_or_all
 
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
@@ -28,6 +28,8 @@ ATTENUATION_DB_MAX = 300.0
 """More than any radio has to lose; a link that is to be silent is cut."""
 HARMS = ("loss", "attenuation_db", "cut")
 """What may be wrong with a link, or with all of them."""
+TICK = tick_start(1)
+"""A mind that is called once a tick is not slow."""
 
 
 def _cut(value: object) -> bool:
@@ -59,6 +61,13 @@ Angle = Annotated[
 Ids = Annotated[
     list[int],
     BeforeValidator(ids),
+    WithJsonSchema(
+        {"anyOf": [{"type": "integer"}, {"type": "string"}, {"type": "array", "items": {"type": "integer"}}]}
+    ),
+]
+IdsOrAll = Annotated[
+    list[int],
+    BeforeValidator(ids_or_all),
     WithJsonSchema(
         {"anyOf": [{"type": "integer"}, {"type": "string"}, {"type": "array", "items": {"type": "integer"}}]}
     ),
@@ -271,6 +280,8 @@ class FaultSpec(_Strict):
     loss: Fraction | None = None
     attenuation_db: Attenuation | None = None
     cut: Cut | None = None
+    `every` belongs to `slow`: how often the robot's mind is called.
+
     link: Link | None = None
     one_way: Flag = False
     partition: Groups | None = None
@@ -278,7 +289,7 @@ class FaultSpec(_Strict):
 
     @model_validator(mode="after")
     def _timed(self) -> "FaultSpec":
-        _one_of(self, "kill", "restart", *HARMS, "partition", "stall")
+        _one_of(self, "kill", "restart", *HARMS, "partition", "stall", "slow", "outage")
         instant = self.kill is not None or self.restart is not None
         times = (self.at is not None, self.from_ is not None, self.to is not None)
         if times != (instant, not instant, not instant):
@@ -286,6 +297,9 @@ class FaultSpec(_Strict):
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError("should begin before it ends")
         return self
+    slow: RobotId | None = None
+    every: DurationNs | None = None
+    outage: IdsOrAll | None = Field(None, description="Robots that hear no beacon, or all.")
 
     @model_validator(mode="after")
     def _concerns_a_link(self) -> "FaultSpec":
@@ -298,6 +312,14 @@ class FaultSpec(_Strict):
 
 class LabFile(_Strict):
     """A whole lab file."""
+    @model_validator(mode="after")
+    def _says_how_slow(self) -> "FaultSpec":
+        if (self.slow is None) != (self.every is None):
+            raise ValueError("slow and every belong together: slow: 2, every: 100ms")
+        if self.every is not None and self.every <= TICK:
+            raise ValueError("every should be longer than a tick, which takes 16.7 ms")
+        return self
+
 
     lab: Annotated[str, Field(pattern=LAB_NAME)] = Field(description="Key prefix on the bus.")
     program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")

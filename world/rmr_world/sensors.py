@@ -49,6 +49,7 @@ class Sensors:
         "beacons",
         "left_m",
         "right_m",
+        "silent_until",
     )
 
     def __init__(self, rng: Random, beacons: tuple[Point, ...], rate: float, sigma: float, dropout: float) -> None:
@@ -66,6 +67,8 @@ class Sensors:
         self.left_m = 0.0
         """Measured way of the left wheel since power-on."""
         self.right_m = 0.0
+        self.silent_until: Instant = 0
+        """Pulses before that instant are not heard: an outage of the localisation service."""
 
     def moved(self, way_m: float, turned: float) -> None:
         """Take note that the robot went `way_m` forwards and turned by `turned` radians."""
@@ -95,6 +98,6 @@ class Sensors:
             self._next_pulse = min(self._next_pulse, last + self._period)
             if last >= due and last >= phase:
                 metres = math.hypot(x - bx, y - by) + self._gauss(0.0, self._sigma)
-                if self._random() >= self._dropout:
+                if self._random() >= self._dropout and last >= self.silent_until:
                     heard.append((index, max(0.0, metres)))
         return tuple(heard)

@@ -53,6 +53,14 @@ def ids(value: object) -> list[int]:
     return value
 
 
+def ids_or_all(value: object) -> list[int]:
+    """Return the ids that `ids` returns, or none for ``all``."""
+    try:
+        return [] if value == "all" else ids(value)
+    except ValueError as error:
+        raise ValueError(f"{error}, or all") from None
+
+
 def _span(part: str) -> range:
     first, _, last = part.partition("-")
     span = range(int(first), int(last or first) + 1)
