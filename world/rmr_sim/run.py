@@ -13,7 +13,7 @@ from rmr.base.time import Duration
 from rmr.coord.values import Order, Values
 from rmr.node.trace import Level
 from rmr_sim.chaos import with_chaos
-from rmr_sim.checkers import watch
+from rmr_sim.checkers.watch import watch
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program

@@ -1,0 +1,85 @@
+"""Nobody stands still for ever: when all faults are over, whoever has something to do gets on with it.
+
+A robot gets on when it moves, when its machine has anything to report, or when others use the event for which it waits.
+A robot that drives, or waits for its turn, and has not got on for `STILL` stands still; so do all robots together when
+none of them has got on for so long, and none waits for a time to come. A lab without a finish fact has nothing to do.
+"""
+
+from rmr.base.time import NS_PER_S, Duration, Instant, in_seconds, seconds
+from rmr.coord.events import Entered
+from rmr.vm.events import ActionDerived, FactSent, GoalAchieved, JobFinished, RuleFired
+from rmr_sim.checkers.scene import Scene
+
+STILL: Duration = seconds(30)
+"""Longer than a drive that finds no way takes to fail (20 s), and than a silent robot is taken for inside (10 s)."""
+EVERY: Duration = NS_PER_S
+"""How often robots are looked at."""
+MOVED_M = 0.02
+"""Less is not getting on: a robot may turn to and fro."""
+
+
+class StandsStill:
+    """Looks once a second who has got on."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._look_at: Instant = 0
+        world = scene.simulation.world
+        self._where = {robot: world.pose(robot)[:2] for robot in scene.robots}
+        self._got_on: dict[int, Instant] = dict.fromkeys(scene.robots, 0)
+        self._used: dict[bytes, Instant] = {}
+        """When each event was entered last."""
+        for kind in (RuleFired, ActionDerived, FactSent, GoalAchieved, JobFinished):
+            scene.hear(kind, self._reported)
+        scene.hear(Entered, self._entered)
+
+    def _reported(self, robot: int, now: Instant, _event: object) -> None:
+        self._got_on[robot] = now
+
+    def _entered(self, robot: int, now: Instant, entered: Entered) -> None:
+        self._got_on[robot] = self._used[entered.event] = now
+
+    def __call__(self, now: Instant) -> None:
+        """Look at all robots, once a second."""
+        if now < self._look_at:
+            return
+        self._look_at = now + EVERY
+        scene = self._scene
+        if not scene.simulation.lab.finish or now < scene.healed_at + STILL:
+            return
+        busy = [robot for robot in scene.robots if scene.alive(robot) and not scene.finished(robot)]
+        if not busy:
+            return
+        for robot in busy:
+            self._look(robot, now)
+        still = [robot for robot in busy if now - self._got_on[robot] > STILL and self._has_to(robot)]
+        for robot in still:
+            self._tell(now, (robot,), f"robot {robot} has stood still for {in_seconds(STILL):g} s")
+        if not still and all(now - self._got_on[robot] > STILL and not self._waits(robot) for robot in busy):
+            words = f"no robot has got on for {in_seconds(STILL):g} s; not finished: {', '.join(map(str, busy))}"
+            self._tell(now, tuple(busy), words)
+
+    def _tell(self, now: Instant, robots: tuple[int, ...], words: str) -> None:
+        """Complain, and again only when they have stood still for as long once more."""
+        self._scene.violate(now, "stands still", robots, words)
+        for robot in robots:
+            self._got_on[robot] = now
+
+    def _look(self, robot: int, now: Instant) -> None:
+        x, y, _ = self._scene.simulation.world.pose(robot)
+        was_x, was_y = self._where[robot]
+        if abs(x - was_x) + abs(y - was_y) > MOVED_M:
+            self._where[robot] = (x, y)
+            self._got_on[robot] = now
+
+    def _has_to(self, robot: int) -> bool:
+        """Return whether the robot drives, or waits for a turn that nobody else has had for long."""
+        node = self._scene.node(robot)
+        turn = node.turns.current
+        if turn is not None:
+            return self._scene.simulation.now - self._used.get(turn.event, 0) > STILL
+        return node.actions.driving is not None
+
+    def _waits(self, robot: int) -> bool:
+        """Return whether an action lets time pass: it ends by itself."""
+        return any(not running.handler.wheels for running in self._scene.node(robot).actions.running)
