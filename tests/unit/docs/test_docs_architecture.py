@@ -110,7 +110,7 @@ def test_every_stream_of_chance_is_documented():
             # `Scene.chance` is handed the purpose, which stands where it is called.
             text = path.read_text().replace('stream(f"{self._seed}/{name}")', "")
             for name in re.findall(r"(?:stream|Choices|chance)\(f?\"([^\"]+)\"\)", text):
-                opened.add(name.removesuffix("/{config.epoch}").removesuffix("/{index}").rsplit("/", 1)[-1])
+                opened.add(re.sub(r"/\{(config\.epoch|epoch|index)\}$", "", name).rsplit("/", 1)[-1])
     assert opened == documented
 
 
