@@ -94,13 +94,24 @@ class Arena:
     areas: tuple[Area, ...] = ()
     beacons: tuple[Point, ...] = ()
     """Ultrasonic beacons of the localisation service."""
-    bottleneck: str | None = None
-    """The area that robots pass one at a time."""
+    bottleneck: tuple[str, ...] = ()
+    """The areas at the mouths of what robots pass one at a time: its entry, or both ends where they come from both."""
     shape: RobotShape = RobotShape()
 
     def area(self, name: str) -> Area | None:
         """Return the area called `name`, or None."""
         return next((area for area in self.areas if area.name == name), None)
+
+    @property
+    def mouths(self) -> tuple[Point, ...]:
+        """The bottleneck's entries: none, one, or two; one for each way through it."""
+        areas = (self.area(name) for name in self.bottleneck)
+        return tuple(area.places[0] for area in areas if area is not None)
+
+    def mouth(self, way: int) -> Point | None:
+        """Return where robots of `way` enter the bottleneck; None when there is none."""
+        mouths = self.mouths
+        return mouths[way % len(mouths)] if mouths else None
 
     def clearance(self, x: float, y: float) -> float:
         """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""
@@ -135,7 +146,7 @@ def to_data(arena: Arena) -> dict[str, Any]:
             for a in arena.areas
         ],
         "beacons": [list(b) for b in arena.beacons],
-        "bottleneck": arena.bottleneck,
+        "bottleneck": list(arena.bottleneck),
         "shape": {
             "radius": arena.shape.radius,
             "speed": arena.shape.speed,
@@ -167,6 +178,6 @@ def from_data(data: dict[str, Any]) -> Arena:
             for a in data["areas"]
         ),
         beacons=tuple(Point(*b) for b in data["beacons"]),
-        bottleneck=data["bottleneck"],
+        bottleneck=tuple(data["bottleneck"]),
         shape=RobotShape(**data["shape"]),
     )

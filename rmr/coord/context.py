@@ -15,7 +15,7 @@ from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Phase, Sched, Term, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
-from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
+from rmr.coord.values import EXCLUSIVE_WAY, GRID, MS, OUTPUT_MAX, RECORDS_MAX, Values
 
 
 class Timer(IntEnum):
@@ -76,7 +76,7 @@ class OwnJob:
         """Start, end, rank."""
         self.lease: Instant = 0
         """Entering under the slot is allowed before this."""
-        self.announced: tuple[Instant, Instant, int, Term] | None = None
+        self.announced: tuple[Instant, Instant, int, int, Term] | None = None
         self.missed: Instant | None = None
         self.ready = False
         self.claimed: Instant | None = None
@@ -92,7 +92,7 @@ class OwnJob:
 class Held:
     """The newest schedule known: per part the newest frame of one term."""
 
-    __slots__ = ("_full", "formed", "order", "parts", "term")
+    __slots__ = ("_full", "_ways", "formed", "order", "parts", "term")
 
     def __init__(self, full: int) -> None:
         """`full` is how many entries all parts but the last have."""
@@ -101,6 +101,8 @@ class Held:
         self.parts: dict[int, Sched] = {}
         self.order: tuple[int, ...] = ()
         self.formed: Instant = 0
+        self._ways: dict[int, int] = {}
+        """Ways by rank, also of jobs that are listed no more."""
 
     @property
     def issued(self) -> Instant:
@@ -125,13 +127,28 @@ class Held:
         self.parts[sched.part] = sched
         for part in [p for p in self.parts if p >= sched.parts]:
             del self.parts[part]
+        first = self._first_rank(sched)
+        for rank, entry in enumerate(sched.entries, first):
+            if entry.robot != NOBODY:
+                self._ways[rank] = entry.way
+        for rank in [rank for rank in self._ways if rank <= first - RECORDS_MAX]:
+            del self._ways[rank]
+
+    def _first_rank(self, part: Sched) -> int:
+        return part.passed + self._full * part.part + 1
+
+    def place(self, rank: int, way: int) -> int:
+        """Return which one of its own way the robot of `rank` is, from 1; ranks never seen count as its way."""
+        mine = (way, EXCLUSIVE_WAY)
+        others = sum(earlier < rank and other not in mine for earlier, other in self._ways.items())
+        return rank if way == EXCLUSIVE_WAY else rank - others
 
     def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
         """Return the part, the rank and the entry of a job; None when no part lists it."""
         for part in self.parts.values():
             for index, entry in enumerate(part.entries):
                 if entry.robot == robot and entry.trigger == trigger:
-                    return part, part.passed + self._full * part.part + index + 1, entry
+                    return part, self._first_rank(part) + index, entry
         return None
 
     def complete(self) -> bool:

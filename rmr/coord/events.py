@@ -47,6 +47,8 @@ class SlotAssigned:
     trigger: Instant
     rank: int
     """From 1: the robot is the rank-th of this event. Fixed from the frozen zone on."""
+    place: int
+    """From 1: the robot is the place-th of those that go the same way."""
     start: Instant
     """The robot enters between this and the entry window later."""
     end: Instant

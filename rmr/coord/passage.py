@@ -65,14 +65,16 @@ def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> Non
     job = c.job
     assert job is not None
     assert entry.start is not None
+    place = c.held.place(rank, entry.way)
     slot = (entry.start, entry.start + entry.duration, rank)
     if c.passage is Passage.CLAIMING and entry.start != job.claimed:
         _withdraw_claim(c, now)
     job.slot = slot
     job.lease = part.issued + c.values.lease - c.values.clock_error
-    if (*slot, part.term) != job.announced:
-        job.announced = (*slot, part.term)
-        c.emit(SlotAssigned(c.event, job.request.trigger, rank, slot[0], slot[1], part.term.leader, part.term.counter))
+    if (*slot, place, part.term) != job.announced:
+        job.announced = (*slot, place, part.term)
+        leader, term = part.term.leader, part.term.counter
+        c.emit(SlotAssigned(c.event, job.request.trigger, rank, place, slot[0], slot[1], leader, term))
     if c.passage is Passage.WAITING:
         c.set(Timer.POLL, max(now, entry.start - c.values.quiet - c.values.claim_ahead))
 

@@ -9,7 +9,9 @@ from itertools import pairwise
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
+from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.navigator import Estimate, Navigator
 from rmr.node.motion.route import leader_route
 
@@ -55,24 +57,34 @@ class Approach:
             self._made = (start, goal, made)
         return made
 
-    def headway(self, area: Area) -> Duration:
-        """Return the time between two entries into the bottleneck on the way to `area`.
+    def shared(self, pose: Pose, goal: Point, way: int) -> dict[int, GridPath]:
+        """Return what the robot shares when it leads, by way: of its own way, `way`, from `pose` to `goal`, and of the
+        opposite one from the other mouth to where it comes from."""
+        navigator = self._navigator
+        paths = {way: navigator.plan_shared(pose, goal)}
+        mouths = navigator.arena.mouths
+        if len(mouths) == 2 and way != EXCLUSIVE_WAY:
+            paths[1 - way] = navigator.plan_shared(Pose(*mouths[1 - way], 0.0), Point(pose.x, pose.y))
+        return {each: path for each, path in paths.items() if path is not None}
+
+    def headway(self, area: Area, way: int) -> Duration:
+        """Return the time between two entries into the bottleneck by `way` to `area`.
 
         Hulls keep clear of each other, and where the K-th robot's place is farther than the next one's, the next
         one waits so much longer that robots finish in the order in which they enter.
         """
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
-        ways = departures(arena, area.name) if area.slotted else ()
+        ways = departures(arena, area.name, way) if area.slotted else ()
         spread = max((a - b for a, b in pairwise(ways)), default=0.0) / arena.shape.speed
         return max(seconds(apart), seconds(spread) + ORDER_MARGIN)
 
 
 @lru_cache(maxsize=16)
-def departures(arena: Arena, area_name: str) -> tuple[float, ...]:
-    """Return the ways from the bottleneck to each place of an area, metres; none where there is no way."""
-    gate, area = arena.area(arena.bottleneck or ""), arena.area(area_name)
+def departures(arena: Arena, area_name: str, way: int) -> tuple[float, ...]:
+    """Return the ways from the mouth of `way` to each place of an area, metres; none where there is no way."""
+    gate, area = arena.mouth(way), arena.area(area_name)
     if gate is None or area is None:
         return ()
-    routes = [leader_route(arena, gate.places[0], place, (), through_gate=False) for place in area.places]
+    routes = [leader_route(arena, gate, place, (), through_gate=False) for place in area.places]
     return tuple(route.length_m for route in routes if route is not None)

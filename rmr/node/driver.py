@@ -43,8 +43,8 @@ class Driver:
         self.approach = Approach(self.navigator)
         self.place: Point | None = None
         """The slot that the robot has taken."""
-        self._chosen: tuple[Area, int] | None = None
-        """The area and the rank by which the place was chosen."""
+        self._chosen: tuple[Area, int, int] | None = None
+        """The area, the rank and the place among those that go the same way, by which the place was chosen."""
         self._robot = robot
         self._roster = tuple(roster)
         self._body = body
@@ -113,16 +113,16 @@ class Driver:
 
     # -- places -----------------------------------------------------------------------------------------------
 
-    def place_of(self, now: Instant, area: Area, rank: int, peers: Peers) -> Point:
+    def place_of(self, now: Instant, area: Area, rank: int, place: int, peers: Peers) -> Point:
         """Return the robot's place in `area`.
 
-        Of slots the K-th for rank K, by the roster without a rank (0); of a box the spot nearest to its middle that
-        is free.
+        Of slots the K-th if it is the K-th, `place`, of those that go its way, by the roster without a rank (0); of
+        a box the spot nearest to its middle that is free. Who has the smaller `rank` goes first.
         """
         places = spots(self.arena, area)
         index = 0
         if area.slotted:
-            index = rank - 1 if rank else self._roster.index(self._robot)
+            index = place - 1 if rank else self._roster.index(self._robot)
         taken = [
             Point(*hello.goal)
             for robot, hello in peers.claims(now)
@@ -131,23 +131,23 @@ class Driver:
         ]
         return nearest_free(places, index, [*taken, *peers.parked(now)], self.arena.shape.radius)
 
-    def take_place(self, now: Instant, area: Area, rank: int, peers: Peers) -> Point:
+    def take_place(self, now: Instant, area: Area, rank: int, place: int, peers: Peers) -> Point:
         """Choose the robot's place in `area` and keep it."""
-        place = self.place_of(now, area, rank, peers)
-        self.place = place if area.slotted or area.box is not None else None
-        self._chosen = (area, rank)
-        return place
+        point = self.place_of(now, area, rank, place, peers)
+        self.place = point if area.slotted or area.box is not None else None
+        self._chosen = (area, rank, place)
+        return point
 
     def choose_again(self, now: Instant, source: int, hello: Hello, peers: Peers) -> Point | None:
         """Return another place to go to if robot `source` goes first and has taken this one's; None: keep it."""
         place = self.place
         if place is None or self._chosen is None or hello.goal is None:
             return None
-        area, rank = self._chosen
+        area, rank, which = self._chosen
         apart = distance(*place, *hello.goal) > self.arena.shape.radius
         if apart or not (hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)):
             return None
-        other = self.place_of(now, area, rank, peers)
+        other = self.place_of(now, area, rank, which, peers)
         if other == place:
             return None
         self.place = other

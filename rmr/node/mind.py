@@ -135,7 +135,7 @@ class Mind:
             return
         name = node.program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        turn = node.turns.serving(now, jobs[0]) if jobs else None
+        turn = node.turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = node.handler(name)
         node.actions.derive(now, Running(event.serial, name, event.args, handler, turn, now, missed, event.origin))
 

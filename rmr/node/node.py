@@ -300,7 +300,8 @@ class Node:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:
             raise ActionFailed("the robot has no wheels")
-        return self.driver.take_place(self.now, area, turn.rank if turn else 0, self.peers)
+        rank, place = (turn.rank, turn.place) if turn else (0, 0)
+        return self.driver.take_place(self.now, area, rank, place, self.peers)
 
     def depart(self, goal: Point, *, final_heading: float | None, turn: Turn | None) -> None:
         """Set out for `goal`; with a gated turn through its gate."""

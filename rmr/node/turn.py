@@ -4,18 +4,23 @@ A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes ba
 turn of which the job starts anew, or that an action has used up in vain. `rmr.node.turns` moves it.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Pose, distance
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
-from rmr.base.values import Value
+from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route
 from rmr.vm.job import Job
+
+if TYPE_CHECKING:
+    from rmr.node.node import Node
 
 REVISE_EVERY: Duration = milliseconds(500)
 """How often a robot that waits looks whether its estimate still fits its slot."""
@@ -58,6 +63,8 @@ class Turn:
     headway: Duration = UNKNOWN_INSIDE
     release: Instant = 0
     rank: int = 0
+    place: int = 0
+    """The robot is the place-th of those that go its way; 0: not known."""
     start: Instant = 0
     end: Instant = 0
     entered_at: Instant = 0
@@ -99,6 +106,23 @@ def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> 
     s = route.project(pose.x, pose.y, 0.0, route.length_m)
     away = distance(*route.point(s), pose.x, pose.y)
     return away > OFF_ROUTE_M or not route.gate_m - OFF_ROUTE_M < s < route.clear_m
+
+
+def goal_of(node: "Node", job: Job) -> Area | None:
+    """Return the area to which a serving action drives, as far as the job determines its arguments."""
+    for serving in node.program.assertions[job.assertion].serving:
+        if not node.drives_to_area(serving.action):
+            continue
+        area = area_among(node, known_arguments(serving, job))
+        if area is not None:
+            return area
+    return None
+
+
+def area_among(node: "Node", values: Iterable[Value]) -> Area | None:
+    """Return the first of `values` that is an area."""
+    areas = (node.arena.area(value) for value in values if isinstance(value, Symbol))
+    return next((area for area in areas if area is not None), None)
 
 
 def known_arguments(serving: Serving, job: Job) -> list[Value]:

@@ -7,13 +7,14 @@ the coordination core when the robot is at its gate, opens the gate when enterin
 robot is clear.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, next_tick
-from rmr.base.values import Symbol
+from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
@@ -30,7 +31,16 @@ from rmr.coord.events import (
 )
 from rmr.coord.values import EXCLUSIVE_WAY, Order
 from rmr.node.motion.navigator import Navigator
-from rmr.node.turn import EXTEND_BEFORE, REVISE_EVERY, UNKNOWN_INSIDE, Phase, Turn, clear_of_bottleneck, known_arguments
+from rmr.node.turn import (
+    EXTEND_BEFORE,
+    REVISE_EVERY,
+    UNKNOWN_INSIDE,
+    Phase,
+    Turn,
+    area_among,
+    clear_of_bottleneck,
+    goal_of,
+)
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:
@@ -80,23 +90,29 @@ class Turns:
             old.job = job  # started anew on its way through: the passage goes on
             return
         if old is not None and old.phase is not Phase.LEFT:
-            self._ask_again(now, old, job)  # the actions that it holds wait for this very turn
+            self._ask_again(now, old, job, goal_of(self._node, job))  # what it holds waits for this very turn
             return
         trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
         self._turns.pop(event, None)  # the newest turn is the last
-        self._turns[event] = Turn(job, event, trigger, self._goal(job))
+        self._turns[event] = Turn(job, event, trigger, goal_of(self._node, job))
         self._forget()
-        self._request(now, self._turns[event])
+        self._ask(now, self._turns[event])
 
-    def _ask_again(self, now: Instant, turn: Turn, job: Job) -> None:
+    def _ask(self, now: Instant, turn: Turn) -> None:
+        """Ask for a turn; of a job that leaves its goal to the action, `step` asks once rules have derived that."""
+        servings = self._node.program.assertions[turn.job.assertion].serving
+        if turn.goal is not None or not any(self._node.drives_to_area(serving.action) for serving in servings):
+            self._request(now, turn)
+
+    def _ask_again(self, now: Instant, turn: Turn, job: Job, goal: Area | None) -> None:
         """Give back the slot that `turn` has, if any, and ask for another one."""
         if turn.requested and turn.phase is not Phase.LEFT:
             self._coordination.withdraw(now, turn.event)
-        turn.job, turn.goal = job, self._goal(job)
+        turn.job, turn.goal = job, goal
         turn.trigger = max(now, turn.trigger + TRIGGERS_APART)
         turn.phase, turn.requested = Phase.ASKING, False
         self._open(turn, None, opened=False)
-        self._request(now, turn)
+        self._ask(now, turn)
 
     def _forget(self) -> None:
         """Keep memory bounded: drop the oldest turns that are over, with what is known of their events."""
@@ -108,17 +124,6 @@ class Turns:
     def event_of(self, job: Job) -> bytes:
         """Return the event's six octets: program, assertion and finish arguments."""
         return stable_hash(f"{self._digest}/{job.assertion}/{job.event}", 6).to_bytes(6, "big")
-
-    def _goal(self, job: Job) -> Area | None:
-        """Return the area to which a serving action with known arguments drives."""
-        for serving in self._node.program.assertions[job.assertion].serving:
-            if not self._node.drives_to_area(serving.action):
-                continue
-            for value in known_arguments(serving, job):
-                area = self._node.arena.area(value) if isinstance(value, Symbol) else None
-                if area is not None:
-                    return area
-        return None
 
     def finished(self, now: Instant, job: Job) -> None:
         """Handle a job that has ended: its turn is over."""
@@ -132,8 +137,8 @@ class Turns:
             if turn.requested:
                 self._coordination.withdraw(now, turn.event)
 
-    def serving(self, now: Instant, job: Job) -> Turn | None:
-        """Return the turn by which an action goes that serves `job`, which has not ended.
+    def serving(self, now: Instant, job: Job, action: int, args: Sequence[Value]) -> Turn | None:
+        """Return the turn by which `action` goes, which serves `job`, which has not ended.
 
         A turn that has been used up without an end of the job, by an action that failed, is asked for again: else
         the next try would go while others have theirs.
@@ -142,8 +147,18 @@ class Turns:
         if turn is None or turn.job is not job:
             return None
         if turn.phase is Phase.LEFT and self._needs_another(now, turn):
-            self._ask_again(now, turn, job)
+            self._ask_again(now, turn, job, turn.goal)
+        if self._node.drives_to_area(action) and goal_of(self._node, job) is None:
+            self._leads_to(now, turn, area_among(self._node, args))
         return turn
+
+    def _leads_to(self, now: Instant, turn: Turn, goal: Area | None) -> None:
+        """Take the goal from the action, where the job does not say it: the way may be another than was told."""
+        if turn.goal == goal or turn.phase is Phase.INSIDE:
+            return
+        if turn.requested:
+            self._ask_again(now, turn, turn.job, goal)
+        turn.goal = goal
 
     def _needs_another(self, now: Instant, turn: Turn) -> bool:
         """Return whether the next try must wait for a turn: not where the robot has the bottleneck behind it."""
@@ -210,7 +225,7 @@ class Turns:
         turn.gated = estimate.inside > 0
         if turn.gated:
             turn.approach, turn.inside, turn.way = estimate
-            turn.headway = driver.approach.headway(turn.goal)
+            turn.headway = driver.approach.headway(turn.goal, turn.way)
         else:
             turn.approach, turn.inside, turn.headway = 0, estimate.approach, estimate.approach
             turn.way = EXCLUSIVE_WAY
@@ -326,8 +341,8 @@ class Turns:
             return
         turn.phase, turn.start, turn.end = Phase.SLOTTED, event.start, event.end
         self._node.trace(now, "slotted", rank=event.rank, start_s=in_seconds(event.start), end_s=in_seconds(event.end))
-        if event.rank != turn.rank:
-            turn.rank = event.rank
+        if (event.rank, event.place) != (turn.rank, turn.place):
+            turn.rank, turn.place = event.rank, event.place
             self._node.rank_changed(now, turn)
         self._open(turn, event.start, opened=False)
 
@@ -353,10 +368,10 @@ class Turns:
         pose = None if driver is None else driver.localiser.pose
         if turn is None or turn.goal is None or driver is None or pose is None:
             return
-        path = driver.navigator.plan_shared(pose, driver.place_of(now, turn.goal, turn.rank, node.peers))
-        if path is not None:
-            keep(self.shared, (turn.event, turn.way), path)
-            self._coordination.offer_path(now, event.event, turn.way, path)
+        place = driver.place_of(now, turn.goal, turn.rank, turn.place, node.peers)
+        for way, path in driver.approach.shared(pose, place, turn.way).items():
+            keep(self.shared, (turn.event, way), path)
+            self._coordination.offer_path(now, event.event, way, path)
 
     def _followed(self, now: Instant, event: LeadershipEnded | LeaderChanged) -> None:
         self._leads(now, event.event, does=False)

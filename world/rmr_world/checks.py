@@ -213,10 +213,20 @@ class _Judge:
         )
         bare = Arena(width, height, spec.arena.cell, self._obstacles(width, height), shape=shape)
         areas = tuple(area for name, item in spec.areas.items() if (area := self._area(name, item, bare)))
-        if spec.bottleneck is not None and spec.bottleneck not in self._area_names:
-            hint = near_miss(spec.bottleneck, self._area_names)
-            self._complain(("bottleneck",), f"area '{spec.bottleneck}' is not defined{hint}")
-        return replace(bare, areas=areas, beacons=self._beacons(width, height), bottleneck=spec.bottleneck)
+        arena = replace(bare, areas=areas, beacons=self._beacons(width, height))
+        return replace(arena, bottleneck=self._mouths(arena))
+
+    def _mouths(self, arena: Arena) -> tuple[str, ...]:
+        """Return the areas at the mouths of the bottleneck; complain if two of them are no two places."""
+        path, spec = ("bottleneck",), self._spec.bottleneck
+        names = () if spec is None else tuple(spec.mouths)
+        for name in names:
+            if name not in self._area_names:
+                self._complain(path, f"area '{name}' is not defined{near_miss(name, self._area_names)}")
+        places = [area.places[0] for name in names if (area := arena.area(name)) is not None]
+        if len(places) == 2 and distance(*places[0], *places[1]) < 2 * arena.shape.radius:
+            self._complain(path, "its two mouths are closer than a robot is wide")
+        return names
 
     def _obstacles(self, width: float, height: float) -> tuple[Obstacle, ...]:
         obstacles: list[Obstacle] = []

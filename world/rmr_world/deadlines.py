@@ -1,18 +1,28 @@
 """How many deadlines could have been met at all: what a run's misses are to be measured against.
 
 An upper bound, not a schedule. A robot's job that ends with the lab's finish fact takes at least its free-flow
-trip; where the lab has a bottleneck, robots also pass its middle at least one body's length apart. The second
-condition is a single machine with equal processing times; release times are relaxed to the earliest one, for
-which taking jobs in order of deadline and dropping what comes too late is optimal (Moore 1968; with equal times
-every dropped job is as good as any other). All other jobs are taken as possible.
+trip; where the lab has a bottleneck, robots also enter it at least one body's length apart and, where they come
+from both sides, a whole passage apart when the direction changes. That is a single machine with equal processing
+times and setup times between two families; release times are relaxed to each family's earliest one. Within a
+family the order of deadlines is then optimal (of two that are both on time the earlier due may go first), so it is
+enough to look at all ways of merging the two, dropping what comes too late. All other jobs are taken as possible.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rmr_world.bound import FreeTimes, free_times
+from rmr_world.bound import FreeTimes, Stream, free_times
 from rmr_world.lab import Lab
 from rmr_world.terms import TermError, parse_fact
+
+PAIRS_MAX = 2500
+"""Merging takes the product of two families' sizes, and their sum; beyond this each is looked at by itself."""
+
+_Job = tuple[float, float]
+"""When it can enter at the earliest, and at the latest."""
+_Reached = dict[tuple[int, int], float]
+"""By the family that entered last and by how many have entered: the instant of the last entry."""
 
 
 def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int:
@@ -26,16 +36,20 @@ def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int:
     if not trips:
         return len(jobs)
     times = free_times(lab)
-    if not times.trips:
+    if not any(stream.trips for stream in times.streams):
         return len(jobs)  # the finish fact is no place to drive to
-    row = {start.id: index for index, start in enumerate(lab.robots)}
-    in_time = sorted(
-        job["deadline_s"]
-        for robot, job in trips
-        if robot in row and job["deadline_s"] >= min(times.trips[row[robot]], default=0.0)
-    )
-    possible = _through_bottleneck(in_time, times) if times.approaches else len(in_time)
-    return max(met, len(jobs) - len(trips) + possible)
+    in_time = [_in_time(stream, trips) for stream in times.streams]
+    possible = sum(len(due) for stream, due in zip(times.streams, in_time, strict=True) if not stream.approaches)
+    possible += _through_bottleneck(times, in_time)
+    strangers = sum(all(robot not in stream.robots for stream in times.streams) for robot, _ in trips)
+    return max(met, len(jobs) - len(trips) + possible + strangers)
+
+
+def _in_time(stream: Stream, trips: Sequence[tuple[int, Mapping[str, Any]]]) -> list[float]:
+    """Return the deadlines of the stream's robots that a free trip can meet, in order."""
+    least = dict(zip(stream.robots, (min(row, default=0.0) for row in stream.trips), strict=False))
+    due = [(robot, float(job["deadline_s"])) for robot, job in trips if robot in stream.robots]
+    return sorted(deadline for robot, deadline in due if deadline >= least.get(robot, 0.0))
 
 
 def _is_trip(lab: Lab, job: Mapping[str, Any]) -> bool:
@@ -49,11 +63,45 @@ def _is_trip(lab: Lab, job: Mapping[str, Any]) -> bool:
         return False
 
 
-def _through_bottleneck(deadlines: list[float], times: FreeTimes) -> int:
-    """Return how many of the jobs, in order of deadline, can be through in time one behind the other."""
-    earliest = min(times.approaches) + min(times.departures, default=0.0)
-    passed = 0
-    for deadline in deadlines:
-        if earliest + passed * times.spacing <= deadline:
-            passed += 1
-    return passed
+def _through_bottleneck(times: FreeTimes, in_time: Sequence[list[float]]) -> int:
+    """Return how many of the jobs can be through in time one behind the other."""
+    families = times.families
+    due: dict[int, list[float]] = {mouth: [] for mouth in families}
+    for stream, deadlines in zip(times.streams, in_time, strict=True):
+        if stream.mouth in due:
+            due[stream.mouth] += deadlines
+    jobs: list[list[_Job]] = [[], []]
+    for mouth, family in families.items():
+        jobs[mouth] = [(family.approach, deadline - family.departure) for deadline in sorted(due[mouth])]
+    if len(jobs[0]) * len(jobs[1]) > PAIRS_MAX:
+        return _merged(times, jobs[0], []) + _merged(times, [], jobs[1])
+    return _merged(times, *jobs)
+
+
+def _merged(times: FreeTimes, one: Sequence[_Job], other: Sequence[_Job]) -> int:
+    """Return how many jobs of two families can enter in time, each family in order of deadline.
+
+    `reached[i, j]` tells, where the first i and j of them have been looked at, for each family that entered last and
+    each number that have, the earliest instant of that last entry.
+    """
+    reached: dict[tuple[int, int], _Reached] = {(0, 0): {(0, 0): -math.inf}}
+    here: _Reached = {}
+    for i in range(len(one) + 1):
+        for j in range(len(other) + 1):
+            here = reached.pop((i, j))
+            if i < len(one):
+                _look(here, reached.setdefault((i + 1, j), {}), 0, one[i], times)
+            if j < len(other):
+                _look(here, reached.setdefault((i, j + 1), {}), 1, other[j], times)
+    return max(count for _, count in here)
+
+
+def _look(before: _Reached, after: _Reached, family: int, job: _Job, times: FreeTimes) -> None:
+    """Let `job` of `family` enter next where it is in time, or drop it."""
+    earliest, latest = job
+    for (last, count), at in before.items():
+        dropped, taken = (last, count), (family, count + 1)
+        after[dropped] = min(at, after.get(dropped, math.inf))
+        entry = max(earliest, at + (times.spacing if family == last else times.turnaround))
+        if entry <= latest:
+            after[taken] = min(entry, after.get(taken, math.inf))

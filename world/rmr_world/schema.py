@@ -151,6 +151,17 @@ class AreaSpec(_Strict):
         return self
 
 
+class BottleneckSpec(_Strict):
+    """What robots pass one at a time: the area at its entry, or those at both ends where they come from both."""
+
+    mouths: Annotated[list[str], Field(min_length=1, max_length=2)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_its_entry(cls, value: object) -> object:
+        return {"mouths": [value]} if isinstance(value, str) else value
+
+
 class GridSpec(_Strict):
     """Starts in rows of `columns`: x grows by step[0] within a row, y by step[1] from row to row."""
 
@@ -269,6 +280,8 @@ class LocalisationSpec(_Strict):
 class FaultSpec(_Strict):
     """What goes wrong: a robot is killed or restarted at an instant, or something holds over a span of time.
 
+    `every` belongs to `slow`: how often the robot's mind is called.
+
     `loss`, `attenuation_db` and `cut` concern one link if `link` names it, else the whole radio.
     """
 
@@ -280,12 +293,13 @@ class FaultSpec(_Strict):
     loss: Fraction | None = None
     attenuation_db: Attenuation | None = None
     cut: Cut | None = None
-    `every` belongs to `slow`: how often the robot's mind is called.
-
     link: Link | None = None
     one_way: Flag = False
     partition: Groups | None = None
     stall: RobotId | None = None
+    slow: RobotId | None = None
+    every: DurationNs | None = None
+    outage: IdsOrAll | None = Field(None, description="Robots that hear no beacon, or all.")
 
     @model_validator(mode="after")
     def _timed(self) -> "FaultSpec":
@@ -297,9 +311,14 @@ class FaultSpec(_Strict):
         if self.from_ is not None and self.to is not None and self.from_ >= self.to:
             raise ValueError("should begin before it ends")
         return self
-    slow: RobotId | None = None
-    every: DurationNs | None = None
-    outage: IdsOrAll | None = Field(None, description="Robots that hear no beacon, or all.")
+
+    @model_validator(mode="after")
+    def _says_how_slow(self) -> "FaultSpec":
+        if (self.slow is None) != (self.every is None):
+            raise ValueError("slow and every belong together: slow: 2, every: 100ms")
+        if self.every is not None and self.every <= TICK:
+            raise ValueError("every should be longer than a tick, which takes 16.7 ms")
+        return self
 
     @model_validator(mode="after")
     def _concerns_a_link(self) -> "FaultSpec":
@@ -310,16 +329,26 @@ class FaultSpec(_Strict):
         return self
 
 
+Bottleneck = Annotated[
+    BottleneckSpec,
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {
+                    "type": "object",
+                    "properties": {"mouths": {"type": "array", "items": {"type": "string"}, "maxItems": 2}},
+                    "required": ["mouths"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]
+
+
 class LabFile(_Strict):
     """A whole lab file."""
-    @model_validator(mode="after")
-    def _says_how_slow(self) -> "FaultSpec":
-        if (self.slow is None) != (self.every is None):
-            raise ValueError("slow and every belong together: slow: 2, every: 100ms")
-        if self.every is not None and self.every <= TICK:
-            raise ValueError("every should be longer than a tick, which takes 16.7 ms")
-        return self
-
 
     lab: Annotated[str, Field(pattern=LAB_NAME)] = Field(description="Key prefix on the bus.")
     program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
@@ -329,7 +358,7 @@ class LabFile(_Strict):
     arena: ArenaSpec
     obstacles: list[ObstacleSpec] = []
     areas: dict[Annotated[str, Field(pattern=NAME)], AreaSpec] = {}
-    bottleneck: str | None = None
+    bottleneck: Bottleneck | None = None
     robots: Annotated[list[RobotSpec], Field(min_length=1)]
     facts: list[str] = []
     robot: ShapeSpec = ShapeSpec()

@@ -38,7 +38,7 @@ class Gate:
 
     def stop_m(self, route: Route) -> float:
         """Return the arc length at which the robot waits for the gate to open."""
-        return max(0.0, (route.gate_m or 0.0) - self.shape.radius - MARGIN_M)
+        return max(0.0, (route.gate_m or 0.0) - route.room_m - self.shape.radius - MARGIN_M)
 
     def line_m(self, route: Route) -> float:
         """Return the arc length of the gate's line."""

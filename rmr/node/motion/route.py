@@ -6,7 +6,8 @@ k goes S_k -> S1' -> P1' -> T1' -> T_k with straight legs where they are free an
 it joins P1' where it is nearest, so that a robot that waits at the entry never drives back to S1'.
 
 A route is a polyline measured by arc length. Two lengths on it concern the bottleneck: the gate, where it
-passes nearest to the bottleneck area, and where the narrow section after it has ended.
+passes nearest to the mouth by which it enters, and where the narrow section after it has ended. A bottleneck with
+two mouths is entered by either; who waits before one leaves room for those that come out of it.
 """
 
 import math
@@ -23,6 +24,10 @@ from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment
 
 GATE_REACH_M = 0.15
 """A route has a gate if it passes the bottleneck's point within this."""
+EXIT_REACH_M = 0.3
+"""A route passes the mouth by which it leaves within this: it turns off to its goal there."""
+ROOM_M = 0.05
+"""Before a mouth by which others come out, the one that waits leaves room for a hull and this."""
 VIA_M = 0.05
 """A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
 DETOUR_M = 0.15
@@ -43,7 +48,10 @@ class Route:
     clear_m: float = 0.0
     """Arc length where the hull is out of the narrow section."""
     way: int = 0
-    """Direction through the gate: 0 eastward (or due north), 1 westward (or due south)."""
+    """Direction through the gate: 0 eastward (or due north), 1 westward (or due south); of a bottleneck with two
+    mouths the one by which it enters."""
+    room_m: float = 0.0
+    """What a robot that waits before the gate leaves free for those that come out."""
 
     @property
     def length_m(self) -> float:
@@ -102,18 +110,36 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
     for a, b in pairwise(points):
         at.append(at[-1] + distance(*a, *b))
     route = Route(tuple(points), tuple(at))
-    centre = gate_point(arena) if through_gate else None
-    if centre is None:
+    mouths = arena.mouths if through_gate else ()
+    passed = [route.project(*mouth, 0.0, route.length_m) for mouth in mouths]
+    if not passed:
         return route
-    gate = route.project(*centre, 0.0, route.length_m)
-    if distance(*route.point(gate), *centre) > GATE_REACH_M:
+    way = passed.index(min(passed))
+    gate = passed[way]
+    if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M:
         return route
-    return Route(route.points, route.at_m, gate, _end_of_narrow(arena, route, gate), way_of(route.heading(gate + 0.01)))
+    if len(mouths) == 1:
+        way = way_of(route.heading(gate + 0.01))
+        return replace(route, gate_m=gate, clear_m=_end_of_narrow(arena, route, gate), way=way)
+    if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M:
+        return route
+    clear = _clear_of(arena, route, gate)
+    return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=2.0 * arena.shape.radius + ROOM_M)
 
 
 def gated_again(arena: Arena, route: Route) -> Route:
     """Return `route`, made anew inside the narrow section, with the gate behind its start."""
-    return replace(route, gate_m=0.0, clear_m=_end_of_narrow(arena, route, 0.0), way=way_of(route.heading(0.0)))
+    return replace(route, gate_m=0.0, clear_m=_clear_of(arena, route, 0.0), way=way_of(route.heading(0.0)))
+
+
+def _clear_of(arena: Arena, route: Route, gate: float) -> float:
+    """Return where the hull is out of what lies behind the gate; of two mouths also out of the one that follows."""
+    end = _end_of_narrow(arena, route, gate)
+    for mouth in arena.mouths if len(arena.mouths) == 2 else ():
+        out = route.project(*mouth, gate, route.length_m)
+        if out > gate + VIA_M and distance(*route.point(out), *mouth) <= EXIT_REACH_M:
+            end = max(end, min(route.length_m, out + arena.shape.radius))
+    return end
 
 
 def way_of(heading: float) -> int:
@@ -159,7 +185,7 @@ def leader_route(
     route = make_route(arena, found.points, through_gate=through_gate)
     if route.gate_m is None or route.gate_m < VIA_M:
         return route
-    via = gate_point(arena)
+    via = arena.mouth(route.way)
     assert via is not None
     into = plan(arena, start, via, parked)
     out = plan(arena, via, goal, parked)
@@ -168,21 +194,15 @@ def leader_route(
     return make_route(arena, [*into.points, *out.points[1:]], through_gate=True)
 
 
-def gate_point(arena: Arena) -> Point | None:
-    """Return the bottleneck's point; None when the arena has none."""
-    area = None if arena.bottleneck is None else arena.area(arena.bottleneck)
-    return None if area is None else area.places[0]
-
-
 def queue_before(arena: Arena, start: Point) -> list[Point]:
-    """Return the gate's point and those places of its queue that are nearer to it than `start`."""
-    gate = gate_point(arena)
-    if gate is None or arena.bottleneck is None:
+    """Return the nearer mouth's point and those places of its queue that are nearer to it than `start`."""
+    mouths = [area for name in arena.bottleneck if (area := arena.area(name)) is not None]
+    if not mouths:
         return []
-    area = arena.area(arena.bottleneck)
-    places = () if area is None else area.queue
+    area = min(mouths, key=lambda area: distance(*start, *area.places[0]))
+    gate = area.places[0]
     own = distance(*start, *gate) - 0.5 * arena.shape.radius
-    return [gate, *(place for place in places if distance(*place, *gate) < own)]
+    return [gate, *(place for place in area.queue if distance(*place, *gate) < own)]
 
 
 def shared_part(arena: Arena, route: Route) -> GridPath | None:
@@ -222,9 +242,9 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     for a, b in pairwise(points):
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
-    via = gate_point(arena)
-    if nearest == 0 and via is not None and distance(*points[0], *via) < GATE_REACH_M:
-        points[0] = via
+    via = [mouth for mouth in arena.mouths if distance(*points[0], *mouth) < GATE_REACH_M]
+    if nearest == 0 and via:
+        points[0] = via[0]
     return floor.pull(points)
 
 

@@ -41,7 +41,7 @@ def testbed() -> Arena:
             Area("entry", (Point(0.5, 0.75),)),
             Area("exit", tuple(Point(*s) for s in slots), slotted=True),
         ),
-        bottleneck="entry",
+        bottleneck=("entry",),
     )
 
 
@@ -59,7 +59,7 @@ def corridor() -> Arena:
             Area("entry", (Point(1.1, 0.75),), queue=tuple(Point(1.1 - 0.2 * k, 0.75) for k in range(6))),
             Area("exit", tuple(Point(*s) for s in slots), slotted=True),
         ),
-        bottleneck="entry",
+        bottleneck=("entry",),
     )
 
 

@@ -8,7 +8,7 @@ from world_labs import LABS, ROOM, lab_of
 
 from rmr.base.arena import Arena, Disc, Polygon, RobotShape
 from rmr.base.geometry import Point
-from rmr_world.bound import bound_s, destination, free_times
+from rmr_world.bound import bound_s, destinations, free_times
 from rmr_world.deadlines import best_possible
 from rmr_world.freeflow import FreeFlow
 from rmr_world.lab import load_lab
@@ -108,10 +108,11 @@ def test_the_bottleneck_assignment_is_the_best_of_all():
 def test_robots_pass_a_bottleneck_one_behind_the_other():
     lab = load_lab(LABS / "corridor")
     times = free_times(lab)
+    (stream,) = times.streams
     assert times.spacing == pytest.approx(0.7)
-    assert min(times.approaches) == pytest.approx(3.02, abs=0.01)
-    assert min(times.departures) == pytest.approx(math.hypot(1.5, 0.12) / 0.2, abs=0.01)
-    assert bound_s(lab) == pytest.approx(min(times.approaches) + 5 * 0.7 + min(times.departures))
+    assert min(stream.approaches) == pytest.approx(3.02, abs=0.01)
+    assert min(stream.departures) == pytest.approx(math.hypot(1.5, 0.12) / 0.2, abs=0.01)
+    assert bound_s(lab) == pytest.approx(min(stream.approaches) + 5 * 0.7 + min(stream.departures))
     assert bound_s(lab) == pytest.approx(14.04, abs=0.01)
 
 
@@ -132,7 +133,7 @@ def test_an_unreachable_destination_has_an_infinite_bound(tmp_path):
 
 def test_a_lab_without_a_destination_has_no_trip(tmp_path):
     lab = lab_of(tmp_path, ROOM + "finish: done(R)\n")
-    assert destination(lab) is None
+    assert destinations(lab) == {}
     assert bound_s(lab) == 0
 
 
@@ -160,7 +161,7 @@ def test_a_deadline_before_the_free_flow_trip_is_lost():
 
 def test_robots_that_are_all_due_at_once_pass_the_bottleneck_in_turn():
     lab = load_lab(LABS / "corridor")
-    first = free_times(lab)
+    (first,) = free_times(lab).streams
     earliest = min(first.approaches) + min(first.departures)
     together = [max(earliest + 2.5 * 0.7, 13.5)] * 6
     assert best_possible(lab, jobs(lab, together)) == 1 + int((together[0] - earliest) / 0.7)
