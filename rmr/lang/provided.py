@@ -19,6 +19,7 @@ ACTIONS: dict[str, tuple[Type, ...]] = {
     "moveto": (_AREA,),
     "lineup": (_AREA, _INT),
     "goto": (_FLOAT, _FLOAT),
+    "reach": (_FLOAT, _FLOAT, _FLOAT, _FLOAT),
     "face": (_FLOAT,),
     "stop": (),
     "wait": (_FLOAT,),

@@ -7,6 +7,8 @@ from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
 from rmr.node.actions import ActionFailed, Handler, Pause, RobotHandle, Running
+from rmr.node.motion.grid import segment_clearance
+from rmr.node.motion.straight import RAMP, Straight
 from rmr.node.turn import Turn
 
 if TYPE_CHECKING:
@@ -16,6 +18,12 @@ FAILURE_REPEATS = 3
 """A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
 STUCK_S = 20.0
 """A drive that has had no way, or a robot that has not known its place, for so long fails."""
+OVERDUE_S = 5.0
+"""A straight drive that is so late fails: it does not drive around what is in its way."""
+LAST_S = 1e9
+"""No lab runs for so long; what lies beyond is this, so that every number of the program is an instant."""
+CLOSE_M = 0.01
+"""So much nearer to an obstacle than its radius a robot may seem to stand: localisation is no better."""
 
 
 class NodeHandle(RobotHandle):
@@ -106,6 +114,35 @@ async def goto(robot: NodeHandle, x: float, y: float) -> None:
     await _drive(robot, Point(x, y))
 
 
+async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> None:
+    """Drive straight to a point of the floor, metres, leaving and arriving at instants of lab time, seconds.
+
+    It turns before it leaves. Several robots that do so keep apart on certain conditions (`rmr.node.motion.straight`).
+    """
+    node = robot.node
+    await _located(robot)
+    pose, started = node.percept().pose, node.now
+    assert pose is not None
+    start, goal, begins, ends = Point(pose.x, pose.y), Point(x, y), _instant(begins_s), _instant(ends_s)
+    if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - CLOSE_M:
+        raise ActionFailed("an obstacle is in the straight way there")
+    drive = Straight(start, goal, begins, ends, node.arena.shape)
+    overdue = max(ends, started + ends - begins) + seconds(OVERDUE_S)
+    while not (drive.ended(pose) and node.now >= ends - RAMP):
+        if node.now > overdue:
+            raise ActionFailed("something is in the straight way there")
+        robot.drive(*drive.steer(node.now, pose))
+        await Pause(condition=lambda: True)
+        pose = node.percept().pose or pose
+    if drive.astray(pose):
+        raise ActionFailed("the robot has missed the point")
+
+
+def _instant(at_s: float) -> Instant:
+    """Return an instant of lab time, from seconds of any size."""
+    return seconds(min(max(0.0, at_s), LAST_S))
+
+
 async def face(robot: NodeHandle, degrees: float) -> None:
     """Turn to a heading, degrees counter-clockwise from the x axis."""
     navigator = robot.node.motion
@@ -146,6 +183,7 @@ PROVIDED: dict[str, Handler] = {
         Handler("moveto", moveto, wheels=True, to_area=True),
         Handler("lineup", lineup, wheels=True, takes_over=True),
         Handler("goto", goto, wheels=True),
+        Handler("reach", reach, wheels=True),
         Handler("face", face, wheels=True),
         Handler("stop", stop, at_once=True),
         Handler("wait", wait),

@@ -103,15 +103,19 @@ def _arity(declared: Predicate, count: int) -> ValueError:
 
 def _value(declared: Predicate, position: int, kind: Type, value: Value) -> Value:
     """Return `value` as the declared type. Raises ValueError."""
-    if kind.base is Base.FLOAT and type(value) is int:
-        value = _as_float(value)
+    value = _with_floats(kind, value)
     if not conforms(value, kind):
         wanted = kind.name or kind.base.name.lower()
         raise ValueError(f"argument {position + 2} of {declared.name} is {value!r}, which is no {wanted}")
     return value
 
 
-def _as_float(value: int) -> Value:
+def _with_floats(kind: Type, value: Value) -> Value:
+    """Return `value` with a float for each int where `kind` wants one, as deep as the type says."""
+    if kind.base is Base.LIST and kind.element is not None and type(value) is tuple:
+        return tuple([_with_floats(kind.element, item) for item in value])
+    if kind.base is not Base.FLOAT or type(value) is not int:
+        return value
     try:
         return float(value)
     except OverflowError:
