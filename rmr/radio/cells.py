@@ -78,8 +78,13 @@ class Grid:
         if not self.width_m > 0.0:
             raise ValueError(f"cells cannot be {self.width_m} m wide")
 
-    def cell_of(self, x: float, y: float) -> Cell:
-        """Return the cell of a place (metres); a border belongs to the cell above or to the right of it."""
+    def cell_of(self, x: float, y: float, was: Cell | None = None) -> Cell:
+        """Return the cell of a place (metres), `was` itself if it is still that one.
+
+        A border belongs to the cell above or to the right of it.
+        """
+        if was is not None and floor(x / self.width_m) == was.x and floor(y / self.width_m) == was.y:
+            return was
         return Cell(self._index(x), self._index(y))
 
     def _index(self, along: float) -> int:

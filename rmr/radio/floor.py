@@ -74,8 +74,9 @@ class Floor:
         self._places[index] = x, y
         self.x[index], self.y[index] = x, y
         self._reached.clear()
-        cell = self._grid.cell_of(x, y)
-        if cell != self._cells[index]:
+        was = self._cells[index]
+        cell = self._grid.cell_of(x, y, was)
+        if cell is not was:
             self._members[self._cells[index]].remove(index)
             self._enter(index, cell)
 

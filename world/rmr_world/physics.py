@@ -6,11 +6,12 @@ the wheels follow it with bounded acceleration and grip the floor, so the body c
 be stopped or pushed, and it slips a little at random. Commands that are old, out of order or not finite are
 dropped and counted: a robot's mistake never stops the world (paper IV.E, V.B.2).
 
-Per-tick code works on plain floats and touches pymunk's bodies once each; readings of a robot are drawn from
-its own random streams (`sensors`).
+Per-tick code works on plain floats and touches pymunk's bodies once each, those of robots that stand and are not
+touched not at all: they have not moved. Readings of a robot are drawn from its own random streams (`sensors`).
 """
 
 import math
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import pymunk
@@ -47,8 +48,13 @@ _WALL_M = 0.1
 """Thickness of the walls, outside of the arena."""
 _SLOP_M = 0.0002
 """How far bodies may overlap in contact (pymunk's own default is 0.1 units)."""
+_DV, _DW = ACCELERATION * TICK_S, TURN_ACCELERATION * TICK_S
+"""What the wheels can do in one tick."""
+_set = object.__setattr__
+"""Sets a body's property, past pymunk's own `__setattr__`, which does the same in twice the time."""
 _ROBOT, _FIXED = 1, 2
 """Collision types, and categories of shapes (a bit each)."""
+_x = attrgetter("x")
 _OPAQUE = pymunk.ShapeFilter(mask=_FIXED)
 """What hides a robot from another one."""
 
@@ -70,8 +76,8 @@ class _Robot:
     """One robot's body, and what it was last told."""
 
     __slots__ = (
-        "body", "contacts", "cos", "distance_m", "gauss", "heard", "id", "near", "sensors", "sin", "stamp", "target",
-        "theta", "v", "view", "vx", "vy", "w", "x", "y",
+        "active", "body", "contacts", "cos", "distance_m", "gauss", "heard", "id", "near", "sensors", "sin", "stamp",
+        "target", "theta", "v", "view", "vx", "vy", "w", "x", "y",
     )  # fmt: skip
 
     def __init__(self, robot: int, pose: Pose, body: pymunk.Body, seed: int, sensors: Sensors) -> None:
@@ -87,6 +93,8 @@ class _Robot:
         self.stamp: Instant = -COMMAND_AGE_MAX
         self.heard: Instant = -WATCHDOG
         self.contacts = 0
+        self.active = False
+        """Whether its body may move in this tick."""
         self.distance_m = 0.0
         self.near: list[_Robot] = []
 
@@ -100,12 +108,17 @@ class World:
         self._tick = 0
         self._space = pymunk.Space()
         self._space.collision_slop = _SLOP_M
+        self._extents: list[tuple[float, float, float, float]] = []
+        """Left, bottom, right and top of each obstacle."""
         self._static(lab)
         self._hulls: dict[pymunk.Shape, _Robot] = {}
         self._robots: dict[int, _Robot] = {}
         for start in sorted(lab.robots, key=lambda robot: robot.id):
             self._robots[start.id] = self._robot(lab, seed, start.id, start.pose)
         self._list = list(self._robots.values())
+        self._by_x = self._list.copy()
+        self._active: list[_Robot] = []
+        """The robots whose bodies may move in this tick."""
         self._in_view_m = self._shape.view_depth + self._shape.radius
         self.collisions = 0
         """How many contacts of robots with robots, obstacles or walls have begun."""
@@ -136,6 +149,9 @@ class World:
             shape.friction = 0.3
             shape.filter = pymunk.ShapeFilter(categories=_FIXED)
         space.add(*shapes)
+        self._extents = [
+            (bb.left, bb.bottom, bb.right, bb.top) for bb in (shape.bb for shape in shapes[: len(arena.obstacles)])
+        ]
 
     def _robot(self, lab: Lab, seed: int, robot: int, pose: Pose) -> _Robot:
         radius = self._shape.radius
@@ -191,33 +207,42 @@ class World:
 
     def _advance(self, now: Instant) -> None:
         """One tick."""
+        active = self._active
+        active.clear()
         for robot in self._list:
-            self._steer(robot, now)
+            robot.active = self._steer(robot, now) or robot.contacts > 0
+            if robot.active:
+                active.append(robot)
+        if not active:
+            return
         for _ in range(SUBSTEPS):
             self._space.step(TICK_S / SUBSTEPS)
-        for robot in self._list:
+        for robot in active:
             _read(robot)
         self._pairs()
 
-    def _steer(self, robot: _Robot, now: Instant) -> None:
-        """Bring the body's velocity nearer to the commanded twist, as far as the wheels can in one tick."""
+    def _steer(self, robot: _Robot, now: Instant) -> bool:
+        """Bring the body's velocity nearer to the commanded twist, as far as the wheels can in one tick.
+
+        Returns False for a robot that stands and shall.
+        """
         target_v, target_w = robot.target
         if now - robot.heard > WATCHDOG:
             target_v = target_w = 0.0
-        body = robot.body
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:
-            return
+            return False
         if target_v != 0.0:
             target_v *= 1.0 + robot.gauss(0.0, SLIP_SIGMA)
         if target_w != 0.0:
             target_w *= 1.0 + robot.gauss(0.0, TURN_SLIP_SIGMA)
-        dv, dw = ACCELERATION * TICK_S, TURN_ACCELERATION * TICK_S
+        dv, dw = _DV, _DW
         v, w = robot.v, robot.w
         v = v + dv if target_v > v + dv else v - dv if target_v < v - dv else target_v
         w = w + dw if target_w > w + dw else w - dw if target_w < w - dw else target_w
         heading = robot.theta + 0.5 * w * TICK_S  # the middle of the arc that the wheels roll along in this tick
-        body.velocity = (v * math.cos(heading), v * math.sin(heading))
-        body.angular_velocity = w
+        _set(robot.body, "velocity", (v * math.cos(heading), v * math.sin(heading)))
+        _set(robot.body, "angular_velocity", w)
+        return True
 
     # Contacts and gaps
 
@@ -226,6 +251,9 @@ class World:
         robots = self._touching(arbiter)
         for robot in robots:
             robot.contacts += 1
+            if not robot.active:  # it stood, and is pushed
+                robot.active = True
+                self._active.append(robot)
         self.collisions += 1
         if len(self.contacts) < CONTACTS_MAX:
             points = arbiter.contact_point_set.points
@@ -250,7 +278,8 @@ class World:
         for robot in self._list:
             if robot.near:
                 robot.near = []
-        order = sorted(self._list, key=_x)
+        order = self._by_x
+        order.sort(key=_x)  # from tick to tick they hardly change places
         in_view = self._in_view_m
         for index, a in enumerate(order):
             ax, ay = a.x, a.y
@@ -300,19 +329,32 @@ class World:
             (state.x, state.y, theta),
         )
 
+    def _hidden(self, robot: _Robot, other: _Robot) -> bool:
+        """Return whether something stands between the centres of two robots."""
+        x0, x1 = (robot.x, other.x) if robot.x < other.x else (other.x, robot.x)
+        y0, y1 = (robot.y, other.y) if robot.y < other.y else (other.y, robot.y)
+        for left, bottom, right, top in self._extents:
+            if x0 <= right and x1 >= left and y0 <= top and y1 >= bottom:
+                a, b = (robot.x, robot.y), (other.x, other.y)
+                return self._space.segment_query_first(a, b, 0.0, _OPAQUE) is not None
+        return False
+
     def _bodies(self, robot: _Robot) -> tuple[SeenBody, ...]:
         """Return the robots whose hull reaches into the field of view, nearest first (paper IV.E)."""
         seen = []
         cos, sin, radius = robot.cos, robot.sin, self._shape.radius
         half, gauss = 0.5 * self._shape.view_angle, robot.view
+        narrow = half < math.radians(59.0)
         for other in robot.near:
             dx, dy = other.x - robot.x, other.y - robot.y
             ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
             centres = math.hypot(dx, dy)
+            if ahead <= 0.0 and narrow and centres >= 2.0 * radius:
+                continue  # behind, where half of a hull's width is 30 degrees at most
             half_width = math.asin(min(1.0, radius / centres)) if centres > 0.0 else math.pi
             if abs(math.atan2(left, ahead)) - half_width > half:
                 continue
-            if self._space.segment_query_first((robot.x, robot.y), (other.x, other.y), 0.0, _OPAQUE) is not None:
+            if self._hidden(robot, other):
                 continue
             body = SeenBody(
                 ahead + gauss(0.0, BODY_POSITION_SIGMA),
@@ -322,10 +364,6 @@ class World:
             )
             seen.append((centres, other.id, body))
         return tuple(body for _, _, body in sorted(seen))
-
-
-def _x(robot: _Robot) -> float:
-    return robot.x
 
 
 def _read(robot: _Robot) -> None:
