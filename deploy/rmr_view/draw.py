@@ -29,6 +29,8 @@ STYLE: Any = {
     "font.size": 9,
     "axes.axisbelow": True,
 }
+LEGEND_ROOM = 1.3
+"""Height of axes with bars over that of the highest: bars fill a panel, and the legend must not hide them."""
 BAR_SHARE = 0.8
 """Of the distance between two places, taken by the bars of one."""
 
@@ -78,11 +80,13 @@ def _axes(axes: Any, panel: Panel, *, from_zero: bool) -> None:
         axes.set_yscale("log")
     if panel.ticks:
         axes.set_xticks([tick.at for tick in panel.ticks], [tick.label for tick in panel.ticks])
-    if panel.y_from is not None or (from_zero and not panel.y_log):
-        axes.set_ylim(bottom=panel.y_from or 0.0)
+    if from_zero and not panel.y_log:
+        axes.set_ylim(0.0, LEGEND_ROOM * axes.get_ylim()[1])
+    elif panel.y_from is not None:
+        axes.set_ylim(bottom=panel.y_from)
     axes.grid(axis="y", color="0.9")
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(frameon=False, fontsize=7)
+        axes.legend(frameon=False, fontsize=7, ncols=2 if from_zero else 1, loc="upper left" if from_zero else "best")
 
 
 def _points(axes: Any, series: Series, index: int) -> None:

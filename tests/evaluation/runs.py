@@ -52,6 +52,7 @@ def row(run: Run) -> Row:
         "ratio": report["time_s"] / report["bound_s"] if report["bound_s"] else None,
         "collisions": report["collisions"],
         "min_gap_m": report["min_gap_m"],
+        "violations": len(report["violations"]),
         **{key: deadlines[key] for key in ("met", "missed", "best_possible")},
         "cpu_s": round(cpu_s, 3),
         **(run.measure(simulation, report) if run.measure else {}),
