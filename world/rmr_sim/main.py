@@ -18,6 +18,7 @@ from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
 from rmr_sim.trial import row_of
 from rmr_sim.violation import CONTACT
 from rmr_world.document import LabError
+from rmr_world.faults import lines
 from rmr_world.program import ProgramError
 from rmr_world.report import table_text, to_json, write
 from rmr_world.runfolder import RunFolderError, make_run_folder
@@ -50,6 +51,8 @@ def main(argv: list[str] | None = None) -> int:
 def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
     """One run."""
     simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
+    if arguments.chaos:
+        print("\n".join(["faults drawn from the seed:", *lines(simulation.lab)]), file=sys.stderr)
     began = time.perf_counter()
     with Interruption() as interruption:
         interruption.stop = simulation.stop

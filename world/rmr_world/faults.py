@@ -1,16 +1,18 @@
-"""From the lab file's words to what goes wrong: faults of robots, disturbances of the radio.
+"""From the lab file's words to what goes wrong, and back: faults of robots, disturbances of the radio.
 
 `radio.links` and `radio.partition` hold for the whole run, those `faults` that concern the radio from one instant
 to another; all become `rmr.radio.links.Disturbance`. What befalls robots are values of their own.
 """
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from math import inf
+from typing import Any
 
-from rmr.base.time import NEVER, in_seconds
+from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.radio.links import Disturbance, partition
 from rmr_world.document import Path_
-from rmr_world.lab import Fault, Kill, Outage, Restart, Slow, Stall
+from rmr_world.lab import Fault, Kill, Lab, Outage, Restart, Slow, Stall
 from rmr_world.schema import FaultSpec, LinkSpec, RadioSpec
 
 
@@ -62,3 +64,58 @@ def _harm(spec: LinkSpec | FaultSpec) -> Disturbance:
     groups = tuple((robot,) for robot in spec.link or ())
     attenuation_db = inf if spec.cut else spec.attenuation_db or 0.0
     return Disturbance(groups=groups, one_way=spec.one_way, loss=spec.loss or 0.0, attenuation_db=attenuation_db)
+
+
+def told(lab: Lab) -> list[dict[str, Any]]:
+    """Return the faults of `lab` by their beginning, each as it may stand in a lab file, times in seconds.
+
+    What is wrong with the radio for the whole run is not among them: it stands under ``radio`` there.
+    """
+    passing = [disturbance for disturbance in lab.disturbances if disturbance.until < NEVER]
+    numbered = sorted((_start(fault), i, fault) for i, fault in enumerate((*lab.faults, *passing)))
+    return [_told(fault) for _, _, fault in numbered]
+
+
+def lines(lab: Lab) -> list[str]:
+    """Return what `told` tells as lines that may stand under ``faults:`` in a lab file."""
+    return [
+        "- {" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in fault.items()) + "}" for fault in told(lab)
+    ]
+
+
+def _start(fault: Fault | Disturbance) -> Instant:
+    match fault:
+        case Kill(at=at) | Restart(at=at):
+            return at
+        case Disturbance(since=since):
+            return since
+        case _:
+            return fault.start
+
+
+def _told(fault: Fault | Disturbance) -> dict[str, Any]:
+    match fault:
+        case Kill(at=at, robot=robot):
+            return {"at": in_seconds(at), "kill": robot}
+        case Restart(at=at, robot=robot):
+            return {"at": in_seconds(at), "restart": robot}
+        case Stall(robot=robot):
+            what: dict[str, Any] = {"stall": robot}
+        case Slow(robot=robot, every=every):
+            what = {"slow": robot, "every": in_seconds(every)}
+        case Outage(robot=robot):
+            what = {"outage": robot}
+        case Disturbance():
+            return {"from": in_seconds(fault.since), "to": in_seconds(fault.until), **_told_harm(fault)}
+    return {"from": in_seconds(fault.start), "to": in_seconds(fault.end), **what}
+
+
+def _told_harm(harm: Disturbance) -> dict[str, Any]:
+    if len(harm.groups) > 2 or any(len(group) > 1 for group in harm.groups):
+        return {"partition": [list(group) for group in harm.groups]}
+    where: dict[str, Any] = {"link": [robot for (robot,) in harm.groups]} if harm.groups else {}
+    if harm.one_way:
+        where["one_way"] = True
+    if harm.attenuation_db == inf:
+        return {**where, "cut": True}
+    return {**where, **({"loss": harm.loss} if harm.loss else {"attenuation_db": harm.attenuation_db})}
