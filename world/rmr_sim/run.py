@@ -17,9 +17,8 @@ from rmr_sim.checkers.watch import watch
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
 from rmr_world.checks import check_program
-from rmr_world.judge import judge
-from rmr_world.faults import told
 from rmr_world.document import LabError
+from rmr_world.faults import told
 from rmr_world.lab import Lab, load_lab
 from rmr_world.program import LoadedProgram, load_handlers, load_lab_program
 from rmr_world.radiokey import radio_key
@@ -122,7 +121,7 @@ def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
         robots=simulation.robot_parts(),
         truth={"collisions": world.collisions, "min_gap_m": world.min_gap_m},
         bus_lost=0,
-    report["faults"] = told(simulation.lab)
     )
+    report["faults"] = told(simulation.lab)
     report["violations"] = [violation.as_dict() for violation in sorted(simulation.violations)]
     return report
