@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rmr.base.time import in_seconds
+from rmr_world.judge import judged
 from rmr_world.lab import Lab, LabError, load_lab
 from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_lab_program
 from rmr_world.radiokey import radio_key
 from rmr_world.runfolder import RunFolderError, make_run_folder
-from rmr_world.usage import check_program
 
 USAGE, INVALID = 2, 3
 """Exit codes: wrong usage; an invalid program, byte-code or lab file."""
@@ -111,13 +111,9 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
     """Return the lab's program, judged by itself and against the lab. Raises RefusedError."""
     try:
-        loaded = load_lab_program(lab, color=color)
+        return judged(lab, load_lab_program(lab, color=color))
     except (LabError, ProgramError) as error:
         raise RefusedError(str(error), INVALID) from error
-    problems = check_program(lab, loaded.program)
-    if problems:
-        raise RefusedError(str(LabError(problems)), INVALID)
-    return loaded
 
 
 def read_lab(path: Path, robots: int | None) -> Lab:

@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.cli": {"rmr.commands"},
     "rmr.commands": {"rmr.base", "rmr.bytecode", "rmr.eval", "rmr.lang", "rmr.radio", "rmr.vm"},
     "rmr_agent": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr.bus"},
-    "rmr_world": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr.radio", "rmr.bus"},
+    "rmr_world": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.node", "rmr.radio", "rmr.bus"},
     "rmr_sim": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.coord", "rmr.radio", "rmr.node", "rmr_world"},
     "rmr_deploy": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
     "rmr_view": set(),

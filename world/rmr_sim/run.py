@@ -16,9 +16,9 @@ from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.watch import watch
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
-from rmr_world.checks import check_program
-from rmr_world.document import LabError
+from rmr_sim.userevents import load_events
 from rmr_world.faults import told
+from rmr_world.judge import judged
 from rmr_world.lab import Lab, load_lab
 from rmr_world.program import LoadedProgram, load_handlers, load_lab_program
 from rmr_world.radiokey import radio_key
@@ -35,6 +35,8 @@ class Options:
     """Share of radio frames lost, instead of the lab's."""
     actions: Path | None = None
     """The file of the user's actions."""
+    events: Path | None = None
+    """The file of the user's events."""
     chaos: bool = False
     """Whether faults are drawn from the seed."""
     order: Order = Order.OURS
@@ -56,7 +58,7 @@ class Loaded:
     """The radio's, where that is secured."""
 
     def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
-        """Return the run of `seed` (None: the lab's). Raises ProgramError when the file of actions is wrong."""
+        """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
         lab, program = self.lab, self.program
         handlers = load_handlers(program.program, self.options.actions)
         seed = lab.seed if seed is None else seed
@@ -65,6 +67,8 @@ class Loaded:
         values = Values(order=self.options.order, wait=self.options.wait)
         simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values)
         watch(simulation)
+        for event in load_events(self.options.events, lab, seed):
+            simulation.schedule(event)
         return simulation
 
 
@@ -78,10 +82,7 @@ def load(path: Path, options: Options) -> Loaded:
         lab = lab.with_robots(options.robots)
     if options.loss is not None:
         lab = replace(lab, radio=replace(lab.radio, loss=options.loss))
-    program = load_lab_program(lab)
-    problems = check_program(lab, program.program)
-    if problems:
-        raise LabError(problems)
+    program = judged(lab, load_lab_program(lab))
     warnings = [program.warnings] if program.warnings else []
     return Loaded(lab, program, options, tuple(warnings), radio_key(lab))
 

@@ -107,7 +107,7 @@ def free_times(lab: Lab) -> FreeTimes:
     """Return the free-flow times of `lab`; infinite where there is no way."""
     arena, flow, goals = lab.arena, FreeFlow(lab.arena), destinations(lab)
     speed = arena.shape.speed
-    necks = [_places(area) for name in arena.bottleneck if (area := arena.area(name)) is not None]
+    necks = [approachable(area) for name in arena.bottleneck if (area := arena.area(name)) is not None]
     across = min(flow.lengths(necks[0][0], necks[1])) if len(necks) == 2 else 0.0
     kinds = [(goals.get(start.id), start) for start in lab.robots]
     order = {area: index for index, area in enumerate(dict.fromkeys(area for area, _ in kinds))}
@@ -122,7 +122,7 @@ def _streams(
     flow: FreeFlow, speed: float, goal: Area | None, starts: list[RobotStart], necks: list[list[Point]], across: float
 ) -> list[Stream]:
     """Return the robots that go to `goal`, by the mouth by which they enter; `across` is the way between the mouths."""
-    places = _places(goal) if goal else []
+    places = approachable(goal) if goal else []
     beyond = [[min(column) for column in zip(*(flow.lengths(p, places) for p in neck), strict=True)] for neck in necks]
     rows: dict[int, list[tuple[int, list[float], float]]] = {}
     for start in starts:
@@ -177,7 +177,7 @@ def _passing(times: FreeTimes) -> float:
     return min(lengths, default=0.0)
 
 
-def _places(area: Area) -> list[Point]:
+def approachable(area: Area) -> list[Point]:
     """Return the points by which an area can be reached: its places, for a box also points along its edge."""
     if area.box is None:
         return list(area.places)

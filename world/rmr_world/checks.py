@@ -37,9 +37,6 @@ from rmr_world.schema import (
 )
 from rmr_world.terms import TermError, parse_fact, parse_finish
 from rmr_world.units import ROBOTS_MAX
-from rmr_world.usage import check_program
-
-__all__ = ["build", "check_program"]
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
 """Sections of which a bad item is cut out alone."""

@@ -53,15 +53,13 @@ def _load(options: argparse.Namespace) -> Lab:
 def _check_program(lab: Lab, path: Path) -> None:
     """Raise InvalidError for a program in `path` that is none, LabError where it and the lab do not fit."""
     # The front end is heavy, and a world that is given no program starts without it.
+    from rmr_world.judge import judged  # noqa: PLC0415
     from rmr_world.program import ProgramError, load_program  # noqa: PLC0415
-    from rmr_world.usage import check_program  # noqa: PLC0415
 
     try:
-        problems = check_program(lab, load_program(path).program)
+        judged(lab, load_program(path))
     except ProgramError as error:
         raise InvalidError(str(error)) from None
-    if problems:
-        raise LabError(problems)
 
 
 async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:

@@ -62,7 +62,13 @@ def check_program(lab: Lab, program: Program) -> list[Problem]:
     return list(dict.fromkeys(problems))
 
 
-def _problem(lab: Lab, path: Path_, message: str) -> Problem:
+def areas_used(program: Program) -> list[tuple[str, bool]]:
+    """Return the areas that `program` names, and of each use whether it needs the area's queue."""
+    return [(use.area, use.queue) for use in _uses(program)]
+
+
+def problem_at(lab: Lab, path: Path_, message: str) -> Problem:
+    """Return a problem with what stands at `path` of the lab's file, or in the section that it belongs to."""
     line, column = lab.places.get(path, lab.places.get(path[:1], (1, 1)))
     return Problem(str(lab.path), line, column, ".".join(map(str, path)), message)
 
@@ -74,12 +80,12 @@ def _facts(lab: Lab, program: Program) -> Iterator[Problem]:
     for fact, index in zip(lab.stated_facts, lab.fact_items or count(), strict=False):
         message = _misfit(fact, program)
         if message:
-            yield _problem(lab, ("facts", index), message)
+            yield problem_at(lab, ("facts", index), message)
             continue
         for use in _Walker(program).values(program.index(fact.name) or 0, fact.args, "", None):
             if lab.arena.area(use.area) is None:
                 hint = near_miss(use.area, _area_names(lab))
-                yield _problem(lab, ("facts", index), f"area '{use.area}' is not defined{hint}")
+                yield problem_at(lab, ("facts", index), f"area '{use.area}' is not defined{hint}")
 
 
 def _misfit(fact: StatedFact, program: Program) -> str:
@@ -143,11 +149,11 @@ def _finish(lab: Lab, program: Program) -> Iterator[Problem]:
     if known is None or program.predicates[known].kind is Kind.ACTION:
         names = [p.name for p in program.predicates if p.kind is not Kind.ACTION]
         hint = near_miss(pattern.name, names)
-        yield _problem(lab, ("finish",), f"the program knows no fact '{pattern.name}'{hint}")
+        yield problem_at(lab, ("finish",), f"the program knows no fact '{pattern.name}'{hint}")
         return
     types = program.predicates[known].types
     if len(types) != len(pattern.patterns):
-        yield _problem(lab, ("finish",), _arity(pattern.name, len(types) + 1, len(pattern.patterns) + 1))
+        yield problem_at(lab, ("finish",), _arity(pattern.name, len(types) + 1, len(pattern.patterns) + 1))
 
 
 # Areas
@@ -167,7 +173,7 @@ def _areas(lab: Lab, program: Program) -> Iterator[Problem]:
         if use.place is not None:
             yield Problem(use.place.file, use.place.line, use.place.column, "", message)
         else:
-            yield _problem(lab, ("program",), message)
+            yield problem_at(lab, ("program",), message)
 
 
 def _area_names(lab: Lab) -> list[str]:

@@ -1,0 +1,82 @@
+"""Deadlines that nothing can meet, told before the run where lab and program show them.
+
+Each robot's program is run on its initial facts alone, at instant 0, without senses, radio or actions. The jobs that
+it starts have a deadline; where the finish fact says that the robot is in an area, the free-flow trip there takes a
+time that no robot beats. What begins later, or depends on what robots sense or are told, is judged by the report.
+"""
+
+from collections.abc import Iterator
+
+from rmr.base.geometry import Point
+from rmr.base.streams import Choices
+from rmr.base.time import in_seconds
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Program
+from rmr.vm.engines import Engine, new_machine
+from rmr.vm.job import Job
+from rmr_world.bound import approachable
+from rmr_world.document import Problem
+from rmr_world.freeflow import FreeFlow
+from rmr_world.lab import Lab, RobotStart
+from rmr_world.terms import TermError, parse_fact
+from rmr_world.usage import problem_at
+
+AT = "at"
+"""The fact that a robot states when it is in an area."""
+ROBOTS_MAX = 200
+"""Robots whose program is tried; of more, the first show what is wrong."""
+
+
+def impossible(lab: Lab, program: Program) -> list[Problem]:
+    """Return a warning for each deadline of a job that begins at once and that the way alone takes longer than."""
+    ends_there = [program.predicates[assertion.finish.predicate].name == AT for assertion in program.assertions]
+    if not any(ends_there):
+        return []
+    flow = FreeFlow(lab.arena)
+    return [problem for start in lab.robots[:ROBOTS_MAX] for problem in _of_robot(lab, program, start, flow)]
+
+
+def _of_robot(lab: Lab, program: Program, start: RobotStart, flow: FreeFlow) -> Iterator[Problem]:
+    for job in _first_jobs(lab, program, start.id):
+        area = _area_of(job)
+        goal = None if area is None or job.remote else lab.arena.area(area)
+        if goal is None or job.finish is not None:
+            continue
+        ways = flow.lengths(Point(start.pose.x, start.pose.y), approachable(goal))
+        least_s = min(ways) / lab.arena.shape.speed
+        if in_seconds(job.deadline) < least_s < float("inf"):
+            message = (
+                f"robot {start.id} cannot be at {area} within {in_seconds(job.deadline):g} s ({job.name}): "
+                f"the way alone takes {least_s:.2f} s"
+            )
+            yield problem_at(lab, _path(lab, start.id, in_seconds(job.deadline)), message)
+
+
+def _first_jobs(lab: Lab, program: Program, robot: int) -> list[Job]:
+    """Return the jobs that the program of `robot` starts at once."""
+    machine = new_machine(program, robot, Choices(f"{lab.seed}/robot{robot}/vm"), engine=Engine.INTERPRETER)
+    machine.start(0)
+    for fact in lab.initial_facts:
+        index = program.index(fact.name)
+        if index is not None and fact.owner in (None, robot):
+            machine.insert(0, index, fact.args)
+    machine.run(0)
+    return machine.jobs
+
+
+def _area_of(job: Job) -> str | None:
+    """Return the area of a job whose finish fact is being there, as far as it is known."""
+    try:
+        fact = parse_fact(job.text)
+    except TermError:
+        return None  # it waits for any area
+    return str(fact.args[0]) if fact.name == AT and fact.args and isinstance(fact.args[0], Symbol) else None
+
+
+def _path(lab: Lab, robot: int, deadline_s: float) -> tuple[str, int] | tuple[str]:
+    """Return where the lab file states the deadline: in a fact of the robot that has it for an argument."""
+    items = lab.fact_items or range(len(lab.facts))
+    for fact, index in zip(lab.initial_facts, items, strict=False):
+        if fact.owner == robot and deadline_s in fact.args:
+            return "facts", index
+    return ("program",)
