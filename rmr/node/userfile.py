@@ -1,13 +1,18 @@
-"""Loads a user's file of actions (``--actions FILE.py``)."""
+"""Loads a user's Python file: one of actions (``--actions FILE.py``), or what else a host takes."""
 
 import importlib.util
 from pathlib import Path
+from types import ModuleType
 
 from rmr.node.actions import Handler, registered
 
 
-class ActionsError(Exception):
+class UserFileError(Exception):
     """The file cannot be used; the message says what is wrong with it."""
+
+
+class ActionsError(UserFileError):
+    """The file of actions cannot be used."""
 
 
 def load_actions(path: Path | None) -> dict[str, Handler]:
@@ -15,24 +20,29 @@ def load_actions(path: Path | None) -> dict[str, Handler]:
     if path is None:
         return {}
     before = registered()
-    _run(path)
+    try:
+        run_file(path, "rmr_user_actions")
+    except UserFileError as error:
+        raise ActionsError(str(error)) from error
     added = {name: handler for name, handler in registered().items() if before.get(name) is not handler}
     if not added:
         raise ActionsError(f'{path}: registers no action; decorate an async function with @action("name")')
     return added
 
 
-def _run(path: Path) -> None:
-    """Run the file; whatever it raises is told as its mistake. Raises ActionsError."""
+def run_file(path: Path, name: str) -> ModuleType:
+    """Run the file as module `name`; whatever it raises is told as its mistake. Raises UserFileError."""
     try:
-        spec = importlib.util.spec_from_file_location("rmr_user_actions", path) if path.is_file() else None
+        spec = importlib.util.spec_from_file_location(name, path) if path.is_file() else None
     except OSError as error:
-        raise ActionsError(f"{path}: {error.strerror or error}") from error
+        raise UserFileError(f"{path}: {error.strerror or error}") from error
     if spec is None or spec.loader is None:
-        raise ActionsError(f"{path}: no such Python file")
+        raise UserFileError(f"{path}: no such Python file")
+    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(importlib.util.module_from_spec(spec))
+        spec.loader.exec_module(module)
     except SystemExit as error:
-        raise ActionsError(f"{path}: calls exit({error.code or 0}) while it is loaded") from error
+        raise UserFileError(f"{path}: calls exit({error.code or 0}) while it is loaded") from error
     except Exception as error:
-        raise ActionsError(f"{path}: {type(error).__name__}: {error}") from error
+        raise UserFileError(f"{path}: {type(error).__name__}: {error}") from error
+    return module

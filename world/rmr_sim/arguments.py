@@ -31,6 +31,7 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--chaos", action="store_true", help="faults at random for a while, drawn from the seed")
     parser.add_argument("--order", choices=[o.value for o in Order], default="ours", help=ORDERS)
     parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
+    parser.add_argument("--events", type=Path, metavar="FILE.py", help="what else happens: your own events")
     parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write what happened as JSON lines")
     parser.add_argument("--json", action="store_true", help="the report as JSON on standard output")
@@ -52,6 +53,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         robots=arguments.robots,
         loss=arguments.loss,
         actions=arguments.actions,
+        events=arguments.events,
         chaos=arguments.chaos,
         order=Order(arguments.order),
     )
@@ -60,7 +62,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
 def command_of(arguments: argparse.Namespace) -> str:
     """Return the command that, with a seed, repeats a run."""
     words = ["rmr", "sim", str(arguments.lab)]
-    for name in ("robots", "loss", "actions"):
+    for name in ("robots", "loss", "actions", "events"):
         value = getattr(arguments, name)
         if value is not None:
             words += [f"--{name}", str(value)]

@@ -11,6 +11,7 @@ from typing import Any
 from rmr.node.actions import STOPPED, TAKEN_OVER
 from rmr.node.trace import Level
 from rmr_sim.arguments import command_of, cores, options_of, parse
+from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run import Loaded, load, report_of
 from rmr_sim.summary import failing_lines, lines_of, summary_of
@@ -58,6 +59,9 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
         interruption.stop = simulation.stop
         try:
             finished = simulation.run()
+        except EventError as error:
+            print(f"rmr sim: {error}", file=sys.stderr)
+            return EXIT_FAILED
         except Exception as error:
             return _broke_down(error, folder)
     wall_s = time.perf_counter() - began

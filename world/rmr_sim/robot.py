@@ -22,6 +22,7 @@ from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Duration, Instant
+from rmr.base.values import Value
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
@@ -125,6 +126,14 @@ class SimulatedRobot:
             self._received.append(out)
         if self.served:
             self.node_alarm.set(self._simulation.kernel.now)
+
+    def insert(self, name: str, args: tuple[Value, ...]) -> None:
+        """Insert a fact from outside; a dead robot holds none. Raises ValueError if the program cannot hold it."""
+        if self.alive:
+            now = self._simulation.now
+            self.node.insert(now, name, args)
+            if self.served:
+                self.node_alarm.set(now)
 
     def finished(self) -> bool:
         """Return whether it lives and holds the finish fact."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from rmr.base.kernel import EVENT, Kernel
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
+from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.coord.values import Values
 from rmr.node.actions import Handler
@@ -138,8 +139,8 @@ class Simulation:
             hear(robot, now, event)
 
     def schedule(self, event: Event) -> None:
-        """Let `event` happen at its instant."""
-        self.kernel.at(event.at, EVENT, lambda _now: event.callback(self))
+        """Let `event` happen at its instant. When its callback fails, `run` raises EventError."""
+        self.kernel.at(event.at, EVENT, lambda _now: event.happen(self))
 
     def stop(self) -> None:
         """End the run after the present tick; it has not finished then."""
@@ -172,6 +173,13 @@ class Simulation:
         """Let `robot` hear no beacon of the localisation service `until` then."""
         self.world.silence(robot, until)
         self._note(robot, "silenced", until)
+
+    def insert(self, robot: int, name: str, *args: Value) -> None:
+        """Insert a fact of `robot` from outside, unless it is dead: its arguments without the owner.
+
+        Raises ValueError when the program cannot hold such a fact.
+        """
+        self._by_id[robot].insert(name, args)
 
     def disturb(self, disturbance: Disturbance) -> None:
         """Let `disturbance` befall the radio. Raises ValueError if it cannot be one, or there are too many."""

@@ -1,0 +1,34 @@
+"""Loads a user's file of events (``--events FILE.py``): its function `events(lab, seed)` returns those of one run."""
+
+from pathlib import Path
+
+from rmr.node.userfile import UserFileError, run_file
+from rmr_sim.event import Event
+from rmr_world.lab import Lab
+from rmr_world.program import ProgramError
+
+EVENTS_MAX = 100_000
+"""Of one run from the file; more can only be a function that never ends. Events may schedule others as they happen."""
+
+
+def load_events(path: Path | None, lab: Lab, seed: int) -> list[Event]:
+    """Return the events of the run of `lab` with `seed`, none without a file. Raises ProgramError if it is wrong."""
+    if path is None:
+        return []
+    try:
+        function = getattr(run_file(path, "rmr_user_events"), "events", None)
+    except UserFileError as error:
+        raise ProgramError(str(error)) from error
+    if not callable(function):
+        raise ProgramError(f"{path}: has no function events(lab, seed) that returns the run's events")
+    found: list[Event] = []
+    try:
+        for event in function(lab, seed):
+            if not isinstance(event, Event):
+                raise TypeError(f"events returned {event!r:.60}, which is no Event")
+            if len(found) == EVENTS_MAX:
+                raise ValueError(f"events returned more than {EVENTS_MAX} events")
+            found.append(event)
+    except Exception as error:
+        raise ProgramError(f"{path}: {type(error).__name__}: {error}") from error
+    return found
