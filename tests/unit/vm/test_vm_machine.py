@@ -6,7 +6,7 @@ from vm_hand import AREA, FLOAT, INT, OPEN, ROBOT, Hand, V, _, actions, code, fi
 from rmr.base.time import NEVER, Instant, seconds
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import ANY, Constant, Effect, Kind, Serving, Slot
+from rmr.bytecode.program import ANY, Base, Constant, Effect, Kind, Serving, Slot, Type
 from rmr.vm.assertions import LIVE_MAX
 from rmr.vm.events import JobFinished, JobMissed, JobStarted
 
@@ -46,6 +46,18 @@ def test_an_int_becomes_a_float_where_one_is_declared() -> None:
     machine = hand.machine()
     machine.insert(0, speed, (2,))
     assert machine.facts() == ["speed(@1, 2.0)"]
+
+
+def test_ints_become_floats_within_lists_too() -> None:
+    hand = Hand()
+    route = hand.temporary("route", Type(Base.LIST, element=Type(Base.LIST, element=FLOAT)))
+    machine = hand.machine()
+    machine.insert(0, route, (((1, 2.5), ()),))
+    assert machine.facts() == ["route(@1, [[1.0, 2.5], []])"]
+    with pytest.raises(ValueError, match="route"):
+        machine.insert(0, route, ((1, 2.5),))
+    with pytest.raises(ValueError, match="route"):
+        machine.insert(0, route, (((10**400,),),))
 
 
 def test_only_sensed_facts_are_withdrawn() -> None:
