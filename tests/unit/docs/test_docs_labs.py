@@ -25,6 +25,7 @@ from rmr_deploy.record import make_report
 from rmr_deploy.up import command
 from rmr_sim.main import main as sim
 from rmr_sim.run import prepare, report_of
+from rmr_sim.violation import Violation
 from rmr_world.disturbed import LEAD
 from rmr_world.lab import load_lab
 from rmr_world.main import main as world
@@ -205,6 +206,7 @@ def fields(value, path=""):
 @pytest.fixture(scope="module")
 def simulated():
     simulation = prepare(ROOT / "deploy" / "labs" / "testbed", robots=2)
+    simulation.violations.append(Violation(0, "contact", (1, 2), "an example: no rule is broken in such a run"))
     return report_of(simulation, simulation.run())
 
 
