@@ -21,7 +21,7 @@ import rmr
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "evaluation"
-EXPERIMENTS: tuple[str, ...] = ("figure14", "seeds")
+EXPERIMENTS: tuple[str, ...] = ("figure14", "seeds", "planning", "localisation")
 """In the order of the page."""
 HEADER = ("target", "taken", "bound", "")
 
