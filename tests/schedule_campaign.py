@@ -22,10 +22,11 @@ def differences(seed: int) -> list[str]:
     found = []
     if met != best.met:
         found.append("count")
-    hopeful = sorted((task for task in tasks if optimum([task], standing, rules).met), key=by_deadline)
-    plain = on_time(hopeful, place(hopeful, standing, rules)) == len(hopeful)
-    wanted = tuple(task.robot for task in hopeful) if plain else best.order
-    if tuple(task.robot for task in order[:met]) != wanted:
+    plain = sorted(tasks, key=by_deadline)
+    whole = on_time(plain, place(plain, standing, rules)) == len(tasks)
+    wanted = [task.robot for task in plain] if whole else list(best.order)
+    starts = place(order, standing, rules)
+    if [task.robot for task, at in zip(order, starts, strict=True) if at + task.duration <= task.deadline] != wanted:
         found.append("order")
     robots = sorted(task.robot for task in tasks)
     steady = order_jobs(tasks, standing, rules, rng.sample(robots, rng.randint(0, len(robots))))

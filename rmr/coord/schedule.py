@@ -5,7 +5,7 @@ headway in the same way, the whole passage in opposite ways. The order of deadli
 keeps every job on time (paper IV.C: the list is maintained according to the deadline). When it does not, the
 order that keeps most jobs on time is looked for, then the earliest end, then the smallest sequence of
 (deadline, robot): exactly for up to `EXACT_MAX` jobs, by the better of a beam and insertion beyond
-(`rmr.coord.search`). Jobs that cannot be on time count in neither. Late jobs follow by (deadline, robot).
+(`rmr.coord.search`). Late jobs go, by (deadline, robot), where they delay nobody that is on time, most often last.
 
 An order that is known already is kept, with what is new put in, unless that costs a job or a headway.
 """
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.insertion import insertion
-from rmr.coord.search import Found, Problem, branch, layers, punctual, triangular
+from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
 from rmr.coord.values import GRID, Order, same_way
 
 EXACT_MAX = 12
@@ -104,28 +104,29 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
     """Return `tasks` in the order in which they shall go. `old` is the order so far, by robot."""
     if rules.order is Order.FCFS:
         return sorted(tasks, key=by_arrival)
-    if rules.order is not Order.OURS:
-        return sorted(tasks, key=by_deadline)
-    firsts = {task.robot: place((task,), standing, rules)[0] for task in tasks}
-    hopeful = sorted((t for t in tasks if firsts[t.robot] + t.duration <= t.deadline), key=by_deadline)
-    late = [task for task in tasks if firsts[task.robot] + task.duration > task.deadline]
-    if on_time(hopeful, place(hopeful, standing, rules)) == len(hopeful):
-        return hopeful + sorted(late, key=by_deadline)
-    best = _best(hopeful, [firsts[task.robot] for task in hopeful], rules)
-    chosen = {task.robot for task in best}
-    rest = sorted((task for task in tasks if task.robot not in chosen), key=by_deadline)
-    return _steady(best + rest, standing, rules, old)
-
-
-def _best(tasks: list[Task], firsts: list[Instant], rules: Rules) -> list[Task]:
-    """Return the jobs that can be on time together, in order; `tasks` are sorted by deadline."""
-    gaps = [[_up(gap(a, b, rules.opposed)) for b in tasks] for a in tasks]
-    problem = Problem(firsts, [t.deadline - t.duration for t in tasks], [t.duration for t in tasks], gaps)
-    return [tasks[i] for i in search(problem)[2]]
+    jobs = sorted(tasks, key=by_deadline)
+    if rules.order is not Order.OURS or on_time(jobs, place(jobs, standing, rules)) == len(jobs):
+        return jobs
+    problem = Problem(
+        [place((task,), standing, rules)[0] for task in jobs],
+        [task.deadline - task.duration for task in jobs],
+        [task.duration for task in jobs],
+        [[_up(gap(a, b, rules.opposed)) for b in jobs] for a in jobs],
+    )
+    best = fill(problem, search(problem)[2])
+    index = {task.robot: i for i, task in enumerate(jobs)}
+    kept = _with_new(problem, [index[robot] for robot in old if robot in index], best)
+    return _steady([jobs[i] for i in best], [jobs[i] for i in kept], standing, rules)
 
 
 def search(problem: Problem) -> Found:
-    """Return the best order found: the optimum for up to `EXACT_MAX` jobs."""
+    """Return the best order found of jobs that are on time together: the optimum for up to `EXACT_MAX` of them."""
+    hopeful = [i for i, at in enumerate(problem.first) if at <= problem.latest[i]]
+    less, end, order = _search(problem.part(hopeful))
+    return less, end, tuple(hopeful[i] for i in order)
+
+
+def _search(problem: Problem) -> Found:
     count = len(problem.first)
     found = punctual(problem, insertion(problem))
     if count <= EXACT_MAX:
@@ -137,15 +138,26 @@ def search(problem: Problem) -> Found:
     return min(found, punctual(problem, layers(problem, -found[0], width)[2]))
 
 
-def _steady(best: list[Task], standing: Sequence[Placed], rules: Rules, old: Sequence[int]) -> list[Task]:
-    """Return the old order of the jobs instead of `best` when it costs neither a job nor a headway."""
-    by_robot = {task.robot: task for task in best}
-    kept = [by_robot[robot] for robot in old if robot in by_robot]
-    if not kept:
-        return best
-    for task in best:
-        if task.robot not in old:
-            kept = _fit(kept, task, standing, rules)
+def _with_new(problem: Problem, old: list[int], best: Sequence[int]) -> list[int]:
+    """Return the `old` order with the rest of `best` put in, each where most are on time and the end is earliest."""
+    if not old:
+        return list(best)
+    known = set(old)
+    for job in best:
+        if job not in known:
+            trials = [[*old[:at], job, *old[at:]] for at in range(len(old), -1, -1)]
+            old = min(trials, key=lambda order: _cost(problem, order))
+    return old
+
+
+def _cost(problem: Problem, order: Sequence[int]) -> tuple[int, Instant]:
+    starts = chain(problem, order)
+    late = sum(start > problem.latest[i] for i, start in zip(order, starts, strict=True))
+    return late, starts[-1] + problem.duration[order[-1]]
+
+
+def _steady(best: list[Task], kept: list[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
+    """Return `kept`, which goes by the old order, instead of `best` when it costs neither a job nor a headway."""
     new_starts, old_starts = place(best, standing, rules), place(kept, standing, rules)
     if on_time(kept, old_starts) < on_time(best, new_starts):
         return best
@@ -153,15 +165,3 @@ def _steady(best: list[Task], standing: Sequence[Placed], rules: Rules, old: Seq
     new_end = max(start + task.duration for task, start in zip(best, new_starts, strict=True))
     old_end = max(start + task.duration for task, start in zip(kept, old_starts, strict=True))
     return kept if old_end < new_end + headway else best
-
-
-def _fit(order: list[Task], task: Task, standing: Sequence[Placed], rules: Rules) -> list[Task]:
-    """Return `order` with `task` where most are on time, then the end is earliest, then as late as possible."""
-    best, best_cost = order, (1, 0)
-    for at in range(len(order), -1, -1):
-        trial = [*order[:at], task, *order[at:]]
-        starts = place(trial, standing, rules)
-        cost = (-on_time(trial, starts), max(s + t.duration for t, s in zip(trial, starts, strict=True)))
-        if cost < best_cost:
-            best, best_cost = trial, cost
-    return best

@@ -33,6 +33,12 @@ class Problem(NamedTuple):
     gaps: Sequence[Sequence[Duration]]
     """``gaps[a][b]``: least time from the start of a to the start of b behind it."""
 
+    def part(self, jobs: Sequence[int]) -> "Problem":
+        """Return the problem of some jobs alone."""
+        rows = [[self.gaps[a][b] for b in jobs] for a in jobs]
+        first, latest, duration = ([of[i] for i in jobs] for of in (self.first, self.latest, self.duration))
+        return Problem(first, latest, duration, rows)
+
 
 Found = tuple[int, Instant, tuple[int, ...]]
 """Minus the jobs on time, the end of the last, the order: the smaller, the better."""
@@ -69,6 +75,46 @@ def punctual(problem: Problem, order: Iterable[int]) -> Found:
             end = start + duration[i]
             ready = [max(at, start + g) for at, g in zip(ready, gaps[i], strict=True)]
     return -len(kept), end, tuple(kept)
+
+
+def chain(problem: Problem, order: Sequence[int]) -> list[Instant]:
+    """Return the start of each job of `order` as the one before it allows; with triangular gaps those are all."""
+    starts: list[Instant] = []
+    for k, i in enumerate(order):
+        before = starts[-1] + problem.gaps[order[k - 1]][i] if k else -NEVER
+        starts.append(max(problem.first[i], before))
+    return starts
+
+
+def fill(problem: Problem, punctual: Sequence[int]) -> list[int]:
+    """Return `punctual` with the other jobs put in, each where it starts earliest without delaying one put in before.
+
+    Whatever the gaps.
+    """
+    order: list[int] = []
+    starts: list[Instant] = []
+    on_time = set(punctual)
+    for job in [*punctual, *(i for i in range(len(problem.first)) if i not in on_time)]:
+        at = len(order) if len(order) < len(punctual) else _idle(problem, order, starts, job)
+        starts.insert(at, _after(problem, order[:at], starts, job))
+        order.insert(at, job)
+    return order
+
+
+def _after(problem: Problem, order: Sequence[int], starts: Sequence[Instant], job: int) -> Instant:
+    """Return when `job` can start behind `order`."""
+    return max([problem.first[job], *(at + problem.gaps[i][job] for i, at in zip(order, starts, strict=False))])
+
+
+def _idle(problem: Problem, order: list[int], starts: list[Instant], job: int) -> int:
+    """Return the first place where `job` delays nobody."""
+    first, after = problem.first[job], problem.gaps[job]
+    for at, (i, start) in enumerate(zip(order, starts, strict=True)):
+        if first + after[i] <= start:
+            own = _after(problem, order[:at], starts, job)
+            if all(own + after[j] <= other for j, other in zip(order[at:], starts[at:], strict=True)):
+                return at
+    return len(order)
 
 
 # -- layers --------------------------------------------------------------------------------------------------
