@@ -19,8 +19,9 @@ from rmr.node.ports import Body, SeenBody
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.wire import Hello
 
-ACT_REFRESH: Duration = milliseconds(100)
-"""A moving robot repeats its wheel command at least this often; the body stops after 0.5 s without."""
+ACT_REFRESH: Duration = milliseconds(33)
+"""A moving robot repeats its wheel command at least this often, every other frame; without one for 0.1 s the body
+brakes."""
 HEED_EVERY: Duration = milliseconds(200)
 """How often a driving robot looks at what the others that drive have said."""
 SPOT_GAP_M = 0.06

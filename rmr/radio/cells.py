@@ -27,8 +27,8 @@ HYSTERESIS_M = 0.1
 """How far outside its cell a robot keeps it: more than one that stands is pushed about."""
 
 LAG_S = 1.0
-"""How old a place may be by which a robot listens: half a second until the wheels of a robot that steers no more
-(its process was held up) stop, and as long again for a sample, a declaration and an announcement to cross the bus,
+"""How old a place may be by which a robot listens: under half a second until a robot that steers no more
+(its process was held up) stands, and as long again for a sample, a declaration and an announcement to cross the bus,
 which take 17, 1 and 1 ms where nothing is held up."""
 
 ROUNDING = 1.0 + 1e-9

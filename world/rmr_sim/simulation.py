@@ -149,7 +149,7 @@ class Simulation:
     # -- what befalls robots and radio (each raises KeyError for a robot that is not there) --------------------------
 
     def kill(self, robot: int) -> None:
-        """Let the process of `robot` die. Its body stays where it is; the wheels stop half a second later."""
+        """Let the process of `robot` die. Its body stays where it is; the wheels brake 0.1 s later."""
         self._by_id[robot].kill()
         self._note(robot, "killed")
 

@@ -39,8 +39,9 @@ COMMAND_AGE_MAX = 100 * NS_PER_MS
 """Older commands describe another situation."""
 COMMAND_LEAD_MAX = 100 * NS_PER_MS
 """A stamp further in the future is no time of this lab, and would shut out all later commands."""
-WATCHDOG = 500 * NS_PER_MS
-"""Without a command for so long the wheels stop."""
+WATCHDOG = 100 * NS_PER_MS
+"""Without a command for so long the wheels brake: a robot whose process dies or is held up at full speed goes another
+2 cm until then and 2.5 cm while it brakes. A shorter gap costs nothing, a slightly longer one a little speed."""
 CONTACTS_MAX = 10_000
 """Records kept; contacts are counted beyond it."""
 
