@@ -1,0 +1,431 @@
+"""Each checker of a simulated run is silent while its rule holds, and speaks when somebody breaks it."""
+
+from dataclasses import replace
+
+import pytest
+from lab_maker import small_lab
+
+from rmr.base.time import milliseconds, seconds
+from rmr.coord import ledger
+from rmr.coord.context import OwnJob
+from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, SlotAssigned
+from rmr.coord.messages import NOBODY, Entry, Phase, Sched, Term, encode
+from rmr.coord.values import EXCLUSIVE_WAY, Values
+from rmr.node.exchange import Exchange
+from rmr.node.ports import Spoken
+from rmr.radio.links import Disturbance
+from rmr.vm import assertions
+from rmr.vm.assertions import Assertions
+from rmr.vm.machine import Machine
+from rmr_sim.checkers.progress import STILL
+
+EVENT = b"charge"
+VALUES = Values()
+
+IDLE = "idle(R).\nidle(R), never(R) -o done(R).\n"
+CHARGE = """
+type action charge(R: robot) -o done(R).
+start(R).
+start(R) -o need(R).
+charging: assert(need(R), done(R), 60, say(R, "late")).
+need(R) -o charge(R).
+"""
+CHARGER = """
+from rmr import action
+
+@action("charge")
+async def charge(robot):
+    await robot.sleep(0.5)
+"""
+GREETING = "type hello(robot, int).\nstart(@1).\nstart(R) -o hello(@2, 1).\nhello(R, 1) -o done(R).\n"
+OVERDUE = """
+type action wait(R: robot, T: float) -o done(R).
+late: watch(go(R), done(R), 0.5, say(R, "late")).
+go(R).
+$go(R) -o wait(R, 2).
+"""
+
+
+def found(simulation):
+    """Return what checkers have found: check, robots and words."""
+    return [(violation.check, violation.robots, violation.words) for violation in simulation.violations]
+
+
+def idle(folder, robots=2):
+    """Return a simulation that nobody runs, to be told of what never happened in it."""
+    return small_lab(folder, IDLE, robots=robots)
+
+
+# -- bodies ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_that_drives_into_a_wall_is_told_with_the_place(tmp_path):
+    ram = """
+    from rmr import action
+
+    @action("ram", wheels=True)
+    async def ram(robot):
+        robot.drive(-0.2, 0.0)
+        await robot.sleep(2.0)
+    """
+    simulation = small_lab(tmp_path, "type action ram(robot).\ngo(R).\ngo(R) -o ram(R).", actions=ram, duration="2s")
+    simulation.run()
+    assert found(simulation) == [("contact", (1,), "robot 1 touched an obstacle or a wall at (0.00, 0.20)")]
+    assert simulation.world.collisions == 1
+
+
+# -- passages --------------------------------------------------------------------------------------------------------
+
+
+class Passage:
+    """One robot's job, as the checker is told of it."""
+
+    def __init__(self, simulation, robot, *, way=EXCLUSIVE_WAY, trigger=0, term=1, leader=9, slot_s=10.0):
+        self.simulation, self.robot = simulation, robot
+        request = JobRequest(EVENT, trigger, 0, seconds(3), seconds(60), milliseconds(1000), way)
+        self.job = OwnJob(request, trigger)
+        self.job.lease = seconds(1000)
+        start = seconds(slot_s)
+        slot = SlotAssigned(
+            event=EVENT, trigger=trigger, rank=1, place=1, start=start, end=start + seconds(3), leader=leader, term=term
+        )
+        simulation.tell(robot, 0, slot)
+
+    def enters(self, at_s, *, cautious=False):
+        core = self.simulation.robots[self.robot - 1].node.core
+        core.job = lambda _event: self.job
+        at = seconds(at_s)
+        self.simulation.tell(self.robot, at, Entered(EVENT, at, at + seconds(3), cautious))
+
+    def leaves(self):
+        self.simulation.robots[self.robot - 1].node.core.job = lambda _event: None
+        for observe in self.simulation.observers:
+            observe(0)
+
+
+def test_an_entry_in_its_window_under_its_lease_is_fine(tmp_path):
+    simulation = idle(tmp_path)
+    Passage(simulation, 1).enters(10.25)
+    assert found(simulation) == []
+
+
+def test_an_entry_before_or_after_its_window_is_told(tmp_path):
+    simulation = idle(tmp_path)
+    early, late = Passage(simulation, 1, way=1), Passage(simulation, 2, way=1, slot_s=20.0)
+    early.enters(9.99)
+    late.enters(20.26)
+    assert [check for check, _, _ in found(simulation)] == ["entry", "entry"]
+    assert "out of its window, at 260 ms of its slot" in found(simulation)[1][2]
+
+
+def test_an_entry_without_a_slot_or_after_it_was_let_pass_is_told(tmp_path):
+    simulation = idle(tmp_path)
+    passage = Passage(simulation, 1)
+    simulation.tell(1, seconds(10), EntryMissed(EVENT))
+    passage.enters(10.1)
+    assert found(simulation) == [("entry", (1,), "robot 1 entered without a slot")]
+
+
+def test_an_entry_under_a_lease_that_has_run_out_is_told(tmp_path):
+    simulation = idle(tmp_path)
+    passage = Passage(simulation, 1)
+    passage.job.lease = seconds(10)
+    passage.enters(10)
+    assert found(simulation) == [("entry", (1,), "robot 1 entered when its lease had run out")]
+
+
+def test_two_entries_for_one_job_are_told(tmp_path):
+    simulation = idle(tmp_path)
+    Passage(simulation, 1).enters(10)
+    Passage(simulation, 1).enters(10)
+    assert found(simulation) == [("entry", (1,), "robot 1 entered twice for one job")]
+
+
+def test_two_inside_opposite_ways_under_one_term_are_told_whatever_is_lost(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.disturb(Disturbance(attenuation_db=float("inf")))
+    one, other = Passage(simulation, 1, way=0), Passage(simulation, 2, way=1)
+    one.enters(10)
+    other.enters(10.1)
+    assert found(simulation) == [("overlap", (1, 2), "robot 2 entered while robot 1 was inside another way")]
+
+
+def test_one_behind_the_other_is_no_overlap(tmp_path):
+    simulation = idle(tmp_path)
+    one, other = Passage(simulation, 1, way=0), Passage(simulation, 2, way=1)
+    one.enters(10)
+    one.leaves()
+    other.enters(10.1)
+    assert found(simulation) == []
+
+
+@pytest.mark.parametrize("excuse", ["", "cut", "stalled", "cautious"])
+def test_two_inside_under_two_terms_are_told_only_where_they_could_have_known(tmp_path, excuse):
+    simulation = idle(tmp_path)
+    if excuse == "cut":
+        simulation.disturb(Disturbance(seconds(9.8), seconds(9.9), attenuation_db=float("inf")))
+    if excuse == "stalled":
+        simulation.kernel.now = seconds(9.8)
+        simulation.stall(2, seconds(9.9))
+    one, other = Passage(simulation, 1, way=0, leader=1), Passage(simulation, 2, way=1, leader=2)
+    one.enters(10)
+    other.enters(10.1, cautious=excuse == "cautious")
+    assert [check for check, _, _ in found(simulation)] == ([] if excuse else ["overlap"])
+
+
+def test_robots_that_follow_each_other_too_closely_are_told(tmp_path):
+    simulation = idle(tmp_path, robots=3)
+    passages = [Passage(simulation, robot, way=0) for robot in (1, 2, 3)]
+    passages[1].job.request = replace(passages[1].job.request, headway=milliseconds(300))
+    passages[0].enters(10)
+    passages[1].enters(10.1)  # its headway of 300 ms may lack the window of 250 ms
+    passages[2].enters(10.25)
+    ((check, robots, words),) = found(simulation)
+    assert (check, robots) == ("spacing", (1, 3))
+    assert "entered 250 ms behind robot 1" in words
+
+
+def test_a_leader_that_gives_all_the_same_slot_is_found_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(ledger, "place", lambda order, standing, rules: [rules.floor + milliseconds(500)] * len(order))
+    monkeypatch.setattr("rmr.coord.fence.Fence._conflict", lambda *_: False)
+    simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)")
+    simulation.run()
+    assert "overlap" in {check for check, _, _ in found(simulation)}
+
+
+def test_robots_that_keep_the_rules_are_not_told(tmp_path):
+    simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)", loss=0.2)
+    assert simulation.run()
+    assert found(simulation) == []
+
+
+# -- leaders and schedules -------------------------------------------------------------------------------------------
+
+
+def test_a_term_that_begins_a_second_time_is_told(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.tell(1, 0, LeadershipBegan(EVENT, 3))
+    simulation.tell(2, 0, LeadershipBegan(EVENT, 3))  # another leader: another term
+    assert found(simulation) == []
+    simulation.tell(1, 0, LeadershipBegan(EVENT, 3))
+    assert found(simulation) == [("term", (1,), "robot 1 began term 3 a second time")]
+
+
+@pytest.mark.parametrize("heals_s", [0, 4])
+def test_two_leaders_side_by_side_are_told_some_time_after_healing(tmp_path, heals_s):
+    simulation = idle(tmp_path)
+    if heals_s:
+        simulation.disturb(Disturbance(0, seconds(heals_s), attenuation_db=float("inf")))
+    simulation.tell(1, 0, LeadershipBegan(EVENT, 1))
+    simulation.tell(2, 0, LeadershipBegan(EVENT, 2))
+    told = []
+    for at_s in range(20):
+        for observe in simulation.observers:
+            observe(seconds(at_s))
+        told += [at_s] * (len(simulation.violations) > len(told))
+    assert told == [5 + heals_s]
+    assert found(simulation) == [("leaders", (1, 2), "robots 1 and 2 lead one event though all is well")]
+
+
+def schedule(issued_s, start_s, *, opens=0):
+    entry = Entry(2, 0, seconds(start_s), seconds(3), 1, Phase.WAITING)
+    return Spoken(encode(Sched(EVENT, seconds(issued_s), Term(1, 1), False, NOBODY, opens, 0, 0, 1, (entry,))))
+
+
+def test_a_slot_that_stands_must_not_move(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.tell(1, seconds(5), schedule(5.0, 8.0))
+    simulation.tell(1, seconds(6), schedule(6.0, 7.0))  # it was far enough ahead
+    assert found(simulation) == []
+    simulation.tell(1, seconds(6.2), schedule(6.2, 9.0))
+    assert found(simulation) == [("frozen slot", (1, 2), "leader 1 moved the slot of robot 2, which stood already")]
+
+
+def test_a_slot_that_its_owner_let_pass_may_move(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.tell(1, seconds(6), schedule(6.0, 7.0))
+    simulation.tell(2, seconds(7.2), EntryMissed(EVENT))
+    simulation.tell(1, seconds(7.3), schedule(7.3, 9.0))
+    assert found(simulation) == []
+
+
+def test_whoever_passes_a_schedule_on_must_not_change_it(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.tell(1, seconds(5), schedule(5.0, 8.0))
+    simulation.tell(2, seconds(5.1), schedule(5.0, 8.0))
+    assert found(simulation) == []
+    simulation.tell(2, seconds(5.1), schedule(5.0, 8.0, opens=milliseconds(20)))
+    assert [(check, robots) for check, robots, _ in found(simulation)] == [("schedule", (2, 1))]
+
+
+def test_a_frame_that_does_not_fit_the_radio_is_told(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.tell(1, 0, Spoken(bytes(117)))
+    assert found(simulation) == [("frame", (1,), "robot 1 sent 117 octets where 116 fit")]
+
+
+# -- deadlines -------------------------------------------------------------------------------------------------------
+
+
+def test_a_deadline_missed_as_it_should_be_is_no_violation(tmp_path):
+    simulation = small_lab(tmp_path, OVERDUE, duration="1s")
+    simulation.run()
+    assert simulation.robots[0].node.machine.jobs[0].missed
+    assert found(simulation) == []
+
+
+def late_by_s(monkeypatch, late_s):
+    """Let machines take deadlines for later than they are."""
+    push = assertions.heappush
+
+    def push_late(queue, entry):
+        push(queue, (entry[0] + seconds(late_s), *entry[1:]))
+
+    monkeypatch.setattr(assertions, "heappush", push_late)
+
+
+def test_a_deadline_that_nobody_notices_is_told(tmp_path, monkeypatch):
+    late_by_s(monkeypatch, 10)
+    simulation = small_lab(tmp_path, OVERDUE, duration="1s")
+    simulation.run()
+    assert found(simulation) == [("deadline", (1,), "robot 1 has not noticed that done(@1) is overdue")]
+
+
+def test_a_deadline_noticed_late_is_told(tmp_path, monkeypatch):
+    late_by_s(monkeypatch, 0.1)
+    simulation = small_lab(tmp_path, OVERDUE, duration="1s")
+    simulation.run()
+    assert "noticed 0.1" in found(simulation)[-1][2]
+
+
+def test_a_stalled_robot_may_notice_when_it_goes_on(tmp_path):
+    simulation = small_lab(tmp_path, OVERDUE, duration="2s")
+    simulation.stall(1, seconds(1))
+    simulation.run()
+    assert simulation.robots[0].node.machine.jobs[0].missed
+    assert found(simulation) == []
+
+
+def test_a_deadline_missed_twice_is_told(tmp_path, monkeypatch):
+    once = Assertions.overdue
+    monkeypatch.setattr(Assertions, "overdue", lambda self, until: [j for job in once(self, until) for j in (job, job)])
+    simulation = small_lab(tmp_path, OVERDUE, duration="1s")
+    simulation.run()
+    assert found(simulation)[0] == ("deadline", (1,), "robot 1 missed the deadline of done(@1) a second time")
+
+
+def test_a_violation_action_that_is_not_derived_or_twice_is_told(tmp_path, monkeypatch):
+    act = Machine._act
+    monkeypatch.setattr(Machine, "_act", lambda *_: None)
+    silent = small_lab(tmp_path, OVERDUE.replace("$go(R) -o wait(R, 2).", ""), duration="1s")
+    silent.run()
+    assert found(silent) == [("deadline", (1,), "robot 1 derived no action when done(@1) was overdue")]
+    monkeypatch.setattr(Machine, "_act", lambda *args: (act(*args), act(*args)))
+    twice = small_lab(tmp_path, OVERDUE.replace("$go(R) -o wait(R, 2).", ""), duration="1s")
+    twice.run()
+    assert found(twice) == [("deadline", (1,), "robot 1 derived the action of a missed deadline twice")]
+
+
+# -- deliveries ------------------------------------------------------------------------------------------------------
+
+
+def greeting(folder, duration="1s"):
+    return small_lab(folder, GREETING, robots=2, duration=duration)
+
+
+def test_a_fact_accepted_once_is_no_violation_however_often_it_was_sent(tmp_path, monkeypatch):
+    deaf_until_s(monkeypatch, 0.5)
+    simulation = greeting(tmp_path)
+    simulation.run()
+    assert simulation.robots[0].node.talk.exchange.repeated
+    assert "done(@2)" in simulation.robots[1].node.machine.facts()
+    assert found(simulation) == []
+
+
+def deaf_until_s(monkeypatch, until_s):
+    """Let robots hear no acknowledgement for a while."""
+    hear = Exchange.acknowledged
+    monkeypatch.setattr(
+        Exchange, "acknowledged", lambda self, now, *rest: hear(self, now, *rest) if now > seconds(until_s) else None
+    )
+
+
+def test_a_fact_accepted_twice_is_told(tmp_path, monkeypatch):
+    deaf_until_s(monkeypatch, 0.5)
+    monkeypatch.setattr(Exchange, "_is_repeat", lambda *_: False)
+    simulation = greeting(tmp_path)
+    simulation.run()
+    assert ("delivery", (1, 2), "robot 2 accepted the same message of robot 1 twice") in found(simulation)
+
+
+def test_a_fact_acknowledged_but_not_accepted_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(Exchange, "tell", property(lambda self: self.told, keep_all_but_accepted), raising=False)
+    simulation = greeting(tmp_path)
+    simulation.run()
+    words = "what robot 1 sent robot 2 was acknowledged but never accepted"
+    assert found(simulation) == [("delivery", (1, 2), words)]
+
+
+def keep_all_but_accepted(exchange, tell):
+    exchange.told = lambda progress: None if progress.stage.value == "accepted" else tell(progress)
+
+
+def test_a_fact_that_is_forgotten_on_its_way_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(Exchange, "_transmit", lambda self, now, outgoing: None)
+    simulation = greeting(tmp_path, duration="61s")
+    simulation.run()
+    words = "what robot 1 sent robot 2 is neither delivered nor reported undelivered"
+    assert found(simulation) == [("delivery", (1, 2), words)]
+
+
+# -- getting on ------------------------------------------------------------------------------------------------------
+
+
+def test_robots_that_have_nothing_to_do_and_do_not_finish_stand_still(tmp_path):
+    simulation = small_lab(tmp_path, IDLE, robots=2, finish="done(R)", duration="35s")
+    assert not simulation.run()
+    assert found(simulation) == [("stands still", (1, 2), "no robot has got on for 30 s; not finished: 1, 2")]
+
+
+def test_a_robot_that_drives_but_does_not_move_stands_still(tmp_path):
+    sit = """
+    from rmr import action
+
+    @action("sit", wheels=True)
+    async def sit(robot):
+        await robot.until(lambda: False)
+    """
+    program = "type action sit(R: robot) -o done(R).\ngo(R).\ngo(R) -o sit(R)."
+    simulation = small_lab(tmp_path, program, actions=sit, finish="done(R)", duration="32s")
+    assert not simulation.run()
+    assert found(simulation) == [("stands still", (1,), "robot 1 has stood still for 30 s")]
+
+
+def test_a_robot_that_waits_for_a_time_to_come_does_not_stand_still(tmp_path):
+    program = "type action wait(R: robot, T: float) -o done(R).\ngo(R).\ngo(R) -o wait(R, 40)."
+    simulation = small_lab(tmp_path, program, finish="done(R)", duration="60s")
+    assert simulation.run()
+    assert found(simulation) == []
+
+
+def test_nobody_is_told_to_stand_still_before_all_is_well(tmp_path):
+    simulation = small_lab(tmp_path, IDLE, robots=2, finish="done(R)", duration="35s")
+    simulation.disturb(Disturbance(0, seconds(34), loss=0.9))
+    assert not simulation.run()
+    assert found(simulation) == []
+    assert seconds(35) - seconds(34) < STILL
+
+
+# -- all of them -----------------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_the_same_with_and_without_checkers(tmp_path):
+    reports = []
+    for checked in (True, False):
+        simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)", loss=0.2)
+        if not checked:
+            simulation.observers.clear()
+            simulation.hearers.clear()
+        assert simulation.run()
+        reports.append((simulation.robot_parts(), simulation.trace()))
+    assert reports[0] == reports[1]
