@@ -71,11 +71,12 @@ class Approach:
         """Return the time between two entries into the bottleneck by `way` to `area`.
 
         Hulls keep clear of each other, and where the K-th robot's place is farther than the next one's, the next
-        one waits so much longer that robots finish in the order in which they enter.
+        one waits so much longer that robots finish in the order in which they enter. Not where others come out of
+        the bottleneck: there time is what deadlines are missed for, and the order is not by deadline anyway.
         """
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
-        ways = departures(arena, area.name, way) if area.slotted else ()
+        ways = departures(arena, area.name, way) if area.slotted and len(arena.mouths) < 2 else ()
         spread = max((a - b for a, b in pairwise(ways)), default=0.0) / arena.shape.speed
         return max(seconds(apart), seconds(spread) + ORDER_MARGIN)
 

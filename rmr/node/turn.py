@@ -7,7 +7,7 @@ turn of which the job starts anew, or that an action has used up in vain. `rmr.n
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Pose, distance
@@ -30,6 +30,8 @@ LEAVE_EARLY: Duration = milliseconds(300)
 """An action is released this much before it must be under way to reach the gate on time."""
 UNKNOWN_INSIDE: Duration = seconds(1)
 """How long a turn is expected to last when nothing is known of its action; extended while it lasts longer."""
+EVENTS_KEPT = 32
+"""Events of which turns that are over, schedules and paths are kept; the oldest go first."""
 OFF_ROUTE_M = 0.15
 """A robot farther than this from the way through the bottleneck is not on it."""
 
@@ -60,6 +62,8 @@ class Turn:
     """Direction through the bottleneck; a turn that is no passage of it excludes all others."""
     approach: Duration = 0
     inside: Duration = UNKNOWN_INSIDE
+    after: Duration = 0
+    """From leaving to the goal: the robot must be out of the bottleneck so much before its deadline."""
     headway: Duration = UNKNOWN_INSIDE
     release: Instant = 0
     rank: int = 0
@@ -139,3 +143,15 @@ def known_arguments(serving: Serving, job: Job) -> list[Value]:
             case Anything():
                 pass
     return known
+
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+def keep(table: dict[K, V], key: K, value: V) -> None:
+    """Put the newest value last in `table`, of which the `EVENTS_KEPT` newest stay."""
+    table.pop(key, None)
+    table[key] = value
+    while len(table) > EVENTS_KEPT:
+        del table[next(iter(table))]

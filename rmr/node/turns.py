@@ -8,7 +8,7 @@ robot is clear.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
@@ -32,6 +32,7 @@ from rmr.coord.events import (
 from rmr.coord.values import EXCLUSIVE_WAY, Order
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import (
+    EVENTS_KEPT,
     EXTEND_BEFORE,
     REVISE_EVERY,
     UNKNOWN_INSIDE,
@@ -40,6 +41,7 @@ from rmr.node.turn import (
     area_among,
     clear_of_bottleneck,
     goal_of,
+    keep,
 )
 from rmr.vm.job import Job
 
@@ -52,8 +54,6 @@ REVISE_FROM: Duration = milliseconds(250)
 """A slot is asked for anew when the robot's own estimate has moved by more than this."""
 TRIGGERS_APART: Duration = milliseconds(10)
 """Two triggers of one robot differ by this at least: the grid of instants in frames."""
-EVENTS_KEPT = 32
-"""Events of which turns that are over, schedules and paths are kept; the oldest go first."""
 
 
 class Turns:
@@ -200,7 +200,7 @@ class Turns:
                 trigger=turn.trigger,
                 release=turn.release,
                 duration=turn.inside,
-                deadline=turn.job.deadline,
+                deadline=turn.job.deadline - turn.after,
                 headway=turn.headway,
                 way=turn.way,
             ),
@@ -224,11 +224,11 @@ class Turns:
             return True
         turn.gated = estimate.inside > 0
         if turn.gated:
-            turn.approach, turn.inside, turn.way = estimate
+            turn.approach, turn.inside, turn.way, turn.after = estimate
             turn.headway = driver.approach.headway(turn.goal, turn.way)
         else:
             turn.approach, turn.inside, turn.headway = 0, estimate.approach, estimate.approach
-            turn.way = EXCLUSIVE_WAY
+            turn.way, turn.after = EXCLUSIVE_WAY, 0
         return True
 
     def _revise(self, now: Instant, turn: Turn) -> None:
@@ -390,15 +390,3 @@ class Turns:
         """Return the name of the assertion behind `event`."""
         turn = self._turns.get(event)
         return None if turn is None else Symbol(turn.job.name)
-
-
-K = TypeVar("K")
-V = TypeVar("V")
-
-
-def keep(table: dict[K, V], key: K, value: V) -> None:
-    """Put the newest value last in `table`, of which the `EVENTS_KEPT` newest stay."""
-    table.pop(key, None)
-    table[key] = value
-    while len(table) > EVENTS_KEPT:
-        del table[next(iter(table))]

@@ -48,6 +48,8 @@ class Estimate(NamedTuple):
     """From there until it is clear of the narrow section; 0 without a gate."""
     way: int
     """Direction through the gate."""
+    after: Duration
+    """From clear to the goal."""
 
 
 class Order(NamedTuple):
@@ -201,7 +203,8 @@ class Navigator:
             return True
         if self._follower is None:
             return now >= self._next_try and self._replan(now, pose)
-        if self._replan_due:
+        follower = self._follower
+        if self._replan_due and not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
             self._replan(now, pose, keep=True)
         return True
@@ -380,10 +383,11 @@ class Navigator:
             return None
         turn = abs(Follower(route, self.arena.shape).heading_error(pose))
         if route.gate_m is None:
-            return Estimate(self._drive_time(route.length_m, turn), 0, 0)
+            return Estimate(self._drive_time(route.length_m, turn), 0, 0, 0)
         line = self._gate.line_m(route)
         inside = seconds((route.clear_m - line) / self.arena.shape.speed + START_S)
-        return Estimate(self._drive_time(line, turn), inside, route.way)
+        after = seconds((route.length_m - route.clear_m) / self.arena.shape.speed + START_S)
+        return Estimate(self._drive_time(line, turn), inside, route.way, after)
 
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
