@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test lint bench validate-radio lock clean install
+.PHONY: help demo test lint bench paper validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -37,6 +37,13 @@ bench: $(STAMP) ## the figures of the README as a table, and as JSON in build/
 	$(BIN)/python tests/bench/columns.py
 	$(BIN)/python tests/bench/radio.py
 	$(BIN)/python tests/bench/cells.py
+
+paper: $(VENV)/.paper ## every figure and table of docs/evaluation, from scratch, and which targets are met
+	$(BIN)/python tests/evaluation/evaluate.py
+
+$(VENV)/.paper: $(STAMP) requirements-paper.lock
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-paper.lock
+	@touch $@
 
 validate-radio: $(STAMP) ## the radio against ns-3, row by row: docs/radio-validation.md
 	$(BIN)/python tests/validation/validate.py --seeds 10 --write docs/radio

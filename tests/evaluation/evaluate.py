@@ -6,6 +6,7 @@ README.md in this folder says how an experiment is added. The exit code is 0 onl
 """
 
 import argparse
+import json
 import os
 import platform
 import sys
@@ -14,6 +15,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib import import_module
 from pathlib import Path
+from traceback import print_exc
 
 from experiment import Data, Experiment, as_json, renewed, table, target_lines
 
@@ -21,7 +23,7 @@ import rmr
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "evaluation"
-EXPERIMENTS: tuple[str, ...] = ("figure14", "seeds", "planning", "localisation")
+EXPERIMENTS: tuple[str, ...] = ("figure14", "seeds", "formation", "planning", "localisation", "standoffs")
 """In the order of the page."""
 HEADER = ("target", "taken", "bound", "")
 
@@ -91,20 +93,59 @@ def seeds_of(experiment: Experiment, chosen: argparse.Namespace) -> Sequence[int
     return experiment.QUICK if chosen.quick else experiment.SEEDS
 
 
+def attempted(name: str, chosen: argparse.Namespace, folder: Path) -> bool:
+    """Take one experiment and write what it found; return whether that went well. What goes wrong is told."""
+    print(f"{name} ...", file=sys.stderr, flush=True)
+    try:
+        experiment: Experiment = import_module(name)  # type: ignore[assignment]
+        data = taken(experiment, seeds_of(experiment, chosen), chosen.jobs, quick=chosen.quick)
+        write(folder, experiment, data)
+    except Exception:  # the other experiments take their time, and nobody may be there to start them again
+        print_exc()
+        return False
+    print(f"{name}: {data['wall_s']:.0f} s", file=sys.stderr, flush=True)
+    return True
+
+
+def known(folder: Path) -> list[Data]:
+    """Return the data in `folder`, in the order of the page."""
+    files = [folder / f"{name}.json" for name in EXPERIMENTS]
+    return [json.loads(file.read_text("utf-8")) for file in files if file.is_file()]
+
+
+def overview(found: Sequence[Data]) -> list[str]:
+    """Return what the page says of all experiments: targets, seeds, when and where they were taken."""
+    targets = [each for data in found for each in data.get("targets", [])]
+    missed = sum(not each["met"] for each in targets)
+    lines = [
+        (
+            f"`{data['name']}`",
+            data["seeds"],
+            f"{data['wall_s']:.0f} s",
+            f"{data['taken']}, {data['machine']['cores']} cores, {data['machine']['system']}, "
+            f"CPython {data['machine']['python']}",
+        )
+        for data in found
+    ]
+    told = f"{len(targets) - missed} of {len(targets)} targets are met."
+    return [told, "", *table(HEADER, target_lines(targets)), "", *table(("data", "seeds", "wall time", "taken"), lines)]
+
+
 def main() -> int:
     """Take the experiments; return the exit code."""
     chosen = options()
     folder = chosen.out or (ROOT / "build" / "evaluation" if chosen.quick else FOLDER)
-    targets: list[Data] = []
-    for name in chosen.names or EXPERIMENTS:
-        experiment: Experiment = import_module(name)  # type: ignore[assignment]
-        print(f"{name} ...", file=sys.stderr, flush=True)
-        data = taken(experiment, seeds_of(experiment, chosen), chosen.jobs, quick=chosen.quick)
-        write(folder, experiment, data)
-        print(f"{name}: {data['wall_s']:.0f} s", file=sys.stderr, flush=True)
-        targets += data.get("targets", [])
+    names = chosen.names or EXPERIMENTS
+    failed = [name for name in names if not attempted(name, chosen, folder)]
+    found = known(folder)
+    page = folder / "README.md"
+    if page.is_file():
+        page.write_text(renewed(page.read_text("utf-8"), overview(found), "targets"), "utf-8")
+    targets = [each for data in found if data["name"] in names for each in data.get("targets", [])]
     print("\n".join(table(HEADER, target_lines(targets))))
-    return 0 if all(each["met"] for each in targets) else 1
+    for name in failed:
+        print(f"{name} could not be taken", file=sys.stderr)
+    return 0 if not failed and all(each["met"] for each in targets) else 1
 
 
 if __name__ == "__main__":

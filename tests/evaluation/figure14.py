@@ -24,7 +24,6 @@ from typing import Any
 
 from experiment import Data, figure, panel, series, table, target
 from intervals import mean, quantile, text
-
 from runs import LABS, Row, Run, simulated
 
 NAME = "figure14"

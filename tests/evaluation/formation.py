@@ -14,10 +14,10 @@ from typing import Any
 from assignment import least_longest, least_squares, ways_between
 from experiment import Data, figure, panel, series, table, target
 from intervals import percent, quantile, share, text
+from runs import Row, Run, simulated
 
 from rmr_sim.simulation import Simulation
 from rmr_world.terms import parse_fact
-from runs import Row, Run, simulated
 
 NAME = "formation"
 SEEDS = range(1, 201)

@@ -1,8 +1,8 @@
 """Localisation: how far a driving robot's estimate is from where it is, over many seeds.
 
 A robot drives at its full speed through an empty room of 3 m x 1.5 m, from one random place to the next; its sensors
-are those of the simulator (`rmr_world.sensors`), each seed a robot with scale errors, bias and noise of its own; beacons
-stand in two corners, ranges have a sigma of 5 mm and come at 10 Hz from each. The filter is the robots' (`rmr.node`).
+are those of the simulator (`rmr_world.sensors`), each seed a robot with scale errors, bias and noise of its own;
+beacons stand in two corners, ranges have a sigma of 5 mm and come at 10 Hz from each. The filter is the robots' own.
 
 In the first part nothing is amiss, in the second no range is heard for one second in each five. The error is the
 distance between estimate and truth: its root mean square over a drive from 2 s on, when the filter has settled; in the
@@ -15,6 +15,7 @@ from random import Random
 
 from experiment import Data, figure, panel, series, table, target
 from intervals import quantile, text
+from runs import Row, pooled
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, wrap
@@ -22,7 +23,6 @@ from rmr.base.streams import stream
 from rmr.base.time import Instant, in_seconds, seconds, tick_start
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr_world.sensors import Sensors
-from runs import Row, pooled
 
 NAME = "localisation"
 SEEDS = range(1, 101)

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from experiment import Data, figure, panel, series, table, target
 from intervals import quantile, text
+from runs import LABS, Row, pooled
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance
@@ -35,7 +36,6 @@ from rmr.node.motion import astar
 from rmr.node.motion.astar import plan
 from rmr.node.motion.route import follower_route, leader_route, shared_part
 from rmr_world.lab import load_lab
-from runs import LABS, Row, pooled
 
 NAME = "planning"
 SEEDS = range(1, 101)

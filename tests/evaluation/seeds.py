@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from experiment import Data, figure, panel, series, table, target
 from intervals import percent, quantile, share, text
-
 from runs import Row, Run, simulated
 
 NAME = "seeds"
