@@ -241,6 +241,13 @@ def test_a_slot_that_stands_must_not_move(tmp_path):
     assert found(simulation) == [("frozen slot", (1, 2), "leader 1 moved the slot of robot 2, which stood already")]
 
 
+def test_a_schedule_that_was_overtaken_on_its_way_moves_nothing(tmp_path):
+    simulation = idle(tmp_path)
+    simulation.tell(1, seconds(6), schedule(6.0, 7.0))
+    simulation.tell(1, seconds(6), schedule(5.9, 8.0))
+    assert found(simulation) == []
+
+
 def test_a_slot_that_its_owner_let_pass_may_move(tmp_path):
     simulation = idle(tmp_path)
     simulation.tell(1, seconds(6), schedule(6.0, 7.0))

@@ -30,7 +30,8 @@ class Schedules:
         self._scene = scene
         self._room = scene.simulation.robots[0].payload_max
         self._said: OrderedDict[tuple[bytes, Term, Instant, int], bytes] = OrderedDict()
-        self._promised: OrderedDict[Promise, Instant] = OrderedDict()
+        self._promised: OrderedDict[Promise, tuple[Instant, Instant]] = OrderedDict()
+        """The slot that stands, and when the schedule that said so was issued: frames may overtake each other."""
         self._given_up: dict[tuple[int, bytes], Instant] = {}
         scene.hear(Spoken, self._spoken)
         scene.hear(SlotLost, self._gave_up)
@@ -69,7 +70,9 @@ class Schedules:
     def _judge(self, now: Instant, sched: Sched, entry: Entry) -> None:
         """Complain if a slot that stood has moved; remember those that stand now."""
         key = (sched.event, sched.term, entry.robot, entry.trigger)
-        promised = self._promised.get(key)
+        promised, issued = self._promised.get(key, (None, -1))
+        if sched.issued <= issued:
+            return
         if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
             del self._promised[key]
             over = sched.issued > promised + entry.duration + VALUES.window
@@ -77,7 +80,7 @@ class Schedules:
                 words = f"leader {sched.term.leader} moved the slot of robot {entry.robot}, which stood already"
                 self._scene.violate(now, "frozen slot", (sched.term.leader, entry.robot), words)
         if entry.start is not None and entry.start <= sched.issued + VALUES.frozen:
-            self._promised[key] = entry.start
+            self._promised[key] = entry.start, sched.issued
             if len(self._promised) > KEPT_MAX:
                 self._promised.popitem(last=False)
 
