@@ -1,9 +1,12 @@
 """Nobody stands still for ever: when all faults are over, whoever has something to do gets on with it.
 
-A robot gets on when it moves, when its machine has anything to report, or when others use the event for which it waits.
+A robot gets on when it moves away by its own width (to and fro is no progress), when its machine has anything to
+report, or when others use the event for which it waits.
 A robot that drives, or waits for its turn, and has not got on for `STILL` stands still; so do all robots together when
 none of them has got on for so long, and none waits for a time to come. A lab without a finish fact has nothing to do.
 """
+
+import math
 
 from rmr.base.time import NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
@@ -14,8 +17,6 @@ STILL: Duration = seconds(30)
 """Longer than a drive that finds no way takes to fail (20 s), and than a silent robot is taken for inside (10 s)."""
 EVERY: Duration = NS_PER_S
 """How often robots are looked at."""
-MOVED_M = 0.02
-"""Less is not getting on: a robot may turn to and fro."""
 
 
 class StandsStill:
@@ -68,7 +69,7 @@ class StandsStill:
     def _look(self, robot: int, now: Instant) -> None:
         x, y, _ = self._scene.simulation.world.pose(robot)
         was_x, was_y = self._where[robot]
-        if abs(x - was_x) + abs(y - was_y) > MOVED_M:
+        if math.hypot(x - was_x, y - was_y) > 2.0 * self._scene.simulation.lab.arena.shape.radius:
             self._where[robot] = (x, y)
             self._got_on[robot] = now
 
