@@ -10,8 +10,7 @@ class Interruption:
 
     def __init__(self) -> None:
         self.came = False
-        self.stop: Callable[[], None] = lambda: None
-        """What ends the present run."""
+        self._stop: Callable[[], None] = lambda: None
 
     def __enter__(self) -> "Interruption":
         self._before = signal.signal(signal.SIGINT, self._interrupt)
@@ -20,7 +19,13 @@ class Interruption:
     def __exit__(self, _kind: type | None, _error: BaseException | None, _where: TracebackType | None) -> None:
         signal.signal(signal.SIGINT, self._before)
 
+    def ends(self, stop: Callable[[], None]) -> None:
+        """Let Ctrl-C call `stop`, at once if it has come."""
+        self._stop = stop
+        if self.came:
+            stop()
+
     def _interrupt(self, *_: object) -> None:
         self.came = True
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        self.stop()
+        self._stop()

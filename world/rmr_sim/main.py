@@ -56,7 +56,7 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
         print("\n".join(["faults drawn from the seed:", *lines(simulation.lab)]), file=sys.stderr)
     began = time.perf_counter()
     with Interruption() as interruption:
-        interruption.stop = simulation.stop
+        interruption.ends(simulation.stop)
         try:
             finished = simulation.run()
         except EventError as error:
@@ -89,6 +89,7 @@ def _broke_down(error: Exception, folder: Path) -> int:
 
 def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
     """Many runs."""
+    loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
     sweep = Sweep(loaded, arguments.seeds, folder)
     interrupted = sweep.run(min(arguments.jobs or cores(), len(arguments.seeds)))

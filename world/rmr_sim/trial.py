@@ -9,6 +9,7 @@ import time
 import traceback
 from typing import Any, NamedTuple
 
+from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run import Loaded, report_of
 from rmr_sim.simulation import Simulation
@@ -42,10 +43,12 @@ def run_seed(loaded: Loaded, seed: int, interruption: Interruption | None = None
     try:
         simulation = loaded.simulation(seed)
         if interruption is not None:
-            interruption.stop = simulation.stop
+            interruption.ends(simulation.stop)
         finished = simulation.run()
         took_s = time.process_time() - began
         report = report_of(simulation, finished)
+    except EventError as error:
+        return lost(seed, str(error))
     except Exception as error:
         broken = lost(seed, f"{type(error).__name__}: {error}")
         trace = [] if simulation is None else simulation.trace()
