@@ -20,8 +20,9 @@ areas:
 robots:
 {robots}
 facts: {facts}
-radio: {{loss: {loss}}}
+radio: {{loss: {loss}{radio}}}
 localisation: {{beacons: [[0, 0], [{width}, 0]], rate: 10, sigma: 0.005, dropout: {dropout}}}
+faults: {faults}
 """
 
 
@@ -38,8 +39,14 @@ def small_lab(
     size: tuple[float, float] = (1.5, 1.5),
     seed: int = 1,
     actions: str = "",
+    faults: str = "[]",
+    radio: str = "",
+    **options: Any,
 ) -> Simulation:
-    """Return the simulation of `program` with robots 1.. along the bottom wall, each facing east."""
+    """Return the simulation of `program` with robots 1.. along the bottom wall, each facing east.
+
+    `options` are those of `prepare`.
+    """
     poses = [f"  - {{id: {i + 1}, pose: [{0.2 + 0.3 * i}, 0.2, 0deg]}}" for i in range(robots)]
     text = LAB.format(
         duration=duration,
@@ -50,6 +57,8 @@ def small_lab(
         facts=facts,
         loss=loss,
         dropout=dropout,
+        faults=faults,
+        radio=f", {radio}" if radio else "",
     )
     (folder / "lab.yaml").write_text(text)
     (folder / "small.rmr").write_text(dedent(program))
@@ -57,7 +66,7 @@ def small_lab(
     if actions:
         file = folder / "actions.py"
         file.write_text(dedent(actions))
-    return prepare(folder, seed=seed, actions=file)
+    return prepare(folder, seed=seed, actions=file, **options)
 
 
 def traced(simulation: Simulation, what: str) -> list[dict[str, Any]]:

@@ -53,7 +53,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         robots=arguments.robots,
         loss=arguments.loss,
         actions=arguments.actions,
-        events=arguments.events,
+        event_file=arguments.events,
         chaos=arguments.chaos,
         order=Order(arguments.order),
     )

@@ -35,7 +35,7 @@ class Options:
     """Share of radio frames lost, instead of the lab's."""
     actions: Path | None = None
     """The file of the user's actions."""
-    events: Path | None = None
+    event_file: Path | None = None
     """The file of the user's events."""
     chaos: bool = False
     """Whether faults are drawn from the seed."""
@@ -67,7 +67,7 @@ class Loaded:
         values = Values(order=self.options.order, wait=self.options.wait)
         simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values)
         watch(simulation)
-        for event in load_events(self.options.events, lab, seed):
+        for event in load_events(self.options.event_file, lab, seed):
             simulation.schedule(event)
         return simulation
 

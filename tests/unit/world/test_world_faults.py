@@ -1,0 +1,80 @@
+"""What the lab file says goes wrong with robots, the mistakes one can make in it, and how it is told again."""
+
+import pytest
+from world_labs import ROOM, complaints, lab_of
+
+from rmr.base.time import NS_PER_MS, NS_PER_S
+from rmr_world.faults import lines, told
+from rmr_world.lab import Outage, Slow
+
+S = NS_PER_S
+TWO = ROOM + "  - {id: 2, pose: [1.0, 0.2, 0]}\n"
+
+
+def test_a_slow_robot_and_an_outage_are_kept_as_values_of_one_robot_each(tmp_path):
+    text = TWO + "faults: [{from: 1s, to: 3s, slow: 2, every: 100ms}, {from: 2s, to: 4s, outage: all}]\n"
+    slow, *outages = lab_of(tmp_path, text).faults
+    assert slow == Slow(S, 3 * S, 2, 100 * NS_PER_MS)
+    assert outages == [Outage(2 * S, 4 * S, 1), Outage(2 * S, 4 * S, 2)]
+
+
+def test_an_outage_may_name_some_robots(tmp_path):
+    lab = lab_of(tmp_path, TWO + "faults: [{from: 2s, to: 4s, outage: [2]}]\n")
+    assert lab.faults == (Outage(2 * S, 4 * S, 2),)
+    assert lab.with_robots(1).faults == ()
+
+
+@pytest.mark.parametrize(
+    ("faults", "complaint"),
+    [
+        ("{from: 1s, to: 2s, slow: 1}", "slow and every belong together"),
+        ("{from: 1s, to: 2s, stall: 1, every: 1s}", "slow and every belong together"),
+        ("{from: 1s, to: 2s, slow: 1, every: 16ms}", "every should be longer than a tick"),
+        ("{from: 1s, to: 2s, outage: every}", "outage: should be ids such as 2-3 or 0-5,9, or all, not 'every'"),
+        ("{from: 1s, to: 2s, outage: [7]}", "outage: robot 7 is not in this lab"),
+        ("{at: 1s, outage: all}", "all others need from and to"),
+        ("{at: 3s, restart: 1}", "robot 1 lives at 3 s: kill it before it is started again"),
+        ("{at: 3s, kill: 1}, {at: 2s, restart: 1}", "robot 1 lives at 2 s"),
+        ("{at: 3s, kill: 1}, {at: 4s, kill: 1}", "robot 1 is dead at 4 s: start it again before it is killed"),
+    ],
+)
+def test_a_mistake_is_told(tmp_path, faults, complaint):
+    found = complaints(tmp_path, TWO + f"faults: [{faults}]\n")
+    assert len(found) == 1
+    assert complaint in found[0]
+
+
+def test_a_kill_that_is_misspelt_brings_no_complaint_about_the_restart(tmp_path):
+    found = complaints(tmp_path, TWO + "faults: [{at: 1s, kil: 1}, {at: 2s, restart: 1}]\n")
+    assert [line for line in found if "lives" in line] == []
+    assert any("unknown key; did you mean 'kill'" in line for line in found)
+
+
+def test_a_robot_may_die_again_after_it_was_started_again(tmp_path):
+    lives = "{at: 1s, kill: 1}, {at: 2s, restart: 1}, {at: 3s, kill: 1}, {at: 4s, restart: 1}"
+    assert len(lab_of(tmp_path, TWO + f"faults: [{lives}]\n").faults) == 4
+
+
+EVERY_KIND = """\
+- {from: 0.5, to: 1.25, stall: 1}
+- {at: 1.0, kill: 2}
+- {from: 1.0, to: 2.0, slow: 1, every: 0.1}
+- {from: 1.5, to: 2.0, outage: 1}
+- {from: 1.5, to: 2.5, loss: 0.25}
+- {from: 1.6, to: 2.5, cut: true}
+- {from: 1.7, to: 2.5, link: [1, 2], loss: 0.5}
+- {from: 1.8, to: 2.5, link: [2, 1], one_way: true, cut: true}
+- {from: 1.9, to: 2.5, link: [1, 2], attenuation_db: 20.0}
+- {at: 2.0, restart: 2}
+- {from: 3.0, to: 4.0, partition: [[1, 3], [2]]}
+"""
+
+
+def test_faults_are_told_as_a_lab_file_has_them_in_order_of_their_beginning(tmp_path):
+    lab = lab_of(tmp_path, TWO + "  - {id: 3, pose: [1.6, 0.2, 0]}\nfaults:\n" + EVERY_KIND)
+    assert "".join(f"{line}\n" for line in lines(lab)) == EVERY_KIND
+    assert told(lab)[1] == {"at": 1.0, "kill": 2}
+
+
+def test_what_is_wrong_with_the_radio_for_the_whole_run_is_not_told_among_the_faults(tmp_path):
+    assert told(lab_of(tmp_path, TWO + "radio: {links: [{link: [1, 2], loss: 0.5}]}\n")) == []
