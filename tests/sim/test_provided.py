@@ -128,3 +128,17 @@ def test_a_drive_of_a_robot_that_never_finds_itself_fails(tmp_path):
     assert simulation.run()
     (ended,) = traced(simulation, "action_ended")
     assert ended["failure"] == "the robot does not know where it is"
+
+
+@pytest.mark.parametrize("goal", ["5, 5", "-1, 0.5", "0.01, 0.5"])
+def test_a_drive_to_where_nobody_can_stand_fails_in_its_time_and_touches_nothing(tmp_path, goal):
+    simulation = small_lab(
+        tmp_path,
+        f"type action goto(R: robot, X: float, Y: float) -o yes(R) else no(R).\ngo(R).\ngo(R) -o goto(R, {goal}).\n",
+        finish="no(R)",
+        duration="25s",
+    )
+    assert simulation.run()
+    (ended,) = traced(simulation, "action_ended")
+    assert ended["failure"] == "no way there"
+    assert simulation.world.collisions == 0
