@@ -62,7 +62,7 @@ EVENTS: dict[str, Event] = {
     "received": Event(("source", "predicate", "fact"), "it has arrived here, the first time"),
     "malformed": Event(("source", "why"), "a frame that no robot of this program sends was dropped"),
     "other_program": Event(("source",), "another robot runs another program"),
-    "asks": Event(("approach_s", "inside_s", "way"), "the robot asks for a turn"),
+    "asks": Event(("approach_s", "inside_s", "after_s", "way"), "the robot asks for a turn"),
     "slotted": Event(("rank", "start_s", "end_s"), "it has a slot"),
     "slot_lost": Event(("event", "missed"), "its slot is gone; whether it let it pass"),
     "entered": Event(("event", "cautious"), "its turn has begun; cautious: it cannot know that nobody else is inside"),

@@ -188,9 +188,8 @@ class Turns:
         if not self._estimate(now, turn):
             return
         turn.requested = True
-        self._node.trace(
-            now, "asks", approach_s=in_seconds(turn.approach), inside_s=in_seconds(turn.inside), way=turn.way
-        )
+        times = {"approach_s": turn.approach, "inside_s": turn.inside, "after_s": turn.after}
+        self._node.trace(now, "asks", **{name: in_seconds(time) for name, time in times.items()}, way=turn.way)
         turn.release = now + turn.approach
         turn.revised_at = now
         self._coordination.trigger(
