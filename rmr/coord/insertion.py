@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from rmr.base.time import NEVER, Instant
 from rmr.coord.search import Found, Problem
 
+KEYS_MAX = 50
+"""Of more jobs only the order by deadline is tried: a leader must not stand still for longer than a tenth of a second.
+"""
+
 
 class _Profile:
     """An order with all on time: its starts, and what a later start of its k-th job would do to the end."""
@@ -84,7 +88,7 @@ def insertion(problem: Problem) -> tuple[int, ...]:
         sorted(everyone, key=first.__getitem__),
         sorted(everyone, key=duration.__getitem__),
     )
-    return min(_insert_all(problem, key) for key in keys)[2]
+    return min(_insert_all(problem, key) for key in keys[: 1 if len(first) > KEYS_MAX else None])[2]
 
 
 def _insert_all(problem: Problem, jobs: Sequence[int]) -> Found:

@@ -249,9 +249,9 @@ class Ledger:
         )
         order = [line.robot for line in old]
         if reorder or len(old) < len(movable):
-            tasks = [_task(line) for line in movable]
+            tasks = [_task(line, values.grace) for line in movable]
             order = [task.robot for task in order_jobs(tasks, fixed, rules, order)]
-        ordered = [_task(self.lines[robot]) for robot in order]
+        ordered = [_task(self.lines[robot], values.grace) for robot in order]
         for robot, start in zip(order, place(ordered, fixed, rules), strict=True):
             line = self.lines[robot]
             line.start, line.until = start, start + line.duration
@@ -325,8 +325,12 @@ class Ledger:
         return int(max(0.0, min(max(best, self.answered - now), slack / 4, values.wait_max)))
 
 
-def _task(line: Line) -> Task:
-    return Task(line.robot, line.release, line.duration, line.deadline, line.headway, line.way, line.joined)
+def _task(line: Line, grace: Duration) -> Task:
+    """Return a job as the order sees it: one that has a slot in time is given a little grace."""
+    deadline = line.deadline + grace
+    if line.start is None or line.start + line.duration > deadline:
+        deadline = line.deadline
+    return Task(line.robot, line.release, line.duration, deadline, line.headway, line.way, line.joined)
 
 
 def _entry(line: Line) -> Entry:

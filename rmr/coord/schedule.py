@@ -18,10 +18,13 @@ from rmr.coord.insertion import insertion
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
 from rmr.coord.values import GRID, Order, same_way
 
-EXACT_MAX = 12
-"""Jobs ordered exactly; of tight instances of twelve one in a hundred takes longer than 60 ms."""
-BEAM_WORK = 125_000
-"""Steps that the beam may take; its width is this over the cube of the number of jobs, so none beyond 50."""
+EXACT_MAX = 11
+"""Jobs ordered exactly: 60 ms at worst, and each further one doubles that."""
+BEAM_WORK = 64_000
+"""Steps that the beam may take; its width is this over the cube of the number of jobs, so none beyond 40."""
+
+NEW_MAX = 5
+"""New jobs that are put into the order so far; with more there is little to be kept."""
 
 
 class Task(NamedTuple):
@@ -131,22 +134,22 @@ def _search(problem: Problem) -> Found:
     found = punctual(problem, insertion(problem))
     if count <= EXACT_MAX:
         exact = layers if triangular(problem) else branch
-        return exact(problem, -found[0])
+        return exact(problem, found)
     width = BEAM_WORK // count**3
     if width == 0 or -found[0] == count:
         return found
-    return min(found, punctual(problem, layers(problem, -found[0], width)[2]))
+    return min(found, punctual(problem, layers(problem, found, width)[2]))
 
 
 def _with_new(problem: Problem, old: list[int], best: Sequence[int]) -> list[int]:
     """Return the `old` order with the rest of `best` put in, each where most are on time and the end is earliest."""
-    if not old:
-        return list(best)
     known = set(old)
-    for job in best:
-        if job not in known:
-            trials = [[*old[:at], job, *old[at:]] for at in range(len(old), -1, -1)]
-            old = min(trials, key=lambda order: _cost(problem, order))
+    new = [job for job in best if job not in known]
+    if not old or len(new) > NEW_MAX:
+        return list(best)
+    for job in new:
+        trials = [[*old[:at], job, *old[at:]] for at in range(len(old), -1, -1)]
+        old = min(trials, key=lambda order: _cost(problem, order))
     return old
 
 

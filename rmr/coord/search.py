@@ -9,7 +9,7 @@ the earliest end, then the smallest sequence of indices.
   A pass back gives for each state the latest start from which that can still be reached, a walk forward then takes
   the smallest index at each step: O(2^n n^2). States from which fewer can follow than the insertion has found are
   left out: no more follow than fit by their latest starts, one least gap apart (equal work in order of deadline,
-  Moore 1968).
+  Moore 1968). So are those from which as many can follow, but not as early.
 - That an earlier start is never worse needs gap(a, c) <= gap(a, b) + gap(b, c). Where headways are longer than
   whole passages it fails, and `branch` searches all orders with the earliest starts of all remaining jobs as state.
 - **Beam** (`layers` with a width): each layer is cut to the states from which most can follow, earliest first.
@@ -123,27 +123,28 @@ _Layer = dict[int, Instant]
 """Earliest start of the last job by state: the set in the low bits, the last one above them."""
 
 
-def layers(problem: Problem, least: int = 0, width: int = 0) -> Found:
-    """Return the best order that keeps `least` jobs or more on time; `width` bounds the states of a layer (0: none).
+def layers(problem: Problem, known: Found = NOTHING, width: int = 0) -> Found:
+    """Return the best order, if it is as good as the `known` one; `width` bounds the states of a layer (0: none).
 
     The gaps must be triangular.
     """
-    count = len(problem.first)
+    count, least = len(problem.first), -known[0]
     layer = {i << count | 1 << i: at for i, at in enumerate(problem.first) if at <= problem.latest[i]}
     kept: list[_Layer] = []
     while layer:
         kept.append(layer)
-        layer = _extend(problem, layer, max(least - len(kept), 0), width)
+        layer = _extend(problem, layer, least - len(kept), known[1], width)
     if len(kept) < max(least, 1):
         return NOTHING
     end = min(start + problem.duration[state >> count] for state, start in kept[-1].items())
     return -len(kept), end, _smallest(problem, kept, end)
 
 
-def _extend(problem: Problem, layer: _Layer, least: int, width: int) -> _Layer:
-    """Return the next layer; left out are the states that fewer than `least` jobs can follow."""
-    first, latest, _, gaps = problem
+def _extend(problem: Problem, layer: _Layer, least: int, end: Instant, width: int) -> _Layer:
+    """Return the next layer without states that fewer than `least` jobs can follow, or as many but not by `end`."""
+    first, latest, duration, gaps = problem
     count, pace = len(first), _pace(problem)
+    last_start = end - min(duration)
     by_latest = sorted(range(count), key=latest.__getitem__)
     ranked: list[tuple[int, Instant, int, list[tuple[int, Instant]]]] = []
     for state, start in layer.items():
@@ -159,7 +160,7 @@ def _extend(problem: Problem, layer: _Layer, least: int, width: int) -> _Layer:
                 if latest_end + pace <= latest[i]:
                     latest_end += pace
                     reach += 1
-        if reach >= least:
+        if reach > least or (reach == least and start + reach * pace <= last_start):
             ranked.append((-reach, start, state, options))
     if width and len(ranked) > width:
         ranked = sorted(ranked)[:width]
@@ -222,8 +223,8 @@ def _limits(problem: Problem, layer: _Layer, following: _Layer) -> _Layer:
 # -- all orders ----------------------------------------------------------------------------------------------
 
 
-def branch(problem: Problem, least: int = 0) -> Found:
-    """Return the best order that keeps `least` jobs or more on time, whatever the gaps.
+def branch(problem: Problem, known: Found = NOTHING) -> Found:
+    """Return the best order, if it is as good as the `known` one, whatever the gaps.
 
     Depth first in order of the indices, so that of equals the smallest order is found first. An order is given up
     when a smaller one of the same jobs leaves every remaining job as early.
@@ -231,7 +232,7 @@ def branch(problem: Problem, least: int = 0) -> Found:
     first, latest, duration, gaps = problem
     everyone, pace = range(len(first)), _pace(problem)
     by_latest = sorted(everyone, key=latest.__getitem__)
-    best: Found = (-least, NEVER, ())
+    best: Found = (known[0], NEVER, ())
     seen: dict[int, list[tuple[Instant, ...]]] = {}
     stack: list[tuple[tuple[int, ...], int, Instant, tuple[Instant, ...]]] = [((), 0, -NEVER, tuple(first))]
     while stack:
@@ -242,10 +243,10 @@ def branch(problem: Problem, least: int = 0) -> Found:
         for i in by_latest:
             if not chosen >> i & 1 and max(ready[i], at + pace) <= latest[i]:
                 at, reach = at + pace, reach + 1
-        known = seen.setdefault(chosen, [])
-        if len(order) + reach < -best[0] or any(all(map(int.__le__, other, ready)) for other in known):
+        before = seen.setdefault(chosen, [])
+        if len(order) + reach < -best[0] or any(all(map(int.__le__, other, ready)) for other in before):
             continue
-        known.append(ready)
+        before.append(ready)
         for i in reversed(everyone):
             if not chosen >> i & 1 and ready[i] <= latest[i]:
                 wider, at = chosen | 1 << i, ready[i]

@@ -125,6 +125,9 @@ class Values:
     """The same after taking over, while members join again."""
     wait_max: Duration = 1000 * MS
     """The paper's waiting time n is at most this."""
+    grace: Duration = 400 * MS
+    """A slot in time stays so for the order while its owner's news make it late by no more than this: estimates are
+    upper bounds, and one that fell behind all others for tenths of a second would certainly be late."""
     spread: Duration = 250 * MS
     """How far apart the triggers of one occasion usually are (tau of the waiting time)."""
 

@@ -7,7 +7,7 @@ import pytest
 from doc_pages import codes, page, section, table
 
 from rmr.base.time import NS_PER_MS, in_seconds
-from rmr.coord import messages, schedule, states, values
+from rmr.coord import insertion, messages, schedule, states, values
 from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched
 from rmr.coord.values import Values
 from rmr.node import approach, turn, turns
@@ -41,7 +41,9 @@ def sizes(layout: struct.Struct) -> list[int]:
     return [struct.calcsize(f">{unit}") for unit in (["B", "6s", *form[3:]] if "6s" in form else form)]
 
 
-def text_of(value: int) -> str:
+def text_of(value: int | values.Order | None) -> str:
+    if not isinstance(value, int):
+        return "none" if value is None else value.value
     return f"{value // NS_PER_MS} ms" if value >= NS_PER_MS else str(value)
 
 
@@ -106,9 +108,12 @@ def test_the_transitions_are_those_of_the_code(title, steps):
 
 
 def test_the_methods_of_ordering_bear_the_limits_of_the_code():
-    rows = table(PAGE, "jobs", "method", "result")
-    assert [row[0] for row in rows] == [f"up to {schedule.EXACT_MAX}", f"up to {schedule.BEAM_MAX}", "more"]
-    assert f"cut to {schedule.BEAM_WIDTH} states" in rows[1][1]
+    beam = next(count for count in range(values.JOBS_MAX, 0, -1) if schedule.BEAM_WORK // count**3)
+    assert f"the optimum for up to {schedule.EXACT_MAX} jobs" in PAGE.replace("\n", " ")
+    rows = table(page("scheduling"), "jobs on time at best", "method", "result")
+    assert [row[0] for row in rows] == [f"up to {schedule.EXACT_MAX}", f"up to {beam}", "more"]
+    assert f"{schedule.BEAM_WORK:,} / n^3" in rows[1][1]
+    assert f"beyond {insertion.KEYS_MAX} by deadline alone" in rows[2][1]
 
 
 def test_a_turn_goes_through_the_phases_named():
