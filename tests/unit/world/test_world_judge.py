@@ -1,0 +1,176 @@
+"""A lab and its program before they run: ways that are not there, deadlines that nothing can meet."""
+
+from pathlib import Path
+
+import pytest
+from world_labs import LABS, ROOM, lab_of
+
+from rmr_deploy.plan import RefusedError, read_program
+from rmr_sim.main import main
+from rmr_world.document import LabError
+from rmr_world.judge import judged
+from rmr_world.lab import load_lab
+from rmr_world.program import load_lab_program
+
+WALL = "{box: [1.45, 0.0, 1.55, 1.5]}"
+LAB = """\
+lab: room
+program: room.rmr
+duration: 20s
+finish: at(R, yard)
+arena: {{size: [3.0, 1.5], cell: 0.05}}
+obstacles: [{obstacles}]
+areas: {{yard: {yard}, entry: {{at: [0.5, 1.2], queue: {{path: [[0.5, 1.2], [{queue}, 1.2]], spacing: 0.2}}}}}}
+robots:
+  - {{id: 1, pose: [0.5, 0.3, 0deg]}}
+  - {{id: 2, pose: [0.8, 0.3, 0deg]}}
+facts: ["due(@1, {due})", "due(@2, 60)"]
+"""
+PROGRAM = """\
+type action moveto(R: robot, A: area) -o at(R, A).
+type action lineup(robot, area, int).
+type action say(robot, string).
+type sensor at(robot, area).
+type !due(robot, float).
+type queue(robot).
+type started(robot).
+start(R).
+start(R), due(R, D) -o crossing(R, D).
+crossing: assert(crossing(R, D), at(R, yard), D, say(R, "too late")).
+crossing(R, _) -o moveto(R, yard).
+queue(R) -o lineup(R, entry, 1).
+"""
+
+
+def room(
+    folder: Path,
+    *,
+    obstacles: str = "",
+    yard: str = "{slots: [[2.5, 0.3], [2.5, 0.8]]}",
+    queue: float = 0.9,
+    due: str = "60",
+    program: str = PROGRAM,
+) -> Path:
+    (folder / "room.rmr").write_text(program)
+    (folder / "lab.yaml").write_text(LAB.format(obstacles=obstacles, yard=yard, queue=queue, due=due))
+    return folder
+
+
+def told(folder: Path) -> tuple[list[str], list[str]]:
+    """Return the problems and the warnings of the lab in `folder`, without the folder."""
+    lab = load_lab(folder)
+    try:
+        warnings = judged(lab, load_lab_program(lab)).warnings.splitlines()
+    except LabError as error:
+        return [str(problem).replace(f"{folder}/", "") for problem in error.problems], []
+    return [], [warning.replace(f"{folder}/", "") for warning in warnings if "lab.yaml" in warning]
+
+
+@pytest.mark.parametrize("name", ["corridor", "testbed", "hall", "twoway", "formation"])
+def test_the_labs_of_this_repository_are_fine(name):
+    lab = load_lab(LABS / name)
+    assert judged(lab, load_lab_program(lab)).warnings == ""
+
+
+def test_a_room_without_walls_is_fine(tmp_path):
+    assert told(room(tmp_path)) == ([], [])
+
+
+def test_robots_that_a_wall_parts_from_their_destination_are_named_with_the_place(tmp_path):
+    words = "robots 1, 2 find no way to area 'yard'; a robot of radius 0.07 m must fit through"
+    assert told(room(tmp_path, obstacles=WALL)) == ([f"lab.yaml:7:15: areas.yard: {words}"], [])
+
+
+@pytest.mark.parametrize(("gap_m", "fits"), [(0.13, False), (0.16, False), (0.25, True)])
+def test_a_door_must_be_wider_than_a_robot_by_what_its_planner_keeps(tmp_path, gap_m, fits):
+    door = f"{{box: [1.45, 0.0, 1.55, 0.7]}}, {{box: [1.45, {0.7 + gap_m}, 1.55, 1.5]}}"
+    problems, _ = told(room(tmp_path, obstacles=door))
+    assert (problems == []) is fits
+
+
+def test_a_robot_that_alone_is_shut_in_is_named_alone(tmp_path):
+    cage = "{box: [0.64, 0.0, 0.68, 0.6]}, {box: [0.64, 0.56, 1.0, 0.6]}, {box: [0.96, 0.0, 1.0, 0.6]}"
+    problems, _ = told(room(tmp_path, obstacles=cage))
+    assert len(problems) == 1
+    assert "robot 2 finds no way to area 'yard'" in problems[0]
+
+
+def test_a_slot_that_nobody_can_reach_is_named_by_itself(tmp_path):
+    closet = "{box: [2.3, 0.6, 2.34, 1.5]}, {box: [2.3, 0.6, 3.0, 0.64]}"
+    problems, _ = told(room(tmp_path, obstacles=closet, yard="{slots: [[2.5, 0.3], [2.6, 1.0]]}"))
+    assert problems == ["lab.yaml:7:36: areas.yard.slots.1: no robot finds a way to place 1 of area 'yard'"]
+
+
+def test_an_area_and_a_queue_that_the_program_uses_must_have_a_way_from_some_robot(tmp_path):
+    program = PROGRAM.replace("at(R, yard), D", "done(R), D").replace("moveto(R, yard)", "moveto(R, entry)")
+    folder = room(tmp_path, obstacles=WALL, queue=2.9, program=program)
+    lab = (folder / "lab.yaml").read_text().replace("finish: at(R, yard)\n", "")
+    (folder / "lab.yaml").write_text(lab.replace("spacing: 0.2", "spacing: 2.0"))
+    problems, _ = told(folder)
+    assert problems == [
+        "lab.yaml:6:81: areas.entry.queue: no robot finds a way to place 1 of the queue of area 'entry'"
+    ]
+    away = lab.replace("at: [0.5, 1.2]", "at: [2.5, 1.2]")
+    (folder / "lab.yaml").write_text(away.replace("[[0.5, 1.2], [2.9, 1.2]]", "[[0.5, 1.2], [0.9, 1.2]]"))
+    problems, _ = told(folder)
+    assert problems == ["lab.yaml:6:57: areas.entry: no robot finds a way to area 'entry', which the program uses"]
+
+
+def test_a_deadline_shorter_than_the_way_is_a_warning_where_the_lab_states_it(tmp_path):
+    words = "robot 1 cannot be at yard within 9 s (crossing): the way alone takes 10.00 s"
+    assert told(room(tmp_path, due="9")) == ([], [f"lab.yaml:11:9: facts.0: {words}"])
+
+
+def test_a_deadline_that_the_program_states_is_told_with_the_program(tmp_path):
+    program = PROGRAM.replace("at(R, yard), D", "at(R, yard), 3s").replace("crossing: assert", "crossing: watch")
+    problems, warnings = told(room(tmp_path, program=program))
+    assert problems == []
+    assert len(warnings) == 2
+    assert warnings[0].startswith("lab.yaml:2:10: program: robot 1 cannot be at yard within 3 s")
+
+
+def test_what_begins_later_or_ends_elsewhere_is_left_to_the_report(tmp_path):
+    later = PROGRAM.replace("start(R), due(R, D) -o", "started(R), due(R, D) -o")
+    assert told(room(tmp_path, due="1", program=later)) == ([], [])
+    elsewhere = PROGRAM.replace("at(R, yard), D", "done(R), D")
+    assert told(room(tmp_path, due="1", program=elsewhere)) == ([], [])
+
+
+def test_rmr_sim_runs_on_with_an_impossible_deadline_and_its_exit_code_tells(tmp_path, capsys):
+    folder = room(tmp_path, due="9")
+    assert main([str(folder), "--robots", "1", "--run", str(tmp_path / "a"), "--trace", str(tmp_path / "trace")]) == 0
+    assert "the way alone takes 10.00 s" in capsys.readouterr().err
+    assert '"text": "too late"' in (tmp_path / "trace").read_text()
+    assert main([str(folder), "--robots", "1", "--run", str(tmp_path / "b"), "--strict"]) == 4
+
+
+def test_rmr_sim_and_rmr_up_refuse_what_no_robot_can_reach(tmp_path, capsys):
+    folder = room(tmp_path, obstacles=WALL)
+    assert main([str(folder), "--run", str(tmp_path / "run")]) == 3
+    assert "lab.yaml:7:15: areas.yard: robots 1, 2 find no way" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+    with pytest.raises(RefusedError, match="find no way to area 'yard'") as refusal:
+        read_program(load_lab(folder), color=False)
+    assert refusal.value.exit_code == 3
+
+
+@pytest.mark.parametrize(
+    ("area", "said"),
+    [
+        ("{slots: [[0.5, 0.5], [0.64, 0.5]]}", "places 0 and 1 are closer than two robots of radius 0.07 m and 10 mm"),
+        ("{line: {from: [0.5, 0.5], to: [0.8, 0.5], count: 3}}", None),
+        (
+            "{slots: [[0.07, 0.5], [0.5, 0.5]]}",
+            "a robot of radius 0.07 m does not fit at (0.07, 0.5) with 5 mm to spare",
+        ),
+        ("{at: [0.5, 0.5], queue: {path: [[0.5, 0.5], [0.9, 0.5]], spacing: 0.145}}", "places 0 and 1 are closer"),
+    ],
+)
+def test_places_need_room_for_robots_that_know_their_place_to_a_centimetre(tmp_path, area, said):
+    try:
+        lab_of(tmp_path, f"{ROOM}areas: {{yard: {area}}}\n")
+        found = None
+    except LabError as error:
+        found = str(error)
+    assert (found is None) is (said is None)
+    assert said is None or said in (found or "")
