@@ -45,6 +45,19 @@ def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int:
     return max(met, len(jobs) - len(trips) + possible + strangers)
 
 
+def least_s(lab: Lab, robot: int, job: Mapping[str, Any]) -> float | None:
+    """Return when `robot` could finish `job` at the earliest: after its free trip; None where that is not known.
+
+    A deadline before it was impossible from the beginning.
+    """
+    if not _is_trip(lab, job):
+        return None
+    for stream in free_times(lab).streams:
+        if robot in stream.robots and stream.trips:
+            return min(stream.trips[stream.robots.index(robot)], default=None)
+    return None
+
+
 def _in_time(stream: Stream, trips: Sequence[tuple[int, Mapping[str, Any]]]) -> list[float]:
     """Return the deadlines of the stream's robots that a free trip can meet, in order."""
     least = dict(zip(stream.robots, (min(row, default=0.0) for row in stream.trips), strict=False))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rmr_world.bound import bound_s
-from rmr_world.deadlines import best_possible
+from rmr_world.deadlines import best_possible, least_s
 from rmr_world.lab import Lab
 
 REPORT_FILE = "report.json"
@@ -63,6 +63,8 @@ def assemble(
     the world's: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id.
     """
     parts = {robot: _robot_part(robot, robots.get(robot, {}), truth) for robot in sorted({*lab.roster, *robots})}
+    for robot, part in parts.items():
+        part["assertions"] = [{**job, "least_s": least_s(lab, robot, job)} for job in part["assertions"]]
     jobs = [job for part in parts.values() for job in part["assertions"]]
     report = {
         "lab": lab.name,
