@@ -20,6 +20,8 @@ EARLY_S = 0.25
 EARLY_SHARE = 0.1
 """Likewise, as a share of the time that is left."""
 SLOWEST_MPS = 0.02
+AHEAD_S = 3.0
+"""A robot that still holds for longer than this need not know its way: others will move before it leaves."""
 
 
 class Gate:
@@ -77,6 +79,12 @@ class Gate:
         if route.gate_m is None or self.opened or self.passed:
             return False
         return self.opens_at is None or now < self.opens_at
+
+    def holds_for_long(self, now: Instant, route: Route, s: float) -> bool:
+        """Return whether the robot would not yet leave were its way longer by what it drives in `AHEAD_S`."""
+        if not self.holding or self.opens_at is None:
+            return False
+        return self._too_early(self.line_m(route) - s + AHEAD_S * self.shape.speed, in_seconds(self.opens_at - now))
 
     def _too_early(self, to_line: float, left: float) -> bool:
         """Return whether leaving now would mean creeping."""
