@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
-from rmr_world.schema import LAB_NAME, NAME, LabFile, json_schema, near_miss, schema_items, schema_keys
+from rmr_world.jsonschema import schema_items, schema_keys
+from rmr_world.schema import LAB_NAME, NAME, LabFile, json_schema, near_miss
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
 """Sections of which a bad item is cut out alone."""

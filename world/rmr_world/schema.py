@@ -8,7 +8,6 @@ silently misread costs an afternoon.
 
 import difflib
 import math
-from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
@@ -376,41 +375,3 @@ def near_miss(word: str, known: list[str]) -> str:
     """Return ``; did you mean 'x'?`` for the known word nearest to `word`, or nothing."""
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean '{matches[0]}'?" if matches else ""
-
-
-def schema_items(schema: dict[str, Any], path: tuple[str | int, ...]) -> str:
-    """Return how many items the list at `path` of a JSON Schema has, for example `` of 2``, or nothing."""
-    node = schema
-    for part in path:
-        node = _inner(schema, node, part)
-    counts = [len(option["prefixItems"]) for option in _options(schema, node) if "prefixItems" in option]
-    return f" of {counts[0]}" if counts else ""
-
-
-def schema_keys(schema: dict[str, Any], path: tuple[str | int, ...]) -> list[str]:
-    """Return the keys that a JSON Schema knows at `path`, in its own order."""
-    node = schema
-    for part in path:
-        node = _inner(schema, node, part)
-    return [key for option in _options(schema, node) for key in option.get("properties", {})]
-
-
-def _options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield `node` and its alternatives with references resolved."""
-    if "$ref" in node:
-        node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
-    yield node
-    for option in (*node.get("anyOf", ()), *node.get("allOf", ())):
-        yield from _options(schema, option)
-
-
-def _inner(schema: dict[str, Any], node: dict[str, Any], part: str | int) -> dict[str, Any]:
-    """Return the schema of `part` of `node`, or an empty one."""
-    for option in _options(schema, node):
-        if isinstance(part, int) and isinstance(option.get("items"), dict):
-            return dict(option["items"])
-        if part in option.get("properties", {}):
-            return dict(option["properties"][part])
-        if isinstance(part, str) and option.get("patternProperties"):
-            return dict(next(iter(option["patternProperties"].values())))
-    return {}
