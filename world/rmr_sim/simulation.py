@@ -72,27 +72,13 @@ class Simulation:
         """Whether all robots have held the finish fact at a tick."""
         self._stopping = False
         self._trace: list[dict[str, Any]] = []
-        facts = tuple((fact.name, fact.owner, fact.args) for fact in replace(lab, seed=seed).initial_facts)
-        pattern = lab.finish_pattern
-        finish = None if pattern is None else (pattern.name, pattern.patterns)
-        roster = lab.roster
+        config = self._config(trace, values or Values())
 
         def maker(robot: int) -> MakeNode:
-            config = NodeConfig(
-                robot,
-                roster,
-                lab.arena,
-                seed,
-                self.radio,
-                facts,
-                finish,
-                trace=trace,
-                values=values or Values(),
-                witness=self.tell,
-            )
-            return lambda ports, epoch: Node(replace(config, epoch=epoch), program, ports, handlers or {}, digest)
+            own = replace(config, robot=robot)
+            return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers or {}, digest)
 
-        self.robots = [SimulatedRobot(self, robot, maker(robot)) for robot in roster]
+        self.robots = [SimulatedRobot(self, robot, maker(robot)) for robot in lab.roster]
         self._served, self._waiting = self.robots, list[SimulatedRobot]()
         self._by_id = {robot.robot: robot for robot in self.robots}
         for fault in lab.faults:
@@ -100,6 +86,24 @@ class Simulation:
         self._disturbances: tuple[Disturbance, ...] = ()
         for disturbance in lab.disturbances:
             self.disturb(disturbance)
+
+    def _config(self, trace: Level, values: Values) -> NodeConfig:
+        """Return what all robots are told, as the first one is."""
+        lab = replace(self.lab, seed=self.seed)
+        facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)
+        pattern = lab.finish_pattern
+        return NodeConfig(
+            lab.roster[0],
+            lab.roster,
+            lab.arena,
+            self.seed,
+            self.radio,
+            facts,
+            None if pattern is None else (pattern.name, pattern.patterns),
+            trace=trace,
+            values=values,
+            witness=self.tell,
+        )
 
     def security(self, robot: int, life: int) -> Security | None:
         """Return what secures the frames of the `life`-th life, from 0, of `robot`; None: nothing does."""
