@@ -139,14 +139,20 @@ class Driver:
         self._chosen = (area, rank, place)
         return point
 
-    def choose_again(self, now: Instant, source: int, hello: Hello, peers: Peers) -> Point | None:
-        """Return another place to go to if robot `source` goes first and has taken this one's; None: keep it."""
+    def choose_again(self, now: Instant, source: int, hello: Hello, peers: Peers, *, outside: bool) -> Point | None:
+        """Return another place to go to if robot `source` goes first and has taken this one's; None: keep it.
+
+        A robot that is still `outside` the bottleneck also goes back to the place that its rank gives it when that has
+        become free, so that places come out in order whatever the order in which the robots have heard of each other.
+        """
         place = self.place
         if place is None or self._chosen is None or hello.goal is None:
             return None
         area, rank, which = self._chosen
-        apart = distance(*place, *hello.goal) > self.arena.shape.radius
-        if apart or not (hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)):
+        first = hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
+        taken = first and distance(*place, *hello.goal) <= self.arena.shape.radius
+        displaced = outside and area.slotted and rank and place != area.places[(which - 1) % len(area.places)]
+        if not (taken or displaced):
             return None
         other = self.place_of(now, area, rank, which, peers)
         if other == place:

@@ -319,9 +319,11 @@ class Node:
         running = self.actions.driving
         if self.driver is None or running is None:
             return
-        place = self.driver.choose_again(self.now, source, hello, self.peers)
+        turn = running.turn if isinstance(running.turn, Turn) else None
+        outside = turn is not None and turn.phase in (Phase.ASKING, Phase.SLOTTED)
+        place = self.driver.choose_again(self.now, source, hello, self.peers, outside=outside)
         if place is not None:
-            self.depart(place, final_heading=None, turn=running.turn if isinstance(running.turn, Turn) else None)
+            self.depart(place, final_heading=None, turn=turn)
 
     def rank_changed(self, now: Instant, turn: Turn) -> None:
         """Handle a new place in the schedule: tell the program, and take another slot while still outside."""

@@ -1,0 +1,80 @@
+"""Opposing traffic through a corridor one robot wide: one event, two mouths, deadlines drawn from the seed."""
+
+from pathlib import Path
+
+import pytest
+
+from rmr_sim.run import prepare, report_of
+from rmr_world.lab import load_lab
+
+LAB = Path(__file__).parents[2] / "deploy" / "labs" / "twoway"
+EASTWARD, WESTWARD = {1, 2, 3, 4}, {5, 6, 7, 8}
+
+
+@pytest.fixture(scope="module")
+def passed():
+    """A run of the lab: the simulation when it is over, and its report."""
+    simulation = prepare(LAB, seed=3)
+    return simulation, report_of(simulation, simulation.run())
+
+
+def instants(simulation, what):
+    return {entry["robot"]: entry["t"] for entry in simulation.trace() if entry["what"] == what}
+
+
+def test_four_and_four_robots_get_across_without_contact(passed):
+    _, report = passed
+    assert report["finished"]
+    assert report["collisions"] == 0
+    assert all("across" in "".join(part["facts"]) for part in report["robots"].values())
+
+
+def test_nobody_enters_while_another_comes_towards_it(passed):
+    simulation, _ = passed
+    entered, left = instants(simulation, "entered"), instants(simulation, "left")
+    assert set(entered) == set(left) == EASTWARD | WESTWARD
+    assert all(left[a] <= entered[b] or left[b] <= entered[a] for a in EASTWARD for b in WESTWARD)
+
+
+def test_robots_that_go_the_same_way_are_in_the_corridor_together(passed):
+    simulation, _ = passed
+    entered, left = instants(simulation, "entered"), instants(simulation, "left")
+    assert any(entered[a] < entered[b] < left[a] for a in EASTWARD for b in EASTWARD - {a})
+
+
+def test_both_ways_are_one_event_with_one_order(passed):
+    _, report = passed
+    assert len({schedule["event"] for schedule in report["schedule"]}) == 1
+    assert sorted(report["schedule"][-1]["order"]) == sorted(EASTWARD | WESTWARD)
+
+
+def test_each_side_fills_its_places_from_the_far_end(passed):
+    simulation, _ = passed
+    entered = instants(simulation, "entered")
+    far_first = {robot: -abs(simulation.world.pose(robot).x - 1.5) for robot in entered}
+    for side in (EASTWARD, WESTWARD):
+        by_entry = sorted(side, key=lambda robot: entered[robot])
+        assert by_entry == sorted(side, key=lambda robot: far_first[robot])
+
+
+def test_the_report_shows_the_deadlines_that_the_seed_has_drawn(passed):
+    _, report = passed
+    drawn = {job["job"]: job for part in report["robots"].values() for job in part["assertions"]}
+    dues = [fact for part in report["robots"].values() for fact in part["facts"] if "due(" in fact]
+    assert len(dues) == 8
+    for fact in dues:
+        robot, due = fact.removeprefix("!due(").removesuffix(")").split(", ")
+        job = drawn[f"across({robot})"]
+        assert job["deadline_s"] - job["start_s"] == pytest.approx(float(due))
+        assert 14.0 <= float(due) <= 36.0
+
+
+def test_deadlines_differ_from_seed_to_seed():
+    lab = load_lab(LAB)
+    assert len({str(prepare(LAB, seed=seed).lab.path) for seed in (1, 2)}) == 1
+    facts = {str(simulated_facts(seed)) for seed in (lab.seed, 1, 2, 3)}
+    assert len(facts) == 4
+
+
+def simulated_facts(seed):
+    return prepare(LAB, seed=seed).robots[0].node.config.facts
