@@ -1,0 +1,56 @@
+"""docs/simulation.md says what the simulator does: its faults, what chaos draws, what events may do."""
+
+import re
+
+import yaml
+from doc_pages import ROOT, blocks, codes, page, section, table
+
+from rmr_sim import chaos
+from rmr_sim.event import Event
+from rmr_sim.robot import FRAMES_MAX, SAMPLES_MAX
+from rmr_sim.run import prepare
+from rmr_world.physics import WATCHDOG
+from rmr_world.schema import FaultSpec
+
+PAGE = page("simulation")
+TEXT = " ".join(PAGE.split())
+
+
+def test_every_fault_of_robots_is_explained_and_the_example_is_a_lab_files():
+    named = [codes(row[0])[0] for row in table(PAGE, "fault", "the mind", "the radio", "the body")]
+    faults = yaml.safe_load(blocks(section(PAGE, "Faults"), "yaml")[0])["faults"]
+    specs = [FaultSpec.model_validate(fault) for fault in faults]
+    assert [name for name in named if all(getattr(spec, name) is None for spec in specs)] == []
+    assert len(named) == 5
+
+
+def test_every_word_of_a_fault_in_the_trace_is_documented():
+    source = (ROOT / "world" / "rmr_sim" / "simulation.py").read_text()
+    used = re.findall(r"self\._note\(robot, \"(\w+)\"", source)
+    assert [codes(row[0])[0] for row in table(PAGE, "`fault`", "is")] == used
+
+
+def test_the_figures_are_those_of_the_code():
+    assert f"up to {SAMPLES_MAX} samples and {FRAMES_MAX} frames" in TEXT
+    assert f"the wheels brake {WATCHDOG / 1e9:g} s later" in TEXT
+    assert "{} to {} s after its beginning".format(*(ms // 1000 for ms in chaos.HEAL_MS)) in TEXT
+    assert f'"The robots" are {chaos.FAULTS_MAX} where there are more' in TEXT
+    assert f"| bursts: all frames are lost | {chaos.BURSTS_MAX} |" in PAGE
+    assert (chaos.USED, chaos.AGAIN) == (1 / 2, 1 / 4)
+    assert "every one with probability 1/2" in TEXT
+    assert "in a quarter of the cases followed by another" in TEXT
+
+
+def test_every_kind_of_fault_at_random_has_a_line():
+    assert len(table(PAGE, "kind", "how often at most", "how long")) == len(chaos.ALONE + chaos.TOGETHER)
+
+
+def test_what_an_event_may_use_is_there():
+    simulation = prepare(ROOT / "deploy" / "labs" / "testbed", robots=1)
+    names = [re.match(r"\w+", code)[0] for row in table(PAGE, "of `simulation`", "") for code in codes(row[0])]
+    assert [name for name in names if not hasattr(simulation, name)] == []
+    (robots,) = [row[1] for row in table(PAGE, "of `simulation`", "") if codes(row[0]) == ["robots"]]
+    offered = [re.match(r"\w+", code)[0] for code in codes(robots)]
+    assert [name for name in offered if not hasattr(simulation.robots[0], name)] == []
+    assert [re.match(r"\w+", codes(row[0])[0])[0] for row in table(PAGE, "of `Event`", "")] == ["Event", "callback"]
+    assert hasattr(Event, "callback")
