@@ -56,7 +56,7 @@ def test_the_phases_of_a_run_add_up_to_its_time():
         {"lab": lab, "mode": mode, "robots": n, **figure14.summary(figure14.chosen(runs, lab, mode, n))}
         for lab, mode, n in points
     ]
-    assert len(drawable({"figure": figure14.drawn(rows, 1, 1, 1)}).panels) == 2
+    assert len(drawable({"figure": figure14.drawn(rows, 1, 1)}).panels) == 2
     assert figure14.growth(runs, "testbed", (1, 2))["value"] == pytest.approx(found[1]["time_s"] - found[0]["time_s"])
 
 
