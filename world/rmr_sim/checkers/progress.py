@@ -1,7 +1,7 @@
 """Nobody stands still for ever: when all faults are over, whoever has something to do gets on with it.
 
 A robot gets on when it moves away by its own width (to and fro is no progress), when its machine has anything to
-report, or when others use the event for which it waits.
+report but a missed deadline, or when others use the event for which it waits.
 A robot that drives, or waits for its turn, and has not got on for `STILL` stands still; so do all robots together when
 none of them has got on for so long, and none waits for a time to come. A lab without a finish fact has nothing to do.
 """
@@ -10,7 +10,7 @@ import math
 
 from rmr.base.time import NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
-from rmr.vm.events import ActionDerived, FactSent, GoalAchieved, JobFinished, RuleFired
+from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.scene import Scene
 
 STILL: Duration = seconds(30)
@@ -30,7 +30,7 @@ class StandsStill:
         self._got_on: dict[int, Instant] = dict.fromkeys(scene.robots, 0)
         self._used: dict[bytes, Instant] = {}
         """When each event was entered last."""
-        for kind in (RuleFired, ActionDerived, FactSent, GoalAchieved, JobFinished):
+        for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
             scene.hear(kind, self._reported)
         scene.hear(Entered, self._entered)
 
