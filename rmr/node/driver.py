@@ -13,8 +13,9 @@ from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.approach import Approach
+from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
-from rmr.node.perception import Localiser, Peers, Percept, standing_at
+from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, standing_at
 from rmr.node.ports import Body, SeenBody
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.wire import Hello
@@ -83,6 +84,7 @@ class Driver:
         if now >= self._heed_at and navigator.status == "moving":
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank, peers.driving(now))
+            navigator.silence.update(peers.known_places(now))
         twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
@@ -117,20 +119,28 @@ class Driver:
     def place_of(self, now: Instant, area: Area, rank: int, place: int, peers: Peers) -> Point:
         """Return the robot's place in `area`.
 
-        Of slots the K-th if it is the K-th, `place`, of those that go its way, by the roster without a rank (0); of
-        a box the spot nearest to its middle that is free. Who has the smaller `rank` goes first.
+        Of slots the K-th if it is the K-th, `place`, of those that go its way; without a rank (0) the one where it
+        stands or by the roster; of a box the spot nearest to its middle that is free. Who has the smaller `rank` goes
+        first.
         """
         places = spots(self.arena, area)
-        index = 0
-        if area.slotted:
-            index = place - 1 if rank else self._roster.index(self._robot)
+        index = (place - 1 if rank else self._unranked(area)) if area.slotted else 0
         taken = [
             Point(*hello.goal)
             for robot, hello in peers.claims(now)
             if hello.goal is not None
             and (hello.parked or (hello.rank or NO_RANK, robot) < (rank or NO_RANK, self._robot))
         ]
-        return nearest_free(places, index, [*taken, *peers.parked(now)], self.arena.shape.radius)
+        radius = self.arena.shape.radius
+        return nearest_free(places, index, taken, radius, peers.parked(now), 2.0 * radius + TIGHT_MARGIN_M)
+
+    def _unranked(self, area: Area) -> int:
+        """Return which slot a robot without a rank tries first: the one where it stands, or by the roster."""
+        pose = self.localiser.pose
+        for i, at in enumerate(area.places):
+            if pose is not None and distance(*at, pose.x, pose.y) < AT_LEAVE_M:
+                return i
+        return self._roster.index(self._robot)
 
     def take_place(self, now: Instant, area: Area, rank: int, place: int, peers: Peers) -> Point:
         """Choose the robot's place in `area` and keep it."""
@@ -140,19 +150,22 @@ class Driver:
         return point
 
     def choose_again(self, now: Instant, source: int, hello: Hello, peers: Peers, *, outside: bool) -> Point | None:
-        """Return another place to go to if robot `source` goes first and has taken this one's; None: keep it.
+        """Return another place to go to if robot `source` goes first and has taken this one's, or stands in its way.
 
-        A robot that is still `outside` the bottleneck also goes back to the place that its rank gives it when that has
-        become free, so that places come out in order whatever the order in which the robots have heard of each other.
+        None: keep it. A robot that is still `outside` the bottleneck also goes back to the place that its rank gives
+        it when that has become free, so that places come out in order whatever the order in which the robots have
+        heard of each other.
         """
         place = self.place
-        if place is None or self._chosen is None or hello.goal is None:
+        if place is None or self._chosen is None:
             return None
         area, rank, which = self._chosen
         first = hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
-        taken = first and distance(*place, *hello.goal) <= self.arena.shape.radius
+        radius = self.arena.shape.radius
+        claimed = first and hello.goal is not None and distance(*place, *hello.goal) <= radius
+        stood = hello.parked and distance(*place, hello.x, hello.y) <= 2.0 * radius + TIGHT_MARGIN_M
         displaced = outside and area.slotted and rank and place != area.places[(which - 1) % len(area.places)]
-        if not (taken or displaced):
+        if not (claimed or stood or displaced):
             return None
         other = self.place_of(now, area, rank, which, peers)
         if other == place:
@@ -182,11 +195,17 @@ class Driver:
         )
 
 
-def nearest_free(places: Sequence[Point], first: int, taken: Sequence[Point], reach_m: float) -> Point:
-    """Return place `first` or the next one (cyclically) that nobody in `taken` occupies; `first` if all are."""
+def nearest_free(
+    places: Sequence[Point], first: int, claimed: Sequence[Point], reach_m: float, stood: Sequence[Point], room_m: float
+) -> Point:
+    """Return place `first` or the next one (cyclically) that is free; `first` if none is.
+
+    It is not, if it is within `reach_m` of one that is `claimed`, or within `room_m` of where a robot has `stood`.
+    """
     for offset in range(len(places)):
         place = places[(first + offset) % len(places)]
-        if all((place.x - other.x) ** 2 + (place.y - other.y) ** 2 > reach_m**2 for other in taken):
+        free = all(distance(*place, *at) > reach_m for at in claimed)
+        if free and all(distance(*place, *at) > room_m for at in stood):
             return place
     return places[first % len(places)]
 

@@ -7,8 +7,8 @@ from random import Random
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 
-PERIOD_MOVING: Duration = milliseconds(400)
-PERIOD_PARKED: Duration = seconds(1)
+PERIOD_MOVING: Duration = milliseconds(200)
+PERIOD_PARKED: Duration = milliseconds(500)
 FIRST_AFTER: Duration = milliseconds(200)
 FIRST_SPREAD: Duration = milliseconds(100)
 """The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""

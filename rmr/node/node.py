@@ -14,7 +14,7 @@ from typing import Any
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.streams import Choices, stream
-from rmr.base.time import NEVER, Instant, in_seconds, next_tick
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, next_tick
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
@@ -41,6 +41,8 @@ from rmr.vm.engines import new_machine
 
 ROUNDS_MAX = 64
 """How often one call runs the machine again because actions have ended at once; the rest waits for the next frame."""
+SLEPT: Duration = milliseconds(150)
+"""A robot that has not been called for so long was stopped: what it hears then may be as old as its last call."""
 ACTIONS_MAX = 10_000
 """Started actions kept for the report; the oldest go first."""
 
@@ -57,6 +59,8 @@ class Node:
         self.program = program
         self.arena = config.arena
         self.now: Instant = 0
+        self.heard_at: Instant = 0
+        """Not before this instant have the frames come in that are handled now."""
         self.notes = Trace(config.robot, config.trace)
         self._ports = ports
         self._handlers = handlers
@@ -132,6 +136,7 @@ class Node:
 
     def tick(self, now: Instant) -> None:
         """Run all that is due at `now`."""
+        self.heard_at = now if now - self.now <= SLEPT else self.now
         self.now = now
         if not self._started:
             return

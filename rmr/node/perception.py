@@ -14,6 +14,7 @@ from rmr.base.geometry import Point, Pose
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.priority import Heard
+from rmr.node.motion.silence import DEAD, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
 
@@ -104,22 +105,32 @@ class Peers:
         else:
             peer.heard, peer.rssi_dbm = now, rssi_dbm
 
-    def hello(self, now: Instant, robot: int, hello: Hello) -> None:
-        """Note what `robot` said about itself; call after `heard`."""
+    def hello(self, at: Instant, robot: int, hello: Hello) -> None:
+        """Note what `robot` said about itself not before `at`; call after `heard`."""
         peer = self.known[robot]
-        peer.hello, peer.hello_at = hello, now
+        peer.hello, peer.hello_at = hello, at
 
     def neighbors(self, now: Instant) -> list[int]:
         """Return the robots heard within HEARD, in order of their ids."""
         return sorted(robot for robot, peer in self.known.items() if now - peer.heard <= HEARD)
 
     def parked(self, now: Instant) -> list[Point]:
-        """Return where the others stand, as they last said."""
+        """Return where the others stand: those parked, as they last said, and those dead."""
         return [
             Point(peer.hello.x, peer.hello.y)
             for _, peer in sorted(self.known.items())
-            if peer.hello is not None and peer.hello.parked and now - peer.hello_at <= PARKED_KNOWN
+            if peer.hello is not None and (peer.hello.parked or now - peer.hello_at > DEAD)
         ]
+
+    def known_places(self, now: Instant) -> list[Known]:
+        """Return where the others that are not dead last said they were, and whether they have been silent since."""
+        places = []
+        for _, peer in sorted(self.known.items()):
+            hello, age = peer.hello, now - peer.hello_at
+            if hello is not None and age <= DEAD:
+                silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
+                places.append(Known(Point(hello.x, hello.y), peer.hello_at, silent))
+        return places
 
     def driving(self, now: Instant) -> list[Heard]:
         """Return what the others that drive said last."""

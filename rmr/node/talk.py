@@ -122,7 +122,7 @@ class Talk:
         known = node.peers.known[source].hello
         if hello.digest != self.digest and (known is None or known.digest != hello.digest):
             node.trace(now, "other_program", source=source)
-        node.peers.hello(now, source, hello)
+        node.peers.hello(node.heard_at, source, hello)
         node.heed_claim(source, hello)
         if node.driver is not None:
             node.driver.navigator.update_parked(node.peers.parked(now))

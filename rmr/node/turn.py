@@ -7,19 +7,21 @@ turn of which the job starts anew, or that an action has used up in vain. `rmr.n
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
 
-from rmr.base.arena import Area
-from rmr.base.geometry import Pose, distance
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.navigator import Navigator
-from rmr.node.motion.route import Route
+from rmr.node.motion.route import Route, leader_route
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:
+    from rmr.node.driver import Driver
     from rmr.node.node import Node
 
 REVISE_EVERY: Duration = milliseconds(500)
@@ -110,6 +112,27 @@ def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> 
     s = route.project(pose.x, pose.y, 0.0, route.length_m)
     away = distance(*route.point(s), pose.x, pose.y)
     return away > OFF_ROUTE_M or not route.gate_m - OFF_ROUTE_M < s < route.clear_m
+
+
+@lru_cache(maxsize=64)
+def passage_to(arena: Arena, goal: Point) -> Route | None:
+    """Return the way to `goal` from the mouth behind which it lies; None where no narrow section is on it."""
+    for mouth in arena.mouths:
+        route = leader_route(arena, mouth, goal, (), through_gate=True)
+        if route is not None and route.gate_m is not None and route.clear_m - route.gate_m > 4.0 * arena.shape.radius:
+            return route
+    return None
+
+
+def is_beyond(turn: Turn, driver: "Driver | None") -> bool:
+    """Return whether the robot has the bottleneck behind it that others pass on their way to its goal.
+
+    Where the goal has room for many it needs no turn then, and must not wait for one where those come out.
+    """
+    goal = turn.goal
+    if driver is None or goal is None or turn.gated or not (goal.slotted or goal.box is not None):
+        return False
+    return passage_to(driver.arena, goal.places[0]) is not None
 
 
 def goal_of(node: "Node", job: Job) -> Area | None:

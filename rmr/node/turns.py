@@ -41,6 +41,7 @@ from rmr.node.turn import (
     area_among,
     clear_of_bottleneck,
     goal_of,
+    is_beyond,
     keep,
 )
 from rmr.vm.job import Job
@@ -188,6 +189,9 @@ class Turns:
         if not self._estimate(now, turn):
             return
         turn.requested = True
+        if is_beyond(turn, self._node.driver):
+            turn.phase = Phase.LEFT
+            return
         times = {"approach_s": turn.approach, "inside_s": turn.inside, "after_s": turn.after}
         self._node.trace(now, "asks", **{name: in_seconds(time) for name, time in times.items()}, way=turn.way)
         turn.release = now + turn.approach
@@ -309,7 +313,7 @@ class Turns:
             case LeadershipBegan():
                 self._led(now, event)
             case LeadershipEnded() | LeaderChanged():
-                self._followed(now, event)
+                self._leads(now, event.event, does=False)
             case ScheduleChanged():
                 keep(self.schedules, event.event, event)
                 self._node.trace(now, "scheduled", leader=event.leader, term=event.term, order=list(event.order))
@@ -347,9 +351,9 @@ class Turns:
 
     def _open(self, turn: Turn, opens_at: Instant | None, *, opened: bool) -> None:
         """Tell the navigator about the gate if it drives for `turn`."""
-        driving = self._node.actions.driving
-        if self._navigator is not None and driving is not None and driving.turn is turn:
-            self._navigator.gate(opens_at, opened)
+        driving, navigator = self._node.actions.driving, self._navigator
+        if navigator is not None and driving is not None and driving.turn is turn:
+            navigator.gate(opens_at, opened)
 
     def apply_gate(self, turn: Turn) -> None:
         """Tell a navigator that has just been given its way what `turn` allows."""
@@ -371,9 +375,6 @@ class Turns:
         for way, path in driver.approach.shared(pose, place, turn.way).items():
             keep(self.shared, (turn.event, way), path)
             self._coordination.offer_path(now, event.event, way, path)
-
-    def _followed(self, now: Instant, event: LeadershipEnded | LeaderChanged) -> None:
-        self._leads(now, event.event, does=False)
 
     def _leads(self, now: Instant, event: bytes, *, does: bool) -> None:
         """State whether the robot leads events of the assertion behind `event`: it may lead one and follow another."""

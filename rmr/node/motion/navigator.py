@@ -23,6 +23,7 @@ from rmr.node.motion.gate import START_S, Gate
 from rmr.node.motion.grid import MARGIN_M, discs_around, off_goal, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, queue_before, shared_part
+from rmr.node.motion.silence import Silence
 from rmr.node.ports import SeenBody
 
 RETRY_S = 0.5
@@ -66,7 +67,7 @@ class Navigator:
     __slots__ = (
         "_back_until", "_driven", "_face", "_follower", "_gate", "_heard", "_late_since", "_next_try", "_order",
         "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch", "arena",
-        "replans", "robot", "status",
+        "replans", "robot", "silence", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int) -> None:
@@ -92,6 +93,8 @@ class Navigator:
         self._stand_off = StandOff(robot)
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
+        self.silence = Silence(arena.shape)
+        """Of those that have not been heard for a while."""
 
     def go(
         self,
@@ -171,8 +174,9 @@ class Navigator:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
         around = self._watch.update(now, pose, bodies)
+        wait = self.silence.forbids(now, pose, bodies)
         if self._driven is not None:
-            return limit_twist(self._driven, around, self.arena.shape.radius)
+            return limit_twist(self._driven._replace(v=0.0) if wait else self._driven, around, self.arena.shape.radius)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower
@@ -182,10 +186,10 @@ class Navigator:
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose)
-        if now < self._back_until:
+        if now < self._back_until and not wait:
             return self._back(pose)
         limit = min(self._gate.limit(now, follower.route, follower.s), self._share * self.arena.shape.speed)
-        if self._parked and self._queued(now):
+        if wait or (self._parked and self._queued(now)):
             limit = 0.0
         if sigma > LOST_SIGMA_M:
             limit = min(limit, 0.5 * self.arena.shape.speed)
