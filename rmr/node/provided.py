@@ -1,13 +1,14 @@
 """The actions that every robot provides, written as a user would write them."""
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
 from rmr.node.actions import ActionFailed, Handler, Pause, RobotHandle, Running
-from rmr.node.motion.grid import segment_clearance
+from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
 from rmr.node.turn import Turn
 
@@ -18,6 +19,8 @@ FAILURE_REPEATS = 3
 """A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
 STUCK_S = 20.0
 """A drive that has had no way, or a robot that has not known its place, for so long fails."""
+NEAR_M = 1.0
+"""A robot this near to its goal no longer hopes that whoever stands there will have left when it comes."""
 OVERDUE_S = 5.0
 """A straight drive that is so late fails: it does not drive around what is in its way."""
 LAST_S = 1e9
@@ -48,15 +51,23 @@ class NodeHandle(RobotHandle):
         return self._running.missed
 
 
-async def _drive(robot: NodeHandle, goal: Point, *, final_heading: float | None = None, gated: bool = False) -> None:
+async def _drive(
+    robot: NodeHandle,
+    goal: Point,
+    *,
+    final_heading: float | None = None,
+    gated: bool = False,
+    taken: Callable[[], bool] = lambda: False,
+) -> None:
+    """Drive to `goal`; raise ActionFailed when there has been no way, or the goal has been `taken`, for too long."""
     node = robot.node
     navigator = node.motion
     await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
-    looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None)
+    looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None or taken())
     while navigator.status != "arrived":
-        if navigator.status == "blocked":
+        if navigator.status == "blocked" or taken():
             blocked_since = blocked_since or node.now
             if node.now - blocked_since > seconds(STUCK_S):
                 raise ActionFailed("no way there")
@@ -110,8 +121,19 @@ def _queue_heading(queue: tuple[Point, ...]) -> float | None:
 
 
 async def goto(robot: NodeHandle, x: float, y: float) -> None:
-    """Drive to a point of the floor, metres."""
-    await _drive(robot, Point(x, y))
+    """Drive to a point of the floor, metres.
+
+    Places of areas are shared out; a point is not, so another robot may stand there for good. Who is near gives up.
+    """
+    node, goal = robot.node, Point(x, y)
+
+    def taken() -> bool:
+        if not 0.0 < node.motion.remaining_m < NEAR_M:
+            return False
+        parked = node.peers.parked(node.now)
+        return len(off_goal(parked, goal, node.arena.shape.radius)) < len(parked)
+
+    await _drive(robot, goal, taken=taken)
 
 
 async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> None:

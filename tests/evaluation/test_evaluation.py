@@ -110,7 +110,7 @@ def test_a_robot_knows_where_it_is_to_a_centimetre_and_through_outages_to_five(m
     drawable(data)
 
 
-@pytest.mark.parametrize("scene", [0, 3, 4])
+@pytest.mark.parametrize("scene", [0, 3, 4, 6])
 def test_robots_find_their_way_out_of_stand_offs(scene):
     assert standoffs.played((scene, 1))["mastered"]
 
