@@ -46,13 +46,11 @@ class StandsStill:
             return
         self._look_at = now + EVERY
         scene = self._scene
-        if not scene.simulation.lab.finish or now < scene.healed_at + STILL:
-            return
         busy = [robot for robot in scene.robots if scene.alive(robot) and not scene.finished(robot)]
-        if not busy:
-            return
         for robot in busy:
             self._look(robot, now)
+        if not busy or not scene.simulation.lab.finish or now < scene.healed_at + STILL:
+            return
         still = [robot for robot in busy if now - self._got_on[robot] > STILL and self._has_to(robot)]
         for robot in still:
             self._tell(now, (robot,), f"robot {robot} has stood still for {in_seconds(STILL):g} s")
