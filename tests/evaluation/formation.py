@@ -20,7 +20,7 @@ from rmr_sim.simulation import Simulation
 from rmr_world.terms import parse_fact
 
 NAME = "formation"
-SEEDS = range(1, 201)
+SEEDS = range(1, 61)
 QUICK = range(1, 3)
 LABS = {4: ("lab.yaml", 15.0, 1), 9: ("nine.yaml", 22.0, 2), 16: ("sixteen.yaml", 28.0, 4)}
 """By the number of robots: the lab, the time it may take beside the barriers, and of how many seeds it gets one."""

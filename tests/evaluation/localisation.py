@@ -25,7 +25,7 @@ from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr_world.sensors import Sensors
 
 NAME = "localisation"
-SEEDS = range(1, 51)
+SEEDS = range(1, 201)
 QUICK = range(1, 11)
 WIDE_M, HIGH_M = 3.0, 1.5
 SPEED_MPS = 0.2
