@@ -26,6 +26,7 @@ class Line:
     """One job in the books."""
 
     __slots__ = (
+        "approach",
         "deadline",
         "done",
         "duration",
@@ -49,6 +50,8 @@ class Line:
         self.robot = robot
         self.trigger = trigger
         self.joined = now
+        self.approach: Duration = 0
+        """From where it was when it told its release, which may be all the way until its slot is near."""
         self.release: Instant = 0
         self.duration: Duration = 0
         self.deadline: Instant = NEVER
@@ -74,6 +77,8 @@ class Line:
         self.said = job.time
         changed = self.provisional or new != old
         self.provisional = False
+        if job.release != self.release:
+            self.approach = max(job.release - job.time, 0)
         _, self.duration, self.deadline, self.headway, self.way = new
         self.release = job.release
         return changed
@@ -249,9 +254,9 @@ class Ledger:
         )
         order = [line.robot for line in old]
         if reorder or len(old) < len(movable):
-            tasks = [_task(line, values.grace) for line in movable]
+            tasks = [_task(line, now, values.grace) for line in movable]
             order = [task.robot for task in order_jobs(tasks, fixed, rules, order)]
-        ordered = [_task(self.lines[robot], values.grace) for robot in order]
+        ordered = [_task(self.lines[robot], now, values.grace) for robot in order]
         for robot, start in zip(order, place(ordered, fixed, rules), strict=True):
             line = self.lines[robot]
             line.start, line.until = start, start + line.duration
@@ -325,12 +330,19 @@ class Ledger:
         return int(max(0.0, min(max(best, self.answered - now), slack / 4, values.wait_max)))
 
 
-def _task(line: Line, grace: Duration) -> Task:
-    """Return a job as the order sees it: one that has a slot in time is given a little grace."""
+def _task(line: Line, now: Instant, grace: Duration) -> Task:
+    """Return a job as the order sees it: one that has a slot in time is given a little grace.
+
+    Who waits for a slot stands, so its release is past without its being at the gate: it can keep the slot that it
+    has, but another one only after its whole approach.
+    """
+    release = max(line.release, now + line.approach)
+    if line.start is not None:
+        release = min(release, max(line.release, line.start))
     deadline = line.deadline + grace
     if line.start is None or line.start + line.duration > deadline:
         deadline = line.deadline
-    return Task(line.robot, line.release, line.duration, deadline, line.headway, line.way, line.joined)
+    return Task(line.robot, release, line.duration, deadline, line.headway, line.way, line.joined)
 
 
 def _entry(line: Line) -> Entry:

@@ -110,16 +110,21 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
     jobs = sorted(tasks, key=by_deadline)
     if rules.order is not Order.OURS or on_time(jobs, place(jobs, standing, rules)) == len(jobs):
         return jobs
-    problem = Problem(
+    problem = problem_of(jobs, standing, rules)
+    best = fill(problem, search(problem)[2])
+    index = {task.robot: i for i, task in enumerate(jobs)}
+    kept = _with_new(problem, [index[robot] for robot in old if robot in index], best)
+    return _steady([jobs[i] for i in best], [jobs[i] for i in kept], standing, rules)
+
+
+def problem_of(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> Problem:
+    """Return what the search needs to know of `jobs`, which are sorted by (deadline, robot)."""
+    return Problem(
         [place((task,), standing, rules)[0] for task in jobs],
         [task.deadline - task.duration for task in jobs],
         [task.duration for task in jobs],
         [[_up(gap(a, b, rules.opposed)) for b in jobs] for a in jobs],
     )
-    best = fill(problem, search(problem)[2])
-    index = {task.robot: i for i, task in enumerate(jobs)}
-    kept = _with_new(problem, [index[robot] for robot in old if robot in index], best)
-    return _steady([jobs[i] for i in best], [jobs[i] for i in kept], standing, rules)
 
 
 def search(problem: Problem) -> Found:
