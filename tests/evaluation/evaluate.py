@@ -23,7 +23,17 @@ import rmr
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "evaluation"
-EXPERIMENTS: tuple[str, ...] = ("figure14", "seeds", "formation", "twoway", "schedulers", "waiting", "planning", "localisation", "standoffs")
+EXPERIMENTS: tuple[str, ...] = (
+    "figure14",
+    "seeds",
+    "formation",
+    "twoway",
+    "schedulers",
+    "waiting",
+    "planning",
+    "localisation",
+    "standoffs",
+)
 """In the order of the page."""
 HEADER = ("target", "taken", "bound", "")
 
