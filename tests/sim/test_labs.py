@@ -36,12 +36,14 @@ def test_six_robots_finish_in_the_order_of_their_deadlines_without_contact(lab, 
     assert report["deadlines"] == {"met": 6, "missed": 0, "best_possible": 6}
     assert by_finish(report) == sorted(report["due"], key=report["due"].get)
     assert report["time_s"] <= BOUND_FACTOR[lab] * report["bound_s"]
+    assert report["violations"] == []
 
 
 @pytest.mark.parametrize("lab", ["corridor", "testbed"])
 def test_both_labs_finish_at_20_percent_frame_loss(lab):
     report = run(lab, 5, loss=0.2)
     assert report["finished"]
+    assert report["violations"] == []
     assert report["collisions"] == 0
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from rmr.base.geometry import Point
 from rmr.base.streams import Choices
 from rmr.base.time import in_seconds
-from rmr.base.values import Symbol
+from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Program
 from rmr.vm.engines import Engine, new_machine
 from rmr.vm.job import Job
@@ -18,7 +18,8 @@ from rmr_world.bound import approachable
 from rmr_world.document import Problem
 from rmr_world.freeflow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
-from rmr_world.terms import TermError, parse_fact
+from rmr_world.ranges import Range
+from rmr_world.terms import StatedFact, TermError, parse_fact
 from rmr_world.usage import problem_at
 
 AT = "at"
@@ -56,10 +57,10 @@ def _first_jobs(lab: Lab, program: Program, robot: int) -> list[Job]:
     """Return the jobs that the program of `robot` starts at once."""
     machine = new_machine(program, robot, Choices(f"{lab.seed}/robot{robot}/vm"), engine=Engine.INTERPRETER)
     machine.start(0)
-    for fact in lab.initial_facts:
+    for fact in lab.stated_facts:
         index = program.index(fact.name)
         if index is not None and fact.owner in (None, robot):
-            machine.insert(0, index, fact.args)
+            machine.insert(0, index, _at_most(fact))
     machine.run(0)
     return machine.jobs
 
@@ -76,7 +77,12 @@ def _area_of(job: Job) -> str | None:
 def _path(lab: Lab, robot: int, deadline_s: float) -> tuple[str, int] | tuple[str]:
     """Return where the lab file states the deadline: in a fact of the robot that has it for an argument."""
     items = lab.fact_items or range(len(lab.facts))
-    for fact, index in zip(lab.initial_facts, items, strict=False):
-        if fact.owner == robot and deadline_s in fact.args:
+    for fact, index in zip(lab.stated_facts, items, strict=False):
+        if fact.owner == robot and deadline_s in _at_most(fact):
             return "facts", index
     return ("program",)
+
+
+def _at_most(fact: StatedFact) -> tuple[Value, ...]:
+    """Return the arguments of a fact; of numbers that each run draws the greatest: what is too early even so, is so."""
+    return tuple((arg.high if arg.whole else float(arg.high)) if isinstance(arg, Range) else arg for arg in fact.args)

@@ -121,6 +121,12 @@ def test_a_deadline_shorter_than_the_way_is_a_warning_where_the_lab_states_it(tm
     assert told(room(tmp_path, due="9")) == ([], [f"lab.yaml:11:9: facts.0: {words}"])
 
 
+def test_of_a_deadline_that_each_run_draws_the_latest_counts(tmp_path):
+    assert told(room(tmp_path, due="1..30")) == ([], [])
+    _, (warning,) = told(room(tmp_path, due="1..9"))
+    assert "lab.yaml:11:9: facts.0: robot 1 cannot be at yard within 9 s" in warning
+
+
 def test_a_deadline_that_the_program_states_is_told_with_the_program(tmp_path):
     program = PROGRAM.replace("at(R, yard), D", "at(R, yard), 3s").replace("crossing: assert", "crossing: watch")
     problems, warnings = told(room(tmp_path, program=program))
