@@ -143,12 +143,13 @@ class Model:
         duration: int = ms(3000),
         headway: int = ms(950),
         way: int = 0,
+        inside: bool = False,
     ) -> None:
         def start() -> None:
             mind = self.minds[robot]
             if not mind.alive:
                 return
-            request = JobRequest(EVENT, self.now, max(release, self.now), duration, deadline, headway, way)
+            request = JobRequest(EVENT, self.now, max(release, self.now), duration, deadline, headway, way, inside)
             mind.job = request
             mind.core.trigger(self.now, request)
             self.at(request.release, lambda: self._set_ready(mind, request))
@@ -330,6 +331,8 @@ class Model:
     def _entered(self, mind: Mind, event: events.Entered) -> None:
         job, slot = mind.job, mind.slot
         assert job is not None
+        if job.inside:  # without a slot and of no term
+            slot = events.SlotAssigned(EVENT, job.trigger, 0, 0, self.now, self.now, mind.robot, -1)
         if slot is None or not slot.start <= self.now <= slot.start + self.values.window:
             self.violations.append(f"{mind.robot} entered outside its slot at {self.now / MS}")
             return

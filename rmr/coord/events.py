@@ -37,6 +37,8 @@ class JobRequest:
     """Nanoseconds between two entries in the same way."""
     way: int
     """0..15: robots of different ways exclude each other."""
+    inside: bool = False
+    """The robot finds itself inside as the job starts, as after a restart: it is so, and needs no slot."""
 
 
 @dataclass(frozen=True, slots=True)

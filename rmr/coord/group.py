@@ -39,8 +39,12 @@ class Group:
             c.next_job = request
             return
         passage.begin(c, request)
+        if request.inside:
+            passage.enter(c, now, cautious=True)
         if c.role is Role.LEADING:
             leader.own_job_changed(c, now)
+        elif request.inside:
+            c.awake = now  # it asks nobody for what it has
         elif c.fresh(now) and not c.held.resigned and not c.banned(c.held.term.leader, now):
             c.become(Role.FOLLOWING)
             c.joins, c.untold = 1, True

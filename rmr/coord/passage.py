@@ -138,7 +138,7 @@ def _consider_entry(c: Context, now: Instant) -> bool:
         return miss(c, now)
     may_enter = start <= now < job.lease and job.ready and now >= job.since + values.quiet and verdict.open
     if may_enter and not _opposed_first(c, start):
-        _enter(c, now, verdict.cautious)
+        enter(c, now, cautious=verdict.cautious)
         return False
     c.set(Timer.POLL, min(now + values.poll, start) if now < start else now + values.entry_poll)
     return False
@@ -158,10 +158,10 @@ def _opposed_first(c: Context, start: Instant) -> bool:
     return False
 
 
-def _enter(c: Context, now: Instant, cautious: bool) -> None:
+def enter(c: Context, now: Instant, *, cautious: bool) -> None:
+    """Be inside, and say so."""
     job = c.job
     assert job is not None
-    assert job.slot is not None
     c.proceed(Passage.INSIDE)
     job.entered, job.until = stamp(now), now + job.request.duration
     c.set(Timer.POLL, NEVER)

@@ -54,6 +54,7 @@ ROLES: tuple[Step, ...] = (
 PASSAGES: tuple[Step, ...] = (
     Step(Passage.OUT, Passage.WAITING, "trigger"),
     Step(Passage.WAITING, Passage.CLAIMING, "claim timer, lease valid"),
+    Step(Passage.WAITING, Passage.INSIDE, "inside when the job starts"),
     Step(Passage.CLAIMING, Passage.WAITING, "slot lost or moved, window over, or a rival is first"),
     Step(Passage.CLAIMING, Passage.INSIDE, "the fence is open"),
     Step(Passage.INSIDE, Passage.OUT, "left"),

@@ -64,6 +64,8 @@ class Turn:
     """Direction through the bottleneck; a turn that is no passage of it excludes all others."""
     approach: Duration = 0
     inside: Duration = UNKNOWN_INSIDE
+    within: bool = False
+    """Whether the robot was inside the bottleneck when it asked."""
     after: Duration = 0
     """From leaving to the goal: the robot must be out of the bottleneck so much before its deadline."""
     headway: Duration = UNKNOWN_INSIDE

@@ -206,6 +206,7 @@ class Turns:
                 deadline=turn.job.deadline - turn.after,
                 headway=turn.headway,
                 way=turn.way,
+                inside=turn.within,
             ),
         )
 
@@ -227,11 +228,11 @@ class Turns:
             return True
         turn.gated = estimate.inside > 0
         if turn.gated:
-            turn.approach, turn.inside, turn.way, turn.after = estimate
+            turn.approach, turn.inside, turn.way, turn.after, turn.within = estimate
             turn.headway = driver.approach.headway(turn.goal, turn.way)
         else:
             turn.approach, turn.inside, turn.headway = 0, estimate.approach, estimate.approach
-            turn.way, turn.after = EXCLUSIVE_WAY, 0
+            turn.way, turn.after, turn.within = EXCLUSIVE_WAY, 0, False
         return True
 
     def _revise(self, now: Instant, turn: Turn) -> None:
@@ -282,12 +283,15 @@ class Turns:
                 self._until(now, turn, now + UNKNOWN_INSIDE)
             return
         navigator = driver.navigator
-        if clear_of_bottleneck(turn, navigator, driver.localiser.pose):
+        turn.passage = turn.passage or navigator.route
+        if turn.within and turn.passage is None:  # it stands there until its action begins
+            self._until(now, turn, now + UNKNOWN_INSIDE)
+        elif clear_of_bottleneck(turn, navigator, driver.localiser.pose):
             self._leave(now, turn)
-            return
-        end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
-        if abs(end - turn.end) > REVISE_FROM:
-            self._until(now, turn, end)
+        else:
+            end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
+            if abs(end - turn.end) > REVISE_FROM:
+                self._until(now, turn, end)
 
     def _until(self, now: Instant, turn: Turn, end: Instant) -> None:
         turn.end = end

@@ -51,6 +51,8 @@ class Estimate(NamedTuple):
     """Direction through the gate."""
     after: Duration
     """From clear to the goal."""
+    within: bool = False
+    """Whether the robot is in the narrow section already."""
 
 
 class Order(NamedTuple):
@@ -391,7 +393,7 @@ class Navigator:
         line = self._gate.line_m(route)
         inside = seconds((route.clear_m - line) / self.arena.shape.speed + START_S)
         after = seconds((route.length_m - route.clear_m) / self.arena.shape.speed + START_S)
-        return Estimate(self._drive_time(line, turn), inside, route.way, after)
+        return Estimate(self._drive_time(line, turn), inside, route.way, after, route.within)
 
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""

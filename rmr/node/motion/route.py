@@ -50,6 +50,8 @@ class Route:
     way: int = 0
     """Direction through the gate: 0 eastward (or due north), 1 westward (or due south); of a bottleneck with two
     mouths the one by which it enters."""
+    within: bool = False
+    """Whether it begins in the narrow section: the gate is where it begins."""
     room_m: float = 0.0
     """What a robot that waits before the gate leaves free for those that come out."""
 
@@ -115,6 +117,9 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
     if not passed:
         return route
     way = passed.index(min(passed))
+    if _begins_within(arena, route):
+        again = gated_again(arena, route)
+        return again if len(mouths) == 1 else replace(again, way=way)
     gate = passed[way]
     if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M:
         return route
@@ -129,7 +134,8 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
 
 def gated_again(arena: Arena, route: Route) -> Route:
     """Return `route`, made anew inside the narrow section, with the gate behind its start."""
-    return replace(route, gate_m=0.0, clear_m=_clear_of(arena, route, 0.0), way=way_of(route.heading(0.0)))
+    clear, way = _clear_of(arena, route, 0.0), way_of(route.heading(0.0))
+    return replace(route, gate_m=0.0, clear_m=clear, way=way, within=True)
 
 
 def _clear_of(arena: Arena, route: Route, gate: float) -> float:
@@ -159,6 +165,19 @@ def _end_of_narrow(arena: Arena, route: Route, gate: float) -> float:
             end = s
         s += SCAN_M
     return min(route.length_m, end + SCAN_M + radius)
+
+
+def _begins_within(arena: Arena, route: Route) -> bool:
+    """Return whether the narrow section behind one of the mouths reaches to where the route begins."""
+    start = route.points[0]
+    if not _narrow(arena, route, 0.0):
+        return False
+    for mouth in arena.mouths:
+        back = None if mouth == start else leader_route(arena, mouth, start, (), through_gate=False)
+        narrow = back is not None and _narrow(arena, back, back.length_m)
+        if back is not None and narrow and _end_of_narrow(arena, back, 0.0) >= back.length_m:
+            return True
+    return False
 
 
 def _narrow(arena: Arena, route: Route, s: float) -> bool:

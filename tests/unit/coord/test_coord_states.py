@@ -14,8 +14,8 @@ from rmr.coord.values import Values
 def test_a_change_that_the_tables_do_not_list_is_our_bug() -> None:
     with pytest.raises(AssertionError, match="no transition from NONE to LEADING"):
         check_role(Role.NONE, Role.LEADING)
-    with pytest.raises(AssertionError, match="no transition from WAITING to INSIDE"):
-        check_passage(Passage.WAITING, Passage.INSIDE)
+    with pytest.raises(AssertionError, match="no transition from OUT to INSIDE"):
+        check_passage(Passage.OUT, Passage.INSIDE)
 
 
 def test_every_state_can_be_reached_and_left() -> None:
@@ -37,6 +37,7 @@ def test_every_step_of_the_tables_happens_in_random_runs(monkeypatch: pytest.Mon
     model = Model(1, 1)
     model.trigger(0, 1, deadline=ms(9000))
     model.withdraw(ms(100), 1)
+    model.trigger(ms(150), 1, deadline=ms(9000), inside=True)
     model.run(ms(200))
     assert wanted - seen == set()
 

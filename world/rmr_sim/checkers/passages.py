@@ -4,6 +4,7 @@
 - No two robots are inside in ways that exclude each other. Under one term that holds whatever is lost, unless the
   leader has lost its memory; under two terms where the two can hear each other and neither has been stopped. Who enters
   "with caution" after a long silence has said so.
+- A robot that finds itself inside as its job starts, for it was started again there, is inside without a slot.
 - In the same way one follows the other by its headway, less the window in which either may enter.
 """
 
@@ -17,6 +18,8 @@ from rmr.coord.values import Values, same_way
 from rmr_sim.checkers.scene import TICK, Scene
 
 VALUES = Values()
+NO_COUNTER = -1
+"""Of the term of a robot that is inside without a slot."""
 ENTRIES_MAX = 10_000
 """Entries remembered, to notice a second one for the same job; the oldest go first."""
 
@@ -64,13 +67,15 @@ class Passages:
     def _entry(self, robot: int, now: Instant, entered: Entered) -> None:
         job = self._scene.node(robot).core.job(entered.event)
         slot = self._slots.pop((robot, entered.event), None)
-        if job is None or slot is None:
+        if job is not None and job.request.inside:
+            term = (NO_COUNTER, robot)
+        elif job is None or slot is None:
             self._scene.violate(now, "entry", (robot,), f"robot {robot} entered without a slot")
             return
-        self._judge_entry(robot, entered.start, slot, job)
-        one = Inside(
-            robot, job, entered.start, job.request.way, job.request.headway, (slot.term, slot.leader), entered.cautious
-        )
+        else:
+            self._judge_entry(robot, entered.start, slot, job)
+            term = (slot.term, slot.leader)
+        one = Inside(robot, job, entered.start, job.request.way, job.request.headway, term, entered.cautious)
         inside = self._inside.setdefault(entered.event, {})
         for other in inside.values():
             if other.robot != robot:
