@@ -18,8 +18,8 @@ from rmr_world.bound import approachable
 from rmr_world.document import Problem
 from rmr_world.freeflow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
-from rmr_world.ranges import Range
-from rmr_world.terms import StatedFact, TermError, parse_fact
+from rmr_world.ranges import Range, StatedFact
+from rmr_world.terms import TermError, parse_fact
 from rmr_world.usage import problem_at
 
 AT = "at"
