@@ -65,6 +65,11 @@ class Driver:
         return self._twist != STILL
 
     @property
+    def speed(self) -> float:
+        """The commanded speed, m/s."""
+        return self._twist.v
+
+    @property
     def percept(self) -> Percept:
         """What the robot senses now."""
         return Percept(self.localiser.pose, self._bodies, self._bumped)
@@ -84,7 +89,7 @@ class Driver:
         if now >= self._heed_at and navigator.status == "moving":
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank, peers.driving(now))
-            navigator.silence.update(peers.known_places(now))
+            navigator.hearing.update(pose, peers.heard_of(now))
         twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)

@@ -13,8 +13,8 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
+from rmr.node.motion.hearing import DEAD, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.motion.priority import Heard
-from rmr.node.motion.silence import DEAD, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
 
@@ -122,15 +122,16 @@ class Peers:
             if peer.hello is not None and (peer.hello.parked or now - peer.hello_at > DEAD)
         ]
 
-    def known_places(self, now: Instant) -> list[Known]:
-        """Return where the others that are not dead last said they were, and whether they have been silent since."""
-        places = []
+    def heard_of(self, now: Instant) -> list[Known]:
+        """Return what the others that are not dead last said about where they are."""
+        known = []
         for _, peer in sorted(self.known.items()):
             hello, age = peer.hello, now - peer.hello_at
             if hello is not None and age <= DEAD:
                 silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
-                places.append(Known(Point(hello.x, hello.y), peer.hello_at, silent))
-        return places
+                vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
+                known.append(Known(Point(hello.x, hello.y), vx, vy, peer.hello_at, silent))
+        return known
 
     def driving(self, now: Instant) -> list[Heard]:
         """Return what the others that drive said last."""

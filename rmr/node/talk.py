@@ -86,7 +86,8 @@ class Talk:
         node = self._node
         pose = node.percept().pose
         if pose is not None:
-            hello = Hello(pose.x, pose.y, pose.theta, parked, node.turns.rank, node.bound_for, self.digest)
+            v = 0.0 if node.driver is None else node.driver.speed
+            hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, node.bound_for, self.digest)
             node.transmit(wire.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:

@@ -39,7 +39,7 @@ class Kind(IntEnum):
     FRAGMENT = 0x12
     """digest 2, epoch 1, sequence 2, part 1, parts 1, piece of a body."""
     HELLO = 0x20
-    """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), flags 1, rank 1, goal x 2, goal y 2 (cm)."""
+    """digest 2, x 2, y 2 (signed, cm), heading 1 (256ths of a turn), speed 1 (cm/s), flags 1, rank 1, goal x 2, y 2."""
     FAILURE = 0x21
     """digest 2, assertion 1: the robot missed that assertion's deadline (paper III.E); 255: none in particular."""
 
@@ -86,6 +86,8 @@ class Hello(NamedTuple):
     y: float
     theta: float
     """Radians."""
+    v: float
+    """Speed along the heading, m/s."""
     parked: bool
     """It stands and does not intend to move yet."""
     rank: int
@@ -96,7 +98,7 @@ class Hello(NamedTuple):
     """Identity of its program, 16 bits."""
 
 
-_HELLO = struct.Struct(">BHhhBBBhh")
+_HELLO = struct.Struct(">BHhhBbBBhh")
 _FACT = struct.Struct(">BHBH")
 _ACK = struct.Struct(">BBH")
 _FRAGMENT = struct.Struct(">BHBHBB")
@@ -115,19 +117,18 @@ def encode_hello(hello: Hello) -> bytes:
     gx, gy = hello.goal or (0.0, 0.0)
     flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0)
     heading = round(hello.theta / _TURN * 256) & 0xFF
-    return _HELLO.pack(
-        Kind.HELLO, hello.digest, _cm(hello.x), _cm(hello.y), heading, flags, min(hello.rank, 255), _cm(gx), _cm(gy)
-    )
+    x, y, speed = _cm(hello.x), _cm(hello.y), max(-127, min(127, round(hello.v * 100)))
+    return _HELLO.pack(Kind.HELLO, hello.digest, x, y, heading, speed, flags, min(hello.rank, 255), _cm(gx), _cm(gy))
 
 
 def decode_hello(payload: bytes) -> Hello:
     """Return the hello in `payload`. Raises WireError."""
     try:
-        _, digest, x, y, heading, flags, rank, gx, gy = _HELLO.unpack(payload)
+        _, digest, x, y, heading, speed, flags, rank, gx, gy = _HELLO.unpack(payload)
     except struct.error as error:
         raise WireError(f"hello: {error}") from error
     goal = (gx / 100, gy / 100) if flags & _GOAL else None
-    return Hello(x / 100, y / 100, heading / 256 * _TURN, bool(flags & _PARKED), rank, goal, digest)
+    return Hello(x / 100, y / 100, heading / 256 * _TURN, speed / 100, bool(flags & _PARKED), rank, goal, digest)
 
 
 def _cm(metres: float) -> int:

@@ -21,9 +21,9 @@ from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import START_S, Gate
 from rmr.node.motion.grid import MARGIN_M, discs_around, off_goal, same_places
+from rmr.node.motion.hearing import Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, queue_before, shared_part
-from rmr.node.motion.silence import Silence
 from rmr.node.ports import SeenBody
 
 RETRY_S = 0.5
@@ -69,7 +69,7 @@ class Navigator:
     __slots__ = (
         "_back_until", "_driven", "_face", "_follower", "_gate", "_heard", "_late_since", "_next_try", "_order",
         "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch", "arena",
-        "replans", "robot", "silence", "status",
+        "hearing", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int) -> None:
@@ -95,8 +95,8 @@ class Navigator:
         self._stand_off = StandOff(robot)
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
-        self.silence = Silence(arena.shape)
-        """Of those that have not been heard for a while."""
+        self.hearing = Hearing(arena.shape)
+        """What the others have said about themselves."""
 
     def go(
         self,
@@ -175,8 +175,9 @@ class Navigator:
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
-        around = self._watch.update(now, pose, bodies)
-        wait = self.silence.forbids(now, pose, bodies)
+        seen = self._watch.update(now, pose, bodies)
+        around = [*seen, *self.hearing.around(now, pose, seen)]
+        wait = self.hearing.forbids(now, pose, bodies)
         if self._driven is not None:
             return limit_twist(self._driven._replace(v=0.0) if wait else self._driven, around, self.arena.shape.radius)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):

@@ -1,0 +1,115 @@
+"""What is heard of the others keeps them apart where sight, which is narrow, does not.
+
+*Heard is as good as seen.* Robots say several times a second where they are and how fast they go. Whoever is near and
+not in view is a body for stop-if-dangerous all the same, at the place and with the velocity that it told last: so
+robots that come together from the side stop for each other.
+
+*Stand while somebody who may be near is silent.* One that has not been heard for a while is somewhere in a disc around
+the place that it told last, which grows at full speed. A driving robot that this disc could reach before it stands
+(or may have reached already) stands until the other is heard again. Two that do not hear each other both stand. A
+body that is seen in the disc is the silent robot, unless another one has said that it is there: what is seen is left
+to stop-if-dangerous.
+
+*A dead body stands where it fell.* Who has been silent for longer than any stall is an obstacle like a parked robot.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rmr.base.arena import RobotShape
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.node.ports import SeenBody
+
+SILENT_MOVING: Duration = milliseconds(1200)
+"""A robot that drives and has not been heard for so long is silent: five hellos are lost."""
+SILENT_PARKED: Duration = milliseconds(2400)
+"""Likewise one that is parked, and may have set out."""
+DEAD: Duration = seconds(10)
+"""After so long a silence a robot does not move any more: longer than any stall."""
+STOP_S = 0.4
+"""What stopping from full speed takes, with the time until the wheels are told."""
+MARGIN_M = 0.03
+"""For the errors of both robots' places."""
+NEAR_M = 0.5
+"""Centres farther apart than this need not be looked at before the next update."""
+
+
+class Known(NamedTuple):
+    """What another robot last said about itself."""
+
+    place: Point
+    vx: float
+    """m/s over the floor."""
+    vy: float
+    at: Instant
+    silent: bool
+    """It has not been heard for longer than chance explains."""
+
+
+class Hearing:
+    """The others, as one robot has heard of them."""
+
+    __slots__ = ("_fresh", "_shape", "_silent")
+
+    def __init__(self, shape: RobotShape) -> None:
+        self._shape = shape
+        self._silent: list[Known] = []
+        self._fresh: list[Known] = []
+
+    def update(self, pose: Pose, known: Sequence[Known]) -> None:
+        """Take in what is known of the others; a few times a second, by a robot at `pose`."""
+        self._silent = [other for other in known if other.silent]
+        self._fresh = [
+            other
+            for other in known
+            if not other.silent and math.hypot(other.place.x - pose.x, other.place.y - pose.y) < NEAR_M
+        ]
+
+    def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> list[SeenBody]:
+        """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame."""
+        if not self._fresh:
+            return []
+        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        heard = []
+        for place, vx, vy, at, _ in self._fresh:
+            age = in_seconds(now - at)
+            dx, dy = place.x + vx * age - pose.x, place.y + vy * age - pose.y
+            x, y = dx * cos + dy * sin, dy * cos - dx * sin
+            if all(math.hypot(body.x - x, body.y - y) > self._shape.radius for body in seen):
+                heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
+        return heard
+
+    def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
+        """Return whether a robot at `pose` that sees the bodies `seen` must not drive on: somebody is silent."""
+        if not self._silent:
+            return False
+        near = [other for other in self._silent if self._reaches(now, other, pose)]
+        return len(near) > 0 and not self._in_view(now, pose, seen, near)
+
+    def _reaches(self, now: Instant, other: Known, pose: Pose) -> bool:
+        """Return whether `other` may touch the robot before it stands."""
+        speed = self._shape.speed
+        touch = 2.0 * self._shape.radius + MARGIN_M + speed * in_seconds(now - other.at)
+        if math.hypot(other.place.x - pose.x, other.place.y - pose.y) < touch:
+            return True
+        way = 0.5 * speed * STOP_S
+        x, y = pose.x + way * math.cos(pose.theta), pose.y + way * math.sin(pose.theta)
+        return math.hypot(other.place.x - x, other.place.y - y) < touch + speed * STOP_S
+
+    def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[Known]) -> bool:
+        """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
+        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]
+        free = [place for place in places if not any(self._may_be(now, other, place) for other in self._fresh)]
+        for other in near:
+            found = next((place for place in free if self._may_be(now, other, place)), None)
+            if found is None:
+                return False
+            free.remove(found)
+        return True
+
+    def _may_be(self, now: Instant, other: Known, place: Point) -> bool:
+        reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * MARGIN_M
+        return math.hypot(other.place.x - place.x, other.place.y - place.y) <= reach
