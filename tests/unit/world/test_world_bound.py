@@ -1,6 +1,7 @@
 """The physical bound, free-flow ways and the deadlines that could be met."""
 
 import math
+from itertools import permutations
 from random import Random
 
 import pytest
@@ -9,7 +10,7 @@ from world_labs import LABS, ROOM, lab_of
 from rmr.base.arena import Arena, Disc, Polygon, RobotShape
 from rmr.base.geometry import Point
 from rmr_world.bound import bound_s, destinations, free_times
-from rmr_world.deadlines import best_possible
+from rmr_world.deadlines import _through_bottleneck, best_possible
 from rmr_world.freeflow import FreeFlow
 from rmr_world.lab import load_lab
 
@@ -94,8 +95,6 @@ def test_slots_are_shared_out_so_that_the_longest_trip_is_least(tmp_path):
 
 
 def test_the_bottleneck_assignment_is_the_best_of_all():
-    from itertools import permutations
-
     from rmr_world.bound import _longest_trip
 
     rng = Random("assignment")
@@ -118,6 +117,34 @@ def test_robots_pass_a_bottleneck_one_behind_the_other():
 
 def test_the_testbed_s_bound_is_about_ten_seconds():
     assert bound_s(load_lab(LABS / "testbed")) == pytest.approx(10.12, abs=0.01)
+
+
+def test_robots_from_both_sides_change_direction_at_least_once():
+    lab = load_lab(LABS / "twoway")
+    times = free_times(lab)
+    west, east = times.families[0], times.families[1]
+    assert (west.count, east.count) == (4, 4)
+    assert times.turnaround == pytest.approx(times.spacing + 0.6 / 0.2)
+    assert west.approach == pytest.approx(east.approach)  # the rooms are point-symmetric
+    assert bound_s(lab) == pytest.approx(west.approach + 6 * times.spacing + times.turnaround + east.departure)
+    assert bound_s(lab) > bound_s(lab.with_robots(4)) + 3.0
+
+
+def test_a_robot_that_need_not_pass_the_bottleneck_is_not_counted_at_it(tmp_path):
+    text = (LABS / "twoway" / "lab.yaml").read_text().replace("goes(@1, right)", "goes(@1, left)")
+    families = free_times(lab_of(tmp_path, text)).families
+    assert (families[0].count, families[1].count) == (3, 4)
+
+
+def test_robots_of_several_destinations_share_out_the_slots_of_each(tmp_path):
+    text = ROOM.replace("[0.5, 0.75, 0deg]", "[0.5, 0.2, 0]") + (
+        "  - {id: 2, pose: [1.5, 0.2, 0]}\n"
+        "areas: {a: {slots: [[0.7, 0.2], [1.0, 0.2]]}, b: {slots: [[2.5, 0.2], [1.7, 0.2]]}}\n"
+        "finish: done(R)\nfacts: ['goes(@1, a)', 'goes(@2, b)']\n"
+    )
+    lab = lab_of(tmp_path, text)
+    assert {robot: area.name for robot, area in destinations(lab).items()} == {1: "a", 2: "b"}
+    assert bound_s(lab) == pytest.approx(1.0)  # 0.2 m, both
 
 
 def test_a_box_is_reached_at_its_edge(tmp_path):
@@ -165,6 +192,33 @@ def test_robots_that_are_all_due_at_once_pass_the_bottleneck_in_turn():
     earliest = min(first.approaches) + min(first.departures)
     together = [max(earliest + 2.5 * 0.7, 13.5)] * 6
     assert best_possible(lab, jobs(lab, together)) == 1 + int((together[0] - earliest) / 0.7)
+
+
+def best_of_all_orders(times, deadlines):
+    """Return the most jobs that any order of any of them meets; job i enters by mouth i % 2."""
+    best = 0
+    for order in (order for n in range(len(deadlines) + 1) for order in permutations(range(len(deadlines)), n)):
+        at, last, met = 0.0, None, 0
+        for job in order:
+            family = times.families[job % 2]
+            gap = 0.0 if last is None else times.spacing if last == job % 2 else times.turnaround
+            at, last = max(family.approach, at + gap), job % 2
+            met += at + family.departure <= deadlines[job]
+        best = max(best, met)
+    return best
+
+
+def test_as_many_deadlines_count_as_possible_as_the_best_of_all_orders_meets():
+    times = free_times(load_lab(LABS / "twoway"))
+    rng = Random("orders")
+    seen = set()
+    for _ in range(25):
+        deadlines = [rng.uniform(8.0, 15.0) for _ in range(5)]
+        in_time = [sorted(deadlines[family::2]) for family in (0, 1)]
+        found = _through_bottleneck(times, in_time)
+        assert found == best_of_all_orders(times, deadlines)
+        seen.add(found)
+    assert len(seen) > 2
 
 
 def test_what_was_met_was_possible():

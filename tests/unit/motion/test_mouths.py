@@ -1,0 +1,107 @@
+"""A bottleneck with two mouths: gates, ways, room before them, and robots that begin inside."""
+
+import math
+
+import bench
+import pytest
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, Pose
+from rmr.base.gridpath import GridPath
+from rmr.node.approach import Approach, departures
+from rmr.node.motion.gate import Gate
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.route import follower_route, leader_route
+
+MOUTHS = (Point(1.2, 0.75), Point(1.8, 0.75))
+LEFT, RIGHT = Point(0.45, 0.15), Point(2.55, 1.35)
+TWOWAY = Arena(
+    3.0,
+    1.5,
+    0.05,
+    (bench.box(1.2, 0.0, 1.8, 0.6), bench.box(1.2, 0.9, 1.8, 1.5)),
+    (
+        Area("west", MOUTHS[:1]),
+        Area("east", MOUTHS[1:]),
+        Area("right", (Point(2.85, 0.15), Point(1.95, 0.15)), slotted=True),
+    ),
+    bottleneck=("west", "east"),
+)
+RADIUS = TWOWAY.shape.radius
+
+
+def through(start, goal):
+    route = leader_route(TWOWAY, start, goal, (), through_gate=True)
+    assert route is not None
+    return route
+
+
+@pytest.mark.parametrize(("start", "goal", "way"), [(LEFT, RIGHT, 0), (RIGHT, LEFT, 1)])
+def test_the_gate_is_the_mouth_by_which_a_route_enters(start, goal, way):
+    route = through(start, goal)
+    assert route.gate_m is not None
+    assert math.dist(route.point(route.gate_m), MOUTHS[way]) < 1e-6
+    assert route.way == way
+    assert not route.within
+
+
+def test_a_robot_is_clear_when_its_hull_is_out_of_the_other_mouth():
+    out = through(LEFT, RIGHT)
+    assert out.point(out.clear_m).x >= MOUTHS[1].x + 0.7 * RADIUS
+    assert out.clear_m - out.gate_m == pytest.approx(0.6 + RADIUS, abs=0.05)
+
+
+def test_who_waits_leaves_room_for_who_comes_out():
+    route = through(LEFT, RIGHT)
+    gate = Gate(TWOWAY.shape, holding=False)
+    assert math.dist(route.point(gate.stop_m(route)), MOUTHS[0]) > 3.0 * RADIUS
+
+
+def test_a_way_within_one_room_has_no_gate_even_past_its_mouth():
+    route = leader_route(TWOWAY, Point(1.05, 0.15), Point(1.05, 1.35), (), through_gate=True)
+    assert route is not None
+    assert route.gate_m is None
+
+
+@pytest.mark.parametrize(("x", "goal", "way"), [(1.3, RIGHT, 0), (1.6, RIGHT, 0), (1.4, LEFT, 1), (1.7, LEFT, 1)])
+def test_a_route_that_begins_inside_has_its_gate_there_and_goes_out_by_its_own_way(x, goal, way):
+    route = through(Point(x, 0.75), goal)
+    assert route.within
+    assert (route.gate_m, route.way) == (0.0, way)
+    assert route.clear_m == pytest.approx(abs(MOUTHS[1 - way].x - x) + RADIUS, abs=0.06)
+
+
+def test_a_route_that_begins_inside_a_bottleneck_with_one_mouth_has_its_gate_there_too():
+    arena, goal = bench.corridor(), Point(2.6, 0.87)
+    inside = leader_route(arena, Point(1.5, 0.75), goal, (), through_gate=True)
+    assert inside is not None
+    assert inside.within
+    for start in (Point(0.9, 0.75), Point(0.2, 0.18), Point(2.1, 0.75)):
+        route = leader_route(arena, start, goal, (), through_gate=True)
+        assert route is not None
+        assert not route.within
+
+
+def test_a_corner_that_is_narrow_is_no_bottleneck():
+    arena = bench.testbed()
+    route = leader_route(arena, Point(0.1, 0.15), Point(1.38, 1.38), (), through_gate=True)
+    assert route is not None
+    assert not route.within
+
+
+def test_a_leader_shares_a_path_for_each_way():
+    approach = Approach(Navigator(TWOWAY, 1))
+    paths = approach.shared(Pose(*LEFT, 0.0), RIGHT, 0)
+    assert sorted(paths) == [0, 1]
+    for way, (start, goal) in enumerate([(LEFT, RIGHT), (RIGHT, LEFT)]):
+        path = paths[way]
+        assert isinstance(path, GridPath)
+        route = follower_route(TWOWAY, start, goal, (), path)
+        assert route is not None
+        assert route.way == way
+
+
+def test_departures_are_measured_from_the_mouth_of_the_way():
+    eastward, westward = (departures(TWOWAY, "right", way) for way in (0, 1))
+    assert eastward[0] > eastward[1]
+    assert eastward[1] - westward[1] == pytest.approx(0.6, abs=0.05)
