@@ -370,7 +370,7 @@ def test_ranges_come_from_signal_strength_by_the_law_that_the_radio_follows(tmp_
 
 
 def test_a_robot_that_runs_another_program_is_noticed(tmp_path):
-    simulation = small_lab(tmp_path, "idle(R).\n", robots=3, duration="3s")
+    simulation = small_lab(tmp_path, "idle(R).\ntype action goto(robot, float, float).\n", robots=3, duration="3s")
     simulation.robots[1].node.talk.digest ^= 1
     simulation.run()
     noticed = {(entry["robot"], entry["source"]) for entry in traced(simulation, "other_program")}
@@ -416,3 +416,15 @@ def test_a_robot_yields_its_place_to_one_that_goes_first_and_has_taken_it_too(tm
     simulation = prepare(LABS / "testbed", seed=3097, loss=0.2)
     assert simulation.run()
     assert len({robot.node.driver.place for robot in simulation.robots}) == 6
+
+
+def test_a_program_that_neither_drives_nor_senses_runs_without_bodies(tmp_path):
+    program = (
+        "type action wait(R: robot, T: float) -o waited(R).\ntype waited(robot).\ngo(R).\ngo(R) -o wait(R, 1.0).\n"
+    )
+    simulation = small_lab(tmp_path, program, robots=3, finish="waited(R)")
+    assert simulation.run()
+    assert simulation.time_s == 1.0
+    for robot in simulation.robots:
+        assert robot.node.driver is None
+        assert robot.report()["frames"]["sent"] == 0

@@ -21,6 +21,7 @@ robots:
   - {ids: 1-3, grid: {from: [0.5, 0.5], step: [0.4, 0.4], columns: 2}}
 """
 PROGRAM = """
+type action goto(robot, float, float).
 type start(robot).
 type hello(robot, robot, string).
 type !greeted(robot, robot).

@@ -21,6 +21,7 @@ pause(R).
 pause(R), count(R, N) -o count(R, N + 1), wait(R, 0.1).
 """
 TELL = """
+type action goto(robot, float, float).  // a robot that may drive has a body, and says hello
 type action wait(R: robot, T: float) -o due(R).
 type due(robot).
 type told(robot).

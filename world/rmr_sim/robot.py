@@ -46,7 +46,9 @@ MakeNode = Callable[[Ports, int], Node]
 class SimulatedRobot:
     """A node with its station and its body in the world."""
 
-    def __init__(self, simulation: "Simulation", robot: int, make_node: MakeNode) -> None:
+    def __init__(self, simulation: "Simulation", robot: int, make_node: MakeNode, bodily: bool) -> None:
+        """A robot without a body (`bodily`) is not sampled."""
+        self.bodily = bodily
         self._simulation = simulation
         self._make_node = make_node
         self.robot = robot
@@ -65,13 +67,17 @@ class SimulatedRobot:
         self._slow_until: Instant = 0
         self._every: Duration = 0
         self.still = True
-        self.node = make_node(Ports(self, self), 0)
+        self.node = make_node(self._ports, 0)
         self.node_alarm = Alarm(simulation.kernel, ROBOT, self.tick)
         self._slow_alarm = Alarm(simulation.kernel, ROBOT, self._slow_tick)
         self._past: list[dict[str, Any]] = []
         """The parts of the report of the nodes before this one."""
 
     # -- the node's ports -------------------------------------------------------------------------------------
+
+    @property
+    def _ports(self) -> Ports:
+        return Ports(self, self if self.bodily else None)
 
     @property
     def payload_max(self) -> int:
@@ -117,7 +123,14 @@ class SimulatedRobot:
     def tick(self, now: Instant) -> None:
         """Let the node run, and see to what it wants next."""
         self.node.tick(now)
-        self.node_alarm.set(max(self.node.next_wake, now + 1))
+        if self.node.trace_log:
+            self._simulation.take_trace(self)
+        self.wake_in_frame(now)
+
+    def wake_in_frame(self, now: Instant) -> None:
+        """See to it that the node is called if it wants to be before the next frame, when all are looked after."""
+        wake = max(self.node.next_wake, now + 1)
+        self.node_alarm.set(wake if wake < self._simulation.frame_end else NEVER)
 
     def _take(self, out: Received | Confirmed) -> None:
         if isinstance(out, Confirmed):
@@ -166,7 +179,7 @@ class SimulatedRobot:
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
         self.alive = self.still = True
-        self.node = self._make_node(Ports(self, self), epoch)
+        self.node = self._make_node(self._ports, epoch)
         self.node.start(now)
         self._settle(now)
 
@@ -200,6 +213,7 @@ class SimulatedRobot:
 
     def _slow_tick(self, now: Instant) -> None:
         self.node.tick(now)
+        self._simulation.take_trace(self)
         self._slow_alarm.set(now + self._every)
 
     # -- the report -------------------------------------------------------------------------------------------

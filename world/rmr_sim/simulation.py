@@ -2,10 +2,11 @@
 
 The robots are the very nodes that a robot process hosts. Their radios share medium access and the rules of reception
 with those of processes, but live in one ether, where no announcement is late. The world advances at each 1/60 s tick;
-robots that stand still are sampled less often, as in processes.
+robots that stand still are sampled less often, as in processes. Robots whose program needs no bodies have none
+(`rmr_sim.bodies`).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,13 +16,14 @@ from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.coord.values import Values
 from rmr.node.actions import Handler
-from rmr.node.config import NodeConfig
+from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.trace import Level
 from rmr.radio.ether import Ether
 from rmr.radio.links import Disturbance
 from rmr.radio.security import LEVELS, Security, run_key
 from rmr_sim.befallen import Befell
+from rmr_sim.bodies import needs_bodies
 from rmr_sim.event import Event
 from rmr_sim.faults import FaultEvent
 from rmr_sim.robot import MakeNode, SimulatedRobot
@@ -72,14 +74,19 @@ class Simulation:
         """Whether all robots have held the finish fact at a tick."""
         self._stopping = False
         self._trace: list[dict[str, Any]] = []
+        self.frame_end: Instant = 0
+        """When the next frame begins."""
         config = self._config(trace, values or Values())
+        facts = _by_robot(config.facts, config.roster)
+        bodily = needs_bodies(lab, program, handlers or {})
 
         def maker(robot: int) -> MakeNode:
-            own = replace(config, robot=robot)
+            own = replace(config, robot=robot, facts=tuple(facts[robot]))
             return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers or {}, digest)
 
-        self.robots = [SimulatedRobot(self, robot, maker(robot)) for robot in lab.roster]
-        self._served, self._waiting = self.robots, list[SimulatedRobot]()
+        self.robots = [SimulatedRobot(self, robot, maker(robot), bodily) for robot in lab.roster]
+        self._served, self._waiting = list[SimulatedRobot](), list[SimulatedRobot]()
+        self.sort_out()
         self._by_id = {robot.robot: robot for robot in self.robots}
         for fault in lab.faults:
             self.schedule(FaultEvent(fault))
@@ -94,7 +101,7 @@ class Simulation:
         pattern = lab.finish_pattern
         return NodeConfig(
             lab.roster[0],
-            lab.roster,
+            dict.fromkeys(lab.roster),
             lab.arena,
             self.seed,
             self.radio,
@@ -125,6 +132,7 @@ class Simulation:
             now = tick_start(index)
             self.kernel.run_until(now - 1 if now else 0)
             self.kernel.now = now
+            self.frame_end = tick_start(index + 1)
             self._tick(now, index)
             for observe in self.observers:
                 observe(now)
@@ -212,22 +220,27 @@ class Simulation:
     def _tick(self, now: Instant, index: int) -> None:
         self.world.step(now)
         for robot in self._waiting:
-            if not robot.still or not (index + robot.robot) % IDLE_SAMPLE_TICKS:
+            if robot.bodily and (not robot.still or not (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 robot.sample(now)
         for robot in self._served:
-            if robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS:
+            if not robot.bodily or (robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 if robot.node.next_wake <= now:
                     robot.tick(now)
+                elif robot.node.next_wake < self.frame_end:
+                    robot.wake_in_frame(now)
                 continue
             robot.sample(now)
             robot.tick(now)
-        self.take_traces()
 
     def take_traces(self) -> None:
         """Take over what the robots noted, of which they themselves keep the newest part alone."""
         for robot in self.robots:
-            self._trace += robot.node.trace_log
-            robot.node.trace_log.clear()
+            self.take_trace(robot)
+
+    def take_trace(self, robot: SimulatedRobot) -> None:
+        """Take over what one robot noted."""
+        self._trace += robot.node.trace_log
+        robot.node.trace_log.clear()
 
     @property
     def now(self) -> Instant:
@@ -249,3 +262,13 @@ class Simulation:
         """Return what the robots noted, in order of time, then of their ids."""
         self.take_traces()
         return sorted(self._trace, key=lambda entry: (entry["t"], entry["robot"]))
+
+
+def _by_robot(facts: Iterable[GivenFact], roster: Collection[int]) -> dict[int, list[GivenFact]]:
+    """Return the facts that concern each robot, in order."""
+    found: dict[int, list[GivenFact]] = {robot: [] for robot in roster}
+    for fact in facts:
+        for robot in roster if fact[1] is None else (fact[1],):
+            if robot in found:
+                found[robot].append(fact)
+    return found

@@ -118,8 +118,10 @@ class World:
             self._robots[start.id] = self._robot(lab, seed, start.id, start.pose)
         self._list = list(self._robots.values())
         self._by_x = self._list.copy()
+        self._awake: dict[int, _Robot] = {}
+        """The robots that have been told to move, or pushed, and do not stand again, by id."""
         self._active: list[_Robot] = []
-        """The robots whose bodies may move in this tick."""
+        """Those whose bodies may move in this tick."""
         self._in_view_m = self._shape.view_depth + self._shape.radius
         self.collisions = 0
         """How many contacts of robots with robots, obstacles or walls have begun."""
@@ -193,6 +195,7 @@ class World:
         state.target = Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
         state.stamp = stamp
         state.heard = now
+        self._awake[robot] = state
 
     def silence(self, robot: int, until: Instant) -> None:
         """Let `robot` hear no beacon `until` then; an outage that lasts longer already is not cut short."""
@@ -210,10 +213,12 @@ class World:
         """One tick."""
         active = self._active
         active.clear()
-        for robot in self._list:
+        for robot in list(self._awake.values()):
             robot.active = self._steer(robot, now) or robot.contacts > 0
             if robot.active:
                 active.append(robot)
+            else:
+                del self._awake[robot.id]
         if not active:
             return
         for _ in range(SUBSTEPS):
@@ -255,6 +260,7 @@ class World:
             if not robot.active:  # it stood, and is pushed
                 robot.active = True
                 self._active.append(robot)
+                self._awake[robot.id] = robot
         self.collisions += 1
         if len(self.contacts) < CONTACTS_MAX:
             points = arbiter.contact_point_set.points

@@ -1,0 +1,35 @@
+"""Whether the robots of a run need bodies: a program that neither drives nor senses runs the same without.
+
+Such robots stand where the lab file puts them and have no wheels, no localisation and no hellos; what is left of them
+is called when something happens. A thousand cost no more than what they say to each other.
+"""
+
+from collections.abc import Mapping
+
+from rmr.bytecode.program import Kind, Program
+from rmr.node.actions import Handler
+from rmr.node.provided import PROVIDED
+from rmr_world.lab import Lab
+
+SENSED_BY_BODIES = frozenset({"at", "pose", "obstacle", "neighbor", "range"})
+"""Neighbors too: they are told by hellos, and without a place there is none to tell."""
+
+
+def needs_bodies(lab: Lab, program: Program, handlers: Mapping[str, Handler]) -> bool:
+    """Return whether anything in the run may depend on wheels or senses.
+
+    What users write may use both; an effect on a sensed predicate holds only where nothing senses.
+    """
+    if lab.finish_pattern is not None and lab.finish_pattern.name in SENSED_BY_BODIES:
+        return True
+    for predicate in program.predicates:
+        if predicate.kind is Kind.SENSED and predicate.name in SENSED_BY_BODIES:
+            return True
+        if predicate.kind is Kind.ACTION:
+            provided = None if predicate.name in handlers else PROVIDED.get(predicate.name)
+            if provided is None or provided.wheels or provided.at_once:
+                return True
+            effects = (*predicate.effects, *predicate.else_effects)
+            if any(program.predicates[effect.predicate].kind is Kind.SENSED for effect in effects):
+                return True
+    return False
