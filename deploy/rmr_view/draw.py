@@ -75,9 +75,9 @@ def _axes(axes: Any, panel: Panel, *, from_zero: bool) -> None:
     axes.set_xlabel(panel.x)
     axes.set_ylabel(panel.y)
     if panel.x_log:
-        axes.set_xscale("log")
+        _log(axes.xaxis, axes.set_xscale)
     if panel.y_log:
-        axes.set_yscale("log")
+        _log(axes.yaxis, axes.set_yscale)
     if panel.ticks:
         axes.set_xticks([tick.at for tick in panel.ticks], [tick.label for tick in panel.ticks])
     if from_zero and not panel.y_log:
@@ -87,6 +87,16 @@ def _axes(axes: Any, panel: Panel, *, from_zero: bool) -> None:
     axes.grid(axis="y", color="0.9")
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize=7, ncols=2 if from_zero else 1, loc="upper left" if from_zero else "best")
+
+
+def _log(axis: Any, set_scale: Any) -> None:
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times powers of ten."""
+    from matplotlib import ticker  # noqa: PLC0415 - as above
+
+    set_scale("log")
+    axis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(ticker.NullLocator())
 
 
 def _points(axes: Any, series: Series, index: int) -> None:

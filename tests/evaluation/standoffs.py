@@ -2,8 +2,9 @@
 
 The robots of these scenes have no time assertion, so nobody leads and there are no slots: each one has a place to be at
 and goes there (`goto`), around what it sees and hears. The scenes are symmetric but for the noise of sensors and wheels
-and a jitter of the starts, 1 cm and 10 degrees (sigma), drawn from the seed. A scene is mastered if every robot gets to
-its place and nobody touches anything, within two minutes; of *parked for good* if the robot says that there is no way.
+and a jitter of the starts, 1 cm and 10 degrees (sigma), drawn from the seed. There is a way
+out if every robot gets to its place within two minutes; of *parked for good* if the robot says that there is none.
+Contacts are counted apart: in a crowd without any order, robots that see 60 degrees ahead do touch now and then.
 """
 
 import math
@@ -24,7 +25,7 @@ QUICK = range(1, 4)
 PROGRAMS = ROOT / "tests" / "evaluation" / "programs"
 JITTER_M, JITTER_DEG = 0.01, 10.0
 DURATION_S = 120.0
-MASTERED_MIN = 99.0
+FOUND_MIN = 99.0
 """Per cent of the seeds of each scene."""
 
 Place = tuple[float, float]
@@ -121,7 +122,7 @@ def played(point: tuple[int, int]) -> Row:
     return {
         "scene": scene.name,
         **{key: found[key] for key in ("seed", "finished", "time_s", "collisions", "min_gap_m", "no_way")},
-        "mastered": found["finished"] and not found["collisions"] and found["no_way"] == wanted,
+        "way_out": found["finished"] and found["no_way"] == wanted,
     }
 
 
@@ -138,10 +139,10 @@ def run(seeds: Sequence[int], jobs: int) -> Data:
         "rows": rows,
         "targets": [
             *(
-                target(f"mastered: {each['scene']}", 100.0 * each["mastered"]["value"], at_least=MASTERED_MIN, unit="%")
+                target(f"way out: {each['scene']}", 100.0 * each["way_out"]["value"], at_least=FOUND_MIN, unit="%")
                 for each in rows
             ),
-            target("stand-offs: contacts in all runs", sum(run["collisions"] for run in runs), at_most=0),
+            target("stand-offs without any order: contacts", sum(run["collisions"] for run in runs), at_most=0),
         ],
         "figure": drawn(runs, len(seeds)),
         "runs": runs,
@@ -150,11 +151,12 @@ def run(seeds: Sequence[int], jobs: int) -> Data:
 
 def summary(scene: Scene, runs: Sequence[Row]) -> Row:
     """Return what the table tells of one scene."""
-    times = [run["time_s"] for run in runs if run["mastered"]]
+    times = [run["time_s"] for run in runs if run["way_out"]]
     return {
         "scene": scene.name,
         "robots": len(scene.trips),
-        "mastered": share(len(times), len(runs)),
+        "way_out": share(len(times), len(runs)),
+        "touched": share(sum(run["collisions"] > 0 for run in runs), len(runs)),
         "contacts": sum(run["collisions"] for run in runs),
         "time_s": quantile(times, 0.5) if times else None,
         "p95_s": quantile(times, 0.95) if times else None,
@@ -166,23 +168,24 @@ def drawn(runs: Sequence[Row], seeds: int) -> Data:
     """Return the times as a figure."""
     shown = []
     for scene in SCENES:
-        times = sorted(run["time_s"] for run in runs if run["scene"] == scene.name and run["mastered"])
+        times = sorted(run["time_s"] for run in runs if run["scene"] == scene.name and run["way_out"])
         if times and scene.program == "way.rmr":
             shown.append(series(scene.name, times, [100.0 * (at + 1) / seeds for at in range(len(times))]))
-    axes = panel("seconds", "runs mastered by then, %", shown, y_from=0.0)
-    return figure("Ways out of stand-offs", f"{seeds} seeds a scene; mastered: all at their places, no contact", [axes])
+    axes = panel("seconds", "runs in which all have arrived by then, %", shown, y_from=0.0)
+    return figure("Ways out of stand-offs", f"{seeds} seeds a scene", [axes])
 
 
 def tables(data: Data) -> dict[str, list[str]]:
     """Return the table of the page."""
-    header = ("scene", "robots", "seeds", "mastered", "contacts", "time, s: median", "95th percentile", "free way, s")
+    times = ("time, s: median", "95th percentile", "free way, s")
+    header = ("scene", "robots", "seeds", "way out", "runs with a contact", *times)
     lines = [
         (
             each["scene"],
             str(each["robots"]),
-            str(each["mastered"]["n"]),
-            percent(each["mastered"]),
-            str(each["contacts"]),
+            str(each["way_out"]["n"]),
+            percent(each["way_out"]),
+            percent(each["touched"]),
             *("" if each[key] is None else text(each[key], 1) for key in ("time_s", "p95_s")),
             f"{each['free_s']:.1f}",
         )
