@@ -7,12 +7,15 @@ line ``...`` of an output stands for any lines. With RMR_REWRITE=1 outputs that 
 
 import re
 import shlex
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 from click.testing import CliRunner
 
-from rmr.cli import main
+from rmr.cli import PROGRAMS, main
+from rmr_sim.main import main as simulate
 
 FENCE = re.compile(r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
 
@@ -59,10 +62,20 @@ def printed(command: str) -> str:
     name, *arguments = shlex.split(command.replace("\\\n", " "))
     if name == "cat":
         return "".join(Path(each).read_text("utf-8") for each in arguments)
+    if arguments[:1] == ["sim"]:  # a program of its own: as a subcommand it would take this process's place
+        return _simulated(arguments[1:])
+    assert arguments[:1] == [] or arguments[0] not in PROGRAMS, f"{command} would take this process's place"
     arguments = ["compile", *arguments] if name == "rmrc" else arguments
     result = CliRunner().invoke(main, arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), command
     return result.output
+
+
+def _simulated(arguments: list[str]) -> str:
+    out = StringIO()
+    with redirect_stdout(out), redirect_stderr(out):
+        simulate(arguments)
+    return out.getvalue()
 
 
 def agrees(shown: str, output: str) -> bool:
