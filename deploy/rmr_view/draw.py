@@ -124,13 +124,14 @@ def _spacing(panel: Panel) -> float:
 
 
 def _bars(axes: Any, panel: Panel, bars: Sequence[Series]) -> None:
-    width = BAR_SHARE * _spacing(panel) / max(1, len(bars))
+    at = {x: [series for series in bars if x in series.x] for x in dict.fromkeys(x for s in bars for x in s.x)}
+    width = BAR_SHARE * _spacing(panel) / max(map(len, at.values()), default=1)
     for index, series in enumerate(bars):
-        shift = (index - (len(bars) - 1) / 2.0) * width
+        shifts = [(at[x].index(series) - (len(at[x]) - 1) / 2.0) * width for x in series.x]
         axes.bar(
-            [x + shift for x in series.x], series.y, 0.92 * width, yerr=_reach(series), label=series.label,
-            color=COLOURS[index % len(COLOURS)], hatch=HATCHES[index // 2 % len(HATCHES)], edgecolor="white",
-            capsize=2, error_kw={"linewidth": 1},
+            [x + shift for x, shift in zip(series.x, shifts, strict=True)], series.y, 0.92 * width,
+            yerr=_reach(series), label=series.label, color=COLOURS[index % len(COLOURS)],
+            hatch=HATCHES[index // 2 % len(HATCHES)], edgecolor="white", capsize=2, error_kw={"linewidth": 1},
         )  # fmt: skip
 
 
