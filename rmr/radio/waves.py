@@ -163,6 +163,8 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: Places) -> t
     start, end = wave.start, wave.end
     power = wave.power[at]
     others = [o for o in air if o.start < end and o.end > start and o is not wave]
+    if others and channel.capture and len(power) == 1:  # of many far away, one receiver hears few
+        others = [o for o in others if o.power[at][0] > 0.0]
     if others:
         success, cause = _contended(wave, others, channel, at, power)
     else:

@@ -222,15 +222,16 @@ class Simulation:
         for robot in self._waiting:
             if robot.bodily and (not robot.still or not (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 robot.sample(now)
+        frame_end = self.frame_end
         for robot in self._served:
-            if not robot.bodily or (robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS):
-                if robot.node.next_wake <= now:
+            if robot.bodily and not (robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS):
+                robot.sample(now)
+                robot.tick(now)
+            elif (wake := robot.node.next_wake) < frame_end:
+                if wake <= now:
                     robot.tick(now)
-                elif robot.node.next_wake < self.frame_end:
+                else:
                     robot.wake_in_frame(now)
-                continue
-            robot.sample(now)
-            robot.tick(now)
 
     def take_traces(self) -> None:
         """Take over what the robots noted, of which they themselves keep the newest part alone."""

@@ -5,7 +5,7 @@ the right, the other half upwards, so that each crosses the ways of others all t
 robot hears those within some 4 m, as the halls of larger fleets are cut into cells.
 
 *Flood*: robots without bodies on a grid; each tells the one to its right and the one above it of a wave that has come,
-and every 20 s a new wave begins at the first robot. Nothing drives and nothing is sensed.
+and a wave begins at the first robot, one in a minute. Nothing drives and nothing is sensed.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ type origin(robot, int).
 seen(R, 0).
 origin(@1, 1).
 
-origin(R, N) -o wave(R, N), wait(R, 20.0) then origin(R, N + 1).
+origin(R, N) -o wave(R, N), wait(R, 60.0) then origin(R, N + 1).
 wave(R, N), seen(R, Old), N > Old -o seen(R, N), {B | edge(R, B) | wave(B, N)}.
 wave(R, N), $seen(R, Old), N <= Old -o 1.
 """

@@ -1,0 +1,115 @@
+"""How fast the simulator is: lab time over processor time of one core, and the memory of a robot.
+
+    python tests/bench/simulator.py [--rounds N] [--output FILE] [--write FOLDER] [--page FILE]
+
+Six robots in the corridor and on the test-bed, with all checkers, a hundred that drive across each other's ways, and a
+thousand without bodies (`crowds`). Each run has a process of its own; the labs take turns, so that a machine that
+is busy for a while is so for all of them. The median of the rounds counts. Reading the lab is not part of a run;
+it is told beside it. A robot's memory is what reading the lab and running it add to the process, by its greatest
+resident set, divided by the robots.
+"""
+
+import argparse
+import json
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from crowds import crossing, flood
+from hosts import machine
+from page import add_options, figure_rows, keep, table
+from run import LABS
+
+ROUNDS = 3
+HUNDRED, THOUSAND = 100, 1000
+TARGETS = {"corridor": 40.0, "testbed": 40.0, "crossing": 3.0, "flood": 10.0}
+"""Lab time over processor time, at least."""
+NAMES = {
+    "corridor": "six robots in the corridor",
+    "testbed": "six robots on the test-bed",
+    "crossing": f"{HUNDRED} robots that cross each other's ways",
+    "flood": f"{THOUSAND:,} robots without bodies",
+}
+
+
+def taken_here(lab: Path, seed: int) -> dict[str, float]:
+    """Run `lab` once in this process and return what it took."""
+    from rmr_sim.run import prepare
+
+    before, began = _resident_kb(), time.process_time()
+    simulation = prepare(lab, seed=seed)
+    ready = time.process_time()
+    simulation.run()
+    ended = time.process_time()
+    return {
+        "speed": simulation.time_s / (ended - ready),
+        "load_s": ready - began,
+        "robot_kb": (_resident_kb() - before) / len(simulation.robots),
+    }
+
+
+def _resident_kb() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def taken(labs: dict[str, Path], rounds: int) -> list[dict[str, Any]]:
+    """Return the figures of all labs: each runs `rounds` times, in turn with the others."""
+    results: dict[str, list[dict[str, float]]] = {name: [] for name in labs}
+    for seed in range(1, rounds + 1):
+        for name, lab in labs.items():
+            words = [sys.executable, __file__, "--lab", str(lab), "--seed", str(seed)]
+            answer = subprocess.run(words, capture_output=True, text=True, check=True)
+            results[name].append(json.loads(answer.stdout))
+    figures = []
+    for name, runs in results.items():
+        speed, load, memory = (statistics.median(run[key] for run in runs) for key in ("speed", "load_s", "robot_kb"))
+        target = TARGETS[name]
+        figures += [
+            _figure(f"{NAMES[name]}: lab time over processor time", speed, "x", target, speed >= target),
+            _figure(f"{NAMES[name]}: reading the lab", load, "s"),
+            _figure(f"{NAMES[name]}: memory of a robot", memory, "kB"),
+        ]
+    return figures
+
+
+def _figure(name: str, value: float, unit: str, target: float | None = None, met: bool = True) -> dict[str, Any]:
+    return {"name": name, "value": value, "unit": unit, "target": target, "at_least": True, "met": met}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    add_options(parser, "simulator")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, metavar="N")
+    parser.add_argument("--lab", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--seed", type=int, default=1, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.lab is not None:
+        print(json.dumps(taken_here(options.lab, options.seed)))
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        labs = {
+            "corridor": LABS / "corridor",
+            "testbed": LABS / "testbed",
+            "crossing": crossing(Path(folder), HUNDRED),
+            "flood": flood(Path(folder), THOUSAND),
+        }
+        figures = taken(labs, options.rounds)
+    lines = table(("the simulator on one core", "taken", "target", ""), figure_rows(figures))
+    print("\n".join(lines))
+    keep(
+        options,
+        "simulator.json",
+        {"machine": machine(), "rounds": options.rounds, "figures": figures},
+        "simulator",
+        lines,
+    )
+    return 0 if all(figure["met"] for figure in figures) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
