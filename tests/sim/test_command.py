@@ -159,6 +159,13 @@ def test_ctrl_c_ends_the_run_in_order_and_the_report_is_written(tmp_path, capsys
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_a_trace_that_cannot_be_written_is_told_before_the_run(tmp_path, capsys):
+    lab = tiny(tmp_path, "done(R).\n")
+    assert main([str(lab), "--run", str(tmp_path / "run"), "--trace", str(tmp_path / "nowhere" / "trace")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+    assert not list((tmp_path / "run").iterdir())
+
+
 def test_the_trace_begins_at_the_beginning_however_long_the_run(tmp_path, capsys):
     program = "type action wait(R: robot, T: float) -o go(R).\ngo(R).\ngo(R) -o wait(R, 0.02).\n"
     lab = tiny(tmp_path, program, LAB.replace("finish: done(R)\n", "").replace("2s", "40s"))

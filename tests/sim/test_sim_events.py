@@ -92,13 +92,32 @@ def test_an_event_that_fails_is_told_with_its_place(tmp_path):
         def callback(self, simulation):
             simulation.kill(9)
 
-    with pytest.raises(EventError, match=r"event Broken at 0\.250 s: KeyError: 9 \(.*simulation\.py:\d+\)"):
+    with pytest.raises(EventError, match=r"event Broken at 0\.250 s: LookupError: .* robot 9 .*\(.*events\.py:\d+\)"):
         small_lab(tmp_path, PROGRAM, duration="1s", events=[Broken(seconds(0.25))]).run()
 
 
 def test_an_event_without_a_callback_says_what_to_do(tmp_path):
     with pytest.raises(EventError, match="override callback in Event"):
         small_lab(tmp_path, PROGRAM, duration="1s", events=[Event(seconds(0.25))]).run()
+
+
+@pytest.mark.parametrize(
+    ("code", "complaint"),
+    [
+        ("simulation.schedule(3)", "TypeError: 3 is no Event"),
+        ("simulation.schedule(Event(0.5))", "TypeError: 0.5 is no instant: a whole number of nanoseconds"),
+        ("simulation.stall(1, 2.5)", "TypeError: 2.5 is no instant"),
+        ("simulation.slow(1, seconds(1), 0)", "ValueError: a slow robot is called less often than once a tick"),
+        ("simulation.schedule(self)", "200000 events in one tick: let it schedule the next one for later"),
+        ("simulation.schedule(Wrong(simulation.now + 1))", "200000 events in one tick"),
+        ("exit(3)", "SystemExit: 3 (<string>:2)"),
+    ],
+)
+def test_an_event_that_asks_for_what_cannot_be_or_never_ends_is_told(tmp_path, code, complaint):
+    names = {"Event": Event, "seconds": seconds}
+    exec(f"class Wrong(Event):\n    callback = lambda self, simulation: {code}", names)
+    with pytest.raises(EventError, match=re.escape(complaint)):
+        small_lab(tmp_path, PROGRAM, duration="1s", events=[names["Wrong"](seconds(0.25))]).run()
 
 
 EVENTS = """
@@ -112,6 +131,19 @@ class Parcel(Event):
 def events(lab, seed):
     assert seed == 5 and lab.roster == (1,)
     yield Parcel(seconds(0.5))
+"""
+
+
+SOON = "from rmr_sim.event import Event\ndef events(lab, seed):\n    return [Event('soon')]\n"
+NEVER_INITIALISED = """
+from rmr_sim.event import Event
+
+class Mine(Event):
+    def __init__(self):
+        pass
+
+def events(lab, seed):
+    return [Mine()]
 """
 
 
@@ -134,10 +166,13 @@ def test_a_file_of_events_is_asked_for_those_of_the_run(tmp_path):
         ("", "has no function events(lab, seed) that returns the run's events"),
         ("events = 3\n", "has no function events(lab, seed)"),
         ("import nothing_like_it\n", "ModuleNotFoundError"),
-        ("def events(lab, seed):\n    return [3]\n", "TypeError: events returned 3, which is no Event"),
+        ("def events(lab, seed):\n    return [3]\n", "TypeError: 3 is no Event"),
         ("def events(lab):\n    return []\n", "TypeError: events() takes 1 positional argument but 2 were given"),
         ("def events(lab, seed):\n    return None\n", "TypeError: 'NoneType' object is not iterable"),
         ("raise SystemExit(0)\n", "calls exit(0) while it is loaded"),
+        ("def events(lab, seed):\n    raise SystemExit(0)\n", "SystemExit: 0"),
+        (SOON, "TypeError: 'soon' is no instant"),
+        (NEVER_INITIALISED, "TypeError: Mine has no instant: its __init__ must call super().__init__(at)"),
     ],
 )
 def test_a_file_of_events_that_cannot_be_used_is_told(tmp_path, text, complaint):

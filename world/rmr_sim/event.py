@@ -36,6 +36,30 @@ class Event:
         except EventError:
             raise
         except (Exception, SystemExit) as error:
-            frame = traceback.extract_tb(error.__traceback__)[-1]
             what = f"event {type(self).__name__} at {in_seconds(simulation.now):.3f} s"
-            raise EventError(f"{what}: {type(error).__name__}: {error} ({frame.filename}:{frame.lineno})") from error
+            raise EventError(f"{what}: {type(error).__name__}: {error} ({_place(error)})") from error
+
+
+def checked(event: object) -> Event:
+    """Return `event` if it can be scheduled. Raises TypeError."""
+    if not isinstance(event, Event):
+        raise TypeError(f"{event!r:.60} is no Event")
+    if not hasattr(event, "at"):
+        raise TypeError(f"{type(event).__name__} has no instant: its __init__ must call super().__init__(at)")
+    instant(event.at)
+    return event
+
+
+def instant(value: object) -> Instant:
+    """Return `value` if it is an instant. Raises TypeError: 1.5 would be one and a half nanoseconds."""
+    if not isinstance(value, int):
+        raise TypeError(f"{value!r:.60} is no instant: a whole number of nanoseconds, such as seconds(1.5)")
+    return value
+
+
+def _place(error: BaseException) -> str:
+    """Return where `error` came from, as its author knows it: the last line of the file that holds the callback."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = frames[:2][-1].filename
+    frame = [frame for frame in frames if frame.filename == own][-1]
+    return f"{frame.filename}:{frame.lineno}"

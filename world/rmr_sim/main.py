@@ -54,6 +54,8 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
     simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *lines(simulation.lab)]), file=sys.stderr)
+    if arguments.trace is not None:
+        write_trace([], arguments.trace)  # a place that cannot be written to is told before the run, not behind it
     began = time.perf_counter()
     with Interruption() as interruption:
         interruption.ends(simulation.stop)

@@ -24,16 +24,20 @@ from rmr.radio.links import Disturbance
 from rmr.radio.security import LEVELS, Security, run_key
 from rmr_sim.befallen import Befell
 from rmr_sim.bodies import needs_bodies
-from rmr_sim.event import Event
+from rmr_sim.event import Event, EventError, checked, instant
 from rmr_sim.faults import FaultEvent
 from rmr_sim.robot import MakeNode, SimulatedRobot
 from rmr_sim.violation import Violation
 from rmr_world.disturbed import LINGER
 from rmr_world.lab import Lab
 from rmr_world.physics import World
+from rmr_world.schema import TICK
 
 IDLE_SAMPLE_TICKS = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
+
+EVENTS_MAX = 200_000
+"""Within one tick: twice as many as a file may begin with. More can only be events that schedule others for ever."""
 
 
 class Simulation:
@@ -73,6 +77,8 @@ class Simulation:
         self.finished = False
         """Whether all robots have held the finish fact at a tick."""
         self._stopping = False
+        self._happened = 0
+        """Events since the last tick."""
         self._trace: list[dict[str, Any]] = []
         self.frame_end: Instant = 0
         """When the next frame begins."""
@@ -133,6 +139,7 @@ class Simulation:
             self.kernel.run_until(now - 1 if now else 0)
             self.kernel.now = now
             self.frame_end = tick_start(index + 1)
+            self._happened = 0
             self._tick(now, index)
             for observe in self.observers:
                 observe(now)
@@ -151,39 +158,56 @@ class Simulation:
             hear(robot, now, event)
 
     def schedule(self, event: Event) -> None:
-        """Let `event` happen at its instant. When its callback fails, `run` raises EventError."""
-        self.kernel.at(event.at, EVENT, lambda _now: event.happen(self))
+        """Let `event` happen at its instant. When its callback fails, `run` raises EventError.
+
+        Raises TypeError if it is no event, or its instant none.
+        """
+        self.kernel.at(checked(event).at, EVENT, lambda _now: self._happen(event))
+
+    def _happen(self, event: Event) -> None:
+        self._happened += 1
+        if self._happened > EVENTS_MAX:
+            what = f"event {type(event).__name__} at {in_seconds(self.now):.3f} s"
+            raise EventError(f"{what}: {EVENTS_MAX} events in one tick: let it schedule the next one for later")
+        event.happen(self)
 
     def stop(self) -> None:
         """End the run after the present tick; it has not finished then."""
         self._stopping = True
 
-    # -- what befalls robots and radio (each raises KeyError for a robot that is not there) --------------------------
+    # -- what befalls robots and radio (each raises LookupError for a robot that is not there) -----------------------
+
+    def _robot(self, robot: int) -> SimulatedRobot:
+        if robot not in self._by_id:
+            raise LookupError(f"there is no robot {robot} in this run")
+        return self._by_id[robot]
 
     def kill(self, robot: int) -> None:
         """Let the process of `robot` die. Its body stays where it is; the wheels brake 0.1 s later."""
-        self._by_id[robot].kill()
+        self._robot(robot).kill()
         self._note(robot, "killed")
 
     def restart(self, robot: int) -> None:
         """Start `robot` again, which remembers nothing. Raises ValueError if it lives."""
         self.take_traces()
-        self._by_id[robot].restart()
+        self._robot(robot).restart()
         self._note(robot, "restarted")
 
     def stall(self, robot: int, until: Instant) -> None:
         """Stop the process of `robot` `until` then, as by a signal: what comes in waits for it. Nothing, if dead."""
-        self._by_id[robot].stall(until)
+        self._robot(robot).stall(instant(until))
         self._note(robot, "stalled", until)
 
     def slow(self, robot: int, until: Instant, every: Duration) -> None:
         """Call the mind of `robot` once in `every` nanoseconds only, `until` then. Nothing, if dead."""
-        self._by_id[robot].slow(until, every)
+        if every <= TICK:
+            raise ValueError(f"a slow robot is called less often than once a tick, which takes {TICK} ns, not {every}")
+        self._robot(robot).slow(instant(until), instant(every))
         self._note(robot, "slowed", until)
 
     def silence(self, robot: int, until: Instant) -> None:
         """Let `robot` hear no beacon of the localisation service `until` then."""
-        self.world.silence(robot, until)
+        self.world.silence(self._robot(robot).robot, instant(until))
         self._note(robot, "silenced", until)
 
     def insert(self, robot: int, name: str, *args: Value) -> None:
@@ -191,7 +215,7 @@ class Simulation:
 
         Raises ValueError when the program cannot hold such a fact.
         """
-        self._by_id[robot].insert(name, args)
+        self._robot(robot).insert(name, args)
 
     def disturb(self, disturbance: Disturbance) -> None:
         """Let `disturbance` befall the radio. Raises ValueError if it cannot be one, or there are too many."""

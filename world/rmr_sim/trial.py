@@ -14,6 +14,7 @@ from rmr_sim.interruption import Interruption
 from rmr_sim.run import Loaded, report_of
 from rmr_sim.simulation import Simulation
 from rmr_sim.violation import CONTACT
+from rmr_world.program import ProgramError
 from rmr_world.report import DECIMALS
 
 Row = dict[str, Any]
@@ -47,7 +48,7 @@ def run_seed(loaded: Loaded, seed: int, interruption: Interruption | None = None
         finished = simulation.run()
         took_s = time.process_time() - began
         report = report_of(simulation, finished)
-    except EventError as error:
+    except (EventError, ProgramError) as error:
         return lost(seed, str(error))
     except Exception as error:
         broken = lost(seed, f"{type(error).__name__}: {error}")

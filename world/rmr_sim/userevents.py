@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rmr.node.userfile import UserFileError, run_file
-from rmr_sim.event import Event
+from rmr_sim.event import Event, checked
 from rmr_world.lab import Lab
 from rmr_world.program import ProgramError
 
@@ -24,11 +24,9 @@ def load_events(path: Path | None, lab: Lab, seed: int) -> list[Event]:
     found: list[Event] = []
     try:
         for event in function(lab, seed):
-            if not isinstance(event, Event):
-                raise TypeError(f"events returned {event!r:.60}, which is no Event")
             if len(found) == EVENTS_MAX:
                 raise ValueError(f"events returned more than {EVENTS_MAX} events")
-            found.append(event)
-    except Exception as error:
+            found.append(checked(event))
+    except (Exception, SystemExit) as error:
         raise ProgramError(f"{path}: {type(error).__name__}: {error}") from error
     return found
