@@ -27,6 +27,8 @@ class Range:
         """Refuse a range that holds no number. Raises ValueError."""
         if self.low > self.high:
             raise ValueError(f"the range {self} is the wrong way round: its smaller end comes first")
+        if any(math.isinf(end * STEPS_PER_UNIT) for end in (self.low, self.high)):
+            raise ValueError(f"the range {self} is too large")
         if self.first > self.last:
             raise ValueError(f"the range {self} holds no number with one decimal")
 

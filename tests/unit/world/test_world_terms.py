@@ -53,6 +53,7 @@ def test_a_fact_is_its_name_owner_and_values(text, owner, args):
         ("due(@1, 1 + 2)", "expected ',' or ')', found '+ 2)'"),
         ("due(@1, 60..20)", "the range 60..20 is the wrong way round: its smaller end comes first"),
         ("due(@1, 0.61..0.68)", "the range 0.61..0.68 holds no number with one decimal"),
+        ("due(@1, 0.0..1e308)", "the range 0.0..1e+308 is too large"),
         ("due(@1, 20..)", "expected a value, found '20..)'"),
         ("due(@1, 20..x)", "expected a value, found '20..x)'"),
         ("due(@1, 20...60)", "expected a value, found '20...60)'"),
