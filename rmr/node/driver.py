@@ -45,6 +45,8 @@ class Driver:
         self.approach = Approach(self.navigator)
         self.place: Point | None = None
         """The slot that the robot has taken."""
+        self._home: Point | None = None
+        """The slot in which it has arrived, until it drives elsewhere: pushed out, it goes back."""
         self._chosen: tuple[Area, int, int] | None = None
         """The area, the rank and the place among those that go the same way, by which the place was chosen."""
         self._robot = robot
@@ -90,9 +92,19 @@ class Driver:
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank, peers.driving(now))
             navigator.hearing.update(pose, peers.heard_of(now))
+        self._keep_home(now, pose, peers)
         twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
+
+    def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
+        """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""
+        navigator, home = self.navigator, self._home
+        if home is None or navigator.status == "moving":
+            if navigator.goal != home:
+                self._home = None
+        elif navigator.status in ("idle", "arrived") and distance(*home, pose.x, pose.y) > AT_LEAVE_M:
+            navigator.go(now, pose, home, parked=peers.parked(now))
 
     def _act(self, now: Instant, twist: Twist) -> None:
         self._twist, self._acted_at = twist, now
@@ -112,6 +124,8 @@ class Driver:
         for area, args in self._areas:
             was = senses.holds("at", args)
             if standing_at(area, pose, self.place if self.place in area.places else None, was):
+                if self.place in area.places:
+                    self._home = self.place
                 if not was:
                     senses.add(now, "at", args)
                     arrived.append(area)

@@ -130,7 +130,7 @@ class Peers:
             if hello is not None and age <= DEAD:
                 silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
-                known.append(Known(Point(hello.x, hello.y), vx, vy, peer.hello_at, silent))
+                known.append(Known(Point(hello.x, hello.y), vx, vy, peer.hello_at, hello.parked, silent))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:

@@ -1,8 +1,8 @@
 """What is heard of the others keeps them apart where sight, which is narrow, does not.
 
-*Heard is as good as seen.* Robots say several times a second where they are and how fast they go. Whoever is near and
-not in view is a body for stop-if-dangerous all the same, at the place and with the velocity that it told last: so
-robots that come together from the side stop for each other.
+*Heard is as good as seen.* Robots say several times a second where they are and how fast they go. Whoever is near
+and not in view is a body for stop-if-dangerous all the same, at the place and with the velocity that it told
+last: so robots that come together from the side stop for each other.
 
 *Stand while somebody who may be near is silent.* One that has not been heard for a while is somewhere in a disc around
 the place that it told last, which grows at full speed. A driving robot that this disc could reach before it stands
@@ -26,12 +26,15 @@ SILENT_MOVING: Duration = milliseconds(1200)
 """A robot that drives and has not been heard for so long is silent: five hellos are lost."""
 SILENT_PARKED: Duration = milliseconds(2400)
 """Likewise one that is parked, and may have set out."""
-DEAD: Duration = seconds(10)
-"""After so long a silence a robot does not move any more: longer than any stall."""
+DEAD: Duration = seconds(15)
+"""After so long a silence a robot does not move any more: longer than any stall or loss of radio."""
 STOP_S = 0.4
 """What stopping from full speed takes, with the time until the wheels are told."""
 MARGIN_M = 0.03
 """For the errors of both robots' places."""
+PARKED_SPARE_M = 0.02
+"""A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
+SPARE_FROM_M = 0.05
 NEAR_M = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
@@ -44,6 +47,8 @@ class Known(NamedTuple):
     """m/s over the floor."""
     vy: float
     at: Instant
+    parked: bool
+    """It stands and does not intend to drive."""
     silent: bool
     """It has not been heard for longer than chance explains."""
 
@@ -73,9 +78,12 @@ class Hearing:
             return []
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         heard = []
-        for place, vx, vy, at, _ in self._fresh:
+        for place, vx, vy, at, parked, _ in self._fresh:
             age = in_seconds(now - at)
             dx, dy = place.x + vx * age - pose.x, place.y + vy * age - pose.y
+            if parked:
+                spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, math.hypot(dx, dy))
+                dx, dy = dx * spare, dy * spare
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
             if all(math.hypot(body.x - x, body.y - y) > self._shape.radius for body in seen):
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))

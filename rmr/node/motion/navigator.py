@@ -20,10 +20,10 @@ from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist, with_heard
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import START_S, Gate
-from rmr.node.motion.grid import MARGIN_M, discs_around, off_goal, same_places
+from rmr.node.motion.grid import discs_around, off_goal, same_places
 from rmr.node.motion.hearing import Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
-from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, queue_before, shared_part
+from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, off_queue, shared_part
 from rmr.node.ports import SeenBody
 
 RETRY_S = 0.5
@@ -110,6 +110,8 @@ class Navigator:
         through_gate: bool = False,
     ) -> bool:
         """Plan a way to `goal` and begin. Returns False, with status blocked, when there is none yet."""
+        if self._order is None or self.status not in ("moving", "blocked"):
+            self._stand_off.reset()  # else it is the same drive by another way, in the same stand-off
         self._clear()
         self._order = Order(goal, shared, through_gate)
         self._face, self._parked, self._pose = final_heading, tuple(parked), pose
@@ -170,7 +172,6 @@ class Navigator:
         self._overtake = False
         self._back_until = 0
         self._share = 1.0
-        self._stand_off.reset()
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
@@ -261,6 +262,8 @@ class Navigator:
         parked = self._parked
         if now < self._stand_off.ghosts_until:
             parked = (*parked, *self._stand_off.ghosts)
+        elif self._stand_off.tries:
+            parked = (*parked, *self._standing.points.values())
         through = through and not self._gate.passed
         route = self._route(start, goal, parked, shared, through)
         if route is None and keep:  # who stands at the goal may be gone by then
@@ -279,21 +282,11 @@ class Navigator:
     ) -> Route | None:
         if not through:
             return leader_route(self.arena, start, goal, parked, through_gate=False)
-        parked = self._not_queued(start, parked)
+        if not self._overtake:
+            parked = off_queue(self.arena, start, parked)
         if shared is not None:
             return follower_route(self.arena, start, goal, parked, shared)
         return leader_route(self.arena, start, goal, parked, through_gate=True)
-
-    def _not_queued(self, start: Point, parked: Sequence[Point]) -> list[Point]:
-        """Return `parked` without the robots that stand before this one at the gate or in its queue.
-
-        They go first; this one waits for them to leave and does not drive around them.
-        """
-        if self._overtake:
-            return list(parked)
-        spots = queue_before(self.arena, start)
-        keep = 2.0 * self.arena.shape.radius + MARGIN_M
-        return [p for p in parked if all(distance(*p, *spot) >= 0.5 * keep for spot in spots)]
 
     def _queued(self, now: Instant) -> bool:
         """Return whether a robot that goes first still stands on the route before the gate."""
@@ -301,7 +294,7 @@ class Navigator:
         if follower is None or follower.route.gate_m is None or self._gate.passed or self._overtake:
             return False
         start = Point(self._pose.x, self._pose.y)
-        others = self._not_queued(start, self._parked)
+        others = off_queue(self.arena, start, self._parked)
         ahead = [p for p in self._parked if p not in others and distance(*p, *start) < QUEUE_REACH_M]
         if not ahead:
             self._late_since = None

@@ -224,6 +224,16 @@ def queue_before(arena: Arena, start: Point) -> list[Point]:
     return [gate, *(place for place in area.queue if distance(*place, *gate) < own)]
 
 
+def off_queue(arena: Arena, start: Point, parked: Sequence[Point]) -> list[Point]:
+    """Return `parked` without the robots that stand before `start` at the gate or in its queue.
+
+    They go first; who comes after them waits for them to leave and does not drive around them.
+    """
+    spots = queue_before(arena, start)
+    keep = 2.0 * arena.shape.radius + MARGIN_M
+    return [p for p in parked if all(distance(*p, *spot) >= 0.5 * keep for spot in spots)]
+
+
 def shared_part(arena: Arena, route: Route) -> GridPath | None:
     """Return the cells of `route` from its gate to the end of the narrow section (P1' of the paper)."""
     if route.gate_m is None:

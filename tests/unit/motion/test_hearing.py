@@ -1,0 +1,80 @@
+"""What is heard is as good as what is seen, and who is silent may be anywhere that it can have reached."""
+
+import pytest
+
+from rmr.base.arena import RobotShape
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import Instant, seconds
+from rmr.node.motion.avoid import safe_speed
+from rmr.node.motion.hearing import Hearing, Known
+from rmr.node.perception import Peers
+from rmr.node.ports import SeenBody
+from rmr.node.wire import Hello
+
+SHAPE = RobotShape()
+HERE = Pose(0.5, 0.5, 0.0)
+
+
+def known(x: float, y: float, *, vy: float = 0.0, at: Instant = 0, parked: bool = False, silent: bool = False) -> Known:
+    return Known(Point(x, y), 0.0, vy, at, parked, silent)
+
+
+def hearing(*others: Known) -> Hearing:
+    made = Hearing(SHAPE)
+    made.update(HERE, others)
+    return made
+
+
+def test_a_robot_that_comes_from_the_side_unseen_is_stopped_for() -> None:
+    around = hearing(known(0.58, 0.66, vy=-0.2)).around(0, HERE, ())
+    assert safe_speed(0.2, around, SHAPE.radius) < 0.15
+
+
+def test_it_is_where_it_has_driven_since_it_was_heard() -> None:
+    (body,) = hearing(known(0.6, 0.88, vy=-0.2)).around(seconds(1), HERE, ())
+    assert (body.x, body.y) == pytest.approx((0.1, 0.18))
+
+
+def test_a_robot_that_is_parked_beside_the_way_and_not_seen_is_not_driven_into() -> None:
+    assert safe_speed(0.2, hearing(known(0.53, 0.637, parked=True)).around(0, HERE, ()), SHAPE.radius) < 0.05
+    assert safe_speed(0.2, hearing(known(0.53, 0.67, parked=True)).around(0, HERE, ()), SHAPE.radius) == 0.2
+
+
+def test_who_is_seen_counts_once_and_who_is_far_away_not_at_all() -> None:
+    others = known(0.7, 0.5), known(2.5, 0.5)
+    assert hearing(*others).around(0, HERE, [SeenBody(0.21, 0.01, 0.0, 0.0)]) == []
+
+
+@pytest.mark.parametrize(("age_s", "stands"), [(1.3, False), (3.5, True)])
+def test_a_silent_robot_keeps_another_standing_as_soon_as_it_may_have_come_near(age_s: float, stands: bool) -> None:
+    assert hearing(known(1.3, 0.5, silent=True)).forbids(seconds(age_s), HERE, ()) is stands
+
+
+def test_a_robot_that_is_heard_keeps_nobody_standing() -> None:
+    assert not hearing(known(0.8, 0.5)).forbids(seconds(1), HERE, ())
+
+
+def test_a_silent_robot_that_is_in_view_is_left_to_sight() -> None:
+    made, seen = hearing(known(0.8, 0.5, silent=True)), SeenBody(0.25, 0.0, 0.0, 0.0)
+    assert not made.forbids(seconds(2), HERE, [seen])
+
+
+def test_one_body_in_view_is_not_two_silent_robots() -> None:
+    made = hearing(known(0.8, 0.5, silent=True), known(0.8, 0.6, silent=True))
+    assert made.forbids(seconds(2), HERE, [SeenBody(0.25, 0.0, 0.0, 0.0)])
+
+
+def test_a_body_in_view_that_said_that_it_is_there_is_no_silent_one() -> None:
+    made = hearing(known(0.8, 0.5, silent=True), known(0.75, 0.5, at=seconds(2)))
+    assert made.forbids(seconds(2), HERE, [SeenBody(0.25, 0.0, 0.0, 0.0)])
+
+
+@pytest.mark.parametrize("parked", [False, True])
+def test_a_peer_is_silent_for_a_while_and_then_dead_where_it_fell(parked: bool) -> None:
+    peers = Peers()
+    peers.heard(0, 2, -50.0)
+    peers.hello(0, 2, Hello(0.8, 0.5, 0.0, 0.0, parked, 0, None))
+    assert [one.silent for one in peers.heard_of(seconds(1))] == [False]
+    assert [one.silent for one in peers.heard_of(seconds(3))] == [True]
+    assert peers.heard_of(seconds(16)) == []
+    assert peers.parked(seconds(16)) == [Point(0.8, 0.5)]
