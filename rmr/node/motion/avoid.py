@@ -55,8 +55,22 @@ GHOST_S = 2.5
 """How long a detour keeps off the place where the other was."""
 BACK_S = 0.4
 """Length of the way back that makes room for a detour; twice as long where there is none."""
+BACK_TRIES_MAX = 5
+"""Of the robot that gives way inside a bottleneck: each time it goes farther back, at most so many times as far."""
 BACK_MPS = 0.08
 """Speed of a way back."""
+
+
+def way_back_s(tries: int, found: bool, way: int | None) -> float:
+    """Return how long the `tries`-th way back out of a stand-off takes, seconds; `found`: a way around the others.
+
+    Head to head in a bottleneck that is entered from both sides (`way`, by which mouth; None elsewhere) there is no way
+    around, and if both went back, both would come back. So those that entered by the second mouth give way, all
+    of them and ever farther, until they are out; the others stay and follow up.
+    """
+    if found or way is None:
+        return BACK_S if found and tries % 3 else 2.0 * BACK_S
+    return 2.0 * BACK_S * min(tries, BACK_TRIES_MAX) if way else 0.0
 
 
 def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float) -> float:

@@ -17,7 +17,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, seconds
-from rmr.node.motion.avoid import BACK_MPS, BACK_S, StandOff, Watch, limit_twist, with_heard
+from rmr.node.motion.avoid import BACK_MPS, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import START_S, Gate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
@@ -165,11 +165,9 @@ class Navigator:
         self.status = "idle"
 
     def _clear(self) -> None:
-        self._order = self._follower = self._face = self._driven = None
+        self._order = self._follower = self._face = self._driven = self._late_since = None
         self._gate = Gate(self.arena.shape, holding=False)
-        self._replan_due = False
-        self._late_since = None
-        self._overtake = False
+        self._replan_due = self._overtake = False
         self._back_until = 0
         self._share = 1.0
 
@@ -231,7 +229,7 @@ class Navigator:
         radius = self.arena.shape.radius
         stand_off.mark(now, pose, with_heard(self._watch.places(now), self._standing.points.values(), radius), radius)
         found = self._replan(now, pose, keep=True)
-        self._back_until = now + seconds(BACK_S if found and stand_off.tries % 3 else 2.0 * BACK_S)
+        self._back_until = now + seconds(way_back_s(stand_off.tries, found, self._gate.met_by(self.route)))
 
     def _back(self, pose: Pose) -> Twist:
         """Drive straight back unless something is known to be there."""

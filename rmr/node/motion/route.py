@@ -118,8 +118,7 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
         return route
     way = passed.index(min(passed))
     if _begins_within(arena, route):
-        again = gated_again(arena, route)
-        return again if len(mouths) == 1 else replace(again, way=way)
+        return gated_again(arena, route)
     gate = passed[way]
     if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M:
         return route
@@ -129,13 +128,21 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
     if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M:
         return route
     clear = _clear_of(arena, route, gate)
-    return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=2.0 * arena.shape.radius + ROOM_M)
+    return replace(route, gate_m=gate, clear_m=clear, way=way, room_m=_room(arena))
+
+
+def _room(arena: Arena) -> float:
+    """Return what a robot that waits before a mouth leaves free for others."""
+    return 2.0 * arena.shape.radius + ROOM_M if len(arena.mouths) == 2 else 0.0
 
 
 def gated_again(arena: Arena, route: Route) -> Route:
     """Return `route`, made anew inside the narrow section, with the gate behind its start."""
     clear, way = _clear_of(arena, route, 0.0), way_of(route.heading(0.0))
-    return replace(route, gate_m=0.0, clear_m=clear, way=way, within=True)
+    if len(arena.mouths) == 2:
+        passed = [route.project(*mouth, 0.0, route.length_m) for mouth in arena.mouths]
+        way = passed.index(min(passed))
+    return replace(route, gate_m=0.0, clear_m=clear, way=way, within=True, room_m=_room(arena))
 
 
 def _clear_of(arena: Arena, route: Route, gate: float) -> float:
