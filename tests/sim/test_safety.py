@@ -29,8 +29,9 @@ class Push(Event):
     """Somebody moves robot 1 aside."""
 
     def callback(self, simulation):
-        body = next(robot for robot in simulation.world._list if robot.id == 1).body
-        body.position = (body.position.x, body.position.y - 0.2)
+        robot = simulation.world._robots[1]
+        robot.y -= 0.2
+        robot.body.position = (robot.x, robot.y)
 
 
 def crossing(folder, *, cut):
