@@ -35,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         loaded = load(arguments.lab, options_of(arguments))
         for text in loaded.warnings:
-            print(text, file=sys.stderr)
+            print(text, end="", file=sys.stderr)
         folder = make_run_folder(loaded.lab.name, arguments.run)
         return _run(arguments, loaded, folder) if arguments.seeds is None else _sweep(arguments, loaded, folder)
     except (LabError, ProgramError) as error:

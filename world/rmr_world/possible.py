@@ -47,7 +47,7 @@ def _of_robot(lab: Lab, program: Program, start: RobotStart, flow: FreeFlow) -> 
         least_s = min(ways) / lab.arena.shape.speed
         if in_seconds(job.deadline) < least_s < float("inf"):
             message = (
-                f"robot {start.id} cannot be at {area} within {in_seconds(job.deadline):g} s ({job.name}): "
+                f"warning: robot {start.id} cannot be at {area} within {in_seconds(job.deadline):g} s ({job.name}): "
                 f"the way alone takes {least_s:.2f} s"
             )
             yield problem_at(lab, _path(lab, start.id, in_seconds(job.deadline)), message)
@@ -75,10 +75,14 @@ def _area_of(job: Job) -> str | None:
 
 
 def _path(lab: Lab, robot: int, deadline_s: float) -> tuple[str, int] | tuple[str]:
-    """Return where the lab file states the deadline: in a fact of the robot that has it for an argument."""
+    """Return where the lab file states the deadline: in a fact of the robot that has it for an argument.
+
+    A negative one is a deadline of 0 s.
+    """
     items = lab.fact_items or range(len(lab.facts))
     for fact, index in zip(lab.stated_facts, items, strict=False):
-        if fact.owner == robot and deadline_s in _at_most(fact):
+        numbers = [max(arg, 0) for arg in _at_most(fact) if isinstance(arg, int | float)]
+        if fact.owner in (None, robot) and deadline_s in numbers:
             return "facts", index
     return ("program",)
 

@@ -117,14 +117,23 @@ def test_an_area_and_a_queue_that_the_program_uses_must_have_a_way_from_some_rob
 
 
 def test_a_deadline_shorter_than_the_way_is_a_warning_where_the_lab_states_it(tmp_path):
-    words = "robot 1 cannot be at yard within 9 s (crossing): the way alone takes 10.00 s"
+    words = "warning: robot 1 cannot be at yard within 9 s (crossing): the way alone takes 10.00 s"
     assert told(room(tmp_path, due="9")) == ([], [f"lab.yaml:11:9: facts.0: {words}"])
+
+
+@pytest.mark.parametrize(("facts", "within"), [("due(R, 9)", "9 s"), ("due(@1, -4)", "0 s")])
+def test_a_deadline_is_found_also_where_all_robots_have_it_and_where_it_is_negative(tmp_path, facts, within):
+    folder = room(tmp_path, due="9")
+    file = folder / "lab.yaml"
+    file.write_text(file.read_text().replace("due(@1, 9)", facts))
+    _, warnings = told(folder)
+    assert warnings[0].startswith(f"lab.yaml:11:9: facts.0: warning: robot 1 cannot be at yard within {within}")
 
 
 def test_of_a_deadline_that_each_run_draws_the_latest_counts(tmp_path):
     assert told(room(tmp_path, due="1..30")) == ([], [])
     _, (warning,) = told(room(tmp_path, due="1..9"))
-    assert "lab.yaml:11:9: facts.0: robot 1 cannot be at yard within 9 s" in warning
+    assert "lab.yaml:11:9: facts.0: warning: robot 1 cannot be at yard within 9 s" in warning
 
 
 def test_a_deadline_that_the_program_states_is_told_with_the_program(tmp_path):
@@ -132,7 +141,7 @@ def test_a_deadline_that_the_program_states_is_told_with_the_program(tmp_path):
     problems, warnings = told(room(tmp_path, program=program))
     assert problems == []
     assert len(warnings) == 2
-    assert warnings[0].startswith("lab.yaml:2:10: program: robot 1 cannot be at yard within 3 s")
+    assert warnings[0].startswith("lab.yaml:2:10: program: warning: robot 1 cannot be at yard within 3 s")
 
 
 def test_what_begins_later_or_ends_elsewhere_is_left_to_the_report(tmp_path):
