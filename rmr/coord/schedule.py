@@ -19,7 +19,7 @@ from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctu
 from rmr.coord.values import GRID, Order, same_way
 
 EXACT_MAX = 11
-"""Jobs ordered exactly: 60 ms at worst, and each further one doubles that."""
+"""Jobs ordered exactly: 60 ms at worst where gaps are triangular, and each further one doubles that."""
 BEAM_WORK = 64_000
 """Steps that the beam may take; its width is this over the cube of the number of jobs, so none beyond 40."""
 
@@ -128,7 +128,10 @@ def problem_of(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -
 
 
 def search(problem: Problem) -> Found:
-    """Return the best order found of jobs that are on time together: the optimum for up to `EXACT_MAX` of them."""
+    """Return the best order found of jobs that are on time together: the optimum for up to `EXACT_MAX` of them.
+
+    Where gaps are not triangular, only as far as `branch` comes.
+    """
     hopeful = [i for i, at in enumerate(problem.first) if at <= problem.latest[i]]
     less, end, order = _search(problem.part(hopeful))
     return less, end, tuple(hopeful[i] for i in order)
@@ -139,7 +142,7 @@ def _search(problem: Problem) -> Found:
     found = punctual(problem, insertion(problem))
     if count <= EXACT_MAX:
         exact = layers if triangular(problem) else branch
-        return exact(problem, found)
+        return min(found, exact(problem, found))
     width = BEAM_WORK // count**3
     if width == 0 or -found[0] == count:
         return found

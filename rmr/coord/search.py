@@ -11,7 +11,8 @@ the earliest end, then the smallest sequence of indices.
   left out: no more follow than fit by their latest starts, one least gap apart (equal work in order of deadline,
   Moore 1968). So are those from which as many can follow, but not as early.
 - That an earlier start is never worse needs gap(a, c) <= gap(a, b) + gap(b, c). Where headways are longer than
-  whole passages it fails, and `branch` searches all orders with the earliest starts of all remaining jobs as state.
+  whole passages it fails, and `branch` searches all orders with the earliest starts of all remaining jobs as state,
+  up to `STEPS_MAX` of them.
 - **Beam** (`layers` with a width): each layer is cut to the states from which most can follow, earliest first.
   The insertion (`rmr.coord.insertion`) is the other heuristic.
 """
@@ -44,6 +45,10 @@ Found = tuple[int, Instant, tuple[int, ...]]
 """Minus the jobs on time, the end of the last, the order: the smaller, the better."""
 
 NOTHING: Found = (0, NEVER, ())
+
+STEPS_MAX = 12_000
+"""Orders that `branch` looks at, a fifth of a second: no leader may stand still for longer, whatever gaps it is told.
+The worst of 2,500 random instances of eight jobs took 7,800, of nine jobs 23,000."""
 
 
 def triangular(problem: Problem) -> bool:
@@ -224,7 +229,7 @@ def _limits(problem: Problem, layer: _Layer, following: _Layer) -> _Layer:
 
 
 def branch(problem: Problem, known: Found = NOTHING) -> Found:
-    """Return the best order, if it is as good as the `known` one, whatever the gaps.
+    """Return the best order, if it is as good as the `known` one, whatever the gaps; of `STEPS_MAX` orders at most.
 
     Depth first in order of the indices, so that of equals the smallest order is found first. An order is given up
     when a smaller one of the same jobs leaves every remaining job as early.
@@ -235,7 +240,9 @@ def branch(problem: Problem, known: Found = NOTHING) -> Found:
     best: Found = (known[0], NEVER, ())
     seen: dict[int, list[tuple[Instant, ...]]] = {}
     stack: list[tuple[tuple[int, ...], int, Instant, tuple[Instant, ...]]] = [((), 0, -NEVER, tuple(first))]
-    while stack:
+    for _ in range(STEPS_MAX):
+        if not stack:
+            break
         order, chosen, start, ready = stack.pop()
         if order:
             best = min(best, (-len(order), start + duration[order[-1]], order))

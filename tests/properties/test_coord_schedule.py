@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from schedule_bruteforce import instance
 from schedule_campaign import differences
 
-from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, gap, on_time, order_jobs, place
-from rmr.coord.search import Problem, branch, layers, triangular
+from rmr.coord import search as searching
+from rmr.coord.insertion import insertion
+from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, gap, on_time, order_jobs, place, search
+from rmr.coord.search import Problem, branch, layers, punctual, triangular
 from rmr.coord.values import GRID, MS, Order
 
 RULES = Rules(floor=600 * MS, opposed=280 * MS)
@@ -60,6 +62,30 @@ def test_both_exact_searches_find_the_same_order(jobs: list[Task]) -> None:
     drawn = problem(jobs)
     assert triangular(drawn)
     assert layers(drawn) == branch(drawn)
+
+
+def test_a_search_of_all_orders_ends_after_so_many_and_is_no_worse_than_insertion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    chance = Random("schedule/bounded")
+    better = 0
+    for _ in range(20):
+        drawn = problem([_with_long_headway(chance, robot) for robot in range(1, 8)])
+        assert not triangular(drawn)
+        best, by_insertion = search(drawn), punctual(drawn, insertion(drawn))
+        better += best < by_insertion
+        with monkeypatch.context() as bounded:
+            bounded.setattr(searching, "STEPS_MAX", 20)
+            assert best <= search(drawn) <= by_insertion
+            bounded.setattr(searching, "STEPS_MAX", 0)
+            assert search(drawn) == by_insertion
+    assert better >= 5
+
+
+def _with_long_headway(chance: Random, robot: int) -> Task:
+    """Return a job whose headway is longer than two passages the opposite way: that breaks the triangle rule."""
+    duration, slack = chance.randint(10, 60) * GRID, chance.randint(100, 900) * GRID
+    return Task(robot, 0, duration, 600 * MS + duration + slack, chance.randint(200, 400) * GRID, robot % 2)
 
 
 @settings(max_examples=40, deadline=None)
