@@ -10,7 +10,7 @@ Whoever writes such a file may err: everything is checked before anything is dra
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 POINTS_MAX = 100_000
 """Of a series: more than a figure can show, and still a file of some megabytes."""
@@ -21,9 +21,13 @@ PROBLEMS_MAX = 5
 """Mistakes told of one file."""
 OCTETS_MAX = 64 << 20
 
+NUMBER_MAX = 1e100
+"""Either way; beyond it the axes can no longer be reckoned with."""
+
+Number = Annotated[float, Field(ge=-NUMBER_MAX, le=NUMBER_MAX, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=2_000)]
-Numbers = Annotated[list[FiniteFloat], Field(max_length=POINTS_MAX)]
-Limits = Annotated[list[FiniteFloat | None], Field(max_length=POINTS_MAX)]
+Numbers = Annotated[list[Number], Field(max_length=POINTS_MAX)]
+Limits = Annotated[list[Number | None], Field(max_length=POINTS_MAX)]
 
 
 class ChartError(Exception):
@@ -62,14 +66,14 @@ class Series(Part):
 class Line(Part):
     """A level drawn across a panel: a target, a limit."""
 
-    y: FiniteFloat
+    y: Number
     label: Text
 
 
 class Tick(Part):
     """A place on the x axis that has a name."""
 
-    at: FiniteFloat
+    at: Number
     label: Text
 
 
@@ -86,7 +90,7 @@ class Panel(Part):
     """Names on the x axis in place of numbers."""
     x_log: bool = False
     y_log: bool = False
-    y_from: FiniteFloat | None = None
+    y_from: Number | None = None
     """Where the y axis begins; none: where the data do, or at 0 with bars."""
 
 

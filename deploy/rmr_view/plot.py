@@ -16,6 +16,8 @@ EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
 DATA = Path("docs") / "evaluation"
 NO_MATPLOTLIB = "rmr plot: matplotlib is not installed; install it into this environment: pip install 'rmr[plot]'"
 
+BROKEN_MATPLOTLIB = "rmr plot: matplotlib cannot be loaded; install it anew: pip install --force-reinstall matplotlib"
+
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="rmr plot", description="Draw figures of experiments as SVG.")
@@ -76,10 +78,9 @@ def _draw_all(chosen: dict[str, Path], folder: Path) -> int:
         for name, figure in figures.items():
             draw(figure, folder / f"{name}.svg")
             print(folder / f"{name}.svg")
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "matplotlib":
-            raise
-        print(NO_MATPLOTLIB, file=sys.stderr)
+    except ImportError as error:
+        absent = isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == "matplotlib"
+        print(NO_MATPLOTLIB if absent else f"{BROKEN_MATPLOTLIB}: {error}", file=sys.stderr)
         return EXIT_FAILED
     return 0
 

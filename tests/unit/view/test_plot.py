@@ -96,6 +96,7 @@ def test_a_folder_that_is_not_there_is_told(tmp_path, capsys):
         (json.dumps({"figure": figure(SERIES | {"kind": "pie"})}), "figure.panels.0.series.0.kind"),
         (json.dumps({"figure": figure(SERIES | {"colour": "red"})}), "colour"),
         (json.dumps({"figure": figure(SERIES | {"y": [1.0, float("nan"), 2.0]})}), "figure.panels.0.series.0.y.1"),
+        (json.dumps({"figure": figure(SERIES | {"y": [1.0, 1e308, 2.0]})}), "figure.panels.0.series.0.y.1"),
         ("\x00\xff", "expected"),
     ],
 )
@@ -114,17 +115,25 @@ def test_many_mistakes_are_counted_and_not_all_shown(data):
         read(data / "broken.json")
 
 
-def test_without_matplotlib_it_says_what_to_install(data, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (ModuleNotFoundError("No module named 'matplotlib'", name="matplotlib"), "pip install 'rmr[plot]'"),
+        (ModuleNotFoundError("No module named 'numpy'", name="numpy"), "cannot be loaded; install it anew"),
+        (ImportError("libpng is broken"), "libpng is broken"),
+    ],
+)
+def test_without_a_matplotlib_that_works_it_says_what_to_do(data, capsys, monkeypatch, error, told):
     real = builtins.__import__
 
     def absent(name, *rest, **more):
         if name.partition(".")[0] == "matplotlib":
-            raise ModuleNotFoundError("No module named 'matplotlib'", name=name)
+            raise error
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", absent)
     assert plotted(data, "kinds") == 1
-    assert "pip install 'rmr[plot]'" in capsys.readouterr().err
+    assert told in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written_is_told(data, capsys):
