@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import sys
 import time
 from collections.abc import Sequence
@@ -56,7 +57,6 @@ def taken(experiment: Experiment, seeds: Sequence[int], jobs: int, *, quick: boo
 
 def write(folder: Path, experiment: Experiment, data: Data) -> None:
     """Write the data into `folder`, renew the page there if there is one, and draw the figure if that can be."""
-    folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{experiment.NAME}.json"
     file.write_text(as_json(data), "utf-8")
     page = folder / "README.md"
@@ -82,24 +82,43 @@ def drawn(file: Path) -> None:
         print(f"{file.stem}: not drawn: matplotlib is not installed", file=sys.stderr)
 
 
-def options() -> argparse.Namespace:
+def _jobs(text: str) -> int:
+    if not re.fullmatch("[1-9][0-9]?", text):
+        raise argparse.ArgumentTypeError(f"1 to 99 processes, not {text!r}")
+    return int(text)
+
+
+def _seeds(text: str) -> range:
+    match = re.fullmatch(r"([0-9]{1,18})(?:-([0-9]{1,18}))?", text)
+    seeds = range(int(match[1]), int(match[2] or match[1]) + 1) if match else range(0)
+    if not seeds:
+        raise argparse.ArgumentTypeError(f"seeds such as 1-100, the least first, not {text!r}")
+    return seeds
+
+
+def options(words: Sequence[str] | None = None) -> argparse.Namespace:
+    """Return what is asked for; wrong usage, and a place that cannot be written to, end the process with 2."""
     parser = argparse.ArgumentParser(description="Take the experiments of docs/evaluation.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(EXPERIMENTS)} (default: all)")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes at once")
-    parser.add_argument("--seeds", metavar="A-B", help="instead of each experiment's own")
+    parser.add_argument("--jobs", type=_jobs, default=os.cpu_count() or 1, metavar="N", help="processes at once")
+    parser.add_argument("--seeds", type=_seeds, metavar="A-B", help="instead of each experiment's own")
     parser.add_argument("--quick", action="store_true", help="a few seeds, to see that everything works")
     parser.add_argument("--out", type=Path, metavar="DIR", help="where to write (quick: build/evaluation)")
-    chosen = parser.parse_args()
+    chosen = parser.parse_args(words)
     if unknown := [name for name in chosen.names if name not in EXPERIMENTS]:
         parser.error(f"no such experiment: {', '.join(unknown)}; there are {', '.join(EXPERIMENTS)}")
+    chosen.out = chosen.out or (ROOT / "build" / "evaluation" if chosen.quick else FOLDER)
+    try:
+        chosen.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"--out {chosen.out}: {error.strerror}")
     return chosen
 
 
 def seeds_of(experiment: Experiment, chosen: argparse.Namespace) -> Sequence[int]:
     """Return the seeds that the options ask for."""
     if chosen.seeds:
-        first, _, last = chosen.seeds.partition("-")
-        return range(int(first), int(last or first) + 1)
+        return chosen.seeds
     return experiment.QUICK if chosen.quick else experiment.SEEDS
 
 
@@ -144,7 +163,7 @@ def overview(found: Sequence[Data]) -> list[str]:
 def main() -> int:
     """Take the experiments; return the exit code."""
     chosen = options()
-    folder = chosen.out or (ROOT / "build" / "evaluation" if chosen.quick else FOLDER)
+    folder = chosen.out
     names = chosen.names or EXPERIMENTS
     failed = [name for name in names if not attempted(name, chosen, folder)]
     found = known(folder)
@@ -159,4 +178,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit("interrupted; what was taken before is written")

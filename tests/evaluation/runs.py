@@ -4,6 +4,7 @@ Each run is a task of its own and depends on its lab, seed and options alone, so
 the order in which they come to it shows in the rows, but for the processor time.
 """
 
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -72,7 +73,7 @@ def pooled(function: Callable[[Given], Found], arguments: Sequence[Given], jobs:
             found.append(function(argument))
             _progress(len(found), len(arguments))
         return found
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_DFL)) as pool:
         for each in pool.map(function, arguments):
             found.append(each)
             _progress(len(found), len(arguments))

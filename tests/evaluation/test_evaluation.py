@@ -115,6 +115,23 @@ def test_robots_find_their_way_out_of_stand_offs(scene):
     assert standoffs.played((scene, 1))["way_out"]
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["nope"], "no such experiment: nope; there are figure14"),
+        (["--seeds", "abc"], "seeds such as 1-100"),
+        (["--seeds", "5-3"], "the least first, not '5-3'"),
+        (["--jobs", "0"], "1 to 99 processes, not '0'"),
+        (["--out", f"{PAGE}/deeper"], "Not a directory"),
+    ],
+)
+def test_wrong_usage_is_told_before_anything_is_taken(words, told, capsys):
+    with pytest.raises(SystemExit) as refused:
+        evaluate.options(words)
+    assert refused.value.code == 2
+    assert told in capsys.readouterr().err
+
+
 def test_a_table_of_a_page_is_renewed_and_a_page_without_marks_is_told():
     text = "before\n<!-- a: begin -->\nold\n<!-- a: end -->\nafter\n"
     assert renewed(text, ["| new |"], "a") == text.replace("old", "| new |")
