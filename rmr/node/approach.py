@@ -12,7 +12,8 @@ from rmr.base.geometry import Point, Pose, distance
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.coord.values import EXCLUSIVE_WAY
-from rmr.node.motion.navigator import Estimate, Navigator
+from rmr.node.motion.estimate import Estimate
+from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import leader_route
 
 MOVED_M = 0.05

@@ -66,6 +66,13 @@ def test_a_corridor_in_two_parts_comes_together_again_without_a_touch(seed):
     assert simulation.world.collisions == 0
 
 
+def test_robots_that_want_each_others_places_make_room_and_swap(tmp_path):
+    swap = GO.replace("@1, 1.1, 1.2", "@1, 0.5, 0.2").replace("@2, 0.2, 1.2", "@2, 0.2, 0.2")
+    simulation = small_lab(tmp_path, swap, robots=2, finish="there(R)", duration="60s")
+    assert simulation.run()
+    assert simulation.world.collisions == 0
+
+
 def test_a_robot_that_is_pushed_out_of_its_place_goes_back(tmp_path):
     lab = (LABS / "testbed" / "lab.yaml").read_text().replace("testbed.rmr", "home.rmr").replace("at(R, exit)", "")
     (tmp_path / "lab.yaml").write_text(

@@ -17,9 +17,11 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, seconds
+from rmr.node.motion.aside import ASIDE_S, aside
 from rmr.node.motion.avoid import BACK_MPS, StandOff, Watch, limit_twist, way_back_s, with_heard
+from rmr.node.motion.estimate import Estimate, drive_time, estimate_of
 from rmr.node.motion.follow import Follower, turn_towards
-from rmr.node.motion.gate import START_S, Gate
+from rmr.node.motion.gate import Gate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
 from rmr.node.motion.hearing import Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
@@ -40,21 +42,6 @@ LOST_SIGMA_M = 0.1
 """A robot less sure of its place than this drives at half speed."""
 
 
-class Estimate(NamedTuple):
-    """What a drive would take."""
-
-    approach: Duration
-    """Until the robot is at the gate's line at full speed (to the goal, when there is no gate)."""
-    inside: Duration
-    """From there until it is clear of the narrow section; 0 without a gate."""
-    way: int
-    """Direction through the gate."""
-    after: Duration
-    """From clear to the goal."""
-    within: bool = False
-    """Whether the robot is in the narrow section already."""
-
-
 class Order(NamedTuple):
     """What `go` was asked for."""
 
@@ -67,9 +54,9 @@ class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_back_until", "_driven", "_face", "_follower", "_gate", "_heard", "_late_since", "_next_try", "_order",
-        "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch", "arena",
-        "hearing", "replans", "robot", "status",
+        "_aside_until", "_back_until", "_driven", "_face", "_follower", "_gate", "_heard", "_late_since", "_next_try",
+        "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch",
+        "arena", "hearing", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int) -> None:
@@ -89,6 +76,7 @@ class Navigator:
         self._late_since: Instant | None = None
         self._overtake = False
         self._back_until: Instant = 0
+        self._aside_until: Instant = 0
         self._share = 1.0
         self._heard: tuple[Heard, ...] = ()
         self._watch = Watch(arena.shape)
@@ -168,7 +156,7 @@ class Navigator:
         self._order = self._follower = self._face = self._driven = self._late_since = None
         self._gate = Gate(self.arena.shape, holding=False)
         self._replan_due = self._overtake = False
-        self._back_until = 0
+        self._back_until = self._aside_until = 0
         self._share = 1.0
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
@@ -185,6 +173,10 @@ class Navigator:
         if follower is None:
             return self._turn(pose)
         follower.locate(pose)
+        if self._aside_until and (follower.arrived or now >= self._aside_until):
+            self._aside_until = 0
+            self._replan(now, pose, keep=True)
+            return STILL
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose)
@@ -227,9 +219,25 @@ class Navigator:
         """Leave a stand-off: around the others, or a little way back."""
         stand_off = self._stand_off
         radius = self.arena.shape.radius
-        stand_off.mark(now, pose, with_heard(self._watch.places(now), self._standing.points.values(), radius), radius)
+        places = with_heard(self._watch.places(now), self._standing.points.values(), radius)
+        stand_off.mark(now, pose, places, radius)
+        if stand_off.tries % 2 == 0 and self._step_aside(now, pose, places):
+            return
         found = self._replan(now, pose, keep=True)
         self._back_until = now + seconds(way_back_s(stand_off.tries, found, self._gate.met_by(self.route)))
+
+    def _step_aside(self, now: Instant, pose: Pose, places: list[Point]) -> bool:
+        """Make room for one that stands on the goal; return whether there is one, and room."""
+        assert self._order is not None
+        start, goal = Point(pose.x, pose.y), self._order.goal
+        if off_goal(places, goal, self.arena.shape.radius) == places:
+            return False
+        spot = aside(self.arena, start, goal, (*self._parked, *places))
+        route = None if spot is None else leader_route(self.arena, start, spot, self._parked, through_gate=False)
+        if route is None:
+            return False
+        self._follower, self._aside_until = Follower(route, self.arena.shape), now + ASIDE_S
+        return True
 
     def _back(self, pose: Pose) -> Twist:
         """Drive straight back unless something is known to be there."""
@@ -342,7 +350,7 @@ class Navigator:
             return False
         way = self._gate.line_m(follower.route) - follower.s
         # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
-        return self._drive_time(way, 0.0) <= within and self.eta_gate(0) <= within
+        return drive_time(self.arena.shape, way, 0.0) <= within and self.eta_gate(0) <= within
 
     def eta_gate(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
@@ -352,7 +360,7 @@ class Navigator:
         way = self._gate.line_m(follower.route) - follower.s
         if way <= 0.0:
             return 0
-        return self._drive_time(way, abs(follower.heading_error(self._pose)))
+        return drive_time(self.arena.shape, way, abs(follower.heading_error(self._pose)))
 
     def eta_clear(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least until it is clear; 0 when it is or without a gate."""
@@ -360,11 +368,7 @@ class Navigator:
         if follower is None or follower.route.gate_m is None or self._gate.cleared:
             return 0
         way = max(0.0, follower.route.clear_m - follower.s)
-        return self._drive_time(way, abs(follower.heading_error(self._pose)))
-
-    def _drive_time(self, way: float, turn: float) -> Duration:
-        pivot = turn / self.arena.shape.turn + 0.2 if turn > 0.35 else 0.0
-        return seconds(pivot + way / self.arena.shape.speed + START_S)
+        return drive_time(self.arena.shape, way, abs(follower.heading_error(self._pose)))
 
     def estimate(
         self,
@@ -380,12 +384,7 @@ class Navigator:
         if route is None:
             return None
         turn = abs(Follower(route, self.arena.shape).heading_error(pose))
-        if route.gate_m is None:
-            return Estimate(self._drive_time(route.length_m, turn), 0, 0, 0)
-        line = self._gate.line_m(route)
-        inside = seconds((route.clear_m - line) / self.arena.shape.speed + START_S)
-        after = seconds((route.length_m - route.clear_m) / self.arena.shape.speed + START_S)
-        return Estimate(self._drive_time(line, turn), inside, route.way, after, route.within)
+        return estimate_of(self.arena.shape, route, self._gate.line_m(route), turn)
 
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
