@@ -91,7 +91,7 @@ class Driver:
         if now >= self._heed_at and navigator.status == "moving":
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank, peers.driving(now))
-            navigator.hearing.update(pose, peers.heard_of(now))
+            navigator.hearing.update(pose, peers.heard_of(now, pose))
         self._keep_home(now, pose, peers)
         twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import Duration, Instant, in_seconds, seconds
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
-from rmr.node.motion.hearing import DEAD, SILENT_MOVING, SILENT_PARKED, Known
+from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
@@ -96,39 +96,63 @@ class Peers:
 
     def __init__(self) -> None:
         self.known: dict[int, Peer] = {}
+        """In order of their ids."""
+        self._standing: dict[int, Point] | None = None
+        """Where those stand that do, in order of their ids; None: to be worked out anew."""
+        self._standing_until: Instant = 0
+        """Not before this instant is one of the others dead."""
+        self._parked: tuple[Point, ...] | None = None
 
     def heard(self, now: Instant, robot: int, rssi_dbm: float) -> None:
         """Note that a frame of `robot` arrived."""
         peer = self.known.get(robot)
         if peer is None:
-            self.known[robot] = Peer(now, rssi_dbm)
+            self.known = dict(sorted([*self.known.items(), (robot, Peer(now, rssi_dbm))]))
         else:
             peer.heard, peer.rssi_dbm = now, rssi_dbm
 
     def hello(self, at: Instant, robot: int, hello: Hello) -> None:
         """Note what `robot` said about itself not before `at`; call after `heard`."""
         peer = self.known[robot]
+        old, dead = peer.hello, at - peer.hello_at > DEAD
         peer.hello, peer.hello_at = hello, at
+        if hello.parked and self._standing is not None and robot in self._standing:
+            self._standing[robot], self._parked = Point(hello.x, hello.y), None
+        elif hello.parked or (old is not None and (old.parked or dead)):
+            self._standing = None
+        else:
+            self._standing_until = min(self._standing_until, at + DEAD + 1)
 
     def neighbors(self, now: Instant) -> list[int]:
         """Return the robots heard within HEARD, in order of their ids."""
-        return sorted(robot for robot, peer in self.known.items() if now - peer.heard <= HEARD)
+        return [robot for robot, peer in self.known.items() if now - peer.heard <= HEARD]
 
-    def parked(self, now: Instant) -> list[Point]:
-        """Return where the others stand: those parked, as they last said, and those dead."""
-        return [
-            Point(peer.hello.x, peer.hello.y)
-            for _, peer in sorted(self.known.items())
-            if peer.hello is not None and (peer.hello.parked or now - peer.hello_at > DEAD)
-        ]
+    def parked(self, now: Instant) -> tuple[Point, ...]:
+        """Return where the others stand: those parked, as they last said, and those dead.
 
-    def heard_of(self, now: Instant) -> list[Known]:
-        """Return what the others that are not dead last said about where they are."""
+        The same object until that changes: it is asked for at each hello.
+        """
+        if self._standing is None or now >= self._standing_until:
+            self._standing, self._standing_until, self._parked = {}, NEVER, None
+            for robot, peer in self.known.items():
+                hello = peer.hello
+                if hello is not None and (hello.parked or now - peer.hello_at > DEAD):
+                    self._standing[robot] = Point(hello.x, hello.y)
+                elif hello is not None:
+                    self._standing_until = min(self._standing_until, peer.hello_at + DEAD + 1)
+        if self._parked is None:
+            self._parked = tuple(self._standing.values())
+        return self._parked
+
+    def heard_of(self, now: Instant, pose: Pose) -> list[Known]:
+        """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead."""
         known = []
-        for _, peer in sorted(self.known.items()):
+        for peer in self.known.values():
             hello, age = peer.hello, now - peer.hello_at
-            if hello is not None and age <= DEAD:
-                silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
+            if hello is None or age > DEAD:
+                continue
+            silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
+            if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
                 known.append(Known(Point(hello.x, hello.y), vx, vy, peer.hello_at, hello.parked, silent))
         return known
@@ -136,7 +160,7 @@ class Peers:
     def driving(self, now: Instant) -> list[Heard]:
         """Return what the others that drive said last."""
         heard = []
-        for robot, peer in sorted(self.known.items()):
+        for robot, peer in self.known.items():
             hello = peer.hello
             if hello is not None and not hello.parked and now - peer.hello_at <= HEARD:
                 goal = None if hello.goal is None else Point(*hello.goal)
@@ -147,7 +171,7 @@ class Peers:
         """Return (robot, hello) of those that have taken a place."""
         return [
             (robot, peer.hello)
-            for robot, peer in sorted(self.known.items())
+            for robot, peer in self.known.items()
             if peer.hello is not None and peer.hello.goal is not None and now - peer.hello_at <= PARKED_KNOWN
         ]
 

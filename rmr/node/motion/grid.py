@@ -118,7 +118,11 @@ def off_goal(parked: Sequence[Point], goal: Point, radius: float) -> list[Point]
 
 def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     """Return whether two lists of parked robots mean the same but for the noise of their estimates."""
-    return len(a) == len(b) and all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
+    if len(a) != len(b):
+        return False
+    if all(p is q or distance(*p, *q) < SAME_PLACE_M for p, q in zip(a, b, strict=True)):
+        return True  # the same robots, as a rule
+    return all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
 def blocked_cells(grid: Grid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:

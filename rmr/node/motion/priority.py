@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, Pose
+from rmr.base.geometry import Point, Pose, point_segment_distance
 from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.route import Route
 
@@ -23,6 +23,9 @@ KEEP_M = 0.04
 """Predicted distance of hulls that is wide enough."""
 HORIZON_S = 4.0
 STEP_S = 0.25
+STEPS = round(HORIZON_S / STEP_S) + 1
+MARGIN_M = 1e-6
+"""For rounding."""
 SHARES = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
 AGE_MAX_S = 2.0
@@ -81,20 +84,15 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
 
     When none does, the one that keeps the greatest distance.
     """
-    tracks = [_track(now, other, shape.speed) for other in others if in_seconds(now - other.at) <= AGE_MAX_S]
-    if not tracks:
-        return 1.0
     here = route.point(s)
     keep = 2.0 * shape.radius + KEEP_M
-    tracks = [
-        track
-        for track in tracks
-        if math.hypot(track[0].x - here.x, track[0].y - here.y) < 2.5 * HORIZON_S * shape.speed
-    ]
+    tracks = [_track(now, other, shape.speed) for other in others if _may_meet(now, other, here, shape.speed, keep)]
+    if not tracks:
+        return 1.0
     best, best_share = -math.inf, 1.0
     for share in SHARES:
         least = math.inf
-        for i in range(len(tracks[0]) if tracks else 0):
+        for i in range(STEPS):
             me = route.point(s + share * shape.speed * STEP_S * i)
             for track in tracks:
                 least = min(least, math.hypot(track[i].x - me.x, track[i].y - me.y))
@@ -105,15 +103,37 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     return best_share
 
 
+def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float) -> bool:
+    """Return whether what was heard of `other` still holds and it may come nearer than `keep` to a robot at `here`.
+
+    Most robots of a crowd cannot, and cost no more than this.
+    """
+    age = in_seconds(now - other.at)
+    if age > AGE_MAX_S:
+        return False
+    near, (x, y, _) = keep + HORIZON_S * speed, other.pose
+    far = near + speed * (age + HORIZON_S)
+    if abs(x - here.x) > far or abs(y - here.y) > far:
+        return False
+    cos, sin, way = _course(other)
+    gone = min(way, speed * (age + HORIZON_S))
+    return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + MARGIN_M
+
+
 def _track(now: Instant, other: Heard, speed: float) -> list[Point]:
     """Return where `other` will be, step by step."""
-    x, y, theta = other.pose
-    cos, sin, way = math.cos(theta), math.sin(theta), math.inf
-    if other.goal is not None:
-        way = math.hypot(other.goal.x - x, other.goal.y - y)
-        if way > 1e-6:
-            cos, sin = (other.goal.x - x) / way, (other.goal.y - y) / way
+    (x, y, _), (cos, sin, way) = other.pose, _course(other)
     age = in_seconds(now - other.at)
-    steps = round(HORIZON_S / STEP_S) + 1
-    gone = (min(way, speed * (age + STEP_S * i)) for i in range(steps))
+    gone = [min(way, speed * (age + STEP_S * i)) for i in range(STEPS)]
     return [Point(x + g * cos, y + g * sin) for g in gone]
+
+
+def _course(other: Heard) -> tuple[float, float, float]:
+    """Return the direction in which `other` drives, as cosine and sine, and how far, metres."""
+    x, y, theta = other.pose
+    if other.goal is None:
+        return math.cos(theta), math.sin(theta), math.inf
+    way = math.hypot(other.goal.x - x, other.goal.y - y)
+    if way > 1e-6:
+        return (other.goal.x - x) / way, (other.goal.y - y) / way, way
+    return math.cos(theta), math.sin(theta), way

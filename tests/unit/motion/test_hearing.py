@@ -74,7 +74,7 @@ def test_a_peer_is_silent_for_a_while_and_then_dead_where_it_fell(parked: bool) 
     peers = Peers()
     peers.heard(0, 2, -50.0)
     peers.hello(0, 2, Hello(0.8, 0.5, 0.0, 0.0, parked, 0, None))
-    assert [one.silent for one in peers.heard_of(seconds(1))] == [False]
-    assert [one.silent for one in peers.heard_of(seconds(3))] == [True]
-    assert peers.heard_of(seconds(16)) == []
-    assert peers.parked(seconds(16)) == [Point(0.8, 0.5)]
+    assert [one.silent for one in peers.heard_of(seconds(1), HERE)] == [False]
+    assert [one.silent for one in peers.heard_of(seconds(3), HERE)] == [True]
+    assert peers.heard_of(seconds(16), HERE) == []
+    assert peers.parked(seconds(16)) == (Point(0.8, 0.5),)
