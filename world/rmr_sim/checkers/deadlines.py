@@ -5,6 +5,7 @@ what was lost with a robot's process is nobody's fault.
 """
 
 import heapq
+from collections import OrderedDict
 
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.vm.events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
@@ -12,6 +13,8 @@ from rmr.vm.job import Job
 from rmr_sim.checkers.scene import TICK, Scene
 
 CHECK = "deadline"
+MISSED_MAX = 10_000
+"""Missed jobs remembered, to notice a second miss of one; the oldest go first."""
 
 
 class Deadlines:
@@ -22,7 +25,8 @@ class Deadlines:
         self._due: list[tuple[Instant, int, int, int, Job]] = []
         """When the miss of a deadline must be known, a number, the robot, its life, the job."""
         self._number = 0
-        self._missed: dict[int, Job] = {}
+        self._missed: OrderedDict[int, Job] = OrderedDict()
+        """By identity; while a job is remembered no other one has its."""
         self._owed: dict[int, Job] = {}
         """By robot, the job whose violation action comes next."""
         self._paid: dict[int, ActionDerived] = {}
@@ -59,6 +63,8 @@ class Deadlines:
             late_s = in_seconds(now - job.deadline)
             complain(now, CHECK, (robot,), f"robot {robot} noticed {late_s:.3f} s late that {job.text} was overdue")
         self._missed[id(job)] = job
+        if len(self._missed) > MISSED_MAX:
+            self._missed.popitem(last=False)
         self._owed[robot] = job
         self._paid.pop(robot, None)
 
