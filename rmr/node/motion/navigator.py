@@ -274,6 +274,8 @@ class Navigator:
         route = self._route(start, goal, parked, shared, through)
         if route is None and keep:  # who stands at the goal may be gone by then
             route = self._route(start, goal, off_goal(parked, goal, self.arena.shape.radius), shared, through)
+        elif route is None and parked != self._parked:  # as may who stands on the way
+            route = self._route(start, goal, self._parked, shared, through)
         if route is None:
             if not keep:
                 self._follower, self.status = None, "blocked"
