@@ -34,6 +34,9 @@ UNKNOWN_INSIDE: Duration = seconds(1)
 """How long a turn is expected to last when nothing is known of its action; extended while it lasts longer."""
 EVENTS_KEPT = 32
 """Events of which turns that are over, schedules and paths are kept; the oldest go first."""
+GIVE_BACK: Duration = seconds(4)
+"""A robot that has entered but gets no farther than the gate gives its turn back: somebody stands there who waits for
+his own, and would wait for ever behind one that counts as inside."""
 OFF_ROUTE_M = 0.15
 """A robot farther than this from the way through the bottleneck is not on it."""
 
@@ -101,6 +104,13 @@ class Turn:
             return self.end - self.notice
         look = self.revised_at + REVISE_EVERY
         return min(look, self._leaves_at) if self.phase is Phase.SLOTTED and self._leaves_at > self.revised_at else look
+
+
+def gets_nowhere(now: Instant, turn: Turn, navigator: Navigator) -> bool:
+    """Return whether the robot, though it may enter, has stood before the gate for `GIVE_BACK`."""
+    route = navigator.route
+    stands = route is not None and route.gate_m is not None and not navigator.passed_gate
+    return stands and not turn.within and now - turn.entered_at > GIVE_BACK
 
 
 def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:

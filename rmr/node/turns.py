@@ -40,6 +40,7 @@ from rmr.node.turn import (
     Turn,
     area_among,
     clear_of_bottleneck,
+    gets_nowhere,
     goal_of,
     is_beyond,
     keep,
@@ -288,6 +289,8 @@ class Turns:
             self._until(now, turn, now + UNKNOWN_INSIDE)
         elif clear_of_bottleneck(turn, navigator, driver.localiser.pose):
             self._leave(now, turn)
+        elif gets_nowhere(now, turn, navigator):
+            self._ask_again(now, turn, turn.job, turn.goal)
         else:
             end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
             if abs(end - turn.end) > REVISE_FROM:
