@@ -227,8 +227,13 @@ class Navigator:
         self._back_until = now + seconds(way_back_s(stand_off.tries, found, self._gate.met_by(self.route)))
 
     def _step_aside(self, now: Instant, pose: Pose, places: list[Point]) -> bool:
-        """Make room for one that stands on the goal; return whether there is one, and room."""
+        """Make room for one that stands on the goal; return whether there is one, and room.
+
+        Not before the end of the bottleneck: on a way without a gate the robot would count as out of it.
+        """
         assert self._order is not None
+        if self.route is not None and self.route.gate_m is not None and not self._gate.cleared:
+            return False
         start, goal = Point(pose.x, pose.y), self._order.goal
         if off_goal(places, goal, self.arena.shape.radius) == places:
             return False

@@ -7,7 +7,7 @@ import pytest
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist
-from rmr.base.time import in_seconds, seconds
+from rmr.base.time import in_seconds, seconds, tick_start
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
@@ -225,3 +225,20 @@ def test_a_step_costs_microseconds():
     pose = body.estimate
     best = min(timeit.repeat(lambda: nav.step(world.now, pose, 0.01, view, False), number=500, repeat=5)) / 500
     assert best < 100e-6  # 20 us measured; the bound leaves room for a busy machine
+
+
+@pytest.mark.parametrize("gated", [True, False])
+def test_a_robot_steps_aside_for_one_on_its_goal_but_never_leaves_the_way_through_its_gate(gated: bool):
+    navigator = Navigator(bench.testbed(), 1)
+    start, goal, now = Pose(0.25, 0.75, 0.0), Point(1.38, 0.36), 0
+    navigator.go(now, start, goal, through_gate=gated)
+    navigator.gate(0, opened=True)
+    gates = []
+    for tick in range(600):
+        now = tick_start(tick)
+        if tick % 12 == 0:
+            navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
+        navigator.step(now, start, 0.005, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
+        gates.append((navigator.route.points[-1] == goal, navigator.route.gate_m is not None))
+    assert navigator.replans > 3, "it never was in a stand-off"
+    assert set(gates) == ({(True, True)} if gated else {(True, False), (False, False)})
