@@ -1,0 +1,39 @@
+"""When hellos are due: often enough to be known by, seldom enough to leave the air to others."""
+
+from random import Random
+
+import pytest
+
+from rmr.base.time import Duration, in_seconds, seconds
+from rmr.node.hello import PERIOD_MOVING, HelloClock
+from rmr.node.motion.hearing import SILENT_MOVING, SILENT_PARKED
+
+
+def periods(robots: int, *, parked: bool) -> list[Duration]:
+    """The times between a hundred hellos."""
+    clock = HelloClock(Random(1), robots)
+    clock.parked = parked
+    found = []
+    for _ in range(100):
+        clock.rewind(seconds(5))
+        found.append(clock.due - seconds(5))
+    return found
+
+
+@pytest.mark.parametrize(("robots", "period_s"), [(1, 0.5), (6, 0.5), (25, 0.5), (40, 0.8), (50, 1.0), (1000, 1.0)])
+def test_the_more_robots_there_are_the_less_often_a_parked_one_speaks_up_to_a_second(
+    robots: int, period_s: float
+) -> None:
+    told = [in_seconds(period) for period in periods(robots, parked=True)]
+    assert 0.89 * period_s < min(told) < 0.95 * period_s
+    assert 1.05 * period_s < max(told) < 1.11 * period_s
+
+
+def test_a_robot_that_moves_speaks_as_often_among_many() -> None:
+    assert periods(2, parked=False) == periods(1000, parked=False)
+    assert max(periods(2, parked=False)) <= 1.1 * PERIOD_MOVING
+
+
+def test_nobody_is_taken_for_silent_whose_hellos_were_lost_once_or_four_times_while_it_moved() -> None:
+    assert 2 * max(periods(1000, parked=True)) < SILENT_PARKED
+    assert 5 * max(periods(1000, parked=False)) < SILENT_MOVING
