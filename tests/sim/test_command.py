@@ -2,11 +2,14 @@
 
 import json
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from rmr_sim.main import failures, main
+from rmr_sim.main import main
+from rmr_sim.perform import failures
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 
@@ -32,6 +35,12 @@ def tiny(folder: Path, program: str, lab: str = LAB) -> Path:
     (folder / "lab.yaml").write_text(lab)
     (folder / "tiny.rmr").write_text(program)
     return folder
+
+
+def test_help_and_wrong_usage_load_neither_world_nor_nodes():
+    code = "import sys; import rmr_sim.main; print([m for m in sys.modules if m.startswith(('rmr.node', 'rmr_world'))])"
+    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert answer.stdout == "[]\n"
 
 
 def test_json_is_the_report_and_everything_else_goes_to_standard_error(tmp_path, capsys):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from rmr import __version__
 from rmr.coord.values import Order
-from rmr_sim.run import Options
 
 SEEDS_MAX = 100_000
 """Of one sweep: days of work, and a sweep.json of 30 MB."""
@@ -45,18 +44,6 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     if arguments.seeds is not None and arguments.trace is not None:
         parser.error("--trace is of one run; a sweep keeps the trace of each seed that fails")
     return arguments
-
-
-def options_of(arguments: argparse.Namespace) -> Options:
-    """Return what is asked of each run beside its seed."""
-    return Options(
-        robots=arguments.robots,
-        loss=arguments.loss,
-        actions=arguments.actions,
-        event_file=arguments.events,
-        chaos=arguments.chaos,
-        order=Order(arguments.order),
-    )
 
 
 def command_of(arguments: argparse.Namespace) -> str:

@@ -1,0 +1,148 @@
+"""What `rmr sim LAB` does: a lab in virtual time, the same for the same seed; one run, or with `--seeds` many."""
+
+import argparse
+import json
+import sys
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+from rmr.coord.values import Order
+from rmr.node.actions import STOPPED, TAKEN_OVER
+from rmr.node.trace import Level
+from rmr_sim.arguments import command_of, cores
+from rmr_sim.event import EventError
+from rmr_sim.interruption import Interruption
+from rmr_sim.run import Loaded, Options, load, report_of
+from rmr_sim.summary import failing_lines, lines_of, summary_of
+from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
+from rmr_sim.trial import row_of
+from rmr_sim.violation import CONTACT
+from rmr_world.document import LabError
+from rmr_world.faults import lines
+from rmr_world.program import ProgramError
+from rmr_world.report import table_text, to_json, write
+from rmr_world.runfolder import RunFolderError, make_run_folder
+
+FAILURES_MAX = 5
+"""Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""
+EXIT_FAILED, EXIT_USAGE, EXIT_INVALID, EXIT_STRICT = 1, 2, 3, 4
+
+
+def perform(arguments: argparse.Namespace) -> int:
+    """Carry out what is asked for; return the exit code. The second Ctrl-C raises KeyboardInterrupt."""
+    try:
+        loaded = load(arguments.lab, options_of(arguments))
+        for text in loaded.warnings:
+            print(text, end="", file=sys.stderr)
+        folder = make_run_folder(loaded.lab.name, arguments.run)
+        return _run(arguments, loaded, folder) if arguments.seeds is None else _sweep(arguments, loaded, folder)
+    except (LabError, ProgramError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_INVALID
+    except (RunFolderError, OSError) as error:
+        print(f"rmr sim: {error}", file=sys.stderr)
+        return EXIT_USAGE
+
+
+def options_of(arguments: argparse.Namespace) -> Options:
+    """Return what is asked of each run beside its seed."""
+    return Options(
+        robots=arguments.robots,
+        loss=arguments.loss,
+        actions=arguments.actions,
+        event_file=arguments.events,
+        chaos=arguments.chaos,
+        order=Order(arguments.order),
+    )
+
+
+def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
+    """One run."""
+    simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
+    if arguments.chaos:
+        print("\n".join(["faults drawn from the seed:", *lines(simulation.lab)]), file=sys.stderr)
+    if arguments.trace is not None:
+        write_trace([], arguments.trace)  # a place that cannot be written to is told before the run, not behind it
+    began = time.perf_counter()
+    with Interruption() as interruption:
+        interruption.ends(simulation.stop)
+        try:
+            finished = simulation.run()
+        except EventError as error:
+            print(f"rmr sim: {error}", file=sys.stderr)
+            return EXIT_FAILED
+        except Exception as error:
+            return _broke_down(error, folder)
+    wall_s = time.perf_counter() - began
+    report = report_of(simulation, finished)
+    written = write(report, folder)
+    trace = simulation.trace()
+    if arguments.trace is not None:
+        write_trace(trace, arguments.trace)
+    for line in [*failures(trace), *violation_lines(report)]:
+        print(line, file=sys.stderr)
+    print(to_json(report).rstrip() if arguments.json else table_text(report))
+    speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
+    took = f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)"
+    print(f"{'interrupted: ' if interruption.came else ''}{took}; the report is {written}", file=sys.stderr)
+    return exit_code(row_of(report), strict=arguments.strict)
+
+
+def _broke_down(error: Exception, folder: Path) -> int:
+    """Tell that this project's own code went wrong; where it did so is kept for whoever mends it."""
+    path = folder / BREAKDOWN_FILE
+    path.write_text("".join(traceback.format_exception(error)))
+    print(f"rmr sim: broke down: {type(error).__name__}: {error}; where is told in {path}", file=sys.stderr)
+    return EXIT_FAILED
+
+
+def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
+    """Many runs."""
+    loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
+    began = time.perf_counter()
+    sweep = Sweep(loaded, arguments.seeds, folder)
+    interrupted = sweep.run(min(arguments.jobs or cores(), len(arguments.seeds)))
+    wall_s = time.perf_counter() - began
+    command = command_of(arguments)
+    document = sweep.document(command)
+    text = json.dumps(document, indent=1, sort_keys=True)
+    (folder / SWEEP_FILE).write_text(text + "\n")
+    if arguments.json:
+        print(text)
+    else:
+        print("\n".join([*lines_of(summary_of(sweep.rows), sweep.speed), *failing_lines(sweep.rows, command)]))
+    done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; all rows are in {folder / SWEEP_FILE}"
+    print(f"{'interrupted: ' if interrupted else ''}{done}", file=sys.stderr)
+    codes = [exit_code(row, strict=arguments.strict) for row in sweep.rows]
+    return EXIT_FAILED if interrupted or EXIT_FAILED in codes else max(codes, default=0)
+
+
+def exit_code(row: dict[str, Any], *, strict: bool) -> int:
+    """Return the exit code for a run (0 fine, 1 not finished or a rule broken, 4 under --strict: missed or touched)."""
+    if not row["finished"] or any(check != CONTACT for check in row["violations"]):
+        return EXIT_FAILED
+    if strict and (row["deadlines"]["missed"] or row["collisions"]):
+        return EXIT_STRICT
+    return 0
+
+
+def failures(trace: list[dict[str, object]]) -> list[str]:
+    """Return a line for each action of `trace` that failed by itself, none twice, FAILURES_MAX at most."""
+    lines: dict[str, None] = {}
+    for entry in trace:
+        if entry["what"] == "action_ended" and entry["failure"] not in {None, STOPPED, TAKEN_OVER}:
+            lines[f"robot {entry['robot']}: action {entry['action']} failed: {entry['failure']}"] = None
+    return _first(list(lines), "failed; --trace FILE holds all")
+
+
+def violation_lines(report: dict[str, Any]) -> list[str]:
+    """Return a line for each rule that did not hold, FAILURES_MAX at most."""
+    lines = [f"violation at {each['t_s']:.3f} s: {each['check']}: {each['words']}" for each in report["violations"]]
+    return _first(lines, "violations; the report holds all")
+
+
+def _first(lines: list[str], more: str) -> list[str]:
+    left = len(lines) - FAILURES_MAX
+    return [*lines[:FAILURES_MAX], *([f"and {left} more {more}"] if left > 0 else [])]
