@@ -24,9 +24,9 @@ AT_LEAVE_M = 0.08
 """... and until it is this far: localisation noise does not make it flicker."""
 
 HEARD: Duration = seconds(3)
-"""A peer is a neighbor while its last frame is younger; hellos come every 0.4 to 1 s."""
-PARKED_KNOWN: Duration = seconds(15)
-"""How long a parked robot is believed to stand where it last said it stood."""
+"""A peer is a neighbor while its last frame is younger; hellos come every 0.2 to 1 s."""
+CLAIM_KNOWN: Duration = seconds(15)
+"""How long a robot that says no more has the place that it took; where it stands it is in the way for ever."""
 
 
 class Percept(NamedTuple):
@@ -172,7 +172,7 @@ class Peers:
         return [
             (robot, peer.hello)
             for robot, peer in self.known.items()
-            if peer.hello is not None and peer.hello.goal is not None and now - peer.hello_at <= PARKED_KNOWN
+            if peer.hello is not None and peer.hello.goal is not None and now - peer.hello_at <= CLAIM_KNOWN
         ]
 
 

@@ -35,6 +35,7 @@ MARGIN_M = 0.03
 PARKED_SPARE_M = 0.02
 """A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
 SPARE_FROM_M = 0.05
+"""Nearer than this it is shifted by less: its direction is hardly more than noise."""
 NEAR_M = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
