@@ -102,6 +102,8 @@ class Node:
         self._finished = False
         self._finish_looked: Instant = 0
         self._stirred = True
+        self._rewake = True
+        """Whether this call may have changed when the robot is due next; hellos of others alone do not."""
         self._frames_sent = 0
         self._near: Sequence[tuple[int, float]] | None = None
         """The neighbors that the host offered last."""
@@ -140,7 +142,10 @@ class Node:
         self.now = now
         if not self._started:
             return
+        self._rewake = now >= self.next_wake
         self.executive.tick(now)
+        if not self._rewake:
+            return
         frame = self.executive.next_frame(now, self._busy())
         self.next_wake = min(
             frame or NEVER,
@@ -170,6 +175,7 @@ class Node:
         for frame in self._ports.link.receive():
             self._receive(now, frame)
         for outcome in self._ports.link.confirmations():
+            self._rewake = True
             self._coordination.confirm(now, outcome)
         self.talk.wake(now)
 
@@ -181,7 +187,10 @@ class Node:
         self.peers.heard(now, frame.source, frame.rssi_dbm)
         if not frame.payload:
             self.talk.drop(now, frame.source, "a frame without content")
-        elif frame.payload[0] < wire.Kind.FACT:
+            return
+        if frame.payload[0] != wire.Kind.HELLO:
+            self._rewake = True
+        if frame.payload[0] < wire.Kind.FACT:
             self._coordination.receive(now, frame.payload, frame.source)
         else:
             self.talk.receive(now, frame)
@@ -226,7 +235,7 @@ class Node:
         """
         if not (self._stirred or now >= self.next_wake or self._is_due(now)):
             return
-        self._stirred = False
+        self._stirred, self._rewake = False, True
         for _ in range(ROUNDS_MAX):
             self._coordination.run(now)
             if self.machine.due == now:

@@ -4,9 +4,11 @@ A frame that does not parse, or that no robot of this program could have sent, i
 counted, noted and dropped.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from rmr.base.geometry import Point
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Symbol, Value
@@ -37,6 +39,8 @@ class Talk:
         self.deliveries = Deliveries(node, exchange)
         self.digest = digest & 0xFFFF
         self.malformed = 0
+        self._parked: Sequence[Point] | None = None
+        """Where others stand, as the navigator was told last."""
         self._hello: HelloClock | None = None
         """None: a robot without a body."""
         if node.driver is not None:
@@ -125,8 +129,9 @@ class Talk:
             node.trace(now, "other_program", source=source)
         node.peers.hello(node.heard_at, source, hello)
         node.heed_claim(source, hello)
-        if node.driver is not None:
-            node.driver.navigator.update_parked(node.peers.parked(now))
+        if node.driver is not None and (parked := node.peers.parked(now)) is not self._parked:
+            self._parked = parked
+            node.driver.navigator.update_parked(parked)
 
     def _failure(self, now: Instant, frame: Received) -> None:
         digest, assertion = wire.decode_failure(frame.payload)

@@ -120,8 +120,11 @@ def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     """Return whether two lists of parked robots mean the same but for the noise of their estimates."""
     if len(a) != len(b):
         return False
-    if all(p is q or distance(*p, *q) < SAME_PLACE_M for p, q in zip(a, b, strict=True)):
-        return True  # the same robots, as a rule
+    for p, q in zip(a, b, strict=True):
+        if p is not q and math.hypot(p[0] - q[0], p[1] - q[1]) >= SAME_PLACE_M:
+            break
+    else:
+        return True  # the same robots in the same order, as a rule
     return all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
