@@ -7,8 +7,9 @@ and each follows its parent.
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -18,6 +19,8 @@ from threading import Thread
 from rmr_sim.interruption import Interruption
 from rmr_sim.run import Options, load
 from rmr_sim.trial import Result, lost, run_seed
+from rmr_world.document import LabError
+from rmr_world.program import ProgramError
 
 LOOK_S = 0.2
 """How soon Ctrl-C is noticed while all processes are at work."""
@@ -88,13 +91,21 @@ class _Worker:
 def _work(results: Connection, path: Path, options: Options) -> None:
     """Run the seeds that come until no more do."""
     _end_with_parent()
-    loaded = load(path, options)
+    run = _runner(path, options)
     while True:
         try:
             seed = results.recv()
         except EOFError:
             return
-        results.send(run_seed(loaded, seed))
+        results.send(run(seed))
+
+
+def _runner(path: Path, options: Options) -> Callable[[int], Result]:
+    """Return what runs a seed. The files were good when the sweep began; who edits them meanwhile is told."""
+    try:
+        return partial(run_seed, load(path, options))
+    except (LabError, ProgramError, OSError) as error:
+        return partial(lost, error=str(error))
 
 
 def _end_with_parent() -> None:
