@@ -6,6 +6,7 @@ any input a leader that has issued nothing for a lease stops leading: it must ha
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Duration, Instant
@@ -64,9 +65,7 @@ class Group:
         request = job.request
         release = request.release if release is None else release
         duration = request.duration if duration is None else duration
-        job.request = JobRequest(
-            request.event, request.trigger, release, duration, request.deadline, request.headway, request.way
-        )
+        job.request = replace(request, release=release, duration=duration)
         material = max(abs(release - job.told[0]), abs(duration - job.told[1])) > c.values.revision
         if not material or (job.slot is not None and job.slot[0] <= now + c.values.frozen):
             return
