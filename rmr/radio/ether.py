@@ -13,6 +13,7 @@ then the timers of medium access. Receivers of one frame are told in the order i
 from bisect import insort
 from collections import deque
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 from random import Random
 
 import numpy as np
@@ -51,6 +52,7 @@ REACH_CELLS = 2
 
 _ACK_AIRTIME = airtime(ACK_OCTETS)
 _WORD = 4294967296.0
+_ORDER = attrgetter("order")
 
 
 class Tallies:
@@ -188,8 +190,6 @@ class Ether:
         if air is None:
             air = self._air[cell] = deque()
             self._near_cells.clear()
-        while air and air[0].end < now - REMEMBERED:
-            air.popleft()
         air.append(wave)
         insort(self._unsettled, wave, key=_by_lock)
         self.kernel.at(wave.end, AIR, lambda _now: self._ended(wave))
@@ -212,9 +212,13 @@ class Ether:
             reach = range(-REACH_CELLS, REACH_CELLS + 1)
             cells = [Cell(cell.x + dx, cell.y + dy) for dx in reach for dy in reach]
             near = self._near_cells[cell] = [self._air[one] for one in cells if one in self._air]
+        forgotten = self.kernel.now - REMEMBERED
+        for air in near:
+            while air and air[0].end < forgotten:
+                air.popleft()
         found = [wave for air in near for wave in air if wave.end > since]
         if len(found) > 1:
-            found.sort(key=_by_start)
+            found.sort(key=_ORDER)
         return found
 
     def _settle(self, now: Instant) -> None:
@@ -319,10 +323,6 @@ class Ether:
             return np.floor(255.0 * success)
         over_db = wave.power_dbm[places] - self.config.sensitivity_dbm
         return np.clip(np.rint(over_db * (255.0 / 40.0)), 0.0, 255.0)
-
-
-def _by_start(wave: Wave) -> tuple[Instant, int]:
-    return wave.start, wave.announcement.source
 
 
 def _by_lock(wave: Wave) -> tuple[Instant, int]:

@@ -54,6 +54,7 @@ class Wave:
         "frame",
         "lock_at",
         "locks",
+        "order",
         "origin",
         "power",
         "power_dbm",
@@ -73,6 +74,8 @@ class Wave:
         self.frame = frame
         self.start = announcement.start
         self.end = announcement.end
+        self.order = announcement.start, announcement.source
+        """Which of several waves comes first, as in `phy`."""
         self.origin = origin
         """The transmitter's index."""
         self.cell = cell
@@ -90,8 +93,8 @@ class Wave:
             self.locks = np.concatenate([self.locks, np.zeros(more, dtype=np.bool_)])
 
     def before(self, other: "Wave") -> bool:
-        """Whether this wave comes before `other` in the order of `phy`: by start, then by source."""
-        return (self.start, self.announcement.source) < (other.start, other.announcement.source)
+        """Whether this wave comes before `other`."""
+        return self.order < other.order
 
     def deafens(self, start: Instant, end: Instant) -> bool:
         """Whether its transmitter, which turns around before and after it, is deaf within `start`..`end`."""
@@ -99,28 +102,42 @@ class Wave:
 
 
 def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Places) -> Floats | float:
-    """Return the greatest sum of the powers of `others` at any time within `begin`..`finish`, at each place."""
+    """Return the greatest sum of the powers of `others` at any time within `begin`..`finish`, at each place.
+
+    Just before somebody begins and just after somebody has ended there is less on the air than beside that.
+    """
     if len(others) == 1:
         return others[0].power[at]
     worst: Floats | None = None
-    for _, total in stretches(begin, finish, others, at):
-        worst = total if worst is None else np.maximum(worst, total)
+    starts, ends = {other.start for other in others}, {other.end for other in others}
+    for since, until in pairwise(_edges(begin, finish, others)):
+        if (until == finish or until in ends) and (since == begin or since in starts):
+            total = _total(since, others, at)
+            worst = total if worst is None else np.maximum(worst, total)
     assert worst is not None
     return worst
 
 
 def stretches(begin: Instant, finish: Instant, others: Sequence[Wave], at: Places) -> list[tuple[Duration, Floats]]:
     """Return (length, total power at each place) of each stretch in which `others` do not change; see `phy`."""
+    spans = pairwise(_edges(begin, finish, others))
+    return [(until - since, _total(since, others, at)) for since, until in spans]
+
+
+def _edges(begin: Instant, finish: Instant, others: Sequence[Wave]) -> list[Instant]:
+    """Return `begin`, `finish` and when `others` begin and end in between, in order."""
     edges = {begin, finish}
     edges.update(edge for other in others for edge in (other.start, other.end) if begin < edge < finish)
-    out = []
-    for since, until in pairwise(sorted(edges)):
-        total: Any = 0.0
-        for other in others:
-            if other.start <= since < other.end:
-                total = total + other.power[at]
-        out.append((until - since, total))
-    return out
+    return sorted(edges)
+
+
+def _total(now: Instant, others: Sequence[Wave], at: Places) -> Any:
+    """Return the sum of the powers of `others` at one instant, at each place."""
+    total: Any = 0.0
+    for other in others:
+        if other.start <= now < other.end:
+            total = total + other.power[at]
+    return total
 
 
 def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
