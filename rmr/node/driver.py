@@ -14,6 +14,7 @@ from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.approach import Approach
 from rmr.node.motion.grid import TIGHT_MARGIN_M
+from rmr.node.motion.hearing import LISTEN
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, standing_at
 from rmr.node.ports import Body, SeenBody
@@ -38,7 +39,8 @@ NO_RANK = 1 << 16
 class Driver:
     """One robot's wheels and senses."""
 
-    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body) -> None:
+    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body, *, again: bool = False) -> None:
+        """`again`: the robot was started before, and finds the others on their ways."""
         self.arena = arena
         self.localiser = Localiser(arena)
         self.navigator = Navigator(arena, robot)
@@ -57,6 +59,7 @@ class Driver:
         self._areas = [(area, (Symbol(area.name),)) for area in arena.areas]
         self._stated: tuple[Pose | None, Point | None] = None, None
         """The pose and the place of which the facts tell."""
+        self._again = again
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
         self._heed_at: Instant = 0
@@ -86,6 +89,8 @@ class Driver:
         if samples:
             self._bodies, self._bumped = samples[-1].bodies, any(s.bumped for s in samples)
         pose, navigator = self.localiser.pose, self.navigator
+        if self._again:
+            self._again, navigator.hearing.listens_until = False, now + LISTEN
         if pose is None:
             return
         if now >= self._heed_at and navigator.status == "moving":

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist
-from rmr.base.time import Instant, in_seconds, seconds
+from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.ports import SeenBody
 
 MISS_MARGIN_M = 0.025
@@ -47,6 +47,8 @@ REMEMBERED_MAX = 8
 """Bodies remembered at once; no more fit around a robot within its view."""
 PATIENCE_S = 0.7
 """Standing before another for longer than this is a stand-off."""
+EARLY_PATIENCE: Duration = seconds(3)
+"""More of it before the own slot: then standing is in order, but who gets no nearer never gets a slot in time."""
 PATIENCE_STEP_S = 0.2
 """Robots differ in patience by multiples of this, so that not all act at once."""
 BIAS_M = 0.05
@@ -213,15 +215,15 @@ class StandOff:
         """Forget everything: a new drive begins."""
         self._since, self.ghosts, self.tries = None, (), 0
 
-    def blocked(self, now: Instant, wish: Twist, allowed: Twist) -> bool:
-        """Note this tick; return whether the patience is over (once per patience)."""
+    def blocked(self, now: Instant, wish: Twist, allowed: Twist, more: Duration = 0) -> bool:
+        """Note this tick; return whether the patience, and `more`, is over (once per patience)."""
         if wish.v <= 0.02 or allowed.v > 0.25 * wish.v:
             if allowed.v > 0.02:
                 self._since = None
             return False
         if self._since is None:
             self._since = now
-        if now - self._since < self._patience:
+        if now - self._since < self._patience + more:
             return False
         self._since = now
         self.tries += 1

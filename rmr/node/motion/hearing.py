@@ -24,6 +24,8 @@ from rmr.node.ports import SeenBody
 
 SILENT_MOVING: Duration = milliseconds(1200)
 """A robot that drives and has not been heard for so long is silent: five hellos are lost."""
+LISTEN: Duration = milliseconds(1200)
+"""A robot that was started again listens for so long before it drives: two hellos of each that is parked."""
 SILENT_PARKED: Duration = milliseconds(2400)
 """Likewise one that is parked, and may have set out."""
 DEAD: Duration = seconds(15)
@@ -57,12 +59,14 @@ class Known(NamedTuple):
 class Hearing:
     """The others, as one robot has heard of them."""
 
-    __slots__ = ("_fresh", "_shape", "_silent")
+    __slots__ = ("_fresh", "_shape", "_silent", "listens_until")
 
     def __init__(self, shape: RobotShape) -> None:
         self._shape = shape
         self._silent: list[Known] = []
         self._fresh: list[Known] = []
+        self.listens_until: Instant = 0
+        """A robot that was started again among others knows of none yet, and stands until then."""
 
     def update(self, pose: Pose, known: Sequence[Known]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
@@ -93,7 +97,7 @@ class Hearing:
     def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
         """Return whether a robot at `pose` that sees the bodies `seen` must not drive on: somebody is silent."""
         if not self._silent:
-            return False
+            return now < self.listens_until
         near = [other for other in self._silent if self._reaches(now, other, pose)]
         return len(near) > 0 and not self._in_view(now, pose, seen, near)
 

@@ -18,7 +18,7 @@ from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.aside import ASIDE_S, aside
-from rmr.node.motion.avoid import BACK_MPS, StandOff, Watch, limit_twist, way_back_s, with_heard
+from rmr.node.motion.avoid import BACK_MPS, EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, drive_time, estimate_of
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import Gate
@@ -189,10 +189,10 @@ class Navigator:
             limit = min(limit, 0.5 * self.arena.shape.speed)
         wish = follower.steer(pose, limit)
         allowed = limit_twist(wish, around, self.arena.shape.radius)
-        if not self._gate.waiting(now, follower.route) or bumped:
-            stuck = STILL if bumped else allowed  # wheels that turn against a hull get nowhere
-            if self._stand_off.blocked(now, wish, stuck):
-                self._detour(now, pose)
+        stuck = STILL if bumped else allowed  # wheels that turn against a hull get nowhere
+        early = self._gate.waiting(now, follower.route) and not bumped
+        if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
+            self._detour(now, pose)
         return allowed
 
     def _ready(self, now: Instant, pose: Pose) -> bool:

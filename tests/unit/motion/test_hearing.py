@@ -50,6 +50,13 @@ def test_a_silent_robot_keeps_another_standing_as_soon_as_it_may_have_come_near(
     assert hearing(known(1.3, 0.5, silent=True)).forbids(seconds(age_s), HERE, ()) is stands
 
 
+def test_a_robot_that_was_started_again_listens_before_it_drives() -> None:
+    made = hearing()
+    made.listens_until = seconds(1)
+    assert made.forbids(seconds(0.9), HERE, ())
+    assert not made.forbids(seconds(1), HERE, ())
+
+
 def test_a_robot_that_is_heard_keeps_nobody_standing() -> None:
     assert not hearing(known(0.8, 0.5)).forbids(seconds(1), HERE, ())
 
