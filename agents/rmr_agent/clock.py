@@ -56,7 +56,8 @@ class LabClock:
         return min(self._samples).delay if self._samples else None
 
     def forget(self) -> None:
-        """Start afresh with another clock, which may show an earlier time."""
+        """Start afresh with another clock, which may show an earlier time, or stand."""
+        self.state = "unknown"
         self._samples.clear()
         self._last = self._heard = None
 

@@ -113,3 +113,11 @@ def test_lab_time_stands_soon_after_the_world_has_fallen_silent_and_goes_on_with
     assert clock.at(60 * NS_PER_S) == 2 * NS_PER_S + AHEAD_MAX
     clock.hear(60 * NS_PER_S)
     assert clock.at(60 * NS_PER_S) == 60 * NS_PER_S
+
+
+def test_another_clock_is_not_believed_to_run_because_the_last_one_did():
+    clock = LabClock()
+    clock.sample("running", 0, 100, 100, 0)
+    assert clock.running
+    clock.forget()
+    assert (clock.running, clock.state) == (False, "unknown")
