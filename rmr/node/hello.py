@@ -1,4 +1,4 @@
-"""When a robot says where it stands: every 0.2 s while it moves, every 0.5 to 1 s while parked, at once on a change.
+"""When a robot says where it stands: every 0.2 to 0.35 s while it moves, 0.5 to 1 s while parked, at once on a change.
 
 Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
 """
@@ -8,11 +8,14 @@ from random import Random
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 
 PERIOD_MOVING: Duration = milliseconds(200)
+PERIOD_MOVING_MAX: Duration = milliseconds(350)
+MOVING_APART: Duration = milliseconds(8)
 PERIOD_PARKED: Duration = milliseconds(500)
 PERIOD_PARKED_MAX: Duration = seconds(1)
 PARKED_APART: Duration = milliseconds(20)
-"""Per robot of the roster a parked one's period is so long, between these two: many that stand leave the air to those
-that drive. After one lost hello at the longest period a robot is not yet taken for silent (`motion.hearing`)."""
+"""Per robot of the roster a period is so long, between its least and its greatest: many robots share one air, and those
+that stand leave it to those that drive. At the longest period a robot of which two hellos in a row are lost while it
+moves, or one while it is parked, is not yet taken for silent (`motion.hearing`)."""
 FIRST_AFTER: Duration = milliseconds(200)
 FIRST_SPREAD: Duration = milliseconds(100)
 """The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
@@ -28,6 +31,7 @@ class HelloClock:
     def __init__(self, rng: Random, robots: int) -> None:
         self._rng = rng
         self._robots = robots
+        self._moving_period = min(max(PERIOD_MOVING, MOVING_APART * robots), PERIOD_MOVING_MAX)
         self._parked_period = min(max(PERIOD_PARKED, PARKED_APART * robots), PERIOD_PARKED_MAX)
         self.due: Instant = NEVER
         self.parked = True
@@ -50,5 +54,5 @@ class HelloClock:
 
     def rewind(self, now: Instant) -> None:
         """Plan the hello after the one that is said now."""
-        period = self._parked_period if self.parked else PERIOD_MOVING
+        period = self._parked_period if self.parked else self._moving_period
         self.due = now + round(period * self._rng.uniform(0.9, 1.1))
