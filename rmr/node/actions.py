@@ -16,10 +16,12 @@ from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from rmr.base.time import NEVER, Instant, in_seconds, seconds
+from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 
+SLEEP_MIN = NS_PER_MS
+"""Of a handler's sleep: one that sleeps for nothing again and again would keep its host from ever going on."""
 RUNNING_MAX = 1024
 """Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
 
@@ -316,8 +318,8 @@ class RobotHandle:
         return in_seconds(self._now())
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait `duration_s` seconds."""
-        await Pause(self._now() + seconds(max(0.0, duration_s)))
+        """Wait `duration_s` seconds, a millisecond at least."""
+        await Pause(self._now() + max(SLEEP_MIN, seconds(max(0.0, duration_s))))
 
     async def until(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` is true; it is looked at in each of the robot's frames."""

@@ -133,6 +133,22 @@ def test_a_later_action_may_take_the_wheels_from_an_earlier_one_of_its_name_but_
     assert node.ended[2:] == [("b", None)], "b had the wheels and was not disturbed"
 
 
+def test_an_action_that_sleeps_for_nothing_again_and_again_lets_time_pass():
+    rounds = []
+
+    async def restless(robot):
+        while True:
+            await robot.sleep(0)
+            rounds.append(robot.now())
+
+    node = FakeNode(a=Handler("a", restless))
+    node.derive("a")
+    while node.dispatcher.next_wake <= seconds(0.01):
+        node.now = node.dispatcher.next_wake
+        node.dispatcher.step(node.now)
+    assert rounds == pytest.approx([0.001 * n for n in range(1, 11)])
+
+
 def broken(on_the_way_out):
     async def act(robot):
         try:
