@@ -16,7 +16,7 @@ from rmr_view.chart import Figure, Panel, Series
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES = ("-", "--", "-.", ":")
-HATCHES = ("", "////", "....", "xxxx")
+HATCHES = ("", "////", "xx", "----")
 PANEL_INCHES = (4.4, 3.6)
 ALONE_INCHES = (7.0, 4.2)
 NOTE_INCHES = 0.16

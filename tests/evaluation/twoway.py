@@ -182,7 +182,8 @@ def drawn(rows: Sequence[Row], count: int) -> Data:
         label = _label(row["order"])
         shown.append(series(label, [at], [met["value"]], kind="bars", low=[met["low"]], high=[met["high"]]))
     note = f"four and four robots, {count} seeds, random deadlines from 14 to 36 s; bars: 95 % intervals of the mean"
-    return figure("Opposing traffic", note, [panel("order", "deadlines met of 8", shown, y_from=0.0)])
+    ticks = [{"at": at, "label": ""} for at in range(len(rows))]
+    return figure("Opposing traffic", note, [panel("", "deadlines met of 8", shown, y_from=0.0, ticks=ticks)])
 
 
 def _label(order: str) -> str:
