@@ -137,7 +137,10 @@ class Mind:
         jobs = self._machine.serves(event.predicate, event.args)
         turn = node.turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = node.handler(name)
-        node.actions.derive(now, Running(event.serial, name, event.args, handler, turn, now, missed, event.origin))
+        running = Running(event.serial, name, event.args, handler, turn, now, missed, event.origin)
+        if turn is not None:
+            turn.serving.append(running)
+        node.actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
 
@@ -150,6 +153,7 @@ class Mind:
             failure = self._handlers_effect(now, running, action)
         node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
         if isinstance(running.turn, Turn):
+            running.turn.serving.remove(running)
             node.turns.action_ended(now, running.turn)
         if node.driver is None:
             predicate = node.program.predicates[action]

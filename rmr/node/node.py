@@ -298,11 +298,6 @@ class Node:
         """Return whether an action drives to the area that it names: it may be gated."""
         return self.handler(self.program.predicates[action].name).to_area
 
-    def serving(self, turn: Turn) -> Running | None:
-        """Return the action that serves `turn`, held or under way."""
-        waiting = (*self.actions.running, *self.actions.held, *self.actions.queue)
-        return next((running for running in waiting if running.turn is turn), None)
-
     @property
     def bound_for(self) -> Point | None:
         """Where the robot is going, or the slot on which it stands."""
@@ -344,10 +339,10 @@ class Node:
         name = Symbol(turn.job.name)
         others = [args for args in self.senses.of("turn") if args[0] != name]
         self.senses.replace(now, "turn", [*others, (name, turn.rank)])
-        running = self.serving(turn)
+        running = turn.action
         if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
             return
-        if turn.goal.slotted and running.handler.to_area and running in self.actions.running:
+        if turn.goal.slotted and running.handler.to_area:
             self.depart(self.take_place(turn.goal, turn), final_heading=None, turn=turn)
 
     def leads(self, now: Instant, name: Symbol, does: bool) -> None:

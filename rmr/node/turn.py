@@ -5,7 +5,7 @@ turn of which the job starts anew, or that an action has used up in vain. `rmr.n
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeVar
@@ -16,6 +16,7 @@ from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
+from rmr.node.actions import Running
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route
 from rmr.vm.job import Job
@@ -84,6 +85,16 @@ class Turn:
     """How long before its end the turn is extended; none where its length is known, as it is without a drive."""
     passage: Route | None = None
     """The way by which the robot entered the bottleneck."""
+    serving: list[Running] = field(default_factory=list)
+    """The actions that go by this turn and have not ended; rarely more than one."""
+
+    @property
+    def action(self) -> Running | None:
+        """The action that serves the job, the one under way before those that wait."""
+        for running in self.serving:
+            if running.started is not None:
+                return running
+        return self.serving[0] if self.serving else None
 
     def released(self, now: Instant) -> bool:
         """Return whether the action that serves the job may begin."""

@@ -269,11 +269,10 @@ class Turns:
         self.next_wake = max(soonest, next_tick(now)) if soonest < NEVER else NEVER
 
     def _is_ready(self, turn: Turn) -> bool:
-        navigator = self._navigator
-        if turn.gated and (navigator is None or not navigator.reaches_gate(READY)):
-            return False
-        serving = self._node.serving(turn)
-        return serving is not None and (not turn.gated or serving.started is not None)
+        action, navigator = turn.action, self._navigator
+        if action is None or not turn.gated:
+            return action is not None
+        return action.started is not None and navigator is not None and navigator.reaches_gate(READY)
 
     def _inside(self, now: Instant, turn: Turn) -> None:
         driver = self._node.driver
@@ -307,7 +306,7 @@ class Turns:
 
     def action_ended(self, now: Instant, turn: Turn) -> None:
         """Handle the end of an action that served `turn`; where several do, the last one ends it."""
-        if turn.phase is Phase.INSIDE and not turn.gated and self._node.serving(turn) is None:
+        if turn.phase is Phase.INSIDE and not turn.gated and not turn.serving:
             self._leave(now, turn)
 
     # -- what the coordination core says ----------------------------------------------------------------------
