@@ -14,7 +14,7 @@ from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.approach import Approach
 from rmr.node.motion.grid import TIGHT_MARGIN_M
-from rmr.node.motion.hearing import LISTEN
+from rmr.node.motion.hearing import DEAD
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, standing_at
 from rmr.node.ports import Body, SeenBody
@@ -39,11 +39,11 @@ NO_RANK = 1 << 16
 class Driver:
     """One robot's wheels and senses."""
 
-    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body, *, again: bool = False) -> None:
-        """`again`: the robot was started before, and finds the others on their ways."""
+    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body) -> None:
         self.arena = arena
         self.localiser = Localiser(arena)
-        self.navigator = Navigator(arena, robot)
+        self.navigator = Navigator(arena, robot, len(roster))
+        self.navigator.hearing.listens = len(roster) > 1
         self.approach = Approach(self.navigator)
         self.place: Point | None = None
         """The slot that the robot has taken."""
@@ -59,10 +59,10 @@ class Driver:
         self._areas = [(area, (Symbol(area.name),)) for area in arena.areas]
         self._stated: tuple[Pose | None, Point | None] = None, None
         """The pose and the place of which the facts tell."""
-        self._again = again
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
         self._heed_at: Instant = 0
+        self._began: Instant | None = None
 
     @property
     def moving(self) -> bool:
@@ -89,18 +89,30 @@ class Driver:
         if samples:
             self._bodies, self._bumped = samples[-1].bodies, any(s.bumped for s in samples)
         pose, navigator = self.localiser.pose, self.navigator
-        if self._again:
-            self._again, navigator.hearing.listens_until = False, now + LISTEN
+        if self._began is None:
+            self._began = now
         if pose is None:
             return
-        if now >= self._heed_at and navigator.status == "moving":
-            self._heed_at = now + HEED_EVERY
-            navigator.update_moving(now, rank, peers.driving(now))
-            navigator.hearing.update(pose, peers.heard_of(now, pose))
+        if navigator.status == "moving":
+            self._heed(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
+
+    def _heed(self, now: Instant, pose: Pose, rank: int, peers: Peers) -> None:
+        """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
+        navigator, hearing = self.navigator, self.navigator.hearing
+        hearing.stands = self._twist.v == 0.0
+        if now < self._heed_at and now <= hearing.doubts_at:
+            return
+        if now >= self._heed_at:
+            self._heed_at = now + HEED_EVERY
+            navigator.update_moving(now, rank, peers.driving(now))
+        hearing.update(pose, peers.heard_of(now, pose))
+        if hearing.listens:
+            assert self._began is not None
+            hearing.listens = now - self._began < DEAD and not peers.placed(self._robot, self._roster)
 
     def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
         """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""

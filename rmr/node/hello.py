@@ -17,8 +17,12 @@ PARKED_APART: Duration = milliseconds(20)
 that stand leave it to those that drive. At the longest period a robot of which two hellos in a row are lost while it
 moves, or one while it is parked, is not yet taken for silent (`motion.hearing`)."""
 FIRST_AFTER: Duration = milliseconds(200)
-FIRST_SPREAD: Duration = milliseconds(100)
+FIRST_SPREAD: Duration = milliseconds(20)
 """The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
+EAGER: Duration = milliseconds(1200)
+"""For so long a robot that begins speaks as often as one that moves: the others wait until they have heard it."""
+SPREAD = 0.1
+"""Share by which a period is shorter or longer, so that two robots do not speak at once for ever."""
 CHANGE_SPREAD: Duration = milliseconds(20)
 """A change is told within this, where that is enough."""
 ANSWER_SPREAD: Duration = milliseconds(5)
@@ -31,14 +35,16 @@ class HelloClock:
     def __init__(self, rng: Random, robots: int) -> None:
         self._rng = rng
         self._robots = robots
-        self._moving_period = min(max(PERIOD_MOVING, MOVING_APART * robots), PERIOD_MOVING_MAX)
-        self._parked_period = min(max(PERIOD_PARKED, PARKED_APART * robots), PERIOD_PARKED_MAX)
+        self._moving_period = _period(robots, parked=False)
+        self._parked_period = _period(robots, parked=True)
+        self._eager_until: Instant = 0
         self.due: Instant = NEVER
         self.parked = True
 
     def start(self, now: Instant) -> None:
         """Plan the first hello."""
         spread = max(min(FIRST_SPREAD * self._robots, seconds(1)), ANSWER_SPREAD * self._robots)
+        self._eager_until = now + EAGER
         self.due = now + FIRST_AFTER + round(self._rng.random() * spread)
 
     def soon(self, now: Instant) -> None:
@@ -54,5 +60,16 @@ class HelloClock:
 
     def rewind(self, now: Instant) -> None:
         """Plan the hello after the one that is said now."""
-        period = self._parked_period if self.parked else self._moving_period
-        self.due = now + round(period * self._rng.uniform(0.9, 1.1))
+        period = self._parked_period if self.parked and now >= self._eager_until else self._moving_period
+        self.due = now + round(period * self._rng.uniform(1.0 - SPREAD, 1.0 + SPREAD))
+
+
+def _period(robots: int, *, parked: bool) -> Duration:
+    if parked:
+        return min(max(PERIOD_PARKED, PARKED_APART * robots), PERIOD_PARKED_MAX)
+    return min(max(PERIOD_MOVING, MOVING_APART * robots), PERIOD_MOVING_MAX)
+
+
+def period_max(robots: int, *, parked: bool) -> Duration:
+    """Return the longest time between two hellos of one of so many robots."""
+    return round(_period(robots, parked=parked) * (1.0 + SPREAD))

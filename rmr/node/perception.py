@@ -6,6 +6,7 @@ for the radio shim and is never read here.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -122,6 +123,12 @@ class Peers:
             self._standing = None
         else:
             self._standing_until = min(self._standing_until, at + DEAD + 1)
+
+    def placed(self, robot: int, roster: Sequence[int]) -> bool:
+        """Return whether all of `roster` but `robot` itself have said where they are."""
+        return all(
+            one == robot or ((peer := self.known.get(one)) is not None and peer.hello is not None) for one in roster
+        )
 
     def neighbors(self, now: Instant) -> list[int]:
         """Return the robots heard within HEARD, in order of their ids."""

@@ -2,8 +2,9 @@
 
 For each body in the field of view the closest approach under the relative velocity is computed. A body is
 dangerous when that miss distance is below two radii and 25 mm and this robot itself closes in. Then the speed
-falls in proportion to the gap that is left, down to a stop. A body that comes from behind, or that this robot
-does not close in on, never stops it. Of two that cross, the one that has the other on its right gives way
+falls in proportion to the gap that is left, down to a stop; and it is never so great that the robot could not stop
+before a body that brakes (`stopping`). A body that comes from behind, or that this robot does not close in on, never
+stops it, and past one that stands abeam it creeps. Of two that cross, the one that has the other on its right gives way
 early, the other late, so that one of them goes first.
 
 The field of view is narrow: a body that has left it is remembered for a moment (`Watch`) where it would be now,
@@ -21,6 +22,7 @@ from typing import NamedTuple
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import Duration, Instant, in_seconds, seconds
+from rmr.node.motion.stopping import stopping_speed
 from rmr.node.ports import SeenBody
 
 MISS_MARGIN_M = 0.025
@@ -31,6 +33,12 @@ FOLLOW_GAP_M = 0.03
 """A robot that follows another keeps at least this gap."""
 TOUCHING_M = 0.005
 """Gap at which nothing but standing still is safe."""
+ABEAM_M = 0.005
+"""A standing body that going on brings nearer by less than this is abeam ..."""
+ABEAM_GAP_M = 0.018
+"""... and if it comes no nearer than this (what is heard of a parked robot is taken to be farther away) ..."""
+ABEAM_MPS = 0.04
+"""... is passed at this speed."""
 SLOPE_PER_S = 2.5
 """Speed allowed per metre of gap, 1/s."""
 LATE_SLOPE_PER_S = 6.0
@@ -79,7 +87,7 @@ def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float) -> float:
     """Return the greatest forward speed up to `v` (m/s) that no body makes dangerous."""
     limit = v
     for body in bodies:
-        limit = min(limit, _limit(v, body, radius))
+        limit = min(limit, _limit(v, body, radius), stopping_speed(v, body, radius))
     return max(0.0, limit)
 
 
@@ -102,6 +110,8 @@ def _limit(v: float, body: SeenBody, radius: float) -> float:
             return v
         if _better_gone(body, miss, radius):
             return v
+        if away - miss < ABEAM_M and miss >= 2.0 * radius + ABEAM_GAP_M and math.hypot(bvx, bvy) < STILL_MPS:
+            return min(v, ABEAM_MPS)
     if gap <= TOUCHING_M:
         return 0.0
     recede = max(0.0, (x * bvx + y * bvy) / away)

@@ -10,6 +10,13 @@ the place that it told last, which grows at full speed. A driving robot that thi
 body that is seen in the disc is the silent robot, unless another one has said that it is there: what is seen is left
 to stop-if-dangerous.
 
+*The nearer, the sooner.* Of one that is near, unseen and not behind (there its own eyes keep it off), two hellos that
+are overdue are a silence; and a robot that sets out waits for a single one of a parked robot near it, which may have
+set out unheard as well.
+
+*Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
+it is, or has had the time in which a dead one is known to be dead.
+
 *A dead body stands where it fell.* Who has been silent for longer than any stall is an obstacle like a parked robot.
 """
 
@@ -19,17 +26,20 @@ from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.node.hello import period_max
 from rmr.node.ports import SeenBody
 
 SILENT_MOVING: Duration = milliseconds(1200)
 """A robot that drives and has not been heard for so long is silent: five hellos are lost."""
-LISTEN: Duration = milliseconds(1200)
-"""A robot that was started again listens for so long before it drives: two hellos of each that is parked."""
 SILENT_PARKED: Duration = milliseconds(2400)
 """Likewise one that is parked, and may have set out."""
 DEAD: Duration = seconds(15)
 """After so long a silence a robot does not move any more: longer than any stall or loss of radio."""
+OVERDUE: Duration = milliseconds(150)
+"""A hello that comes so much later than it may is lost: what hellos wait for the air, and are read later."""
+BEHIND = math.cos(math.radians(120))
+"""Cosine of the bearing beyond which another robot that comes nearer does so ahead of itself."""
 STOP_S = 0.4
 """What stopping from full speed takes, with the time until the wheels are told."""
 MARGIN_M = 0.03
@@ -59,14 +69,21 @@ class Known(NamedTuple):
 class Hearing:
     """The others, as one robot has heard of them."""
 
-    __slots__ = ("_fresh", "_shape", "_silent", "listens_until")
+    __slots__ = ("_fresh", "_moving", "_parked", "_shape", "_silent", "doubts_at", "listens", "stands")
 
-    def __init__(self, shape: RobotShape) -> None:
+    def __init__(self, shape: RobotShape, robots: int = 1) -> None:
+        """`robots`: how many there are, by which the time between two hellos goes."""
         self._shape = shape
+        self._moving = period_max(robots, parked=False)
+        self._parked = period_max(robots, parked=True)
         self._silent: list[Known] = []
         self._fresh: list[Known] = []
-        self.listens_until: Instant = 0
-        """A robot that was started again among others knows of none yet, and stands until then."""
+        self.listens = False
+        """Somebody has never been heard who may be anywhere."""
+        self.stands = True
+        """The robot does not drive on but would set out."""
+        self.doubts_at: Instant = NEVER
+        """When one of those near will have been silent for too long; not looked at again before the next update."""
 
     def update(self, pose: Pose, known: Sequence[Known]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
@@ -76,6 +93,12 @@ class Hearing:
             for other in known
             if not other.silent and math.hypot(other.place.x - pose.x, other.place.y - pose.y) < NEAR_M
         ]
+        self.doubts_at = min((self._doubted_at(other) for other in self._fresh), default=NEVER)
+
+    def _doubted_at(self, other: Known) -> Instant:
+        """Return from when on one that is near counts as silent."""
+        hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
+        return other.at + hellos + OVERDUE
 
     def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> list[SeenBody]:
         """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame."""
@@ -96,10 +119,22 @@ class Hearing:
 
     def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
         """Return whether a robot at `pose` that sees the bodies `seen` must not drive on: somebody is silent."""
-        if not self._silent:
-            return now < self.listens_until
+        if self.listens:
+            return True
+        doubts = now > self.doubts_at
+        if not doubts and not self._silent:
+            return False
         near = [other for other in self._silent if self._reaches(now, other, pose)]
+        if doubts:
+            near += [other for other in self._fresh if self._doubts(now, other, pose)]
         return len(near) > 0 and not self._in_view(now, pose, seen, near)
+
+    def _doubts(self, now: Instant, other: Known, pose: Pose) -> bool:
+        """Return whether one that is near has not been heard when it should have been, and is not behind."""
+        if now <= self._doubted_at(other) or not self._reaches(now, other, pose):
+            return False
+        dx, dy = other.place.x - pose.x, other.place.y - pose.y
+        return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * math.hypot(dx, dy)
 
     def _reaches(self, now: Instant, other: Known, pose: Pose) -> bool:
         """Return whether `other` may touch the robot before it stands."""
@@ -115,7 +150,8 @@ class Hearing:
         """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]
-        free = [place for place in places if not any(self._may_be(now, other, place) for other in self._fresh)]
+        heard = [other for other in self._fresh if other not in near]
+        free = [place for place in places if not any(self._may_be(now, other, place) for other in heard)]
         for other in near:
             found = next((place for place in free if self._may_be(now, other, place)), None)
             if found is None:

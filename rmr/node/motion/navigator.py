@@ -36,6 +36,8 @@ QUEUE_REACH_M = 0.3
 """A robot that waits before this one keeps it waiting when it is this near."""
 BACK_MARGIN_M = 0.03
 """Gap to other robots that driving back keeps: it is done blind."""
+AHEAD_M = 0.03
+"""How far it looks."""
 OVERTAKE_S = 4.0
 """A robot that still waits so long after this one's slot began has failed: drive around it."""
 LOST_SIGMA_M = 0.1
@@ -54,12 +56,12 @@ class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_aside_until", "_back_until", "_driven", "_face", "_follower", "_gate", "_heard", "_late_since", "_next_try",
+        "_aside_until", "_back_until", "_driven", "_face", "_follower", "_gate", "_late_since", "_next_try",
         "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch",
         "arena", "hearing", "replans", "robot", "status",
     )  # fmt: skip
 
-    def __init__(self, arena: Arena, robot: int) -> None:
+    def __init__(self, arena: Arena, robot: int, robots: int = 1) -> None:
         self.arena = arena
         self.robot = robot
         self.status = "idle"
@@ -78,12 +80,11 @@ class Navigator:
         self._back_until: Instant = 0
         self._aside_until: Instant = 0
         self._share = 1.0
-        self._heard: tuple[Heard, ...] = ()
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
-        self.hearing = Hearing(arena.shape)
+        self.hearing = Hearing(arena.shape, robots)
         """What the others have said about themselves."""
 
     def go(
@@ -126,7 +127,6 @@ class Navigator:
         Optional, a few times a second: on a drive without a gate the robot keeps clear of those before it in
         the order even where it cannot see them.
         """
-        self._heard = tuple(others)
         mine = order_key(rank, self.robot)
         self._standing.update(now, others)
         stands = self._standing.points
@@ -164,9 +164,9 @@ class Navigator:
         self._pose = pose
         seen = self._watch.update(now, pose, bodies)
         around = [*seen, *self.hearing.around(now, pose, seen)]
-        wait = self.hearing.forbids(now, pose, bodies)
+        wait, radius = self.hearing.forbids(now, pose, bodies), self.arena.shape.radius
         if self._driven is not None:
-            return limit_twist(self._driven._replace(v=0.0) if wait else self._driven, around, self.arena.shape.radius)
+            return limit_twist(self._driven._replace(v=0.0) if wait else self._driven, around, radius)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower
@@ -181,14 +181,14 @@ class Navigator:
         if follower.arrived:
             return self._turn(pose)
         if now < self._back_until and not wait:
-            return self._back(pose)
+            return self._back(pose, around)
         limit = min(self._gate.limit(now, follower.route, follower.s), self._share * self.arena.shape.speed)
         if wait or (self._parked and self._queued(now)):
             limit = 0.0
         if sigma > LOST_SIGMA_M:
             limit = min(limit, 0.5 * self.arena.shape.speed)
         wish = follower.steer(pose, limit)
-        allowed = limit_twist(wish, around, self.arena.shape.radius)
+        allowed = limit_twist(wish, around, radius)
         stuck = STILL if bumped else allowed  # wheels that turn against a hull get nowhere
         early = self._gate.waiting(now, follower.route) and not bumped
         if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
@@ -244,13 +244,11 @@ class Navigator:
         self._follower, self._aside_until = Follower(route, self.arena.shape), now + ASIDE_S
         return True
 
-    def _back(self, pose: Pose) -> Twist:
+    def _back(self, pose: Pose, around: Sequence[SeenBody]) -> Twist:
         """Drive straight back unless something is known to be there."""
-        shape = self.arena.shape
-        x, y = pose.x - math.cos(pose.theta) * 0.03, pose.y - math.sin(pose.theta) * 0.03
-        known = (*self._parked, *(Point(other.pose.x, other.pose.y) for other in self._heard))
-        free = self.arena.clearance(x, y) > shape.radius and all(
-            distance(x, y, *p) > 2.0 * shape.radius + BACK_MARGIN_M for p in known
+        radius, (x, y, theta) = self.arena.shape.radius, pose
+        free = self.arena.clearance(x - math.cos(theta) * AHEAD_M, y - math.sin(theta) * AHEAD_M) > radius and all(
+            math.hypot(body.x + AHEAD_M, body.y) > 2.0 * radius + BACK_MARGIN_M or body.x > 0.0 for body in around
         )
         return Twist(-BACK_MPS, 0.0) if free else STILL
 

@@ -43,6 +43,15 @@ def test_a_body_that_is_passed_too_close_slows_the_robot():
     assert safe_speed(FULL, [body(0.12, 0.12)], RADIUS) < FULL
 
 
+def test_a_standing_body_that_going_on_brings_no_nearer_is_passed_slowly():
+    assert 0.0 < safe_speed(FULL, [body(0.01, 0.16)], RADIUS) < 0.05
+    assert safe_speed(FULL, [body(0.08, 0.14)], RADIUS) < 0.02
+
+
+def test_a_body_that_moves_out_of_the_way_may_stop_in_it():
+    assert safe_speed(FULL, [body(0.104, -0.115, vx=0.03, vy=-0.1)], RADIUS) < 0.15
+
+
 def test_touching_bodies_stop_the_robot_whatever_else_it_sees():
     assert safe_speed(FULL, [body(0.4), body(0.142)], RADIUS) == 0.0
 

@@ -4,7 +4,7 @@ import pytest
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import Instant, seconds
+from rmr.base.time import Instant, milliseconds, seconds
 from rmr.node.motion.avoid import safe_speed
 from rmr.node.motion.hearing import Hearing, Known
 from rmr.node.perception import Peers
@@ -50,15 +50,43 @@ def test_a_silent_robot_keeps_another_standing_as_soon_as_it_may_have_come_near(
     assert hearing(known(1.3, 0.5, silent=True)).forbids(seconds(age_s), HERE, ()) is stands
 
 
-def test_a_robot_that_was_started_again_listens_before_it_drives() -> None:
+def test_a_robot_that_has_not_heard_everybody_yet_stands() -> None:
     made = hearing()
-    made.listens_until = seconds(1)
-    assert made.forbids(seconds(0.9), HERE, ())
-    assert not made.forbids(seconds(1), HERE, ())
+    made.listens = True
+    assert made.forbids(0, HERE, ())
+    made.listens = False
+    assert not made.forbids(0, HERE, ())
 
 
 def test_a_robot_that_is_heard_keeps_nobody_standing() -> None:
-    assert not hearing(known(0.8, 0.5)).forbids(seconds(1), HERE, ())
+    assert not hearing(known(0.8, 0.5)).forbids(seconds(0.5), HERE, ())
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.55, 0.7), (0.5, 0.3)])
+def test_of_one_that_is_near_and_unseen_two_lost_hellos_are_a_silence(x: float, y: float) -> None:
+    made = hearing(known(x, y))
+    assert not made.forbids(milliseconds(450), HERE, ())
+    assert made.forbids(milliseconds(600), HERE, ())
+
+
+def test_unless_it_is_behind_or_cannot_have_come_near() -> None:
+    for place in (known(0.28, 0.45), known(0.5, 0.95)):
+        assert not hearing(place).forbids(milliseconds(600), HERE, ())
+
+
+def test_who_sets_out_waits_for_one_overdue_hello_of_a_parked_robot_who_drives_for_two() -> None:
+    made = hearing(known(0.5, 0.7, parked=True))
+    assert not made.forbids(milliseconds(650), HERE, ())
+    assert made.forbids(milliseconds(750), HERE, ())
+    made.stands = False
+    assert not made.forbids(milliseconds(1200), HERE, ())
+    assert made.forbids(milliseconds(1300), HERE, ())
+
+
+def test_a_body_is_not_taken_for_the_silent_robot_if_it_may_be_another_that_is_heard() -> None:
+    overdue, heard, body = known(0.65, 0.7), known(0.7, 0.6, at=milliseconds(500)), SeenBody(0.2, 0.1, 0.0, 0.0)
+    assert not hearing(overdue).forbids(milliseconds(600), HERE, [body])
+    assert hearing(overdue, heard).forbids(milliseconds(600), HERE, [body])
 
 
 def test_a_silent_robot_that_is_in_view_is_left_to_sight() -> None:

@@ -1,11 +1,12 @@
 """When hellos are due: often enough to be known by, seldom enough to leave the air to others."""
 
+from itertools import pairwise
 from random import Random
 
 import pytest
 
 from rmr.base.time import Duration, in_seconds, seconds
-from rmr.node.hello import HelloClock
+from rmr.node.hello import EAGER, HelloClock
 from rmr.node.motion.hearing import SILENT_MOVING, SILENT_PARKED
 
 
@@ -40,3 +41,16 @@ def test_nobody_is_taken_for_silent_whose_hellos_were_lost_once_or_twice_while_i
     assert 2 * max(periods(1000, parked=True)) < SILENT_PARKED
     assert 3 * max(periods(1000, parked=False)) < SILENT_MOVING
     assert 5 * max(periods(25, parked=False)) < SILENT_MOVING
+
+
+def test_a_robot_that_begins_is_heard_soon_and_often_for_others_wait_for_it() -> None:
+    clock = HelloClock(Random(1), 6)
+    clock.start(seconds(3))
+    told = []
+    while clock.due < seconds(3) + EAGER:
+        told.append(in_seconds(clock.due - seconds(3)))
+        clock.rewind(clock.due)
+    assert told[0] < 0.33
+    assert all(b - a < 0.23 for a, b in pairwise(told))
+    clock.rewind(clock.due)
+    assert told[-1] + 0.44 < in_seconds(clock.due - seconds(3))
