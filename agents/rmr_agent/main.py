@@ -1,76 +1,24 @@
-"""The command `rmr-agent`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
+"""The program `rmr-agent`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
 
-import argparse
 import os
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from rmr import __version__
-from rmr.base.ids import listed, spelled
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
-from rmr.bus.keys import Keys
-
-
-def _robot_ids(text: str) -> tuple[int, ...]:
-    try:
-        return listed(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _endpoint(text: str) -> str:
-    try:
-        return check_endpoint(text)
-    except BusError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _lab(text: str) -> str:
-    try:
-        return Keys(text).lab
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def parser() -> argparse.ArgumentParser:
-    """Return the command line."""
-    it = argparse.ArgumentParser(
-        prog="rmr-agent",
-        description="Run one robot, or several: load byte-code, find the world, live.",
-        epilog="Compile a program with rmrc; start its world with rmr-world; or let `rmr up LAB` do all of it.",
-    )
-    it.add_argument("program", metavar="PROG.rbc", type=Path, help="the byte-code to run")
-    it.add_argument(
-        "--id", required=True, type=_robot_ids, metavar="N", help="which robot of the lab this is; 1-20: several robots"
-    )
-    it.add_argument(
-        "--connect",
-        default=DEFAULT_ENDPOINT,
-        type=_endpoint,
-        metavar="ENDPOINT",
-        help="where the world listens (default: %(default)s)",
-    )
-    it.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
-    it.add_argument("--radio-key", type=Path, metavar="FILE", help="the radio's key, where the lab's is secured")
-    it.add_argument("--lab", type=_lab, metavar="NAME", help="the lab, where several run at one endpoint")
-    it.add_argument("--log", type=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")
-    it.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    return it
+from rmr.entry import run
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command; ends the process."""
-    options = parser().parse_args(arguments)
-    code = 0
-    try:
-        from rmr_agent.perform import perform  # noqa: PLC0415 - the bus and the node load only where a robot runs
-
-        code = perform(options)
-    except KeyboardInterrupt:  # before the signal handlers stood
-        print(f"rmr-agent {spelled(options.id)}: ended (SIGINT)", file=sys.stderr)
-    sys.stdout.flush()
+    code = run("rmr-agent", lambda: _command(arguments))
     os._exit(code)  # zenoh's threads and a user's action must not keep the process
+
+
+def _command(arguments: Sequence[str] | None) -> int:
+    from rmr_agent.options import parser  # noqa: PLC0415 - see rmr.entry
+
+    options = parser().parse_args(arguments)
+    from rmr_agent.perform import perform  # noqa: PLC0415 - the bus and the node load only where a robot runs
+
+    return perform(options)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from textwrap import fill
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 from rmr_view.chart import Figure, Panel, Series
 
@@ -35,8 +36,18 @@ BAR_SHARE = 0.8
 """Of the distance between two places, taken by the bars of one."""
 
 
-def draw(figure: Figure, path: Path) -> None:
-    """Draw `figure` into an SVG file; raises ImportError without matplotlib, OSError when it cannot be written."""
+def draw(figure: Figure, path: Path) -> list[str]:
+    """Draw `figure` into an SVG file; return what matplotlib finds doubtful, as signs that its font does not have.
+
+    Raises ImportError without matplotlib, OSError when the file cannot be written.
+    """
+    with catch_warnings(record=True) as doubts:
+        simplefilter("always")
+        _draw(figure, path)
+    return list(dict.fromkeys(str(doubt.message) for doubt in doubts))
+
+
+def _draw(figure: Figure, path: Path) -> None:
     import matplotlib as mpl  # noqa: PLC0415 - whoever only asks for help or names need not have it
     from matplotlib.figure import Figure as Canvas  # noqa: PLC0415
 

@@ -1,6 +1,6 @@
 """The subcommands of `rmr` that are this package's own, one module each.
 
-`rmr.cli` imports them when their name is called. A module holds one click command called `command`. Listing the
+`group` imports them when their name is called. A module holds one click command called `command`. Listing the
 commands imports all of these modules, so each imports the compiler and anything else that is heavy inside of its
 functions.
 """

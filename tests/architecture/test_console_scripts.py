@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from source_tree import PROJECT, ROOT, SCRIPTS
@@ -11,11 +12,25 @@ HELP_CPU_MS_MAX = 400
 """The target is 150 ms and is measured by `make bench`; a loaded machine must not fail the suite."""
 
 
-def run(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+CTRL_C = """
+import signal, sys
+class CtrlC:
+    def find_spec(self, name, *_):
+        if name in {modules}:
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, CtrlC())
+"""
+"""Ctrl-C comes while one of `modules` is imported."""
+
+
+def code_of(script: str) -> str:
     module, function = SCRIPTS[script].split(":")
-    code = f"import sys; sys.argv[0] = {script!r}; from {module} import {function}; sys.exit({function}())"
+    return f"import sys; sys.argv[0] = {script!r}; from {module} import {function}; sys.exit({function}())"
+
+
+def run(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, "-c", code_of(script), *arguments], capture_output=True, text=True, timeout=30, check=False
     )
 
 
@@ -61,3 +76,32 @@ def test_a_command_stands_in_the_documentation(script):
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md"))]
     text = "\n".join(page.read_text() for page in pages)
     assert f"`{script}" in text or f"{script} " in text or f"`{script.replace('rmr-', 'rmr ')}" in text
+
+
+@pytest.mark.parametrize("module", sorted({target.split(":")[0] for target in SCRIPTS.values()}))
+def test_what_a_script_names_loads_next_to_nothing_so_that_ctrl_c_finds_it_prepared(module):
+    code = f"import sys; before = set(sys.modules); import {module}; print(*set(sys.modules) - before)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    foreign = {name for name in loaded if name.split(".")[0] not in sys.stdlib_module_names}
+    assert foreign == {"rmr", "rmr.entry", module, module.split(".")[0]}
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_ctrl_c_while_a_command_loads_is_told_in_a_word(script):
+    code = CTRL_C.format(modules=("argparse", "click")) + code_of(script)
+    answer = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=False)
+    assert (answer.returncode, answer.stderr.split(": ")[1:]) == (130, ["interrupted\n"])
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_standard_output_that_is_closed_or_full_is_told(script):
+    words = [sys.executable, "-c", code_of(script), "--help"]
+    closing = ["sh", "-c", 'exec "$@" >&-', "sh", *words]
+    closed = subprocess.run(closing, stderr=subprocess.PIPE, text=True, check=False)
+    assert closed.returncode == 1
+    assert closed.stderr.split(": ")[1].startswith("standard output is closed; ")
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}  # as for users
+    with Path("/dev/full").open("w") as full:
+        answer = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=buffered)
+    assert answer.returncode == 1
+    assert answer.stderr.split(": ")[1:] == ["cannot write the output", "No space left on device\n"]

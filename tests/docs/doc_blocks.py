@@ -14,7 +14,8 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from rmr.cli import PROGRAMS, main
+from rmr.commands.group import PROGRAMS
+from rmr.commands.group import command as main
 from rmr_sim.main import main as simulate
 
 FENCE = re.compile(r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 from process_tools import Stage
 
-from rmr_deploy.fault import command
+from rmr_deploy.commands.fault import command
 
 
 @pytest.fixture

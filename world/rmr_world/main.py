@@ -1,63 +1,24 @@
-"""The command `rmr-world`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
+"""The program `rmr-world`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
 
-import argparse
 import os
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 
-from rmr import __version__
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
-
-
-def _endpoint(text: str) -> str:
-    try:
-        return check_endpoint(text)
-    except BusError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _count(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of robots")
-    return int(text)
-
-
-def parser() -> argparse.ArgumentParser:
-    """Return the command line."""
-    it = argparse.ArgumentParser(
-        prog="rmr-world",
-        description="Run a lab's world: physics, sensors, lab time, and the router that robots connect to.",
-        epilog="Robots come and go with rmr-agent, in any order; `rmr up LAB` starts everything.",
-    )
-    it.add_argument("--config", required=True, type=Path, metavar="LAB.yaml", help="the lab file, or its folder")
-    place = it.add_mutually_exclusive_group()
-    place.add_argument(
-        "--listen", type=_endpoint, metavar="ENDPOINT", help=f"where robots connect (default: {DEFAULT_ENDPOINT})"
-    )
-    place.add_argument("--connect", type=_endpoint, metavar="ENDPOINT", help="be a client of the router there")
-    it.add_argument(
-        "--program", type=Path, metavar="PROG", help="check the lab's facts against this program (.rmr or .rbc)"
-    )
-    it.add_argument("--robots", type=_count, metavar="N", help="only the first N robots of the lab")
-    it.add_argument("--seed", type=int, metavar="S", help="another seed than the lab file's")
-    it.add_argument("--when-ready", action="store_true", help="lab time starts when all robots are ready")
-    it.add_argument("--log", type=Path, metavar="FILE", help="write a log as JSON lines")
-    it.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    return it
+from rmr.entry import run
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command; ends the process."""
-    options = parser().parse_args(arguments)
-    code = 0
-    try:
-        from rmr_world.perform import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
-
-        code = perform(options)
-    except KeyboardInterrupt:  # before the signal handlers stood
-        print("rmr-world: ended (SIGINT)", file=sys.stderr)
+    code = run("rmr-world", lambda: _command(arguments))
     os._exit(code)  # zenoh's threads must not keep the process
+
+
+def _command(arguments: Sequence[str] | None) -> int:
+    from rmr_world.options import parser  # noqa: PLC0415 - see rmr.entry
+
+    options = parser().parse_args(arguments)
+    from rmr_world.perform import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
+
+    return perform(options)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from rmr.bus import wire
 from rmr.bus.endpoint import DEFAULT_ENDPOINT
 from rmr.radio.links import Disturbance, partition
 from rmr_deploy import disturb
-from rmr_deploy.fault import command
+from rmr_deploy.commands.fault import command
 from rmr_deploy.running import PROCESSES_FILE, endpoint_of, newest_endpoint, write_processes
 from rmr_world.report import REPORT_FILE
 

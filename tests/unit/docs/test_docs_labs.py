@@ -17,12 +17,12 @@ from rmr.node.provided import PROVIDED
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr_agent.main import main as agent
 from rmr_deploy import launch
+from rmr_deploy.commands.fault import command as fault
+from rmr_deploy.commands.up import command
 from rmr_deploy.disturb import record
-from rmr_deploy.fault import command as fault
 from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan, Wishes
 from rmr_deploy.record import make_report
-from rmr_deploy.up import command
 from rmr_sim.main import main as sim
 from rmr_sim.run import prepare, report_of
 from rmr_sim.violation import Violation

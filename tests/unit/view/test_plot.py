@@ -156,3 +156,12 @@ def test_help_and_names_do_not_load_matplotlib(data):
     code = f"import sys; {code}; print('matplotlib' in sys.modules)"
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert answer.stdout.splitlines() == ["kinds", "False"]
+
+
+def test_what_matplotlib_finds_doubtful_is_told_without_a_place_in_our_source(tmp_path, capsys):
+    shown = figure({**SERIES, "label": "\N{ROBOT FACE}"}, title="\N{CJK UNIFIED IDEOGRAPH-6A5F}")
+    (tmp_path / "odd.json").write_text(json.dumps({"name": "odd", "rows": [1], "figure": shown}))
+    assert plotted(tmp_path, "odd") == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines
+    assert all(line.startswith("rmr plot: odd: ") and "draw.py" not in line for line in lines)

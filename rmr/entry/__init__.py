@@ -1,0 +1,51 @@
+"""How every command begins and ends: whatever comes between, no traceback reaches a user.
+
+A command is begun before it is loaded, as loading takes up to a second in which Ctrl-C may come: the module that a
+console script names imports this package alone, and the rest within what it gives to `run`. Ctrl-C that a command has
+not dealt with itself ends it with exit code 130. A standard output that is closed is told before anything is done, as
+the next file that is opened would take its number; one that takes no more, as on a full disk, when it shows.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+
+FAILED = 1
+INTERRUPTED = 128 + signal.SIGINT
+"""The exit code that shells give to what Ctrl-C has ended."""
+
+
+def run(name: str, command: Callable[[], int | None]) -> int:
+    """Run `command` as the program `name`; return its exit code. What ends by SystemExit ends so."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for as long as the process lives
+    if sys.stdout is None:
+        print(f"{name}: standard output is closed; send it to /dev/null if nobody wants it", file=sys.stderr)
+        return FAILED
+    try:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        try:
+            return command() or 0
+        finally:
+            sys.stdout.flush()
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:  # of the output: commands deal with all others themselves
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still in its buffer would be tried again at the end
+        if not isinstance(error, BrokenPipeError):  # who closes a pipe has seen enough
+            print(f"{name}: cannot write the output: {error.strerror or error}", file=sys.stderr)
+        return FAILED
+
+
+def turn_into(path: str, words: list[str]) -> None:
+    """Turn this process into the program at `path`, whose `run` takes Ctrl-C that comes meanwhile.
+
+    Raises OSError where it cannot be run.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        os.execv(path, [path, *words])
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
