@@ -12,10 +12,11 @@ from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
+from rmr.coord.held import Held
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NO_TERM, NOBODY, Entry, Job, Message, Phase, Sched, Term, encode, entries_max, on_grid
+from rmr.coord.messages import NO_TERM, Job, Message, Term, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
-from rmr.coord.values import EXCLUSIVE_WAY, GRID, MS, OUTPUT_MAX, RECORDS_MAX, Values
+from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
 
 
 class Timer(IntEnum):
@@ -87,82 +88,6 @@ class OwnJob:
         self.until: Instant = 0
         self.told: tuple[Instant, Duration] = (request.release, request.duration)
         """Release and duration as the leader was told last."""
-
-
-class Held:
-    """The newest schedule known: per part the newest frame of one term."""
-
-    __slots__ = ("_full", "_ways", "formed", "order", "parts", "term")
-
-    def __init__(self, full: int) -> None:
-        """`full` is how many entries all parts but the last have."""
-        self._full = full
-        self.term = NO_TERM
-        self.parts: dict[int, Sched] = {}
-        self.order: tuple[int, ...] = ()
-        self.formed: Instant = 0
-        self._ways: dict[int, int] = {}
-        """Ways by rank, also of jobs that are listed no more."""
-
-    @property
-    def issued(self) -> Instant:
-        """The newest instant of issue; far in the past when nothing is held."""
-        return max((part.issued for part in self.parts.values()), default=-NEVER)
-
-    @property
-    def resigned(self) -> bool:
-        """Whether the newest frame is a resignation."""
-        return any(part.resign for part in self.parts.values())
-
-    @property
-    def opening(self) -> bool:
-        """Whether the leader still gathers jobs before it gives slots."""
-        return any(part.opens for part in self.parts.values())
-
-    def take(self, sched: Sched) -> None:
-        """Hold `sched` in place of what it supersedes."""
-        if sched.term != self.term:
-            self.term = sched.term
-            self.parts = {}
-        self.parts[sched.part] = sched
-        for part in [p for p in self.parts if p >= sched.parts]:
-            del self.parts[part]
-        first = self._first_rank(sched)
-        for rank, entry in enumerate(sched.entries, first):
-            if entry.robot != NOBODY:
-                self._ways[rank] = entry.way
-        for rank in [rank for rank in self._ways if rank <= first - RECORDS_MAX]:
-            del self._ways[rank]
-
-    def _first_rank(self, part: Sched) -> int:
-        return part.passed + self._full * part.part + 1
-
-    def place(self, rank: int, way: int) -> int:
-        """Return which one of its own way the robot of `rank` is, from 1; ranks never seen count as its way."""
-        mine = (way, EXCLUSIVE_WAY)
-        others = sum(earlier < rank and other not in mine for earlier, other in self._ways.items())
-        return rank if way == EXCLUSIVE_WAY else rank - others
-
-    def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
-        """Return the part, the rank and the entry of a job; None when no part lists it."""
-        for part in self.parts.values():
-            for index, entry in enumerate(part.entries):
-                if entry.robot == robot and entry.trigger == trigger:
-                    return part, self._first_rank(part) + index, entry
-        return None
-
-    def complete(self) -> bool:
-        """Return whether all parts of one issue are held."""
-        parts = list(self.parts.values())
-        return bool(parts) and len(parts) == parts[0].parts and len({part.issued for part in parts}) == 1
-
-    def entries(self) -> list[Entry]:
-        """Return all entries by rank."""
-        return [entry for part in sorted(self.parts) for entry in self.parts[part].entries]
-
-    def raw(self) -> list[bytes]:
-        """Return the frames, to be relayed unchanged."""
-        return [encode(self.parts[part]) for part in sorted(self.parts)]
 
 
 class Context:
@@ -249,9 +174,7 @@ class Context:
 
     def unlisted(self) -> int:
         """Return how many robots, this one included, may have a job that the schedule held does not list."""
-        entries = self.held.entries()
-        listed = sum(entry.robot != NOBODY and entry.phase is not Phase.PROVISIONAL for entry in entries)
-        return self.peers() + 1 - listed
+        return self.peers() + 1 - self.held.listed
 
     def become(self, role: Role) -> None:
         """Change the role."""
@@ -314,7 +237,7 @@ class Context:
     def report_order(self) -> None:
         """Report the order of the schedule held when it is another than before."""
         held = self.held
-        order = tuple(e.robot for e in held.entries() if e.robot != NOBODY and e.start is not None)
+        order = held.dated()
         if not order or (held.order and held.order[-len(order) :] == order):
             return
         held.order = order

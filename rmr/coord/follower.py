@@ -10,6 +10,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeaderChanged
+from rmr.coord.held import extract
 from rmr.coord.messages import NO_TERM, NOBODY, Job, Phase, Sched, Term
 from rmr.coord.states import Passage, Role
 from rmr.coord.values import BANS_MAX, RECORDS_MAX
@@ -77,11 +78,10 @@ def accept(c: Context, now: Instant, sched: Sched) -> None:
     """Hold `sched`, follow its leader if there is a job, and take the own slot from it."""
     old, was_listed = c.held.term, listed(c)
     c.held.take(sched)
-    for entry in sched.entries:
-        if entry.phase is Phase.OUT and entry.robot != NOBODY:
-            if c.job is not None and (entry.robot, entry.trigger) == (c.robot, c.job.trigger):
-                passage.renew(c, now)
-            c.fence.finish(entry.robot, entry.trigger)
+    for robot, trigger in extract(sched.entries).over:
+        if c.job is not None and (robot, trigger) == (c.robot, c.job.trigger):
+            passage.renew(c, now)
+        c.fence.finish(robot, trigger)
     c.report_order()
     if c.job is None:
         _remind(c, now, sched)
@@ -179,7 +179,7 @@ def tell(c: Context, now: Instant) -> None:
 def _suspect_later(c: Context) -> None:
     """The leader is suspected when it is silent for long; the next in the list moves first, the unlisted last."""
     values, held = c.values, c.held
-    listed_robots = [e.robot for e in held.entries() if e.phase is not Phase.OUT and e.robot != held.term.leader]
+    listed_robots = [robot for robot in held.coming() if robot != held.term.leader]
     unlisted = c.robot not in listed_robots
     rank = len(listed_robots) if unlisted else listed_robots.index(c.robot)
     wait = values.lease if held.resigned else values.suspicion

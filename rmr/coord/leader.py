@@ -8,8 +8,9 @@ stays while others wait, even when its own job is done.
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
-from rmr.coord.context import Context, Held, Timer, stamp
+from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
+from rmr.coord.held import Held
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import (
     NOBODY,

@@ -185,26 +185,30 @@ class Driver:
         self._chosen = (area, rank, place)
         return point
 
-    def choose_again(self, now: Instant, source: int, hello: Hello, peers: Peers, *, outside: bool) -> Point | None:
-        """Return another place to go to if robot `source` goes first and has taken this one's, or stands in its way.
+    def disputes(self, source: int, hello: Hello, *, outside: bool) -> bool:
+        """Return whether the place of robot `source`, or where it stands, is a reason to look for another one.
 
-        None: keep it. A robot that is still `outside` the bottleneck also goes back to the place that its rank gives
-        it when that has become free, so that places come out in order whatever the order in which the robots have
-        heard of each other.
+        It is, if `source` goes first and has taken this robot's place, or stands in its way. A robot that is still
+        `outside` the bottleneck also goes back to the place that its rank gives it when that has become free, so
+        that places come out in order whatever the order in which the robots have heard of each other.
         """
         place = self.place
         if place is None or self._chosen is None:
-            return None
+            return False
         area, rank, which = self._chosen
         first = hello.parked or (hello.rank or NO_RANK, source) < (rank or NO_RANK, self._robot)
         radius = self.arena.shape.radius
-        claimed = first and hello.goal is not None and distance(*place, *hello.goal) <= radius
-        stood = hello.parked and distance(*place, hello.x, hello.y) <= 2.0 * radius + TIGHT_MARGIN_M
-        displaced = outside and area.slotted and rank and place != area.places[(which - 1) % len(area.places)]
-        if not (claimed or stood or displaced):
-            return None
-        other = self.place_of(now, area, rank, which, peers)
-        if other == place:
+        if first and hello.goal is not None and distance(*place, *hello.goal) <= radius:
+            return True
+        if hello.parked and distance(*place, hello.x, hello.y) <= 2.0 * radius + TIGHT_MARGIN_M:
+            return True
+        return outside and area.slotted and rank > 0 and place != area.places[(which - 1) % len(area.places)]
+
+    def choose_again(self, now: Instant, peers: Peers) -> Point | None:
+        """Return another place to go to, as what has been heard of others has it; None: keep this one."""
+        assert self._chosen is not None
+        other = self.place_of(now, *self._chosen, peers)
+        if other == self.place:
             return None
         self.place = other
         return other

@@ -36,7 +36,6 @@ from rmr.node.talk import Talk
 from rmr.node.trace import Level, Trace
 from rmr.node.turn import Phase, Turn
 from rmr.node.turns import Turns
-from rmr.node.wire import Hello
 from rmr.vm.engines import new_machine
 
 ROUNDS_MAX = 64
@@ -155,6 +154,13 @@ class Node:
             self.talk.next_wake,
             self.turns.next_wake,
         )
+
+    def overhear(self, now: Instant, frame: Received) -> bool:
+        """Take in `frame` as it arrives, if no task has to look at it; else return False: it is to wait for a call.
+
+        In a crowd nearly all that is heard are hellos that change nothing but where a robot is known to be.
+        """
+        return self._started and not self._meets and now - self.now <= SLEPT and self.talk.overhear(now, frame)
 
     def _busy(self) -> bool:
         """Return whether something goes on that every frame matters to; else the robot sleeps until it is due."""
@@ -322,17 +328,6 @@ class Node:
         if turn is not None and gated:
             self.turns.apply_gate(turn)
         self.talk.hello_soon(self.now)
-
-    def heed_claim(self, source: int, hello: Hello) -> None:
-        """Go to another place when a robot that goes first has taken this one's."""
-        running = self.actions.driving
-        if self.driver is None or running is None:
-            return
-        turn = running.turn if isinstance(running.turn, Turn) else None
-        outside = turn is not None and turn.phase in (Phase.ASKING, Phase.SLOTTED)
-        place = self.driver.choose_again(self.now, source, hello, self.peers, outside=outside)
-        if place is not None:
-            self.depart(place, final_heading=None, turn=turn)
 
     def rank_changed(self, now: Instant, turn: Turn) -> None:
         """Handle a new place in the schedule: tell the program, and take another slot while still outside."""

@@ -17,6 +17,7 @@ from rmr.node.deliveries import Deliveries
 from rmr.node.exchange import Exchange
 from rmr.node.hello import HelloClock
 from rmr.node.ports import Received
+from rmr.node.turn import Phase, Turn
 from rmr.node.wire import Hello, Kind, WireError
 from rmr.radio.phy import LOSS_AT_1_M_DB
 
@@ -122,13 +123,62 @@ class Talk:
             case kind:
                 raise WireError(f"a frame of the unknown kind {kind:#04x}")
 
+    def overhear(self, now: Instant, frame: Received) -> bool:
+        """Take in `frame` if it is a hello that says only where a robot is that is known; else return False."""
+        payload, source = frame.payload, frame.source
+        if not payload or payload[0] != Kind.HELLO:
+            return False
+        peers = self._node.peers
+        peer = peers.known.get(source)
+        if peer is None or peer.hello is None:
+            return False
+        try:
+            hello = _hello_in(payload)
+        except WireError:
+            return False
+        if hello.digest != self.digest or self._disputes(source, hello):
+            return False
+        peer.heard, peer.rssi_dbm = now, frame.rssi_dbm
+        peers.hello(now, source, hello)
+        self._tell_parked(now)
+        return True
+
     def _met(self, now: Instant, source: int, hello: Hello) -> None:
         node = self._node
         known = node.peers.known[source].hello
         if hello.digest != self.digest and (known is None or known.digest != hello.digest):
             node.trace(now, "other_program", source=source)
         node.peers.hello(node.heard_at, source, hello)
-        node.heed_claim(source, hello)
+        if self._disputes(source, hello):
+            self._heed(now)
+        self._tell_parked(now)
+
+    def _disputes(self, source: int, hello: Hello) -> bool:
+        """Return whether `hello` is a reason to look for another place than the one that the robot goes to."""
+        driver = self._node.driver
+        if driver is None or driver.place is None:
+            return False
+        running = self._node.actions.driving
+        if running is None:
+            return False
+        turn = running.turn if isinstance(running.turn, Turn) else None
+        outside = turn is not None and turn.phase in (Phase.ASKING, Phase.SLOTTED)
+        return driver.disputes(source, hello, outside=outside)
+
+    def _heed(self, now: Instant) -> None:
+        """Go to another place: a robot that goes first has taken this one's."""
+        node = self._node
+        running, driver = node.actions.driving, node.driver
+        assert running is not None
+        assert driver is not None
+        place = driver.choose_again(now, node.peers)
+        if place is not None:
+            turn = running.turn if isinstance(running.turn, Turn) else None
+            node.depart(place, final_heading=None, turn=turn)
+
+    def _tell_parked(self, now: Instant) -> None:
+        """Let the navigator know where others stand, if that has changed."""
+        node = self._node
         if node.driver is not None and (parked := node.peers.parked(now)) is not self._parked:
             self._parked = parked
             node.driver.navigator.update_parked(parked)

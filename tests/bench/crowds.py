@@ -4,18 +4,42 @@
 the right, the other half upwards, so that each crosses the ways of others all the time. The radio is so weak that a
 robot hears those within some 4 m, as the halls of larger fleets are cut into cells.
 
+*Hall*: robots stream from a square where they stand through a door one robot wide to places beyond it, one after the
+other in the order in which they are due, as in `deploy/labs/hall`: at any time most of them stand.
+
 *Flood*: robots without bodies on a grid; each tells the one to its right and the one above it of a wave that has come,
 and a wave begins at the first robot, one in a minute. Nothing drives and nothing is sensed.
 """
 
 from collections.abc import Iterator
-from math import ceil, sqrt
+from math import ceil, hypot, sqrt
 from pathlib import Path
 
 PITCH_M = 1.0
 """Between robots of the crossing."""
+HALL_PITCH_M = 0.42
+"""Between robots of the hall: one can pass between two."""
+HALL_AROUND_M = 0.36
+"""From the outermost robots of the hall to its walls."""
+HALL_ROOM_M = 0.5
+"""From the robots and places of the hall that are next to its door to the door."""
+DOOR_M = 0.3
+HALL_S = 60
 CROSSING_S = 10
 FLOOD_S = 60
+
+HALL = """\
+// From where they stand to their places, each in its turn.
+type action moveto(R: robot, A: area) -o at(R, A).
+type sensor at(robot, area).
+type !due(robot, float).
+
+start(R).
+
+start(R), due(R, D) -o crossing(R, D).
+crossing: assert(crossing(R, D), at(R, exit), D, broadcast(R)).
+crossing(R, _) -o moveto(R, exit).
+"""
 
 CROSSING = """\
 // To and fro between two places, for as long as the lab lasts.
@@ -76,6 +100,43 @@ localisation: {{beacons: [[0, 0], [{side}, 0]], rate: 10, sigma: 0.005}}
 facts:
 """
     return _written(folder / f"crossing-{robots}", "crossing.rmr", CROSSING, text, facts())
+
+
+def hall(folder: Path, robots: int) -> Path:
+    """Write the lab of `robots` that queue for a door, and return its folder; who is nearer to it is due earlier."""
+    deep = columns(robots)
+    across = 2 * HALL_AROUND_M + (deep - 1) * HALL_PITCH_M
+    door, middle = HALL_AROUND_M + (deep - 1) * HALL_PITCH_M + HALL_ROOM_M, across / 2
+    offsets = [
+        (HALL_ROOM_M + column * HALL_PITCH_M, (row - (deep - 1) / 2) * HALL_PITCH_M)
+        for column in range(deep)
+        for row in range(deep)
+    ]
+    offsets.sort(key=lambda offset: hypot(*offset))
+    starts = [(door - dx, middle + dy) for dx, dy in offsets[:robots]]
+    places = [[round(door + DOOR_M + dx, 2), round(middle + dy, 2)] for dx, dy in reversed(offsets[:robots])]
+    text = f"""\
+lab: hall
+program: hall.rmr
+duration: {HALL_S}s
+arena: {{size: [{2 * door + DOOR_M:.2f}, {across:.2f}], cell: 0.05}}
+obstacles:
+  - {{box: [{door:.2f}, 0.0, {door + DOOR_M:.2f}, {middle - DOOR_M / 2:.2f}]}}
+  - {{box: [{door:.2f}, {middle + DOOR_M / 2:.2f}, {door + DOOR_M:.2f}, {across:.2f}]}}
+areas:
+  entry: {{at: [{door - 0.1:.2f}, {middle:.2f}]}}
+  exit: {{slots: {places}}}
+bottleneck: entry
+robots:
+"""
+    text += "".join(f"  - {{id: {i}, pose: [{x:.2f}, {y:.2f}, 0deg]}}\n" for i, (x, y) in enumerate(starts, 1))
+    text += f"""\
+radio: {{tx_power_dbm: 0, sensitivity_dbm: -85, exponent: 3.0}}
+localisation: {{beacons: [[0, 0], [{2 * door + DOOR_M:.2f}, 0]], rate: 10, sigma: 0.005}}
+facts:
+"""
+    facts = (f"due(@{i}, {24 + 2 * i})" for i in range(1, robots + 1))
+    return _written(folder / f"hall-{robots}", "hall.rmr", HALL, text, facts)
 
 
 def flood(folder: Path, robots: int) -> Path:

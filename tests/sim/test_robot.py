@@ -7,6 +7,8 @@ import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.geometry import distance
+from rmr.node.ports import Received
+from rmr.node.wire import Hello, encode_ack, encode_hello
 from rmr_sim.run import prepare
 from rmr_world.program import ProgramError
 
@@ -428,3 +430,31 @@ def test_a_program_that_neither_drives_nor_senses_runs_without_bodies(tmp_path):
     for robot in simulation.robots:
         assert robot.node.driver is None
         assert robot.report()["frames"]["sent"] == 0
+
+
+def test_a_hello_of_a_known_robot_is_taken_in_as_it_arrives_and_what_needs_a_call_is_left(tmp_path):
+    simulation = small_lab(tmp_path, "type action goto(robot, float, float).", robots=2, duration="2s")
+    simulation.run()
+    node, now = simulation.robots[0].node, simulation.now
+    hello = Hello(0.7, 0.2, 0.0, 0.0, parked=True, rank=0, goal=None, digest=node.talk.digest)
+
+    def heard(payload: bytes, source: int = 2) -> bool:
+        return node.overhear(now, Received(payload, source, False, -50.0, 255, now))
+
+    assert heard(encode_hello(hello))
+    assert node.peers.parked(now) == ((0.7, 0.2),)
+    assert node.driver.navigator._parked == ((0.7, 0.2),)
+    assert not heard(encode_hello(hello), source=3), "of a robot that is not known"
+    assert not heard(encode_hello(hello._replace(digest=hello.digest ^ 1))), "of another program"
+    assert not heard(encode_hello(hello)[:-1]), "malformed"
+    assert not heard(encode_ack(0, 1)), "no hello"
+    assert not heard(b"")
+
+
+def test_nothing_is_overheard_where_the_program_asks_who_is_near(tmp_path):
+    program = "type seen(robot, robot). neighbor(R, B) -o seen(R, B)."
+    simulation = small_lab(tmp_path, program, robots=2, duration="1s")
+    simulation.run()
+    node, now = simulation.robots[0].node, simulation.now
+    hello = encode_hello(node.peers.known[2].hello)
+    assert not node.overhear(now, Received(hello, 2, False, -50.0, 255, now))

@@ -135,6 +135,8 @@ class SimulatedRobot:
     def _take(self, out: Received | Confirmed) -> None:
         if isinstance(out, Confirmed):
             self._confirmed.append(out)
+        elif self.served and not self._received and self.node.overhear(self._simulation.kernel.now, out):
+            return
         else:
             self._received.append(out)
         if self.served:

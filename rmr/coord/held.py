@@ -1,0 +1,136 @@
+"""The newest schedule that a robot has heard, part by part.
+
+Schedules of many robots come in many frames, and every frame is heard by all; what is asked of a part is worked out
+once for its entries, so that a frame costs as much as it has parts and not as they have entries.
+"""
+
+from functools import lru_cache
+from itertools import chain
+from typing import NamedTuple
+
+from rmr.base.time import NEVER, Instant
+from rmr.coord.messages import NO_TERM, NOBODY, Entry, Phase, Sched, encode
+from rmr.coord.values import EXCLUSIVE_WAY, RECORDS_MAX
+
+
+class Extract(NamedTuple):
+    """What is asked of the entries of one part."""
+
+    at: dict[tuple[int, Instant], int]
+    """The first position of each job, by robot and trigger."""
+    coming: tuple[int, ...]
+    """The robots of the entries that are not over."""
+    over: tuple[tuple[int, Instant], ...]
+    """The jobs that are."""
+    dated: tuple[int, ...]
+    """The robots that have a slot."""
+    listed: int
+    """How many entries hold a job that the leader knows."""
+
+
+@lru_cache(maxsize=256)
+def extract(entries: tuple[Entry, ...]) -> Extract:
+    """Return what is asked of `entries`."""
+    at: dict[tuple[int, Instant], int] = {}
+    for position, entry in enumerate(entries):
+        at.setdefault((entry.robot, entry.trigger), position)
+    named = [entry for entry in entries if entry.robot != NOBODY]
+    return Extract(
+        at,
+        tuple([entry.robot for entry in entries if entry.phase is not Phase.OUT]),
+        tuple([(entry.robot, entry.trigger) for entry in named if entry.phase is Phase.OUT]),
+        tuple([entry.robot for entry in named if entry.start is not None]),
+        sum(entry.phase is not Phase.PROVISIONAL for entry in named),
+    )
+
+
+class Held:
+    """The newest schedule known: per part the newest frame of one term."""
+
+    __slots__ = ("_extracts", "_full", "_ways", "formed", "issued", "order", "parts", "term")
+
+    def __init__(self, full: int) -> None:
+        """`full` is how many entries all parts but the last have."""
+        self._full = full
+        self.term = NO_TERM
+        self.parts: dict[int, Sched] = {}
+        self._extracts: dict[int, Extract] = {}
+        """Of the parts, in their order."""
+        self.issued: Instant = -NEVER
+        """The newest instant of issue; far in the past when nothing is held."""
+        self.order: tuple[int, ...] = ()
+        self.formed: Instant = 0
+        self._ways: dict[int, int] = {}
+        """Ways by rank, also of jobs that are listed no more."""
+
+    @property
+    def resigned(self) -> bool:
+        """Whether the newest frame is a resignation."""
+        return any(part.resign for part in self.parts.values())
+
+    @property
+    def opening(self) -> bool:
+        """Whether the leader still gathers jobs before it gives slots."""
+        return any(part.opens for part in self.parts.values())
+
+    def take(self, sched: Sched) -> None:
+        """Hold `sched` in place of what it supersedes."""
+        if sched.term != self.term:
+            self.term = sched.term
+            self.parts = {}
+        self.parts[sched.part] = sched
+        for part in [p for p in self.parts if p >= sched.parts]:
+            del self.parts[part]
+        self._extracts = {part: extract(self.parts[part].entries) for part in sorted(self.parts)}
+        self.issued = max([part.issued for part in self.parts.values()], default=-NEVER)
+        first = self._first_rank(sched)
+        for rank, entry in enumerate(sched.entries, first):
+            if entry.robot != NOBODY:
+                self._ways[rank] = entry.way
+        if first > RECORDS_MAX:
+            for rank in [rank for rank in self._ways if rank <= first - RECORDS_MAX]:
+                del self._ways[rank]
+
+    def _first_rank(self, part: Sched) -> int:
+        return part.passed + self._full * part.part + 1
+
+    def place(self, rank: int, way: int) -> int:
+        """Return which one of its own way the robot of `rank` is, from 1; ranks never seen count as its way."""
+        mine = {way, EXCLUSIVE_WAY}
+        if way == EXCLUSIVE_WAY or mine.issuperset(self._ways.values()):
+            return rank
+        return rank - sum([earlier < rank and other not in mine for earlier, other in self._ways.items()])
+
+    def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
+        """Return the part, the rank and the entry of a job; None when no part lists it."""
+        for number, part in self.parts.items():
+            position = self._extracts[number].at.get((robot, trigger))
+            if position is not None:
+                return part, self._first_rank(part) + position, part.entries[position]
+        return None
+
+    def complete(self) -> bool:
+        """Return whether all parts of one issue are held."""
+        parts = list(self.parts.values())
+        return bool(parts) and len(parts) == parts[0].parts and len({part.issued for part in parts}) == 1
+
+    def entries(self) -> list[Entry]:
+        """Return all entries by rank."""
+        return [entry for part in sorted(self.parts) for entry in self.parts[part].entries]
+
+    def coming(self) -> list[int]:
+        """Return the robots of the entries that are not over, by rank."""
+        return list(chain.from_iterable([one.coming for one in self._extracts.values()]))
+
+    def dated(self) -> tuple[int, ...]:
+        """Return the robots that have a slot, by rank."""
+        return tuple(chain.from_iterable([one.dated for one in self._extracts.values()]))
+
+    @property
+    def listed(self) -> int:
+        """How many entries hold a job that the leader knows."""
+        return sum([one.listed for one in self._extracts.values()])
+
+    def raw(self) -> list[bytes]:
+        """Return the frames, to be relayed unchanged."""
+        return [encode(self.parts[part]) for part in sorted(self.parts)]
