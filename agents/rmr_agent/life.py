@@ -16,6 +16,7 @@ from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.base.values import Value
 from rmr.bus import wire
 from rmr.bytecode.program import ANY, Base, Constant, Program, Type
+from rmr.node import approach
 from rmr.node.actions import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
@@ -144,6 +145,7 @@ class Life:
         self.link = RadioLink(station, self.now, send.air.publish)
         self.body = BusBody(send.act)
         self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
+        approach.foresee(config.arena)
         self.started = False
         self.turns = 0
         """How often the node has been called."""

@@ -13,6 +13,7 @@ from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.estimate import Estimate
+from rmr.node.motion.grid import grid_of
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import leader_route
 
@@ -90,3 +91,12 @@ def departures(arena: Arena, area_name: str, way: int) -> tuple[float, ...]:
         return ()
     routes = [leader_route(arena, gate, place, (), through_gate=False) for place in area.places]
     return tuple(route.length_m for route in routes if route is not None)
+
+
+def foresee(arena: Arena) -> None:
+    """Work out what plans need of the arena alone. It takes tenths of a second: once, before lab time runs."""
+    grid_of(arena)
+    if len(arena.mouths) == 1:
+        for area in arena.areas:
+            if area.slotted:
+                departures(arena, area.name, 0)

@@ -11,6 +11,7 @@ from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.base.values import Symbol
 from rmr.bus import wire
 from rmr.bytecode.program import ANY, Base, Constant, Kind, Predicate, Program, Type
+from rmr.node.motion.grid import grid_of
 from rmr.radio.phy import Bursts
 from rmr.radio.station import RadioConfig
 from rmr_agent import life as lives
@@ -187,6 +188,17 @@ def test_a_robot_is_ready_when_its_body_answers_and_it_knows_lab_time(monkeypatc
         await asyncio.sleep(0.01)
         assert (life.started, node.calls) == (False, [])
 
+    live(monkeypatch, scene)
+
+
+def test_what_plans_need_of_the_arena_is_worked_out_before_a_robot_is_ready(monkeypatch):
+    async def scene(life, clock, node, failures):
+        floor = node_config(1, known(), PROGRAM, 0).arena
+        before = grid_of.cache_info().misses
+        grid_of(floor)
+        assert grid_of.cache_info().misses == before
+
+    grid_of.cache_clear()
     live(monkeypatch, scene)
 
 
