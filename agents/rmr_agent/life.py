@@ -145,6 +145,7 @@ class Life:
         self.link = RadioLink(station, self.now, send.air.publish)
         self.body = BusBody(send.act)
         self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
+        self.link.overhear = self.node.overhear
         approach.foresee(config.arena)
         self.started = False
         self.turns = 0

@@ -39,6 +39,8 @@ class RadioLink:
         self._publish = publish
         self._received: deque[Received] = deque(maxlen=FRAMES_MAX)
         self._confirmed: deque[Confirmed] = deque(maxlen=FRAMES_MAX)
+        self.overhear: Callable[[Instant, Received], bool] = lambda _now, _frame: False
+        """Takes in a frame for which the node need not be called; what it refuses waits for the node's call."""
         self.malformed = 0
         """Announcements that cannot be: of no such form, or of a time that is far from come."""
 
@@ -88,7 +90,7 @@ class RadioLink:
                 self._publish(out)
             elif isinstance(out, Confirmed):
                 self._confirmed.append(out)
-            else:
+            elif self._received or not self.overhear(now, out):
                 self._received.append(out)
 
 

@@ -52,6 +52,16 @@ def test_a_unicast_whose_announcement_is_2_ms_late_arrives_and_is_confirmed():
     assert not ether.links[2].waiting
 
 
+def test_what_is_overheard_waits_for_nobody_unless_something_before_it_waits():
+    ether = Ether(late=0)
+    link = ether.links[2]
+    link.overhear = lambda _now, frame: frame.payload != b"call"
+    for handle, payload in enumerate((b"first", b"call", b"after"), 1):
+        ether.links[1].transmit(payload, None, handle)
+        ether.run(20 * MS)
+    assert [frame.payload for frame in link.receive()] == [b"call", b"after"]
+
+
 def test_an_announcement_that_is_none_is_counted_and_dropped():
     ether = Ether(late=0)
     ether.links[1].hear((1, 2, 3))
