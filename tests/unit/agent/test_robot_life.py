@@ -121,6 +121,9 @@ class StubNode:
     def start(self, now):
         self.started = now
 
+    def overhear(self, now, frame):
+        return False
+
     def tick(self, now):
         self.calls.append(now)
         self.ports.body.sense()
