@@ -2,19 +2,29 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from math import hypot
 
 from rmr.base.arena import Arena
-from rmr.base.time import Duration, Instant
+from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.values import Values
 from rmr.node.trace import Level
 from rmr.node.turn import UNKNOWN_INSIDE
-from rmr.radio.phy import RadioConfig
+from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
+
+
+LISTEN: Duration = milliseconds(1200)
+"""A robot that was started again listens for so long before it drives: two hellos of each that is parked."""
+LISTEN_FOR_ALL: Duration = seconds(10)
+"""Where all can hear each other, until it has heard where each of the others is, at first too, but no longer than this:
+who is silent then is not there, and no cut of the radio is counted on to last longer."""
+IN_RANGE_DB = 6.0
+"""Received so much above the sensitivity a robot is surely heard."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,3 +54,14 @@ class NodeConfig:
     """The constants of coordination; how much a frame holds is the link's to say."""
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
+
+    @property
+    def listens(self) -> Duration:
+        """How long a robot that begins waits, at most, for the places of the others before it drives.
+
+        On a floor wider than the radio's range the others are not all to be heard from, and most are far away.
+        """
+        loss_db = path_loss_db(hypot(self.arena.width, self.arena.height), self.radio.exponent)
+        if self.radio.tx_power_dbm - loss_db >= self.radio.sensitivity_dbm + IN_RANGE_DB:
+            return LISTEN_FOR_ALL
+        return LISTEN if self.epoch else 0

@@ -14,7 +14,6 @@ from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.approach import Approach
 from rmr.node.motion.grid import TIGHT_MARGIN_M
-from rmr.node.motion.hearing import DEAD
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, standing_at
 from rmr.node.ports import Body, SeenBody
@@ -39,11 +38,12 @@ NO_RANK = 1 << 16
 class Driver:
     """One robot's wheels and senses."""
 
-    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body) -> None:
+    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body, listens: Duration) -> None:
+        """`listens`: for how long at most the robot stands until it has heard of all others of the roster."""
         self.arena = arena
         self.localiser = Localiser(arena)
         self.navigator = Navigator(arena, robot, len(roster))
-        self.navigator.hearing.listens = len(roster) > 1
+        self.navigator.hearing.listens = listens > 0
         self.approach = Approach(self.navigator)
         self.place: Point | None = None
         """The slot that the robot has taken."""
@@ -63,6 +63,7 @@ class Driver:
         self._acted_at: Instant = -ACT_REFRESH
         self._heed_at: Instant = 0
         self._began: Instant | None = None
+        self._listens = listens
 
     @property
     def moving(self) -> bool:
@@ -112,7 +113,7 @@ class Driver:
         hearing.update(pose, peers.heard_of(now, pose))
         if hearing.listens:
             assert self._began is not None
-            hearing.listens = now - self._began < DEAD and not peers.placed(self._robot, self._roster)
+            hearing.listens = now - self._began < self._listens and not peers.placed(self._robot, self._roster)
 
     def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
         """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""

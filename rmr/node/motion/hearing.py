@@ -15,7 +15,7 @@ are overdue are a silence; and a robot that sets out waits for a single one of a
 set out unheard as well.
 
 *Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
-it is, or has had the time in which a dead one is known to be dead.
+it is, or has had long enough to (`rmr.node.config`).
 
 *A dead body stands where it fell.* Who has been silent for longer than any stall is an obstacle like a parked robot.
 """
