@@ -11,4 +11,4 @@ from rmr.node.config import LISTEN, LISTEN_FOR_ALL, NodeConfig
 def test_who_begins_listens_for_all_where_all_are_within_the_radios_range(
     side_m: float, epoch: int, listens: Duration
 ) -> None:
-    assert NodeConfig(1, (1, 2), Arena(side_m, side_m), 0, epoch=epoch).listens == listens
+    assert NodeConfig(1, (1, 2), Arena(side_m, side_m, 0.1), 0, epoch=epoch).listens == listens
