@@ -51,10 +51,16 @@ class Coordination:
         self._settle()
 
     def revise(
-        self, now: Instant, event: bytes, *, release: Instant | None = None, duration: Duration | None = None
+        self,
+        now: Instant,
+        event: bytes,
+        *,
+        release: Instant | None = None,
+        duration: Duration | None = None,
+        deadline: Instant | None = None,
     ) -> None:
         """The robot's own estimate has changed; the leader is told when it matters and the slot can still move."""
-        self._group(event).revise(now, release, duration)
+        self._group(event).revise(now, release, duration, deadline)
         self._settle()
 
     def receive(self, now: Instant, payload: bytes, source: int) -> bool:

@@ -56,7 +56,9 @@ class Group:
             follower.begin_asking(c, now)
         c.awake = now
 
-    def revise(self, now: Instant, release: Instant | None, duration: Duration | None) -> None:
+    def revise(
+        self, now: Instant, release: Instant | None, duration: Duration | None, deadline: Instant | None = None
+    ) -> None:
         """The robot's own estimate has changed."""
         c = self.context
         job = c.job
@@ -65,8 +67,10 @@ class Group:
         request = job.request
         release = request.release if release is None else release
         duration = request.duration if duration is None else duration
-        job.request = replace(request, release=release, duration=duration)
+        deadline = request.deadline if deadline is None else deadline
         material = max(abs(release - job.told[0]), abs(duration - job.told[1])) > c.values.revision
+        material = material or deadline != request.deadline
+        job.request = replace(request, release=release, duration=duration, deadline=deadline)
         if not material or (job.slot is not None and job.slot[0] <= now + c.values.frozen):
             return
         self._begin_input(now)

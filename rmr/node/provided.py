@@ -36,9 +36,10 @@ class NodeHandle(RobotHandle):
         super().__init__(lambda: node.now, node, running)
         self.node = node
 
-    def outrun(self) -> bool:
-        """Return whether the robot has had a turn since the action was derived."""
-        return self.node.turns.entered_since(self._running.derived)
+    def needless(self) -> bool:
+        """Return whether the robot has had a turn since the action was derived, or has let one pass."""
+        turns = self.node.turns
+        return turns.hindered or turns.entered_since(self._running.derived)
 
     @property
     def turn(self) -> Turn | None:
@@ -58,15 +59,19 @@ async def _drive(
     final_heading: float | None = None,
     gated: bool = False,
     taken: Callable[[], bool] = lambda: False,
+    idle: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Drive to `goal`; raise ActionFailed when there has been no way, or the goal has been `taken`, for too long."""
+    """Drive to `goal` until the drive is `idle`.
+
+    Raises ActionFailed when there has been no way, or the goal has been `taken`, for too long.
+    """
     node = robot.node
     navigator = node.motion
     await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
     blocked_since: Instant | None = None
-    looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None or taken())
-    while navigator.status != "arrived":
+    looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None or taken() or idle())
+    while navigator.status != "arrived" and not idle():
         if navigator.status == "blocked" or taken():
             blocked_since = blocked_since or node.now
             if node.now - blocked_since > seconds(STUCK_S):
@@ -96,10 +101,10 @@ async def moveto(robot: NodeHandle, area_name: str) -> None:
 async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     """Drive to the `place`-th place (from 1) of an area's queue and face the way it moves.
 
-    A later `lineup` takes over from this one at once: the robot's turn has changed while it was on its way. One that
-    comes up when the robot has had its turn meanwhile is over at once.
+    A later `lineup` takes over from this one at once: the robot's turn has changed while it was on its way. It is over
+    as soon as the robot has its turn, or has let one pass for it could not get there: then it no longer lines up.
     """
-    if robot.outrun():
+    if robot.needless():
         return
     area = robot.node.arena.area(area_name)
     if area is None or not area.queue:
@@ -109,7 +114,7 @@ async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     spot = area.queue[min(place, len(area.queue)) - 1]
     ahead = area.queue[0] if place > 1 else area.places[0]
     heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
-    await _drive(robot, spot, final_heading=heading)
+    await _drive(robot, spot, final_heading=heading, idle=robot.needless)
 
 
 def _heading(a: Point, b: Point) -> float:

@@ -38,6 +38,17 @@ EVENTS_KEPT = 32
 GIVE_BACK: Duration = seconds(4)
 """A robot that has entered but gets no farther than the gate gives its turn back: somebody stands there who waits for
 his own, and would wait for ever behind one that counts as inside."""
+HINDERED_MAX = 2
+"""A robot that could not get to the gate for so many slots goes behind all others that are due: who stands in its way
+may be one of them. One slot is missed by chance, as by a stall."""
+HINDERED_WAIT: Duration = seconds(3)
+"""So much later it says it will be at the gate then, and twice as much each further time: time for others to pass."""
+HINDERED_WAIT_MAX: Duration = seconds(12)
+SLIDES_MAX: Duration = seconds(4)
+"""A robot that puts off its release by so much without getting anywhere is hindered, too: it lets no slot pass, but
+never gets one that stands."""
+SLIDES_M = 0.1
+"""Nearer to where it was it has got nowhere: a little way back and the return from it do not count."""
 OFF_ROUTE_M = 0.15
 """A robot farther than this from the way through the bottleneck is not on it."""
 
@@ -87,6 +98,14 @@ class Turn:
     """The way by which the robot entered the bottleneck."""
     serving: list[Running] = field(default_factory=list)
     """The actions that go by this turn and have not ended; rarely more than one."""
+    hindered: int = 0
+    """Slots in a row that were of no use, for the robot could not get to the gate."""
+    slid: Duration = 0
+    """By how much the robot's release has been put off since it was hindered last, or got anywhere."""
+    stood: Point | None = None
+    """Where it was then."""
+    behind: Instant | None = None
+    """Since when it goes behind those that are due by then, for it has been hindered too often."""
 
     @property
     def action(self) -> Running | None:
@@ -95,6 +114,29 @@ class Turn:
             if running.started is not None:
                 return running
         return self.serving[0] if self.serving else None
+
+    @property
+    def deadline(self) -> Instant:
+        """By when the robot wants to be out of the bottleneck, as the leader is told."""
+        return self.job.deadline - self.after if self.behind is None else self.behind
+
+    def hinder(self, now: Instant) -> bool:
+        """Note a slot that was of no use; return whether the leader must be told that the robot goes behind others."""
+        self.hindered, self.slid = self.hindered + 1, 0
+        often = self.hindered - HINDERED_MAX
+        if often < 0:
+            return False
+        self.behind = now
+        self.release = now + self.approach + min(HINDERED_WAIT << min(often, 8), HINDERED_WAIT_MAX)
+        return True
+
+    def slide(self, release: Instant, pose: Pose | None) -> bool:
+        """Note that the robot will be at the gate later than it has said; return whether it gets nowhere."""
+        if pose is not None and (self.stood is None or distance(*self.stood, pose.x, pose.y) > SLIDES_M):
+            self.stood, self.slid = Point(pose.x, pose.y), 0
+        self.slid += release - self.release
+        self.release = release
+        return self.slid > SLIDES_MAX
 
     def released(self, now: Instant) -> bool:
         """Return whether the action that serves the job may begin."""
@@ -120,7 +162,7 @@ class Turn:
 def gets_nowhere(now: Instant, turn: Turn, navigator: Navigator) -> bool:
     """Return whether the robot, though it may enter, has stood before the gate for `GIVE_BACK`."""
     route = navigator.route
-    stands = route is not None and route.gate_m is not None and not navigator.passed_gate
+    stands = route is not None and route.gate_m is not None and not route.within and not navigator.passed_gate
     return stands and not turn.within and now - turn.entered_at > GIVE_BACK
 
 
@@ -135,6 +177,23 @@ def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> 
     s = route.project(pose.x, pose.y, 0.0, route.length_m)
     away = distance(*route.point(s), pose.x, pose.y)
     return away > OFF_ROUTE_M or not route.gate_m - OFF_ROUTE_M < s < route.clear_m
+
+
+def passage_of(navigator: Navigator) -> Route | None:
+    """Return the way that the robot follows, if that leads through the bottleneck."""
+    route = navigator.route
+    return None if route is None or route.gate_m is None else route
+
+
+def stands_within(arena: Arena, goal: Area, pose: Pose, slack_m: float = 0.0) -> bool:
+    """Return whether a robot at `pose` stands in the bottleneck on the way to `goal`, or within `slack_m` of that."""
+    way = passage_to(arena, goal.places[0])
+    if way is None or way.gate_m is None:
+        return False
+    s = way.project(pose.x, pose.y, 0.0, way.length_m)
+    radius = arena.shape.radius
+    near = distance(*way.point(s), pose.x, pose.y) < OFF_ROUTE_M
+    return near and way.gate_m + radius - slack_m < s < way.clear_m - radius + slack_m
 
 
 @lru_cache(maxsize=64)

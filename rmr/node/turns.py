@@ -20,7 +20,6 @@ from rmr.coord.events import (
     CoordEvent,
     Entered,
     EntryMissed,
-    JobRequest,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
@@ -29,11 +28,14 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
-from rmr.coord.values import EXCLUSIVE_WAY, Order
+from rmr.coord.values import Order
+from rmr.node.asking import estimate, request_of
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import (
     EVENTS_KEPT,
     EXTEND_BEFORE,
+    HINDERED_MAX,
+    OFF_ROUTE_M,
     REVISE_EVERY,
     UNKNOWN_INSIDE,
     Phase,
@@ -44,6 +46,8 @@ from rmr.node.turn import (
     goal_of,
     is_beyond,
     keep,
+    passage_of,
+    stands_within,
 )
 from rmr.vm.job import Job
 
@@ -92,6 +96,7 @@ class Turns:
             old.job = job  # started anew on its way through: the passage goes on
             return
         if old is not None and old.phase is not Phase.LEFT:
+            old.hindered, old.slid, old.behind, old.release = 0, 0, None, 0
             self._ask_again(now, old, job, goal_of(self._node, job))  # what it holds waits for this very turn
             return
         trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
@@ -166,7 +171,7 @@ class Turns:
         """Return whether the next try must wait for a turn: not where the robot has the bottleneck behind it."""
         if not turn.gated:
             return True
-        self._estimate(now, turn)
+        estimate(self._node, now, turn)
         passes, turn.gated = turn.gated, True
         return passes
 
@@ -180,6 +185,11 @@ class Turns:
         return any(turn.entered_at > instant for turn in self._turns.values())
 
     @property
+    def hindered(self) -> bool:
+        """Whether a slot has been of no use: the robot could not get to the gate."""
+        return any(turn.hindered and turn.phase is not Phase.LEFT for turn in self._turns.values())
+
+    @property
     def rank(self) -> int:
         """The robot's place in the newest turn's schedule, 0 without one."""
         return next((turn.rank for turn in reversed(self._turns.values()) if turn.rank), 0)
@@ -187,7 +197,7 @@ class Turns:
     # -- asking ---------------------------------------------------------------------------------------------
 
     def _request(self, now: Instant, turn: Turn) -> None:
-        if not self._estimate(now, turn):
+        if not estimate(self._node, now, turn):
             return
         turn.requested = True
         if is_beyond(turn, self._node.driver):
@@ -195,59 +205,32 @@ class Turns:
             return
         times = {"approach_s": turn.approach, "inside_s": turn.inside, "after_s": turn.after}
         self._node.trace(now, "asks", **{name: in_seconds(time) for name, time in times.items()}, way=turn.way)
-        turn.release = now + turn.approach
+        turn.release = max(turn.release, now + turn.approach)
         turn.revised_at = now
-        self._coordination.trigger(
-            now,
-            JobRequest(
-                event=turn.event,
-                trigger=turn.trigger,
-                release=turn.release,
-                duration=turn.inside,
-                deadline=turn.job.deadline - turn.after,
-                headway=turn.headway,
-                way=turn.way,
-                inside=turn.within,
-            ),
-        )
-
-    def _estimate(self, now: Instant, turn: Turn) -> bool:
-        """Work out approach, inside and way; False while the robot does not know where it is."""
-        node = self._node
-        driver = node.driver
-        if driver is None:
-            turn.inside = turn.headway = node.config.turn
-            turn.notice = 0
-            return True
-        if turn.goal is None:
-            return True
-        pose = driver.localiser.pose
-        if pose is None:
-            return False
-        estimate = driver.approach.estimate(now, pose, turn.goal.places[0])
-        if estimate is None:
-            return True
-        turn.gated = estimate.inside > 0
-        if turn.gated:
-            turn.approach, turn.inside, turn.way, turn.after, turn.within = estimate
-            turn.headway = driver.approach.headway(turn.goal, turn.way)
-        else:
-            turn.approach, turn.inside, turn.headway = 0, estimate.approach, estimate.approach
-            turn.way, turn.after, turn.within = EXCLUSIVE_WAY, 0, False
-        return True
+        self._coordination.trigger(now, request_of(turn))
 
     def _revise(self, now: Instant, turn: Turn) -> None:
         """Tell the leader when the robot's own estimate no longer fits its slot."""
         if not turn.gated or now - turn.revised_at < REVISE_EVERY:
             return
         turn.revised_at = now
-        self._estimate(now, turn)
+        if self._within(turn):  # pushed in, or its turn was lost there: it has to get out
+            self._ask_again(now, turn, turn.job, turn.goal)
+            return
+        estimate(self._node, now, turn)
         release = now + turn.approach
         if turn.phase is Phase.SLOTTED and release <= turn.start + READY:
             return
         if release > turn.release + REVISE_FROM:
-            turn.release = release
-            self._coordination.revise(now, turn.event, release=release)
+            if turn.slide(release, self._node.percept().pose):
+                turn.hinder(now)
+            self._coordination.revise(now, turn.event, release=turn.release, deadline=turn.deadline)
+
+    def _within(self, turn: Turn, slack_m: float = 0.0) -> bool:
+        """Return whether the robot stands in the bottleneck, as far as it knows where it is."""
+        driver = self._node.driver
+        pose = None if driver is None else driver.localiser.pose
+        return pose is not None and turn.goal is not None and stands_within(self._node.arena, turn.goal, pose, slack_m)
 
     # -- each call ------------------------------------------------------------------------------------------
 
@@ -283,12 +266,14 @@ class Turns:
                 self._until(now, turn, now + UNKNOWN_INSIDE)
             return
         navigator = driver.navigator
-        turn.passage = turn.passage or navigator.route
-        if turn.within and turn.passage is None:  # it stands there until its action begins
+        turn.passage = turn.passage or passage_of(navigator)
+        if turn.within and turn.passage is None and self._within(turn, OFF_ROUTE_M):  # until its action begins
             self._until(now, turn, now + UNKNOWN_INSIDE)
         elif clear_of_bottleneck(turn, navigator, driver.localiser.pose):
             self._leave(now, turn)
         elif gets_nowhere(now, turn, navigator):
+            turn.hindered = HINDERED_MAX
+            turn.hinder(now)
             self._ask_again(now, turn, turn.job, turn.goal)
         else:
             end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
@@ -336,10 +321,13 @@ class Turns:
                 self._slotted(now, turn, event)
             case Entered(end=end, cautious=cautious):
                 turn.phase, turn.entered_at, turn.end = Phase.INSIDE, now, end
-                turn.passage = None if self._navigator is None else self._navigator.route
+                turn.passage = None if self._navigator is None else passage_of(self._navigator)
                 self._open(turn, None, opened=True)
                 self._node.trace(now, "entered", event=turn.job.event, cautious=cautious)
             case SlotLost() | EntryMissed():
+                hindered = isinstance(event, EntryMissed) and turn.gated and not self._is_ready(turn)
+                if hindered and turn.hinder(now):
+                    self._coordination.revise(now, turn.event, release=turn.release, deadline=turn.deadline)
                 turn.phase = Phase.ASKING
                 turn.revised_at = 0
                 self._open(turn, None, opened=False)
