@@ -45,8 +45,8 @@ HINDERED_WAIT: Duration = seconds(3)
 """So much later it says it will be at the gate then, and twice as much each further time: time for others to pass."""
 HINDERED_WAIT_MAX: Duration = seconds(12)
 SLIDES_MAX: Duration = seconds(4)
-"""A robot that puts off its release by so much without getting anywhere is hindered, too: it lets no slot pass, but
-never gets one that stands."""
+"""A robot that puts off its release again and again for so long without getting anywhere is hindered, too: it lets no
+slot pass, but never gets one that stands."""
 SLIDES_M = 0.1
 """Nearer to where it was it has got nowhere: a little way back and the return from it do not count."""
 OFF_ROUTE_M = 0.15
@@ -100,10 +100,10 @@ class Turn:
     """The actions that go by this turn and have not ended; rarely more than one."""
     hindered: int = 0
     """Slots in a row that were of no use, for the robot could not get to the gate."""
-    slid: Duration = 0
-    """By how much the robot's release has been put off since it was hindered last, or got anywhere."""
     stood: Point | None = None
-    """Where it was then."""
+    """Where the robot was when it first put off its release without having got anywhere since ..."""
+    stood_since: Instant = 0
+    """... and when; later, if a slot has been of no use since."""
     behind: Instant | None = None
     """Since when it goes behind those that are due by then, for it has been hindered too often."""
 
@@ -122,7 +122,7 @@ class Turn:
 
     def hinder(self, now: Instant) -> bool:
         """Note a slot that was of no use; return whether the leader must be told that the robot goes behind others."""
-        self.hindered, self.slid = self.hindered + 1, 0
+        self.hindered, self.stood_since = self.hindered + 1, now
         often = self.hindered - HINDERED_MAX
         if often < 0:
             return False
@@ -130,13 +130,12 @@ class Turn:
         self.release = now + self.approach + min(HINDERED_WAIT << min(often, 8), HINDERED_WAIT_MAX)
         return True
 
-    def slide(self, release: Instant, pose: Pose | None) -> bool:
+    def slide(self, now: Instant, release: Instant, pose: Pose | None) -> bool:
         """Note that the robot will be at the gate later than it has said; return whether it gets nowhere."""
-        if pose is not None and (self.stood is None or distance(*self.stood, pose.x, pose.y) > SLIDES_M):
-            self.stood, self.slid = Point(pose.x, pose.y), 0
-        self.slid += release - self.release
         self.release = release
-        return self.slid > SLIDES_MAX
+        if pose is not None and (self.stood is None or distance(*self.stood, pose.x, pose.y) > SLIDES_M):
+            self.stood, self.stood_since = Point(pose.x, pose.y), now
+        return now - self.stood_since > SLIDES_MAX
 
     def released(self, now: Instant) -> bool:
         """Return whether the action that serves the job may begin."""

@@ -96,7 +96,7 @@ class Turns:
             old.job = job  # started anew on its way through: the passage goes on
             return
         if old is not None and old.phase is not Phase.LEFT:
-            old.hindered, old.slid, old.behind, old.release = 0, 0, None, 0
+            old.hindered, old.behind, old.release = 0, None, 0
             self._ask_again(now, old, job, goal_of(self._node, job))  # what it holds waits for this very turn
             return
         trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
@@ -222,7 +222,7 @@ class Turns:
         if turn.phase is Phase.SLOTTED and release <= turn.start + READY:
             return
         if release > turn.release + REVISE_FROM:
-            if turn.slide(release, self._node.percept().pose):
+            if turn.slide(now, release, self._node.percept().pose):
                 turn.hinder(now)
             self._coordination.revise(now, turn.event, release=turn.release, deadline=turn.deadline)
 
