@@ -40,6 +40,7 @@ class HelloClock:
         self._eager_until: Instant = 0
         self.due: Instant = NEVER
         self.parked = True
+        self._back = False
 
     def start(self, now: Instant) -> None:
         """Plan the first hello."""
@@ -52,10 +53,10 @@ class HelloClock:
         spread = max(CHANGE_SPREAD, ANSWER_SPREAD * self._robots)
         self.due = min(self.due, now + round(self._rng.random() * spread))
 
-    def look(self, now: Instant, *, parked: bool) -> None:
-        """Notice a change between parked and moving."""
-        if parked != self.parked:
-            self.parked = parked
+    def look(self, now: Instant, *, parked: bool, back: bool = False) -> None:
+        """Notice a change between parked and moving, and between driving `back` and not: others reckon with it."""
+        if parked != self.parked or back != self._back:
+            self.parked, self._back = parked, back
             self.soon(now)
 
     def rewind(self, now: Instant) -> None:

@@ -154,14 +154,14 @@ class Peers:
     def heard_of(self, now: Instant, pose: Pose) -> list[Known]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead."""
         known = []
-        for peer in self.known.values():
+        for robot, peer in self.known.items():
             hello, age = peer.hello, now - peer.hello_at
             if hello is None or age > DEAD:
                 continue
             silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
-                known.append(Known(Point(hello.x, hello.y), vx, vy, peer.hello_at, hello.parked, silent))
+                known.append(Known(robot, Point(hello.x, hello.y), vx, vy, peer.hello_at, hello.parked, silent))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:

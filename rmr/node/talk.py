@@ -64,9 +64,10 @@ class Talk:
             self._hello.soon(now)
 
     def telemetry(self, now: Instant) -> None:
-        """Notice a change between parked and moving."""
-        if self._hello is not None:
-            self._hello.look(now, parked=self._node.actions.driving is None)
+        """Notice a change that matters to others, as between parked and moving."""
+        node = self._node
+        if self._hello is not None and node.driver is not None:
+            self._hello.look(now, parked=node.actions.driving is None, back=node.driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
         """Say what is due."""

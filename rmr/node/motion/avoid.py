@@ -35,7 +35,7 @@ TOUCHING_M = 0.005
 """Gap at which nothing but standing still is safe."""
 ABEAM_M = 0.005
 """A standing body that going on brings nearer by less than this is abeam ..."""
-ABEAM_GAP_M = 0.018
+ABEAM_GAP_M = 0.02
 """... and if it comes no nearer than this (what is heard of a parked robot is taken to be farther away) ..."""
 ABEAM_MPS = 0.04
 """... is passed at this speed."""

@@ -55,6 +55,7 @@ NEAR_M = 0.5
 class Known(NamedTuple):
     """What another robot last said about itself."""
 
+    robot: int
     place: Point
     vx: float
     """m/s over the floor."""
@@ -95,6 +96,14 @@ class Hearing:
         ]
         self.doubts_at = min((self._doubted_at(other) for other in self._fresh), default=NEVER)
 
+    def hear(self, robot: int, x: float, y: float, theta: float, v: float, parked: bool, at: Instant) -> None:
+        """Take in what one of those near says now, before the next update."""
+        for index, other in enumerate(self._fresh):
+            if other.robot == robot:
+                place, vx, vy = Point(x, y), v * math.cos(theta), v * math.sin(theta)
+                self._fresh[index] = Known(robot, place, vx, vy, at, parked, False)
+                break
+
     def _doubted_at(self, other: Known) -> Instant:
         """Return from when on one that is near counts as silent."""
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
@@ -106,7 +115,7 @@ class Hearing:
             return []
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         heard = []
-        for place, vx, vy, at, parked, _ in self._fresh:
+        for _, place, vx, vy, at, parked, _ in self._fresh:
             age = in_seconds(now - at)
             dx, dy = place.x + vx * age - pose.x, place.y + vy * age - pose.y
             if parked:

@@ -15,8 +15,10 @@ SHAPE = RobotShape()
 HERE = Pose(0.5, 0.5, 0.0)
 
 
-def known(x: float, y: float, *, vy: float = 0.0, at: Instant = 0, parked: bool = False, silent: bool = False) -> Known:
-    return Known(Point(x, y), 0.0, vy, at, parked, silent)
+def known(
+    x: float, y: float, *, robot: int = 2, vy: float = 0.0, at: Instant = 0, parked: bool = False, silent: bool = False
+) -> Known:
+    return Known(robot, Point(x, y), 0.0, vy, at, parked, silent)
 
 
 def hearing(*others: Known) -> Hearing:
@@ -33,6 +35,16 @@ def test_a_robot_that_comes_from_the_side_unseen_is_stopped_for() -> None:
 def test_it_is_where_it_has_driven_since_it_was_heard() -> None:
     (body,) = hearing(known(0.6, 0.88, vy=-0.2)).around(seconds(1), HERE, ())
     assert (body.x, body.y) == pytest.approx((0.1, 0.18))
+
+
+def test_what_it_says_now_counts_at_once() -> None:
+    made = hearing(known(0.6, 0.8, robot=3), known(0.6, 0.7, vy=-0.2))
+    made.hear(2, 0.6, 0.66, 0.0, 0.0, False, seconds(1))
+    first, second = made.around(seconds(1), HERE, ())
+    assert (first.x, first.y) == pytest.approx((0.1, 0.3))
+    assert second == pytest.approx((0.1, 0.16, 0.0, 0.0))
+    made.hear(4, 0.6, 0.5, 0.0, 0.0, False, seconds(1))
+    assert len(made.around(seconds(1), HERE, ())) == 2
 
 
 def test_a_robot_that_is_parked_beside_the_way_and_not_seen_is_not_driven_into() -> None:

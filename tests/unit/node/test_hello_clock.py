@@ -54,3 +54,11 @@ def test_a_robot_that_begins_is_heard_soon_and_often_for_others_wait_for_it() ->
     assert all(b - a < 0.23 for a, b in pairwise(told))
     clock.rewind(clock.due)
     assert told[-1] + 0.44 < in_seconds(clock.due - seconds(3))
+
+
+def test_a_robot_that_begins_to_drive_back_says_so_at_once() -> None:
+    clock = HelloClock(Random(1), 6)
+    clock.look(seconds(3), parked=False)
+    clock.rewind(seconds(3))
+    clock.look(seconds(3.01), parked=False, back=True)
+    assert clock.due < seconds(3.05)
