@@ -16,6 +16,7 @@ from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from rmr.base.mistake import words
 from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
@@ -235,7 +236,7 @@ class Dispatcher:
         try:
             running.coroutine = running.handler.run(handle, *running.args).__await__()
         except USERS_MISTAKES as error:  # a handler with other parameters, or one that is no coroutine
-            self._end(now, running, described(error))
+            self._end(now, running, words(error))
             return
         self._resume(now, running)
 
@@ -254,7 +255,7 @@ class Dispatcher:
         except ActionFailed as failure:
             self._end(now, running, str(failure) or "failed")
         except USERS_MISTAKES as error:
-            self._end(now, running, described(error))
+            self._end(now, running, words(error))
 
     def _end(self, now: Instant, running: Running, failure: str | None) -> None:
         self.running.remove(running)
@@ -286,17 +287,12 @@ class Dispatcher:
                 self._resume(now, running)
 
 
-def described(error: BaseException) -> str:
-    """Return an exception as the reason of a failure."""
-    return f"{type(error).__name__}: {error}"
-
-
 def _closed(coroutine: Generator[Pause, None, None], failure: str) -> str:
     """Break off a coroutine; return why it failed, and what went wrong on its way out, if anything did."""
     try:
         coroutine.close()
     except USERS_MISTAKES as error:
-        return f"{failure}, then {described(error)}"
+        return f"{failure}, then {words(error)}"
     return failure
 
 

@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+from rmr.base.mistake import place, words
 from rmr.node.actions import Handler, registered
 
 
@@ -44,5 +45,5 @@ def run_file(path: Path, name: str) -> ModuleType:
     except SystemExit as error:
         raise UserFileError(f"{path}: calls exit({error.code or 0}) while it is loaded") from error
     except Exception as error:
-        raise UserFileError(f"{path}: {type(error).__name__}: {error}") from error
+        raise UserFileError(f"{place(error, str(path))}: {words(error)}") from error
     return module

@@ -99,7 +99,7 @@ class Passage:
 
     def leaves(self):
         self.simulation.robots[self.robot - 1].node.core.job = lambda _event: None
-        for observe in self.simulation.observers:
+        for observe in self.simulation.checkers:
             observe(0)
 
 
@@ -220,7 +220,7 @@ def test_two_leaders_side_by_side_are_told_some_time_after_healing(tmp_path, hea
     simulation.tell(2, 0, LeadershipBegan(EVENT, 2))
     told = []
     for at_s in range(20):
-        for observe in simulation.observers:
+        for observe in simulation.checkers:
             observe(seconds(at_s))
         told += [at_s] * (len(simulation.violations) > len(told))
     assert told == [5 + heals_s]
@@ -431,7 +431,7 @@ def test_a_run_is_the_same_with_and_without_checkers(tmp_path):
     for checked in (True, False):
         simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)", loss=0.2)
         if not checked:
-            simulation.observers.clear()
+            simulation.checkers.clear()
             simulation.hearers.clear()
         assert simulation.run()
         reports.append((simulation.robot_parts(), simulation.trace()))

@@ -183,3 +183,22 @@ def test_the_trace_begins_at_the_beginning_however_long_the_run(tmp_path, capsys
     entries = [json.loads(line) for line in trace.read_text().splitlines()]
     assert entries[0]["t"] == 0.0
     assert sum(entry["what"] == "action" for entry in entries) > 1500
+
+
+def test_a_disk_that_is_full_is_told_where_results_are_written(tmp_path, capsys):
+    lab = tiny(tmp_path, 'type action say(R: robot, T: string) -o done(R).\ngo(R).\ngo(R) -o say(R, "x").\n')
+    assert main([str(lab), "--run", str(tmp_path / "a"), "--trace", "/dev/full"]) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == "rmr sim: No space left on device"
+
+
+def test_a_mistake_of_ours_before_the_run_is_told_without_a_traceback(tmp_path, capsys, monkeypatch):
+    def broken(*_):
+        raise AssertionError("never so")
+
+    monkeypatch.setattr("rmr_sim.run.watch", broken)
+    assert main([str(tiny(tmp_path, "done(R).\n")), "--run", str(tmp_path / "run")]) == 1
+    assert "rmr sim: broke down: AssertionError: never so; where is told in " in capsys.readouterr().err
+    assert "never so" in (tmp_path / "run" / "breakdown.txt").read_text()
+    monkeypatch.setattr("rmr_sim.perform.load", broken)
+    assert main([str(tmp_path)]) == 1
+    assert "broke down: AssertionError: never so; in broken, line " in capsys.readouterr().err

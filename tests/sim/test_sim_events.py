@@ -191,3 +191,77 @@ def test_the_command_ends_with_exit_code_1_where_an_event_fails_and_with_3_where
     file.write_text("")
     assert main([*arguments, "--run", str(tmp_path / "b")]) == 3
     assert "has no function events" in capsys.readouterr().err
+
+
+UNSPEAKABLE = """
+class Unspeakable(Exception):
+    def __str__(self):
+        raise ValueError("no words")
+"""
+
+FAILING = """
+from rmr.base.time import seconds
+from rmr_sim.event import Event
+
+def look(now):
+    if now >= seconds(0.2):
+        raise {error}
+
+class Watch(Event):
+    def callback(self, simulation):
+        simulation.observers.append({observer})
+
+def events(lab, seed):
+    return [Watch(seconds(0.1))]
+"""
+
+
+@pytest.mark.parametrize(
+    ("error", "observer", "complaint"),
+    [
+        ("LookupError('lost')", "look", "observer look at 0.200 s: LookupError: lost ({file}:7)"),
+        ("SystemExit(3)", "look", "observer look at 0.200 s: SystemExit: 3 ({file}:7)"),
+        (
+            "Unspeakable",
+            "look",
+            "observer look at 0.200 s: Unspeakable: (its text cannot be had: ValueError) ({file}:7)",
+        ),
+        ("KeyError", "lambda: 0", "takes 0 positional arguments but 1 was given ({file}:11)"),
+        ("KeyError", "nobody", "event Watch at 0.100 s: NameError: name 'nobody' is not defined ({file}:11)"),
+    ],
+)
+def test_an_observer_that_fails_is_told_as_the_users_own_with_its_place(tmp_path, capsys, error, observer, complaint):
+    _, file = with_file(tmp_path, FAILING.format(error=error, observer=observer) + UNSPEAKABLE)
+    assert main([str(tmp_path), "--events", str(file), "--run", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr().err
+    assert complaint.format(file=file) in said
+    assert "broke down" not in said
+
+
+def test_a_file_of_events_that_fails_is_told_with_its_line(tmp_path):
+    _, file = with_file(tmp_path, UNSPEAKABLE + "\ndef events(lab, seed):\n    raise Unspeakable\n")
+    with pytest.raises(ProgramError, match=re.escape(f"{file}:7: Unspeakable: (its text cannot be had")):
+        prepare(tmp_path, seed=5, event_file=file)
+    file.write_text("\n\n1 / 0\n")
+    with pytest.raises(ProgramError, match=re.escape(f"{file}:3: ZeroDivisionError: division by zero")):
+        prepare(tmp_path, seed=5, event_file=file)
+
+
+def test_a_drawn_restart_of_a_robot_that_a_user_has_started_again_does_nothing(tmp_path):
+    class Revive(Event):
+        def callback(self, simulation):
+            simulation.restart(1)
+
+    faults = "[{at: 0.1s, kill: 1}, {at: 0.3s, restart: 1}]"
+    simulation = small_lab(tmp_path, PROGRAM, duration="1s", faults=faults, events=[Revive(seconds(0.2))])
+    assert simulation.run()
+    assert simulation.robots[0].restarts == 1
+
+
+def test_a_users_restart_of_a_robot_that_lives_is_told(tmp_path):
+    class Revive(Event):
+        def callback(self, simulation):
+            simulation.restart(1)
+
+    with pytest.raises(EventError, match=r"ValueError: robot 1 lives: kill it before it is started again \(.*:\d+\)"):
+        small_lab(tmp_path, PROGRAM, duration="1s", events=[Revive(seconds(0.2))]).run()

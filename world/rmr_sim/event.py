@@ -5,9 +5,10 @@ Two steps add an event to a run: subclass `Event` and override `callback`; hand 
 which they were scheduled, before whatever ends on the air then; the tick that begins at that instant comes first.
 """
 
-import traceback
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rmr.base.mistake import place, words
 from rmr.base.time import Instant, in_seconds
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class EventError(Exception):
-    """A user's event failed; the message says which, and where in its file."""
+    """A user's event or observer failed; the message says which, and where in its file."""
 
 
 class Event:
@@ -36,8 +37,17 @@ class Event:
         except EventError:
             raise
         except (Exception, SystemExit) as error:
-            what = f"event {type(self).__name__} at {in_seconds(simulation.now):.3f} s"
-            raise EventError(f"{what}: {type(error).__name__}: {error} ({_place(error)})") from error
+            what = f"event {type(self).__name__}"
+            raise EventError(_told(what, simulation.now, self.callback, error)) from error
+
+
+def observed(observe: Callable[[Instant], None], now: Instant) -> None:
+    """Have a user's observer look. Raises EventError if it raises anything, exit() included."""
+    try:
+        observe(now)
+    except (Exception, SystemExit) as error:
+        what = f"observer {getattr(observe, '__qualname__', type(observe).__name__)}"
+        raise EventError(_told(what, now, observe, error)) from error
 
 
 def checked(event: object) -> Event:
@@ -57,9 +67,8 @@ def instant(value: object) -> Instant:
     return value
 
 
-def _place(error: BaseException) -> str:
-    """Return where `error` came from, as its author knows it: the last line of the file that holds the callback."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = frames[:2][-1].filename
-    frame = [frame for frame in frames if frame.filename == own][-1]
-    return f"{frame.filename}:{frame.lineno}"
+def _told(what: str, now: Instant, function: Callable[..., None], error: BaseException) -> str:
+    """Return what a user's `function` has raised, and where, as its author knows it: in the file that holds it."""
+    code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
+    where = "no Python file" if code is None else place(error, code.co_filename, code.co_firstlineno)
+    return f"{what} at {in_seconds(now):.3f} s: {words(error)} ({where})"

@@ -22,7 +22,8 @@ class FaultEvent(Event):
             case Kill(robot=robot):
                 simulation.kill(robot)
             case Restart(robot=robot):
-                simulation.restart(robot)
+                if simulation.is_dead(robot):  # else a user's event was faster
+                    simulation.restart(robot)
             case Stall(end=end, robot=robot):
                 simulation.stall(robot, end)
             case Slow(end=end, robot=robot, every=every):

@@ -5,9 +5,11 @@ import json
 import sys
 import time
 import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from rmr.base.mistake import words
 from rmr.coord.values import Order
 from rmr.node.actions import STOPPED, TAKEN_OVER
 from rmr.node.trace import Level
@@ -32,6 +34,7 @@ EXIT_FAILED, EXIT_USAGE, EXIT_INVALID, EXIT_STRICT = 1, 2, 3, 4
 
 def perform(arguments: argparse.Namespace) -> int:
     """Carry out what is asked for; return the exit code. The second Ctrl-C raises KeyboardInterrupt."""
+    folder: Path | None = None
     try:
         loaded = load(arguments.lab, options_of(arguments))
         for text in loaded.warnings:
@@ -41,9 +44,21 @@ def perform(arguments: argparse.Namespace) -> int:
     except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
         return EXIT_INVALID
-    except (RunFolderError, OSError) as error:
+    except EventError as error:
         print(f"rmr sim: {error}", file=sys.stderr)
-        return EXIT_USAGE
+        return EXIT_FAILED
+    except (RunFolderError, OSError) as error:
+        print(f"rmr sim: {_words_of(error)}", file=sys.stderr)
+        return EXIT_USAGE if folder is None else EXIT_FAILED
+    except Exception as error:
+        return _broke_down(error, folder)
+
+
+def _words_of(error: Exception) -> str:
+    """Return what is wrong with a file or folder, without the number of the error."""
+    if not isinstance(error, OSError) or error.strerror is None:
+        return str(error)
+    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
@@ -63,18 +78,12 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
     simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *lines(simulation.lab)]), file=sys.stderr)
-    if arguments.trace is not None:
-        write_trace([], arguments.trace)  # a place that cannot be written to is told before the run, not behind it
+    if arguments.trace is not None and not _writable(arguments.trace):
+        return EXIT_USAGE
     began = time.perf_counter()
     with Interruption() as interruption:
         interruption.ends(simulation.stop)
-        try:
-            finished = simulation.run()
-        except EventError as error:
-            print(f"rmr sim: {error}", file=sys.stderr)
-            return EXIT_FAILED
-        except Exception as error:
-            return _broke_down(error, folder)
+        finished = simulation.run()
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     written = write(report, folder)
@@ -90,11 +99,25 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
     return exit_code(row_of(report), strict=arguments.strict)
 
 
-def _broke_down(error: Exception, folder: Path) -> int:
+def _writable(trace: Path) -> bool:
+    """Return whether the trace can be written: that is told before the run, not behind it."""
+    try:
+        write_trace([], trace)
+    except OSError as error:
+        print(f"rmr sim: {_words_of(error)}", file=sys.stderr)
+        return False
+    return True
+
+
+def _broke_down(error: Exception, folder: Path | None) -> int:
     """Tell that this project's own code went wrong; where it did so is kept for whoever mends it."""
-    path = folder / BREAKDOWN_FILE
-    path.write_text("".join(traceback.format_exception(error)))
-    print(f"rmr sim: broke down: {type(error).__name__}: {error}; where is told in {path}", file=sys.stderr)
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    where = f"in {last.name}, line {last.lineno} of {Path(last.filename).name}"
+    if folder is not None:
+        with suppress(OSError):
+            (folder / BREAKDOWN_FILE).write_text("".join(traceback.format_exception(error)))
+            where = f"where is told in {folder / BREAKDOWN_FILE}"
+    print(f"rmr sim: broke down: {words(error)}; {where}", file=sys.stderr)
     return EXIT_FAILED
 
 

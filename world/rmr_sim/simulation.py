@@ -24,7 +24,7 @@ from rmr.radio.links import Disturbance
 from rmr.radio.security import LEVELS, Security, run_key
 from rmr_sim.befallen import Befell
 from rmr_sim.bodies import needs_bodies
-from rmr_sim.event import Event, EventError, checked, instant
+from rmr_sim.event import Event, EventError, checked, instant, observed
 from rmr_sim.faults import FaultEvent
 from rmr_sim.robot import MakeNode, SimulatedRobot
 from rmr_sim.violation import Violation
@@ -66,8 +66,10 @@ class Simulation:
         self.radio = lab.radio.config
         radio_seed = seed if lab.radio.seed is None else lab.radio.seed
         self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan)
-        self.observers: list[Callable[[Instant], None]] = []
+        self.checkers: list[Callable[[Instant], None]] = []
         """Called with the instant of each tick when all has happened that belongs to it."""
+        self.observers: list[Callable[[Instant], None]] = []
+        """The same for a user's own, called behind them. When one fails, `run` raises EventError."""
         self.violations: list[Violation] = []
         """Rules that did not hold, as those who watch the run have found (`rmr_sim.checkers`)."""
         self.hearers: dict[type, list[Callable[[int, Instant, Any], None]]] = {}
@@ -141,8 +143,10 @@ class Simulation:
             self.frame_end = tick_start(index + 1)
             self._happened = 0
             self._tick(now, index)
+            for check in self.checkers:
+                check(now)
             for observe in self.observers:
-                observe(now)
+                observed(observe, now)
             if self.lab.finish and all(robot.finished() for robot in self.robots):
                 self.finished = True
                 return True
@@ -186,6 +190,10 @@ class Simulation:
         """Let the process of `robot` die. Its body stays where it is; the wheels brake 0.1 s later."""
         self._robot(robot).kill()
         self._note(robot, "killed")
+
+    def is_dead(self, robot: int) -> bool:
+        """Return whether `robot` has been killed and not been started again."""
+        return not self._robot(robot).alive
 
     def restart(self, robot: int) -> None:
         """Start `robot` again, which remembers nothing. Raises ValueError if it lives."""

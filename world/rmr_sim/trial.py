@@ -9,6 +9,7 @@ import time
 import traceback
 from typing import Any, NamedTuple
 
+from rmr.base.mistake import words
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.run import Loaded, report_of
@@ -51,7 +52,7 @@ def run_seed(loaded: Loaded, seed: int, interruption: Interruption | None = None
     except (EventError, ProgramError) as error:
         return lost(seed, str(error))
     except Exception as error:
-        broken = lost(seed, f"{type(error).__name__}: {error}")
+        broken = lost(seed, words(error))
         trace = [] if simulation is None else simulation.trace()
         return broken._replace(trace=trace, breakdown=traceback.format_exc())
     row = row_of(report)

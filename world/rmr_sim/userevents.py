@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from rmr.base.mistake import place, words
 from rmr.node.userfile import UserFileError, run_file
 from rmr_sim.event import Event, checked
 from rmr_world.lab import Lab
@@ -28,5 +29,5 @@ def load_events(path: Path | None, lab: Lab, seed: int) -> list[Event]:
                 raise ValueError(f"events returned more than {EVENTS_MAX} events")
             found.append(checked(event))
     except (Exception, SystemExit) as error:
-        raise ProgramError(f"{path}: {type(error).__name__}: {error}") from error
+        raise ProgramError(f"{place(error, str(path))}: {words(error)}") from error
     return found

@@ -16,4 +16,4 @@ CHECKERS = (Contacts, Passages, Schedules, Leaders, Deadlines, Deliveries, Stand
 def watch(simulation: Simulation) -> None:
     """Let all checkers look at `simulation`, which has not begun; what they find stands in its `violations`."""
     scene = Scene(simulation)
-    simulation.observers += [checker(scene) for checker in CHECKERS]
+    simulation.checkers += [checker(scene) for checker in CHECKERS]
