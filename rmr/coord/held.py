@@ -78,10 +78,14 @@ class Held:
         if sched.term != self.term:
             self.term = sched.term
             self.parts = {}
+            self._extracts = {}
+        known = sched.part in self.parts
         self.parts[sched.part] = sched
+        self._extracts[sched.part] = extract(sched.entries)
         for part in [p for p in self.parts if p >= sched.parts]:
-            del self.parts[part]
-        self._extracts = {part: extract(self.parts[part].entries) for part in sorted(self.parts)}
+            del self.parts[part], self._extracts[part]
+        if not known:
+            self._extracts = dict(sorted(self._extracts.items()))
         self.issued = max([part.issued for part in self.parts.values()], default=-NEVER)
         first = self._first_rank(sched)
         for rank, entry in enumerate(sched.entries, first):

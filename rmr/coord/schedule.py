@@ -13,7 +13,7 @@ An order that is known already is kept, with what is new put in, unless that cos
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rmr.base.time import Duration, Instant
+from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.insertion import insertion
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
 from rmr.coord.values import GRID, Order, same_way
@@ -77,18 +77,39 @@ def by_arrival(task: Task) -> tuple[Instant, int]:
     return (task.joined, task.robot)
 
 
+class _Front:
+    """The passages of one way that have been placed, as far as they hold up others: what `gap` asks of each of them."""
+
+    __slots__ = ("clear", "end", "paced", "start")
+
+    def __init__(self) -> None:
+        self.start = self.paced = self.end = self.clear = -NEVER
+        """The latest start, start and headway, end, end and headway."""
+
+    def add(self, start: Instant, passage: Task | Placed) -> None:
+        """Take in a passage that begins at `start`."""
+        end = start + passage.duration
+        self.start, self.paced = max(self.start, start), max(self.paced, start + passage.headway)
+        self.end, self.clear = max(self.end, end), max(self.clear, end + passage.headway)
+
+    def frees(self, task: Task) -> Instant:
+        """Return when `task`, of the same way, may start at the earliest."""
+        own = task.headway
+        return max(self.start + own, self.paced, max(self.end + own, self.clear) - task.duration)
+
+
 def place(order: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Instant]:
     """Return the start of each job of `order`, behind everything in `standing`, on the grid."""
-    before: list[Task | Placed] = list(standing)
-    starts = [item.start for item in standing]
+    fronts: dict[int, _Front] = {}
+    for item in standing:
+        fronts.setdefault(item.way, _Front()).add(item.start, item)
     result = []
     for task in order:
         start = max(rules.floor, task.release)
-        for other, at in zip(before, starts, strict=True):
-            start = max(start, at + gap(other, task, rules.opposed))
+        for way, front in fronts.items():
+            start = max(start, front.frees(task) if same_way(way, task.way) else front.end + rules.opposed)
         start = _up(start)
-        before.append(task)
-        starts.append(start)
+        fronts.setdefault(task.way, _Front()).add(start, task)
         result.append(start)
     return result
 
@@ -119,11 +140,15 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
 
 def problem_of(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> Problem:
     """Return what the search needs to know of `jobs`, which are sorted by (deadline, robot)."""
+    # Of many jobs most take as long as others: gaps are worked out once for each kind.
+    kinds = [(task.duration, task.headway, task.way) for task in jobs]
+    samples = dict(zip(kinds, jobs, strict=True))
+    gaps = {one: {two: _up(gap(a, b, rules.opposed)) for two, b in samples.items()} for one, a in samples.items()}
     return Problem(
         [place((task,), standing, rules)[0] for task in jobs],
         [task.deadline - task.duration for task in jobs],
         [task.duration for task in jobs],
-        [[_up(gap(a, b, rules.opposed)) for b in jobs] for a in jobs],
+        [[row[two] for two in kinds] for row in [gaps[one] for one in kinds]],
     )
 
 

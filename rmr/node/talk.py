@@ -178,9 +178,11 @@ class Talk:
             node.depart(place, final_heading=None, turn=turn)
 
     def _tell_parked(self, now: Instant) -> None:
-        """Let the navigator know where others stand, if that has changed."""
+        """Let the navigator know where others stand, if that has changed; one without a goal need not."""
         node = self._node
-        if node.driver is not None and (parked := node.peers.parked(now)) is not self._parked:
+        if node.driver is None or node.driver.navigator.goal is None:
+            return
+        if (parked := node.peers.parked(now)) is not self._parked:
             self._parked = parked
             node.driver.navigator.update_parked(parked)
 

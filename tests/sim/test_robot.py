@@ -443,7 +443,6 @@ def test_a_hello_of_a_known_robot_is_taken_in_as_it_arrives_and_what_needs_a_cal
 
     assert heard(encode_hello(hello))
     assert node.peers.parked(now) == ((0.7, 0.2),)
-    assert node.driver.navigator._parked == ((0.7, 0.2),)
     assert not heard(encode_hello(hello), source=3), "of a robot that is not known"
     assert not heard(encode_hello(hello._replace(digest=hello.digest ^ 1))), "of another program"
     assert not heard(encode_hello(hello)[:-1]), "malformed"

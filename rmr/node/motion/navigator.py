@@ -305,9 +305,8 @@ class Navigator:
         if follower is None or follower.route.gate_m is None or self._gate.passed or self._overtake:
             return False
         start = Point(self._pose.x, self._pose.y)
-        others = off_queue(self.arena, start, self._parked)
-        ahead = [p for p in self._parked if p not in others and distance(*p, *start) < QUEUE_REACH_M]
-        if not ahead:
+        near = [p for p in self._parked if distance(*p, *start) < QUEUE_REACH_M]
+        if len(off_queue(self.arena, start, near)) == len(near):
             self._late_since = None
             return False
         if self._gate.opens_at is not None and now > self._gate.opens_at and self._late_since is None:

@@ -82,9 +82,9 @@ class Route:
         """Return whether the route after arc length `s` enters one of `discs`."""
         i = self.segment(s)
         rest = (self.point(s), *self.points[i + 1 :])
-        return any(
-            point_segment_distance(x, y, *a, *b) < keep - 0.01 for a, b in pairwise(rest) for x, y, keep in discs
-        )
+        (x0, y0), (x1, y1) = map(min, zip(*rest, strict=True)), map(max, zip(*rest, strict=True))
+        near = [(x, y, keep) for x, y, keep in discs if x0 - keep < x < x1 + keep and y0 - keep < y < y1 + keep]
+        return any(point_segment_distance(x, y, *a, *b) < keep - 0.01 for a, b in pairwise(rest) for x, y, keep in near)
 
     def project(self, x: float, y: float, low: float, high: float) -> float:
         """Return the arc length within [low, high] whose point is nearest to (x, y)."""
