@@ -6,6 +6,7 @@ the same term again; a robot that was started anew remembers no counter, and is 
 
 from rmr.base.time import NS_PER_S, Duration, Instant, seconds
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
+from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import Scene
 
 SETTLE: Duration = seconds(5)
@@ -21,8 +22,8 @@ class Leaders:
         self._scene = scene
         self._leads: dict[bytes, dict[int, tuple[int, Instant]]] = {}
         """By event and robot: the life in which it leads, and since when."""
-        self._terms: set[tuple[bytes, int, int]] = set()
-        self._told: set[tuple[bytes, int, int]] = set()
+        self._terms: Newest[tuple[bytes, int, int], None] = Newest()
+        self._told: Newest[tuple[bytes, int, int], None] = Newest()
         self._look_at: Instant = 0
         scene.hear(LeadershipBegan, self._began)
         scene.hear(LeadershipEnded, self._ended)
@@ -31,7 +32,7 @@ class Leaders:
         term = (began.event, robot, began.term)
         if term in self._terms and not self._scene.forgot(robot, 0):
             self._scene.violate(now, "term", (robot,), f"robot {robot} began term {began.term} a second time")
-        self._terms.add(term)
+        self._terms[term] = None
         self._leads.setdefault(began.event, {})[robot] = (self._scene.life(robot), now)
 
     def _ended(self, robot: int, _now: Instant, ended: LeadershipEnded) -> None:
@@ -42,12 +43,14 @@ class Leaders:
         if now < self._look_at:
             return
         self._look_at = now + EVERY
-        for event, leads in self._leads.items():
+        for event, leads in list(self._leads.items()):
             for robot, (life, _) in list(leads.items()):
                 if not self._scene.alive(robot) or self._scene.life(robot) != life:
                     del leads[robot]
             if len(leads) > 1:
                 self._judge(now, event, leads)
+            elif not leads:
+                del self._leads[event]
 
     def _judge(self, now: Instant, event: bytes, leads: dict[int, tuple[int, Instant]]) -> None:
         """Complain about two who have led side by side for too long though they hear each other."""
@@ -57,5 +60,5 @@ class Leaders:
                 since = max(leads[a][1], leads[b][1], self._scene.healed_at)
                 if now < since + SETTLE or (event, a, b) in self._told or not self._scene.linked(a, b, since, now):
                     continue
-                self._told.add((event, a, b))
+                self._told[event, a, b] = None
                 self._scene.violate(now, "leaders", (a, b), f"robots {a} and {b} lead one event though all is well")

@@ -8,20 +8,18 @@
 - In the same way one follows the other by its headway, less the window in which either may enter.
 """
 
-from collections import OrderedDict
 from dataclasses import dataclass
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
 from rmr.coord.values import Values, same_way
+from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import TICK, Scene
 
 VALUES = Values()
 NO_COUNTER = -1
 """Of the term of a robot that is inside without a slot."""
-ENTRIES_MAX = 10_000
-"""Entries remembered, to notice a second one for the same job; the oldest go first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +41,10 @@ class Passages:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._slots: dict[tuple[int, bytes], SlotAssigned] = {}
+        self._slots: Newest[tuple[int, bytes], SlotAssigned] = Newest()
         self._inside: dict[bytes, dict[int, Inside]] = {}
-        self._entered: OrderedDict[tuple[int, bytes, Instant], None] = OrderedDict()
+        self._entered: Newest[tuple[int, bytes, Instant], None] = Newest()
+        """The jobs that have had their entry: a second one is noticed."""
         scene.hear(SlotAssigned, self._slotted)
         scene.hear(SlotLost, self._unslotted)
         scene.hear(EntryMissed, self._unslotted)
@@ -53,10 +52,12 @@ class Passages:
 
     def __call__(self, _now: Instant) -> None:
         """Forget those who have left."""
-        for event, inside in self._inside.items():
+        for event, inside in list(self._inside.items()):
             for robot, one in list(inside.items()):
                 if not self._scene.alive(robot) or self._scene.node(robot).core.job(event) is not one.job:
                     del inside[robot]
+            if not inside:
+                del self._inside[event]
 
     def _slotted(self, robot: int, _now: Instant, slot: SlotAssigned) -> None:
         self._slots[robot, slot.event] = slot
@@ -93,8 +94,6 @@ class Passages:
         if key in self._entered:
             violate(start, "entry", (robot,), f"robot {robot} entered twice for one job")
         self._entered[key] = None
-        if len(self._entered) > ENTRIES_MAX:
-            self._entered.popitem(last=False)
 
     def _judge_pair(self, now: Instant, one: Inside, other: Inside) -> None:
         """Complain if `one` must not enter while `other` is inside."""

@@ -11,6 +11,7 @@ import math
 from rmr.base.time import NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
 from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
+from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import Scene
 
 STILL: Duration = seconds(30)
@@ -28,7 +29,7 @@ class StandsStill:
         world = scene.simulation.world
         self._where = {robot: world.pose(robot)[:2] for robot in scene.robots}
         self._got_on: dict[int, Instant] = dict.fromkeys(scene.robots, 0)
-        self._used: dict[bytes, Instant] = {}
+        self._used: Newest[bytes, Instant] = Newest()
         """When each event was entered last."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
             scene.hear(kind, self._reported)

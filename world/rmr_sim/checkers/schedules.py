@@ -5,17 +5,14 @@
 - A frame fits the radio.
 """
 
-from collections import OrderedDict
-
 from rmr.base.time import Instant, milliseconds
 from rmr.coord.events import EntryMissed, SlotLost
 from rmr.coord.messages import Entry, Kind, MessageError, Phase, Sched, Term, decode
 from rmr.node.ports import Spoken
+from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.passages import VALUES
 from rmr_sim.checkers.scene import Scene
 
-KEPT_MAX = 4096
-"""Schedules, and promised slots, remembered; the oldest go first."""
 LET_PASS = milliseconds(1200)
 """News that an owner gave a slot up concerns one that began so long before it at most."""
 
@@ -29,10 +26,10 @@ class Schedules:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._room = scene.simulation.robots[0].payload_max
-        self._said: OrderedDict[tuple[bytes, Term, Instant, int], bytes] = OrderedDict()
-        self._promised: OrderedDict[Promise, tuple[Instant, Instant]] = OrderedDict()
+        self._said: Newest[tuple[bytes, Term, Instant, int], bytes] = Newest()
+        self._promised: Newest[Promise, tuple[Instant, Instant]] = Newest()
         """The slot that stands, and when the schedule that said so was issued: frames may overtake each other."""
-        self._given_up: dict[tuple[int, bytes], Instant] = {}
+        self._given_up: Newest[tuple[int, bytes], Instant] = Newest()
         scene.hear(Spoken, self._spoken)
         scene.hear(SlotLost, self._gave_up)
         scene.hear(EntryMissed, self._gave_up)
@@ -57,12 +54,11 @@ class Schedules:
             return
         assert isinstance(sched, Sched)
         key = (sched.event, sched.term, sched.issued, sched.part)
-        known = self._said.setdefault(key, payload)
-        if known != payload:
+        if self._said.get(key, payload) != payload:
             words = f"robot {robot} sent another version of the schedule that leader {sched.term.leader} issued"
             self._scene.violate(now, "schedule", (robot, sched.term.leader), words)
-        if len(self._said) > KEPT_MAX:
-            self._said.popitem(last=False)
+        else:
+            self._said[key] = payload
         if sched.term.leader == robot:
             for entry in sched.entries:
                 self._judge(now, sched, entry)
@@ -81,8 +77,6 @@ class Schedules:
                 self._scene.violate(now, "frozen slot", (sched.term.leader, entry.robot), words)
         if entry.start is not None and entry.start <= sched.issued + VALUES.frozen:
             self._promised[key] = entry.start, sched.issued
-            if len(self._promised) > KEPT_MAX:
-                self._promised.popitem(last=False)
 
     def _excused(self, robot: int, sched: Sched, promised: Instant, now: Instant) -> bool:
         """Return whether the owner of a slot gave it up, or could not keep it."""
