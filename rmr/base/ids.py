@@ -28,13 +28,18 @@ def spelled(ids: Sequence[int]) -> str:
 
 def listed(text: str) -> tuple[int, ...]:
     """Return the ids of ``2-3`` or ``0-5,9``, ascending. Raises ValueError, which says what to write."""
+    return tuple(sorted(in_order(text)))
+
+
+def in_order(text: str) -> list[int]:
+    """Return the ids as `listed` does, but in the order in which they are written."""
     ids: dict[int, None] = {}
     for part in text.split(","):
         for robot in _span(part.strip()):
             if robot in ids:
                 raise ValueError(f"robot {robot} is listed twice")
             ids[robot] = None
-    return tuple(sorted(ids))
+    return list(ids)
 
 
 def _span(part: str) -> range:

@@ -6,6 +6,7 @@ Each function returns the value in its unit and raises ValueError that says what
 import math
 import re
 
+from rmr.base.ids import in_order
 from rmr.base.time import NS_PER_MS, NS_PER_S, Duration
 from rmr.base.values import ROBOT_ID_MAX
 
@@ -41,15 +42,17 @@ def angle(value: object) -> float:
 
 
 def ids(value: object) -> list[int]:
-    """Return the ids of ``2-3``, ``0-5,9``, ``4`` or ``[2, 3]``."""
+    """Return the ids of ``2-3``, ``0-5,9``, ``4`` or ``[2, 3]``, in the order in which they are written."""
     if isinstance(value, int) and not isinstance(value, bool):
         value = [value]
-    if isinstance(value, str) and re.fullmatch(r"\d{1,6}(-\d{1,6})?(\s*,\s*\d{1,6}(-\d{1,6})?)*", value):
-        value = [i for part in value.split(",") for i in _span(part.strip())]
+    if isinstance(value, str):
+        value = in_order(value)
     if not isinstance(value, list) or not value or not all(type(i) is int for i in value):
         raise ValueError("should be ids such as 2-3 or 0-5,9")
     if any(not 0 <= i <= ROBOT_ID_MAX for i in value):
         raise ValueError(f"ids should be from 0 to {ROBOT_ID_MAX}")
+    if len(value) > ROBOTS_MAX:
+        raise ValueError(f"should be at most {ROBOTS_MAX} robots, not {len(value)}")
     return value
 
 
@@ -59,11 +62,3 @@ def ids_or_all(value: object) -> list[int]:
         return [] if value == "all" else ids(value)
     except ValueError as error:
         raise ValueError(f"{error}, or all") from None
-
-
-def _span(part: str) -> range:
-    first, _, last = part.partition("-")
-    span = range(int(first), int(last or first) + 1)
-    if not span or len(span) > ROBOTS_MAX:
-        raise ValueError(f"{part} should name 1 to {ROBOTS_MAX} robots, the lesser id first")
-    return span

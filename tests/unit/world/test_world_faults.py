@@ -30,7 +30,10 @@ def test_an_outage_may_name_some_robots(tmp_path):
         ("{from: 1s, to: 2s, slow: 1}", "slow and every belong together"),
         ("{from: 1s, to: 2s, stall: 1, every: 1s}", "slow and every belong together"),
         ("{from: 1s, to: 2s, slow: 1, every: 16ms}", "every should be longer than a tick"),
-        ("{from: 1s, to: 2s, outage: every}", "outage: should be ids such as 2-3 or 0-5,9, or all, not 'every'"),
+        (
+            "{from: 1s, to: 2s, outage: every}",
+            "outage: 'every' is no id and no range of ids; write ids such as 4, 2-3 or 0-5,9, or all",
+        ),
         ("{from: 1s, to: 2s, outage: [7]}", "outage: robot 7 is not in this lab"),
         ("{at: 1s, outage: all}", "all others need from and to"),
         ("{at: 3s, restart: 1}", "robot 1 lives at 3 s: kill it before it is started again"),

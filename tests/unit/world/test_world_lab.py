@@ -318,9 +318,18 @@ ROBOT_MISTAKES = [
     ("{id: 2}", "robots.1: should have id and pose, or ids and grid"),
     ("{id: 2, pose: [1, 1]}", "robots.1.pose.2: is missing"),
     ("{id: 2, pose: [1, 1, 0], colour: red}", "robots.1.colour: unknown key; known are id, pose, ids, grid"),
-    ("{ids: 3-2, grid: {from: [1, 1], step: [1, 0], columns: 2}}", "robots.1.ids: 3-2 should name 1 to 1000 robots"),
-    ("{ids: 2-99999, grid: {from: [1, 1], step: [1, 0], columns: 2}}", "robots.1.ids: 2-99999 should name 1 to 1000"),
-    ("{ids: two, grid: {from: [1, 1], step: [1, 0], columns: 2}}", "robots.1.ids: should be ids such as 2-3"),
+    (
+        "{ids: 3-2, grid: {from: [1, 1], step: [1, 0], columns: 2}}",
+        "robots.1.ids: the range 3-2 ends before it begins; write 2-3",
+    ),
+    (
+        "{ids: 2-9999, grid: {from: [1, 1], step: [1, 0], columns: 2}}",
+        "robots.1.ids: should be at most 1000 robots, not 9998",
+    ),
+    (
+        "{ids: two, grid: {from: [1, 1], step: [1, 0], columns: 2}}",
+        "robots.1.ids: 'two' is no id and no range of ids; write ids such as 4, 2-3 or 0-5,9",
+    ),
     ("{ids: 2-3, grid: {from: [1, 1], step: [0.01, 0], columns: 2}}", "robots.1: robot 3 starts inside robot 2"),
 ]
 
