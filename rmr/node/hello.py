@@ -16,11 +16,13 @@ PARKED_APART: Duration = milliseconds(20)
 """Per robot of the roster a period is so long, between its least and its greatest: many robots share one air, and those
 that stand leave it to those that drive. At the longest period a robot of which two hellos in a row are lost while it
 moves, or one while it is parked, is not yet taken for silent (`motion.hearing`)."""
-FIRST_AFTER: Duration = milliseconds(200)
+FIRST_AFTER: Duration = milliseconds(150)
 FIRST_SPREAD: Duration = milliseconds(20)
 """The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
-EAGER: Duration = milliseconds(1200)
-"""For so long a robot that begins speaks as often as one that moves: the others wait until they have heard it."""
+EAGER: Duration = milliseconds(500)
+PERIOD_EAGER: Duration = milliseconds(80)
+"""For so long a robot that begins speaks that often, or as one that moves where that is no more often: the others wait
+until they have heard it, and should not miss their turns where a frame in ten is lost."""
 SPREAD = 0.1
 """Share by which a period is shorter or longer, so that two robots do not speak at once for ever."""
 CHANGE_SPREAD: Duration = milliseconds(20)
@@ -37,6 +39,7 @@ class HelloClock:
         self._robots = robots
         self._moving_period = _period(robots, parked=False)
         self._parked_period = _period(robots, parked=True)
+        self._eager_period = min(max(PERIOD_EAGER, MOVING_APART * robots), self._moving_period)
         self._eager_until: Instant = 0
         self.due: Instant = NEVER
         self.parked = True
@@ -45,8 +48,8 @@ class HelloClock:
     def start(self, now: Instant) -> None:
         """Plan the first hello."""
         spread = max(min(FIRST_SPREAD * self._robots, seconds(1)), ANSWER_SPREAD * self._robots)
-        self._eager_until = now + EAGER
         self.due = now + FIRST_AFTER + round(self._rng.random() * spread)
+        self._eager_until = now + EAGER
 
     def soon(self, now: Instant) -> None:
         """Something that matters to the others has changed."""
@@ -61,7 +64,9 @@ class HelloClock:
 
     def rewind(self, now: Instant) -> None:
         """Plan the hello after the one that is said now."""
-        period = self._parked_period if self.parked and now >= self._eager_until else self._moving_period
+        period = self._parked_period if self.parked else self._moving_period
+        if now < self._eager_until:
+            period = self._eager_period
         self.due = now + round(period * self._rng.uniform(1.0 - SPREAD, 1.0 + SPREAD))
 
 

@@ -50,10 +50,12 @@ def test_a_robot_that_begins_is_heard_soon_and_often_for_others_wait_for_it() ->
     while clock.due < seconds(3) + EAGER:
         told.append(in_seconds(clock.due - seconds(3)))
         clock.rewind(clock.due)
-    assert told[0] < 0.33
-    assert all(b - a < 0.23 for a, b in pairwise(told))
-    clock.rewind(clock.due)
-    assert told[-1] + 0.44 < in_seconds(clock.due - seconds(3))
+    assert told[0] < 0.28
+    assert len(told) >= 3, "the third is as good as sure to be heard"
+    assert max(b - a for a, b in pairwise(told)) < 0.09
+    begun = clock.due
+    clock.rewind(begun)
+    assert clock.due > begun + seconds(0.44)
 
 
 def test_a_robot_that_begins_to_drive_back_says_so_at_once() -> None:
