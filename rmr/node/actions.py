@@ -187,7 +187,10 @@ class Dispatcher:
     @property
     def polling(self) -> bool:
         """Whether an action waits for a condition, which is looked at in every frame."""
-        return bool(self.running) and any(running.pause.condition is not None for running in self.running)
+        for running in self.running:
+            if running.pause.condition is not None:
+                return True
+        return False
 
     @property
     def driving(self) -> Running | None:
@@ -200,7 +203,11 @@ class Dispatcher:
     @property
     def next_wake(self) -> Instant:
         """When the next sleeping action goes on."""
-        return min([running.pause.until for running in self.running]) if self.running else NEVER
+        wake = NEVER
+        for running in self.running:
+            if running.pause.until < wake:
+                wake = running.pause.until
+        return wake
 
     def derive(self, now: Instant, running: Running) -> None:
         """Take on an action: hold it, queue it, or start it."""

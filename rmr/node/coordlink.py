@@ -7,7 +7,7 @@ yet waits here.
 import heapq
 from collections.abc import Callable
 
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import Instant
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent, Send
 from rmr.node.ports import Confirmed
@@ -35,7 +35,8 @@ class CoordLink:
     @property
     def next_wake(self) -> Instant:
         """When the core or a frame is due."""
-        return min(self._core.next_wake, self._later[0][0] if self._later else NEVER)
+        wake, later = self._core.next_wake, self._later
+        return later[0][0] if later and later[0][0] < wake else wake
 
     def due(self, now: Instant) -> bool:
         """Return whether `run` has something to do."""

@@ -9,7 +9,7 @@ input. The executive reads no clock: the host says how much time the call has us
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, next_tick, tick_index
+from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, tick_index, tick_start
 
 FRAME_BUDGET: Duration = NS_PER_S // TICK_HZ
 """A frame's tasks together may use no more than the frame."""
@@ -35,6 +35,8 @@ class Executive:
         self._between = [task for task in tasks if not task.periodic]
         self._spent = spent
         self._frame = -1
+        self.frame_ends: Instant = 0
+        """When the next frame begins."""
         self._due = False
         self.frames_due = 0
         """Frames in which the robot had to act because it was busy."""
@@ -48,21 +50,29 @@ class Executive:
 
     def tick(self, now: Instant) -> None:
         """Run what is due at `now`, in priority order."""
-        frame = tick_index(now)
-        begins = frame > self._frame
-        if begins:
-            if self._due:
-                self.frames_due += frame - self._frame
-                self.frames_late += max(0, frame - self._frame - 1)
-            self._frame = frame
+        tasks = self._between
+        if now >= self.frame_ends:
+            tasks = self.tasks
+            self._begin(tick_index(now))
         spent = self._spent
-        for task in self.tasks if begins else self._between:
-            if spent is not None and spent() > FRAME_BUDGET:
+        if spent is None:
+            for task in tasks:
+                task.run(now)
+            return
+        for task in tasks:
+            if spent() > FRAME_BUDGET:
                 task.skipped += 1
             else:
                 task.run(now)
 
-    def next_frame(self, now: Instant, busy: bool) -> Instant | None:
+    def _begin(self, frame: int) -> None:
+        """Begin a frame."""
+        if self._due:
+            self.frames_due += frame - self._frame
+            self.frames_late += frame - self._frame - 1
+        self._frame, self.frame_ends = frame, tick_start(frame + 1)
+
+    def next_frame(self, busy: bool) -> Instant | None:
         """Return when the next frame must begin, or None when nothing periodic goes on."""
         self._due = busy
-        return next_tick(now) if busy else None
+        return self.frame_ends if busy else None

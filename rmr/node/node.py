@@ -14,7 +14,7 @@ from typing import Any
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.streams import Choices, stream
-from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, next_tick
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
@@ -145,11 +145,11 @@ class Node:
         self.executive.tick(now)
         if not self._rewake:
             return
-        frame = self.executive.next_frame(now, self._busy())
+        executive, machine = self.executive, self.machine
         self.next_wake = min(
-            frame or NEVER,
+            executive.next_frame(self._busy()) or NEVER,
             self._coordination.next_wake,
-            next_tick(now) if self.machine.busy else self.machine.due,
+            executive.frame_ends if machine.busy else machine.due,
             self.actions.next_wake,
             self.talk.next_wake,
             self.turns.next_wake,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rmr.base.geometry import Point
 from rmr.base.streams import stream
-from rmr.base.time import NEVER, Instant
+from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol, Value
 from rmr.node import wire
 from rmr.node.deliveries import Deliveries
@@ -51,7 +51,8 @@ class Talk:
     @property
     def next_wake(self) -> Instant:
         """When there is something to say or to repeat."""
-        return min(NEVER if self._hello is None else self._hello.due, self.exchange.next_wake)
+        hello, wake = self._hello, self.exchange.next_wake
+        return hello.due if hello is not None and hello.due < wake else wake
 
     def start(self, now: Instant) -> None:
         """Plan the first hello."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
-from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, next_tick
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
@@ -249,7 +249,7 @@ class Turns:
                 self._revise(now, turn)
                 self._coordination.ready(now, turn.event, self._is_ready(turn))
             soonest = min(soonest, turn.next_wake)
-        self.next_wake = max(soonest, next_tick(now)) if soonest < NEVER else NEVER
+        self.next_wake = max(soonest, self._node.executive.frame_ends) if soonest < NEVER else NEVER
 
     def _is_ready(self, turn: Turn) -> bool:
         action, navigator = turn.action, self._navigator
@@ -315,7 +315,7 @@ class Turns:
         turn = self._turns.get(event.event)
         if turn is None or turn.phase is Phase.LEFT:
             return
-        self.next_wake = min(self.next_wake, next_tick(now))
+        self.next_wake = min(self.next_wake, self._node.executive.frame_ends)
         match event:
             case SlotAssigned():
                 self._slotted(now, turn, event)

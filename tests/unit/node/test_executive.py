@@ -50,9 +50,9 @@ def test_what_does_not_fit_is_left_out_lowest_priority_first_and_counted():
 def test_frames_that_the_host_lets_pass_are_counted_only_while_the_robot_is_busy():
     bench = Bench({})
     bench.tick(tick_start(1))
-    assert bench.executive.next_frame(tick_start(1), busy=True) == tick_start(2)
+    assert bench.executive.next_frame(busy=True) == tick_start(2)
     bench.tick(tick_start(4))
     assert bench.executive.frames_late == 2
-    assert bench.executive.next_frame(tick_start(4), busy=False) is None
+    assert bench.executive.next_frame(busy=False) is None
     bench.tick(tick_start(60))
     assert bench.executive.frames_late == 2
