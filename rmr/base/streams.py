@@ -5,12 +5,31 @@ hashed with SHA-512 by `random.Random`), and drawing from one stream never distu
 """
 
 import hashlib
+import math
+from collections.abc import Callable, Iterator
 from random import Random
 
 
 def stream(name: str) -> Random:
     """Return the random stream called `name`, for example ``"7/robot3/vm"``."""
     return Random(name)
+
+
+def normals(rng: Random) -> Callable[[], float]:
+    """Return a function that draws standard normal numbers: those of `rng.gauss(0.0, 1.0)`, in half of its time.
+
+    Between them `rng` may be asked for other numbers, but not for `gauss`.
+    """
+    return _normals(rng.random).__next__
+
+
+def _normals(random: Callable[[], float]) -> Iterator[float]:
+    cos, sin, log, sqrt, tau = math.cos, math.sin, math.log, math.sqrt, math.tau
+    while True:
+        angle = random() * tau
+        away = sqrt(-2.0 * log(1.0 - random()))
+        yield cos(angle) * away
+        yield sin(angle) * away
 
 
 class Choices:

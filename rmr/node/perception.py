@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import NEVER, Duration, Instant, in_seconds, seconds
+from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.motion.priority import Heard
@@ -66,7 +66,7 @@ class Localiser:
         if last is not None:
             left, right = sample.left_m - last.left_m, sample.right_m - last.right_m
             self.travelled_m += abs(left + right) / 2
-            ekf.predict(left, right, sample.gyro, in_seconds(sample.stamp - last.stamp))
+            ekf.predict(left, right, sample.gyro, (sample.stamp - last.stamp) / NS_PER_S)
         ekf.compass(sample.compass)
         for beacon, metres in sample.ranges:
             ekf.range(self._arena.beacons[beacon], metres)

@@ -129,8 +129,11 @@ class SimulatedRobot:
 
     def wake_in_frame(self, now: Instant) -> None:
         """See to it that the node is called if it wants to be before the next frame, when all are looked after."""
-        wake = max(self.node.next_wake, now + 1)
-        self.node_alarm.set(wake if wake < self._simulation.frame_end else NEVER)
+        wake = self.node.next_wake
+        if wake < self._simulation.frame_end:
+            self.node_alarm.set(wake if wake > now else now + 1)
+        elif self.node_alarm.when < NEVER:
+            self.node_alarm.set(NEVER)
 
     def _take(self, out: Received | Confirmed) -> None:
         if isinstance(out, Confirmed):

@@ -18,7 +18,7 @@ import pymunk
 
 from rmr.base.arena import Disc
 from rmr.base.geometry import STILL, Pose, Twist
-from rmr.base.streams import stream
+from rmr.base.streams import normals, stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
 from rmr.node.ports import SeenBody, Sensed
 from rmr_world.lab import Lab
@@ -51,6 +51,7 @@ _SLOP_M = 0.0002
 """How far bodies may overlap in contact (pymunk's own default is 0.1 units)."""
 _DV, _DW = ACCELERATION * TICK_S, TURN_ACCELERATION * TICK_S
 """What the wheels can do in one tick."""
+_STEP_S = TICK_S / SUBSTEPS
 _set = object.__setattr__
 """Sets a body's property, past pymunk's own `__setattr__`, which does the same in twice the time."""
 _ROBOT, _FIXED = 1, 2
@@ -77,15 +78,15 @@ class _Robot:
     """One robot's body, and what it was last told."""
 
     __slots__ = (
-        "active", "body", "contacts", "cos", "distance_m", "gauss", "heard", "id", "near", "sensors", "sin", "stamp",
+        "active", "body", "contacts", "cos", "distance_m", "heard", "id", "near", "sensors", "sin", "slip", "stamp",
         "target", "theta", "v", "view", "vx", "vy", "w", "x", "y",
     )  # fmt: skip
 
     def __init__(self, robot: int, pose: Pose, body: pymunk.Body, seed: int, sensors: Sensors) -> None:
         self.id = robot
         self.body = body
-        self.gauss = stream(f"{seed}/robot{robot}/wheels").gauss
-        self.view = stream(f"{seed}/robot{robot}/view").gauss
+        self.slip = normals(stream(f"{seed}/robot{robot}/wheels"))
+        self.view = normals(stream(f"{seed}/robot{robot}/view"))
         self.sensors = sensors
         self.x, self.y, self.theta = pose
         self.cos, self.sin = math.cos(pose.theta), math.sin(pose.theta)
@@ -186,16 +187,25 @@ class World:
         Speed and turn rate are cut to what the wheels can do. Raises KeyError for a robot that is not there.
         """
         state = self._robots[robot]
-        v, w = twist
         stale = stamp < state.stamp or not -COMMAND_LEAD_MAX <= now - stamp <= COMMAND_AGE_MAX
-        if stale or not (math.isfinite(v) and math.isfinite(w)):
+        target = None if stale else self._cut(twist)
+        if target is None:
             self.dropped += 1
             return
-        speed, turn = self._shape.speed, self._shape.turn
-        state.target = Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
+        state.target = target
         state.stamp = stamp
         state.heard = now
         self._awake[robot] = state
+
+    def _cut(self, twist: Twist) -> Twist | None:
+        """Return as much of `twist` as the wheels can do; None if it is no twist."""
+        v, w = twist
+        speed, turn = self._shape.speed, self._shape.turn
+        if -speed <= v <= speed and -turn <= w <= turn:
+            return twist
+        if not (math.isfinite(v) and math.isfinite(w)):
+            return None
+        return Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
 
     def silence(self, robot: int, until: Instant) -> None:
         """Let `robot` hear no beacon `until` then; an outage that lasts longer already is not cut short."""
@@ -221,8 +231,9 @@ class World:
                 del self._awake[robot.id]
         if not active:
             return
+        step = self._space.step
         for _ in range(SUBSTEPS):
-            self._space.step(TICK_S / SUBSTEPS)
+            step(_STEP_S)
         for robot in active:
             _read(robot)
         self._pairs()
@@ -238,9 +249,9 @@ class World:
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:
             return False
         if target_v != 0.0:
-            target_v *= 1.0 + robot.gauss(0.0, SLIP_SIGMA)
+            target_v *= 1.0 + robot.slip() * SLIP_SIGMA
         if target_w != 0.0:
-            target_w *= 1.0 + robot.gauss(0.0, TURN_SLIP_SIGMA)
+            target_w *= 1.0 + robot.slip() * TURN_SLIP_SIGMA
         dv, dw = _DV, _DW
         v, w = robot.v, robot.w
         v = v + dv if target_v > v + dv else v - dv if target_v < v - dv else target_v
@@ -288,20 +299,24 @@ class World:
         order = self._by_x
         order.sort(key=_x)  # from tick to tick they hardly change places
         in_view = self._in_view_m
-        for index, a in enumerate(order):
+        least = self._least_centres
+        reach = max(in_view, least)
+        for after, a in enumerate(order, 1):
             ax, ay = a.x, a.y
-            for b in order[index + 1 :]:
-                reach = max(in_view, self._least_centres)
+            for b in order[after:]:
                 dx = b.x - ax
                 if dx > reach:
                     break
                 dy = b.y - ay
                 if -reach < dy < reach:
                     centres = math.sqrt(dx * dx + dy * dy)
-                    self._least_centres = min(self._least_centres, centres)
+                    if centres < least:
+                        least = centres
+                        reach = max(in_view, least)
                     if centres <= in_view:
                         a.near.append(b)
                         b.near.append(a)
+        self._least_centres = least
 
     @property
     def min_gap_m(self) -> float:
@@ -350,7 +365,7 @@ class World:
         """Return the robots whose hull reaches into the field of view, nearest first (paper IV.E)."""
         seen = []
         cos, sin, radius = robot.cos, robot.sin, self._shape.radius
-        half, gauss = 0.5 * self._shape.view_angle, robot.view
+        half, normal = 0.5 * self._shape.view_angle, robot.view
         narrow = half < math.radians(59.0)
         for other in robot.near:
             dx, dy = other.x - robot.x, other.y - robot.y
@@ -364,10 +379,10 @@ class World:
             if self._hidden(robot, other):
                 continue
             body = SeenBody(
-                ahead + gauss(0.0, BODY_POSITION_SIGMA),
-                left + gauss(0.0, BODY_POSITION_SIGMA),
-                cos * other.vx + sin * other.vy + gauss(0.0, BODY_VELOCITY_SIGMA),
-                cos * other.vy - sin * other.vx + gauss(0.0, BODY_VELOCITY_SIGMA),
+                ahead + normal() * BODY_POSITION_SIGMA,
+                left + normal() * BODY_POSITION_SIGMA,
+                cos * other.vx + sin * other.vy + normal() * BODY_VELOCITY_SIGMA,
+                cos * other.vy - sin * other.vx + normal() * BODY_VELOCITY_SIGMA,
             )
             seen.append((centres, other.id, body))
         return tuple(body for _, _, body in sorted(seen))

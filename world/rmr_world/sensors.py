@@ -13,6 +13,7 @@ import math
 from random import Random
 
 from rmr.base.geometry import Point
+from rmr.base.streams import normals
 from rmr.base.time import NEVER, NS_PER_S, Instant
 
 TRACK_M = 0.1
@@ -37,10 +38,10 @@ class Sensors:
 
     __slots__ = (
         "_dropout",
-        "_gauss",
         "_gyro_bias",
         "_left_scale",
         "_next_pulse",
+        "_normal",
         "_period",
         "_phases",
         "_random",
@@ -54,11 +55,11 @@ class Sensors:
 
     def __init__(self, rng: Random, beacons: tuple[Point, ...], rate: float, sigma: float, dropout: float) -> None:
         self.beacons = beacons
-        self._gauss = rng.gauss
+        self._normal = normal = normals(rng)
         self._random = rng.random
-        self._left_scale = 1.0 + rng.gauss(0.0, ENCODER_SCALE_SIGMA)
-        self._right_scale = 1.0 + rng.gauss(0.0, ENCODER_SCALE_SIGMA)
-        self._gyro_bias = rng.gauss(0.0, GYRO_BIAS_SIGMA)
+        self._left_scale = 1.0 + normal() * ENCODER_SCALE_SIGMA
+        self._right_scale = 1.0 + normal() * ENCODER_SCALE_SIGMA
+        self._gyro_bias = normal() * GYRO_BIAS_SIGMA
         self._period = round(NS_PER_S / rate)
         self._phases = tuple(self._period * index // max(1, len(beacons)) for index in range(len(beacons)))
         self._next_pulse: Instant = 0 if beacons else NEVER
@@ -74,17 +75,17 @@ class Sensors:
         """Take note that the robot went `way_m` forwards and turned by `turned` radians."""
         half = 0.5 * TRACK_M * turned
         left, right = way_m - half, way_m + half
-        gauss = self._gauss
-        self.left_m += left * self._left_scale + gauss(0.0, ENCODER_SLIP_SIGMA) * math.sqrt(abs(left))
-        self.right_m += right * self._right_scale + gauss(0.0, ENCODER_SLIP_SIGMA) * math.sqrt(abs(right))
+        normal = self._normal
+        self.left_m += left * self._left_scale + normal() * ENCODER_SLIP_SIGMA * math.sqrt(abs(left))
+        self.right_m += right * self._right_scale + normal() * ENCODER_SLIP_SIGMA * math.sqrt(abs(right))
 
     def gyro(self, rate: float) -> float:
         """Return a reading of the turn rate `rate`, rad/s."""
-        return rate + self._gyro_bias + self._gauss(0.0, GYRO_SIGMA)
+        return rate + self._gyro_bias + self._normal() * GYRO_SIGMA
 
     def compass(self, theta: float) -> float:
         """Return a reading of the heading `theta`, radians in [-pi, pi]."""
-        return math.remainder(theta + self._gauss(0.0, COMPASS_SIGMA), math.tau)
+        return math.remainder(theta + self._normal() * COMPASS_SIGMA, math.tau)
 
     def ranges(self, now: Instant, x: float, y: float) -> tuple[tuple[int, float], ...]:
         """Return (beacon, metres) for every beacon that sent since the last call and was heard at (x, y)."""
@@ -97,7 +98,7 @@ class Sensors:
             last = now - (now - phase) % self._period  # the latest pulse of this beacon up to now
             self._next_pulse = min(self._next_pulse, last + self._period)
             if last >= due and last >= phase:
-                metres = math.hypot(x - bx, y - by) + self._gauss(0.0, self._sigma)
+                metres = math.hypot(x - bx, y - by) + self._normal() * self._sigma
                 if self._random() >= self._dropout and last >= self.silent_until:
                     heard.append((index, max(0.0, metres)))
         return tuple(heard)

@@ -105,12 +105,14 @@ class Ekf:
 
     def compass(self, theta: float) -> bool:
         """Correct by a compass reading in radians. Returns False when it was an outlier."""
-        good = self._correct(0.0, 0.0, 1.0, wrap(theta - self.theta), COMPASS_SIGMA)
-        self._compass_bad = 0 if good else self._compass_bad + 1
+        if self._correct_heading(wrap(theta - self.theta)):
+            self._compass_bad = 0
+            return True
+        self._compass_bad += 1
         if self._compass_bad >= REJECTED_MAX:
             self._compass_bad = 0
             self._ptt = 4.0 * self._ptt + COMPASS_SIGMA * COMPASS_SIGMA
-        return good
+        return False
 
     def range(self, beacon: Point, metres: float) -> bool:
         """Correct by the distance to `beacon`. Returns False when it was an outlier."""
@@ -118,7 +120,7 @@ class Ekf:
         away = math.hypot(dx, dy)
         if away < 1e-6:
             return False
-        good = self._correct(dx / away, dy / away, 0.0, metres - away, self.range_sigma)
+        good = self._correct_place(dx / away, dy / away, metres - away, self.range_sigma)
         self._range_bad = max(0, self._range_bad - 1) if good else self._range_bad + 2
         if self._range_bad >= 2 * REJECTED_MAX:
             self._range_bad = 0
@@ -126,12 +128,19 @@ class Ekf:
             self._pyy = 4.0 * self._pyy + WIDEN_M * WIDEN_M
         return good
 
-    def _correct(self, hx: float, hy: float, ht: float, residual: float, sigma: float) -> bool:
-        """Apply one scalar measurement with the Jacobian (hx, hy, ht)."""
-        kx = self._pxx * hx + self._pxy * hy + self._pxt * ht
-        ky = self._pxy * hx + self._pyy * hy + self._pyt * ht
-        kt = self._pxt * hx + self._pyt * hy + self._ptt * ht
-        variance = hx * kx + hy * ky + ht * kt + sigma * sigma
+    def _correct_heading(self, residual: float) -> bool:
+        """Apply a measurement of the heading: its Jacobian is (0, 0, 1)."""
+        return self._apply(self._pxt, self._pyt, self._ptt, self._ptt + COMPASS_SIGMA * COMPASS_SIGMA, residual)
+
+    def _correct_place(self, hx: float, hy: float, residual: float, sigma: float) -> bool:
+        """Apply one scalar measurement of the place with the Jacobian (hx, hy, 0)."""
+        kx = self._pxx * hx + self._pxy * hy
+        ky = self._pxy * hx + self._pyy * hy
+        kt = self._pxt * hx + self._pyt * hy
+        return self._apply(kx, ky, kt, hx * kx + hy * ky + sigma * sigma, residual)
+
+    def _apply(self, kx: float, ky: float, kt: float, variance: float, residual: float) -> bool:
+        """Correct by a `residual` of `variance`, with which the state covaries by (kx, ky, kt)."""
         if residual * residual > GATE * GATE * variance:
             self.rejected += 1
             return False
