@@ -44,5 +44,9 @@ def point_segment_distance(px: float, py: float, ax: float, ay: float, bx: float
     """Return the distance of point p from the segment a-b in metres."""
     dx, dy = bx - ax, by - ay
     length2 = dx * dx + dy * dy
-    t = 0.0 if length2 == 0.0 else max(0.0, min(1.0, ((px - ax) * dx + (py - ay) * dy) / length2))
+    t = 0.0 if length2 == 0.0 else ((px - ax) * dx + (py - ay) * dy) / length2
+    if t < 0.0:
+        t = 0.0
+    elif t > 1.0:
+        t = 1.0
     return math.hypot(px - ax - t * dx, py - ay - t * dy)

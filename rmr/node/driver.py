@@ -57,7 +57,8 @@ class Driver:
         self._bodies: tuple[SeenBody, ...] = ()
         self._bumped = False
         self._areas = [(area, (Symbol(area.name),)) for area in arena.areas]
-        self._stated: tuple[Pose | None, Point | None] = None, None
+        self._stated_pose: Pose | None = None
+        self._stated_place: Point | None = None
         """The pose and the place of which the facts tell."""
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
@@ -85,10 +86,11 @@ class Driver:
     def step(self, now: Instant, rank: int, peers: Peers) -> None:
         """Take in the new samples and command the wheels; `rank` is the robot's own place in the schedule."""
         samples = self._body.sense()
+        if samples:
+            self._bodies, self._bumped = samples[-1].bodies, False
         for sample in samples:
             self.localiser.feed(sample)
-        if samples:
-            self._bodies, self._bumped = samples[-1].bodies, any(s.bumped for s in samples)
+            self._bumped = self._bumped or sample.bumped
         pose, navigator = self.localiser.pose, self.navigator
         if self._began is None:
             self._began = now
@@ -130,12 +132,12 @@ class Driver:
 
     def state(self, now: Instant, senses: SensedFacts) -> list[Area]:
         """State the facts `at`, `pose` and `obstacle`; return the areas at which the robot has just arrived."""
-        pose = self.localiser.pose
+        pose, place = self.localiser.pose, self.place
         if senses.used("obstacle"):
             senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
-        if pose is None or self._stated == (pose, self.place):
+        if pose is None or (pose is self._stated_pose and place is self._stated_place):
             return []
-        self._stated = pose, self.place
+        self._stated_pose, self._stated_place = pose, place
         if senses.used("pose"):
             senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
         arrived = []

@@ -85,17 +85,18 @@ def way_back_s(tries: int, found: bool, way: int | None) -> float:
 
 def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float) -> float:
     """Return the greatest forward speed up to `v` (m/s) that no body makes dangerous."""
-    limit = v
+    least = v
     for body in bodies:
-        limit = min(limit, _limit(v, body, radius), stopping_speed(v, body, radius))
-    return max(0.0, limit)
+        if body.x > 0.0:
+            least = min(least, _limit(v, body, radius), stopping_speed(v, body, radius))
+    return max(0.0, least)
 
 
 def _limit(v: float, body: SeenBody, radius: float) -> float:
     x, y, bvx, bvy = body
-    away = math.hypot(x, y)
-    if x <= 0.0 or away <= 0.0:
+    if x <= 0.0:
         return v
+    away = math.hypot(x, y)
     rvx = bvx - v
     closing = -(x * rvx + y * bvy)
     gap = away - 2.0 * radius

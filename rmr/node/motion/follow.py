@@ -8,7 +8,7 @@ speed falls before the end of the path as the square root of the way that is lef
 import math
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import STILL, Pose, Twist, wrap
+from rmr.base.geometry import STILL, Pose, Twist, distance, wrap
 from rmr.node.motion.route import Route
 
 LOOK_AHEAD_M = 0.11
@@ -45,7 +45,7 @@ def braking_speed(way_m: float) -> float:
 class Follower:
     """Progress along one route."""
 
-    __slots__ = ("_aim", "_seen", "arrived", "pivoting", "route", "s", "shape")
+    __slots__ = ("_aim", "_seen", "_seen_s", "arrived", "pivoting", "route", "s", "shape")
 
     def __init__(self, route: Route, shape: RobotShape) -> None:
         self.route = route
@@ -53,18 +53,20 @@ class Follower:
         self.s = 0.0
         self.pivoting = True
         self.arrived = False
-        self._seen: tuple[Pose, float] | None = None
+        self._seen: Pose | None = None
+        self._seen_s = 0.0
         self._aim = 0.0, 0.0, 0.0
-        """The look-ahead point as seen from the pose, and at the progress, `_seen`: dx, dy and heading error."""
+        """The look-ahead point as seen from the pose `_seen`, at the progress `_seen_s`: dx, dy and heading error."""
 
     def locate(self, pose: Pose) -> None:
         """Bring progress up to `pose`; it never goes back by more than what braking can undo."""
-        self.s = self.route.project(pose.x, pose.y, max(0.0, self.s - 0.02), self.s + WINDOW_M)
-        goal = self.route.points[-1]
-        away = math.hypot(goal.x - pose.x, goal.y - pose.y)
-        left = self.route.length_m - self.s
-        if left < 0.05 and (away < ARRIVED_M or (left < 0.002 and away < ABEAM_M)):
-            self.arrived = True
+        route, (x, y, _) = self.route, pose
+        self.s = route.project(x, y, max(0.0, self.s - 0.02), self.s + WINDOW_M)
+        left = route.at_m[-1] - self.s
+        if left < 0.05:
+            away = distance(*route.points[-1], x, y)
+            if away < ARRIVED_M or (left < 0.002 and away < ABEAM_M):
+                self.arrived = True
 
     def heading_error(self, pose: Pose) -> float:
         """Return how far the look-ahead point is off the robot's heading, radians."""
@@ -72,11 +74,11 @@ class Follower:
 
     def _look_ahead(self, pose: Pose) -> tuple[float, float, float]:
         """Return how far ahead the look-ahead point is along x and y, and how far off the heading."""
-        if self._seen != (pose, self.s):
-            self._seen = pose, self.s
-            x, y = self.route.point(self.s + LOOK_AHEAD_M)
-            dx, dy = x - pose.x, y - pose.y
-            self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
+        if self._seen is not pose or self._seen_s != self.s:
+            self._seen, self._seen_s = pose, self.s
+            ahead, (at_x, at_y, theta) = self.route.point(self.s + LOOK_AHEAD_M), pose
+            dx, dy = ahead.x - at_x, ahead.y - at_y
+            self._aim = dx, dy, wrap(math.atan2(dy, dx) - theta)
         return self._aim
 
     def steer(self, pose: Pose, limit: float) -> Twist:
@@ -88,11 +90,14 @@ class Follower:
             self.pivoting = True
             return Twist(0.0, turn_towards(error, self.shape))
         self.pivoting = False
-        left = self.route.length_m - self.s
-        v = min(self.shape.speed, limit, max(CREEP, braking_speed(left - 0.002)))
-        curvature = 2.0 * math.sin(error) / max(0.03, math.hypot(dx, dy))
-        if abs(v * curvature) > self.shape.turn:
-            v = self.shape.turn / abs(curvature)
+        shape = self.shape
+        v = min(shape.speed, limit)
         if v <= 0.0:
-            return Twist(0.0, turn_towards(error, self.shape) if abs(error) > 0.05 else 0.0)
+            return Twist(0.0, turn_towards(error, shape) if abs(error) > 0.05 else 0.0)
+        left = self.route.at_m[-1] - self.s - 0.002
+        if 2.0 * BRAKE * left < v * v:
+            v = min(v, max(CREEP, braking_speed(left)))
+        curvature = 2.0 * math.sin(error) / max(0.03, math.hypot(dx, dy))
+        if abs(v * curvature) > shape.turn:
+            v = shape.turn / abs(curvature)
         return Twist(v, v * curvature)

@@ -27,7 +27,7 @@ AHEAD_S = 3.0
 class Gate:
     """What is known about the gate during one drive."""
 
-    __slots__ = ("cleared", "holding", "opened", "opens_at", "passed", "shape")
+    __slots__ = ("_line_m", "_route", "_stop_m", "cleared", "holding", "opened", "opens_at", "passed", "shape")
 
     def __init__(self, shape: RobotShape, *, holding: bool) -> None:
         self.shape = shape
@@ -37,14 +37,27 @@ class Gate:
         """Not yet left: it is too early."""
         self.passed = False
         self.cleared = False
+        self._route: Route | None = None
+        """The route that was asked for last."""
+        self._stop_m = self._line_m = 0.0
 
     def stop_m(self, route: Route) -> float:
         """Return the arc length at which the robot waits for the gate to open."""
-        return max(0.0, (route.gate_m or 0.0) - route.room_m - self.shape.radius - MARGIN_M)
+        if route is not self._route:
+            self._measure(route)
+        return self._stop_m
 
     def line_m(self, route: Route) -> float:
         """Return the arc length of the gate's line."""
-        return max(0.0, self.stop_m(route) - self.shape.speed * self.shape.speed / (2.0 * BRAKE))
+        if route is not self._route:
+            self._measure(route)
+        return self._line_m
+
+    def _measure(self, route: Route) -> None:
+        shape = self.shape
+        self._route = route
+        self._stop_m = max(0.0, (route.gate_m or 0.0) - route.room_m - shape.radius - MARGIN_M)
+        self._line_m = max(0.0, self._stop_m - shape.speed * shape.speed / (2.0 * BRAKE))
 
     def locate(self, route: Route, s: float, arrived: bool) -> None:
         """Take in the robot's progress."""

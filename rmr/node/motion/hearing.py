@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
+from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.hello import period_max
 from rmr.node.ports import SeenBody
 
@@ -111,18 +111,22 @@ class Hearing:
 
     def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> list[SeenBody]:
         """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame."""
+        heard: list[SeenBody] = []
         if not self._fresh:
-            return []
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
-        heard = []
-        for _, place, vx, vy, at, parked, _ in self._fresh:
-            age = in_seconds(now - at)
-            dx, dy = place.x + vx * age - pose.x, place.y + vy * age - pose.y
+            return heard
+        own_x, own_y, theta = pose
+        cos, sin, radius = math.cos(theta), math.sin(theta), self._shape.radius
+        for _, (other_x, other_y), vx, vy, at, parked, _ in self._fresh:
+            age = (now - at) / NS_PER_S
+            dx, dy = other_x + vx * age - own_x, other_y + vy * age - own_y
             if parked:
                 spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, math.hypot(dx, dy))
                 dx, dy = dx * spare, dy * spare
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
-            if all(math.hypot(body.x - x, body.y - y) > self._shape.radius for body in seen):
+            for body in seen:
+                if math.hypot(body.x - x, body.y - y) <= radius:
+                    break
+            else:
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
         return heard
 

@@ -163,10 +163,9 @@ class Navigator:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
         seen = self._watch.update(now, pose, bodies)
-        around = [*seen, *self.hearing.around(now, pose, seen)]
-        wait, radius = self.hearing.forbids(now, pose, bodies), self.arena.shape.radius
+        wait = self.hearing.forbids(now, pose, bodies)
         if self._driven is not None:
-            return limit_twist(self._driven._replace(v=0.0) if wait else self._driven, around, radius)
+            return self._safe(now, pose, self._driven._replace(v=0.0) if wait else self._driven, seen)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower
@@ -181,27 +180,34 @@ class Navigator:
         if follower.arrived:
             return self._turn(pose)
         if now < self._back_until and not wait:
-            return self._back(pose, around)
-        limit = min(self._gate.limit(now, follower.route, follower.s), self._share * self.arena.shape.speed)
+            return self._back(pose, [*seen, *self.hearing.around(now, pose, seen)])
+        speed = self.arena.shape.speed
+        limit = min(self._gate.limit(now, follower.route, follower.s), self._share * speed)
         if wait or (self._parked and self._queued(now)):
             limit = 0.0
         if sigma > LOST_SIGMA_M:
-            limit = min(limit, 0.5 * self.arena.shape.speed)
+            limit = min(limit, 0.5 * speed)
         wish = follower.steer(pose, limit)
-        allowed = limit_twist(wish, around, radius)
+        allowed = self._safe(now, pose, wish, seen)
         stuck = STILL if bumped else allowed  # wheels that turn against a hull get nowhere
-        early = self._gate.waiting(now, follower.route) and not bumped
+        early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
         if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
             self._detour(now, pose)
         return allowed
+
+    def _safe(self, now: Instant, pose: Pose, twist: Twist, seen: Sequence[SeenBody]) -> Twist:
+        """Return `twist`, slowed as the bodies that are seen or heard demand."""
+        if twist.v <= 0.0:
+            return twist
+        return limit_twist(twist, [*seen, *self.hearing.around(now, pose, seen)], self.arena.shape.radius)
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is something to follow or to face, planning when that is due."""
         if self._order is None:
             return True
-        if self._follower is None:
-            return now >= self._next_try and self._replan(now, pose)
         follower = self._follower
+        if follower is None:
+            return now >= self._next_try and self._replan(now, pose)
         if self._replan_due and not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
             self._replan(now, pose, keep=True)
@@ -217,8 +223,7 @@ class Navigator:
 
     def _detour(self, now: Instant, pose: Pose) -> None:
         """Leave a stand-off: around the others, or a little way back."""
-        stand_off = self._stand_off
-        radius = self.arena.shape.radius
+        stand_off, radius = self._stand_off, self.arena.shape.radius
         places = with_heard(self._watch.places(now), self._standing.points.values(), radius)
         stand_off.mark(now, pose, places, radius)
         if stand_off.tries % 2 == 0 and self._step_aside(now, pose, places):
@@ -254,10 +259,9 @@ class Navigator:
 
     def _obstructed(self) -> bool:
         """Return whether a parked robot now stands on the rest of the route."""
-        follower = self._follower
+        follower, start = self._follower, Point(self._pose.x, self._pose.y)
         if follower is None or self._order is None:
             return False
-        start = Point(self._pose.x, self._pose.y)
         discs = discs_around(self._parked, self.arena.shape.radius, start, self._order.goal)
         return follower.route.meets(follower.s, discs)
 
@@ -267,8 +271,7 @@ class Navigator:
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
         goal, shared, through = self._order
-        start = Point(pose.x, pose.y)
-        parked = self._parked
+        start, parked = Point(pose.x, pose.y), self._parked
         if now < self._stand_off.ghosts_until:
             parked = (*parked, *self._stand_off.ghosts)
         elif self._stand_off.tries:
@@ -306,7 +309,7 @@ class Navigator:
             return False
         start = Point(self._pose.x, self._pose.y)
         near = [p for p in self._parked if distance(*p, *start) < QUEUE_REACH_M]
-        if len(off_queue(self.arena, start, near)) == len(near):
+        if not near or len(off_queue(self.arena, start, near)) == len(near):
             self._late_since = None
             return False
         if self._gate.opens_at is not None and now > self._gate.opens_at and self._late_since is None:

@@ -62,15 +62,16 @@ class Route:
 
     def segment(self, s: float) -> int:
         """Return the index of the segment that holds arc length `s`."""
-        return max(0, min(len(self.points) - 2, bisect_right(self.at_m, s) - 1))
+        i, last = bisect_right(self.at_m, s) - 1, len(self.points) - 2
+        return last if i > last else i if i > 0 else 0
 
     def point(self, s: float) -> Point:
         """Return the point at arc length `s`, at most the end."""
         i = self.segment(s)
-        a, b = self.points[i], self.points[i + 1]
-        length = self.at_m[i + 1] - self.at_m[i]
-        t = 0.0 if length <= 0.0 else max(0.0, min(1.0, (s - self.at_m[i]) / length))
-        return Point(a.x + (b.x - a.x) * t, a.y + (b.y - a.y) * t)
+        (ax, ay), (bx, by) = self.points[i], self.points[i + 1]
+        start, end = self.at_m[i], self.at_m[i + 1]
+        t = 0.0 if s <= start else 1.0 if s >= end else (s - start) / (end - start)
+        return Point(ax + (bx - ax) * t, ay + (by - ay) * t)
 
     def heading(self, s: float) -> float:
         """Return the direction of the path at arc length `s`, radians."""
@@ -96,10 +97,13 @@ class Route:
             bx, by = points[i + 1]
             start = at_m[i]
             length = at_m[i + 1] - start
-            along = 0.0 if length <= 0.0 else ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length
-            s = max(low, min(high, start + max(0.0, min(length, along))))
+            dx, dy = bx - ax, by - ay
+            along = 0.0 if length <= 0.0 else ((x - ax) * dx + (y - ay) * dy) / length
+            s = start if along < 0.0 else start + (length if along > length else along)
+            s = high if s > high else s
+            s = low if s < low else s
             t = 0.0 if length <= 0.0 else (s - start) / length
-            away = math.hypot(x - ax - (bx - ax) * t, y - ay - (by - ay) * t)
+            away = math.hypot(x - ax - dx * t, y - ay - dy * t)
             if away < best - 1e-12:
                 best, best_s = away, s
             i += 1
