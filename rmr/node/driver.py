@@ -4,7 +4,7 @@ The driver owns localisation and navigator. It takes one of an area's places by 
 another one where somebody else has been faster: places are told in the hellos, and the earlier rank keeps its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 from rmr.base.arena import Area, Arena
@@ -83,8 +83,8 @@ class Driver:
 
     # -- each frame -------------------------------------------------------------------------------------------
 
-    def step(self, now: Instant, rank: int, peers: Peers) -> None:
-        """Take in the new samples and command the wheels; `rank` is the robot's own place in the schedule."""
+    def step(self, now: Instant, rank: Callable[[], int], peers: Peers) -> None:
+        """Take in the new samples and command the wheels; `rank` tells the robot's own place in the schedule."""
         samples = self._body.sense()
         if samples:
             self._bodies, self._bumped = samples[-1].bodies, False
@@ -103,7 +103,7 @@ class Driver:
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 
-    def _heed(self, now: Instant, pose: Pose, rank: int, peers: Peers) -> None:
+    def _heed(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
         """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
         navigator, hearing = self.navigator, self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
@@ -111,7 +111,7 @@ class Driver:
             return
         if now >= self._heed_at:
             self._heed_at = now + HEED_EVERY
-            navigator.update_moving(now, rank, peers.driving(now))
+            navigator.update_moving(now, rank(), peers.driving(now))
         hearing.update(pose, peers.heard_of(now, pose))
         if hearing.listens:
             assert self._began is not None

@@ -175,7 +175,10 @@ class Node:
     def _motor(self, now: Instant) -> None:
         self._stirred = True
         if self.driver is not None:
-            self.driver.step(now, self.turns.rank, self.peers)
+            self.driver.step(now, self._rank, self.peers)
+
+    def _rank(self) -> int:
+        return self.turns.rank
 
     def _radio(self, now: Instant) -> None:
         for frame in self._ports.link.receive():

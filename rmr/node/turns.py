@@ -192,10 +192,7 @@ class Turns:
     @property
     def rank(self) -> int:
         """The robot's place in the newest turn's schedule, 0 without one."""
-        for turn in reversed(self._turns.values()):
-            if turn.rank:
-                return turn.rank
-        return 0
+        return next((turn.rank for turn in reversed(self._turns.values()) if turn.rank), 0)
 
     # -- asking ---------------------------------------------------------------------------------------------
 
