@@ -187,25 +187,18 @@ class World:
         Speed and turn rate are cut to what the wheels can do. Raises KeyError for a robot that is not there.
         """
         state = self._robots[robot]
+        v, w = twist
         stale = stamp < state.stamp or not -COMMAND_LEAD_MAX <= now - stamp <= COMMAND_AGE_MAX
-        target = None if stale else self._cut(twist)
-        if target is None:
+        if stale or not (math.isfinite(v) and math.isfinite(w)):
             self.dropped += 1
             return
-        state.target = target
+        speed, turn = self._shape.speed, self._shape.turn
+        if abs(v) > speed or abs(w) > turn:
+            twist = Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
+        state.target = twist
         state.stamp = stamp
         state.heard = now
         self._awake[robot] = state
-
-    def _cut(self, twist: Twist) -> Twist | None:
-        """Return as much of `twist` as the wheels can do; None if it is no twist."""
-        v, w = twist
-        speed, turn = self._shape.speed, self._shape.turn
-        if -speed <= v <= speed and -turn <= w <= turn:
-            return twist
-        if not (math.isfinite(v) and math.isfinite(w)):
-            return None
-        return Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
 
     def silence(self, robot: int, until: Instant) -> None:
         """Let `robot` hear no beacon `until` then; an outage that lasts longer already is not cut short."""
