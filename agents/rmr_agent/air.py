@@ -34,7 +34,8 @@ class LocalAir:
     def publish(self, announcement: Announcement) -> None:
         """Tell all robots whom it may concern."""
         cell = self._grid.cell_of(announcement.x, announcement.y)
-        self._bus.publish(self._keys.radio(*cell), wire.Air(announcement.to_wire()))
+        kind = wire.Handshake if announcement.pressing else wire.Air
+        self._bus.publish(self._keys.radio(*cell), kind(announcement))
 
     def move(self, x: float, y: float) -> None:
         """Listen to what can be heard at (x, y), metres."""

@@ -15,12 +15,14 @@ from rmr.base.streams import stream
 from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.base.values import Value
 from rmr.bus import wire
+from rmr.bus.bridge import PATIENCE
 from rmr.bytecode.program import ANY, Base, Constant, Program, Type
 from rmr.node import approach
 from rmr.node.actions import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
+from rmr.radio.air import Announcement
 from rmr.radio.cells import Grid, grid_of
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts
@@ -108,7 +110,16 @@ def make_station(config: NodeConfig, radio: dict[str, Any], security: Security |
     """Return the robot's radio from the settings that the world tells. Raises RefusedError."""
     rng = stream(f"{config.seed}/robot{config.robot}/csma/{config.epoch}")
     try:
-        return Station(config.robot, radio["pan"], radio["seed"], rng, config.radio, RADIO_GRACE, security=security)
+        return Station(
+            config.robot,
+            radio["pan"],
+            radio["seed"],
+            rng,
+            config.radio,
+            RADIO_GRACE,
+            security=security,
+            patience=PATIENCE,
+        )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise RefusedError(f"its radio is set in a way that this robot does not know ({error})") from None
 
@@ -140,6 +151,8 @@ class Life:
         self._timer: asyncio.TimerHandle | None = None
         self._soon = False
         self._over = False
+        self._wakes: Instant = NEVER
+        """Lab time at which the timer rings."""
         self._begun_cpu = 0
         self._air = send.air
         self.link = RadioLink(station, self.now, send.air.publish)
@@ -178,11 +191,11 @@ class Life:
         if first or not self.started or self.node.next_wake - self.now() > FRAME:
             self.wake()
 
-    def hear(self, message: wire.Air) -> None:
-        """Take in the announcement of a radio frame."""
-        before = self.link.station.next_wake
-        self.link.hear(message.announcement)
-        if self.link.station.next_wake < before:
+    def hear(self, announcement: Announcement) -> None:
+        """Take in the announcement of a radio frame: what nobody waits for is decided with others, within a frame."""
+        station = self.link.station
+        now = self.link.hear(announcement)
+        if station.next_wake < self._wakes or (station.soonest <= now and self._wakes - now > FRAME):
             self.wake()
 
     def disturb(self, held: tuple[Disturbance, ...]) -> None:
@@ -211,6 +224,7 @@ class Life:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+            self._wakes = NEVER
         try:
             self._advance()
         except (Exception, SystemExit) as error:  # an action that calls exit() does not take the report with it
@@ -247,6 +261,7 @@ class Life:
         if delay_s <= 0:
             self.wake()
         else:
+            self._wakes = wake
             self._timer = self._loop.call_later(min(delay_s, SLEEP_MAX_S), self._turn)
 
 

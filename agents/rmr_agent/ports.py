@@ -7,7 +7,6 @@ milliseconds late when they arrive, hence the grace.
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any
 
 from rmr.base.geometry import STILL, Twist
 from rmr.base.time import Duration, Instant, milliseconds
@@ -42,7 +41,7 @@ class RadioLink:
         self.overhear: Callable[[Instant, Received], bool] = lambda _now, _frame: False
         """Takes in a frame for which the node need not be called; what it refuses waits for the node's call."""
         self.malformed = 0
-        """Announcements that cannot be: of no such form, or of a time that is far from come."""
+        """Announcements that cannot be: of a time that is far from come."""
 
     @property
     def waiting(self) -> bool:
@@ -70,18 +69,14 @@ class RadioLink:
         self._confirmed.clear()
         return confirmed
 
-    def hear(self, fields: tuple[Any, ...]) -> None:
-        """Take in an announcement from the bus."""
+    def hear(self, announcement: Announcement) -> Instant:
+        """Take in an announcement from the bus; return lab time."""
         now = self._now()
-        try:
-            announcement = Announcement.from_wire(fields)
-        except ValueError:
-            self.malformed += 1
-            return
         if announcement.start > now + AHEAD_MAX:
             self.malformed += 1
-            return
-        self.station.hear(announcement, now)
+        else:
+            self.station.hear(announcement, now)
+        return now
 
     def advance(self, now: Instant, x: float, y: float) -> None:
         """Let the station do what is due; (x, y) is the robot's true place in metres."""

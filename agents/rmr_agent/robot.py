@@ -204,8 +204,8 @@ class HostedRobot:
             self._life.sense(message.body)
 
     def _on_air(self, _key: str, message: wire.Envelope) -> None:
-        if self._life is not None and isinstance(message.body, wire.Air):
-            self._life.hear(message.body)
+        if self._life is not None and isinstance(message.body, wire.Air | wire.Handshake):
+            self._life.hear(message.body.announcement)
 
     def _on_clock(self, _key: str, _message: wire.Envelope) -> None:
         self._doubt_time()

@@ -1,15 +1,25 @@
 """From zenoh's threads to the event loop: an inbox that is filled by one side and drained by the other.
 
 zenoh calls back on threads of its own. The callback does nothing but append to a deque, with the instant of
-arrival, and wake the loop if it is not awake yet; the loop drains in batches, so that a burst costs one wake-up
+arrival, and wake the loop where that is due; the loop drains in batches, so that a burst costs one wake-up
 and other work gets its turn between batches.
+
+A wake-up costs more than what most messages ask for, so a `PreciseLoop` looks into its inbox whenever it wakes for
+anything, and what is *patient* is left until it does, `PATIENCE` at most: no wake-up where a timer rings within that
+time. After it has found something it sleeps no longer than that, so that a stream of patient messages costs one
+wake-up for each `PATIENCE`, and one message after a silence is taken at once.
 """
 
 import asyncio
+import ctypes
+import selectors
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
+
+from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration
 
 INBOX_MAX = 8192
 """Items that wait for the loop. A process that is stopped for seconds finds the newest; older ones are lost, and
@@ -18,8 +28,48 @@ their numbers are missing (`rmr.bus.wire`)."""
 BATCH_MAX = 256
 """Items taken before other work on the loop has its turn."""
 
+PATIENCE: Duration = NS_PER_S // TICK_HZ
+"""How long what is patient may wait: a robot that drives looks at what has come once a frame."""
+
 Take = Callable[[Any, int], None]
 """Takes an item and the monotonic instant, in ns, at which it arrived."""
+
+
+class Sleep(selectors.SelectSelector):
+    """Where a loop sleeps: it tells until when, and looks into the inbox when it ends."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.until: int = 0
+        """The monotonic instant at which it ends by itself; 0 while the loop is awake."""
+        self.inbox: Inbox | None = None
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Sleep until a descriptor is ready, a timer rings, or the inbox wants to be looked into."""
+        inbox = self.inbox
+        if inbox is None or (timeout is not None and timeout <= 0):
+            return super().select(timeout)
+        if inbox.lively and (timeout is None or timeout * NS_PER_S > PATIENCE):
+            timeout = PATIENCE / NS_PER_S
+        # First it says until when, then it looks: what is put after the look finds the loop asleep.
+        self.until = NEVER if timeout is None else time.monotonic_ns() + round(timeout * NS_PER_S)
+        found = super().select(0 if inbox.waiting else timeout)
+        self.until = 0
+        inbox.look()
+        return found
+
+
+class PreciseLoop(asyncio.SelectorEventLoop):
+    """An event loop whose timers ring within microseconds of their time, and that looks into its inbox as it wakes.
+
+    The usual loop on Linux waits in whole milliseconds, rounded up: a radio that assesses the channel and turns around
+    within 320 us would always announce its frames too late. The number of descriptors that `select` can watch (1,024)
+    is no matter here: the bus has its own.
+    """
+
+    def __init__(self) -> None:
+        self.sleep = Sleep()
+        super().__init__(self.sleep)
 
 
 class Inbox:
@@ -29,20 +79,40 @@ class Inbox:
         self._loop = loop
         self._items: deque[tuple[Take, Any, int]] = deque(maxlen=INBOX_MAX)
         self._awake = False
+        self._sleep: Sleep | None = None
+        if isinstance(loop, PreciseLoop):
+            self._sleep = loop.sleep
+            loop.sleep.inbox = self
+        self.lively = False
+        """Whether the last look found something."""
         self.overflowed = 0
         """Items that were pushed out by newer ones."""
 
-    def put(self, take: Take, item: Any) -> None:
-        """Hand `item` to `take`, on the loop, soon. May be called on any thread."""
+    @property
+    def waiting(self) -> bool:
+        """Whether there is something to take."""
+        return bool(self._items)
+
+    def put(self, take: Take, item: Any, patience: Duration = 0) -> None:
+        """Hand `item` to `take`, on the loop, soon, or within `patience`. May be called on any thread."""
         if len(self._items) == INBOX_MAX:
             self.overflowed += 1
-        self._items.append((take, item, time.monotonic_ns()))
-        if not self._awake:
+        arrived = time.monotonic_ns()
+        self._items.append((take, item, arrived))
+        sleep = self._sleep
+        if not self._awake and (sleep is None or sleep.until > arrived + patience):
             self._awake = True
             try:
                 self._loop.call_soon_threadsafe(self._drain)
             except RuntimeError:  # the loop is closed: the process is ending and nobody listens
                 self._items.clear()
+
+    def look(self) -> None:
+        """Take what is there on the loop's next round. Called on the loop."""
+        self.lively = bool(self._items)
+        if self._items and not self._awake:
+            self._awake = True
+            self._loop.call_soon(self._drain)
 
     def _drain(self) -> None:
         self._awake = False  # before looking: what is appended from now on wakes the loop again
@@ -54,3 +124,17 @@ class Inbox:
         if self._items and not self._awake:
             self._awake = True
             self._loop.call_soon(self._drain)
+
+
+_known = threading.local()
+
+
+def keep_thread() -> None:
+    """Let Python keep what it knows of the calling thread, which is not one of its own; else each call makes it anew.
+
+    A callback on a thread of zenoh begins with the making of a thread state and ends with its freeing, 16 KiB of
+    memory mapped and unmapped, which takes longer than the callback itself. Ensured once more than released, it stays.
+    """
+    if not hasattr(_known, "kept"):
+        _known.kept = True
+        ctypes.pythonapi.PyGILState_Ensure()

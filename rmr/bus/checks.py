@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
+from rmr.radio.air import Announcement
 from rmr.radio.links import Disturbance
 
 VALUE_DEPTH_MAX = 16
@@ -88,6 +89,14 @@ def record(value: Any) -> dict[str, Any]:
     if type(value) is not dict:
         raise MalformedError("expected a record")
     return {text(key): plain(item) for key, item in value.items()}
+
+
+def announcement(value: Any) -> Announcement:
+    """Accept the announcement of a radio frame."""
+    try:
+        return Announcement.from_wire(value)
+    except ValueError as error:
+        raise MalformedError(str(error)) from None
 
 
 def disturbance(value: Any) -> Disturbance:

@@ -16,7 +16,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from rmr.bus import wire
-from rmr.bus.bridge import Inbox, Take
+from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
 
 CLOSE_PATIENCE_S = 1.0
@@ -62,16 +62,20 @@ class Line:
     def callback(self, take: Take) -> Any:
         """Return the callback that hands an item to `take` on the loop."""
         put = self.inbox.put
-        return Callback(lambda item: put(take, item), indirect=False)
+
+        def called(item: Any) -> None:
+            keep_thread()
+            put(take, item)
+
+        return Callback(called, indirect=False)
 
     def listen(self, key: str, listener: Listener) -> Callable[[], None]:
         """Hand every message on `key` (wild cards allowed) to `listener`; return the call that ends it."""
         subscriber, listeners = self._topics.get(key, (None, []))
         listeners.append(listener)
         if subscriber is None:
-            subscriber = self.session.declare_subscriber(
-                key, self.callback(self._taker(listeners)), allowed_origin=zenoh.Locality.REMOTE
-            )
+            callback = Callback(self._subscribed(self._taker(listeners)), indirect=False)
+            subscriber = self.session.declare_subscriber(key, callback, allowed_origin=zenoh.Locality.REMOTE)
             self._topics[key] = subscriber, listeners
 
         def withdraw() -> None:
@@ -85,14 +89,26 @@ class Line:
 
         return withdraw
 
+    def _subscribed(self, take: Take) -> Callable[[Any], None]:
+        """Return the callback that hands a sample and its octets to `take`, at once or with others."""
+        put = self.inbox.put
+
+        def called(sample: Any) -> None:
+            keep_thread()
+            data = sample.payload.to_bytes()
+            put(take, (sample, data), PATIENCE if wire.is_patient(data) else 0)
+
+        return called
+
     @staticmethod
     def _taker(listeners: list[Listener]) -> Take:
-        def take(sample: Any, _arrived: int) -> None:
+        def take(item: tuple[Any, bytes], _arrived: int) -> None:
+            sample, data = item
             if not listeners or sample.kind != zenoh.SampleKind.PUT:
                 return
             key, losses = str(sample.key_expr), listeners[0].owner.losses  # what the line loses counts once
             try:
-                message = wire.decode(sample.payload.to_bytes())
+                message = wire.decode(data)
             except MalformedError:
                 losses.malformed += 1
                 return

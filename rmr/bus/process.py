@@ -9,7 +9,6 @@ import contextlib
 import json
 import logging
 import os
-import selectors
 import signal
 import sys
 import time
@@ -17,6 +16,8 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar
+
+from rmr.bus.bridge import PreciseLoop
 
 Result = TypeVar("Result")
 
@@ -31,13 +32,8 @@ LIFELINE = "RMR_LIFELINE"
 
 
 def run_precisely(main: Coroutine[Any, Any, Result]) -> Result:
-    """Run `main` as `asyncio.run` does, on a loop whose timers ring within microseconds of their time.
-
-    The usual loop on Linux waits in whole milliseconds, rounded up: a radio that assesses the channel and turns around
-    within 320 us would always announce its frames too late. The number of descriptors that `select` can watch (1,024)
-    is no matter here: the bus has its own.
-    """
-    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
+    """Run `main` as `asyncio.run` does, on a loop for robots and worlds (`rmr.bus.bridge`)."""
+    with asyncio.Runner(loop_factory=PreciseLoop) as runner:
         return runner.run(main)
 
 

@@ -20,6 +20,7 @@ from rmr.base.values import Value
 from rmr.bus.checks import (
     Check,
     MalformedError,
+    announcement,
     count,
     disturbance,
     each,
@@ -30,12 +31,12 @@ from rmr.bus.checks import (
     one_of,
     optional,
     pack_value,
-    plain,
     record,
     robot,
     text,
     value,
 )
+from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
 WORLD_ID = -1
@@ -62,9 +63,15 @@ WISHES = ("list", "add", "clear")
 
 
 class Air(NamedTuple):
-    """A radio frame that begins (`rmr.radio`'s announcement, in its own spelling)."""
+    """A radio frame that begins, and that nobody need answer."""
 
-    announcement: tuple[Any, ...]
+    announcement: Announcement
+
+
+class Handshake(NamedTuple):
+    """A radio frame that begins and wants an acknowledgement, or is one: its receiver has milliseconds."""
+
+    announcement: Announcement
 
 
 class Sense(NamedTuple):
@@ -220,7 +227,21 @@ def _pack_disturbances(message: tuple[Any, ...]) -> list[Any]:
     return list(fields._replace(held=[held.to_wire() for held in fields.held]))  # type: ignore[arg-type]
 
 
-Message = Air | Sense | Act | AskClock | Clock | AskMap | Map | Truth | Status | Stop | AskDisturbances | Disturbances
+Message = (
+    Air
+    | Handshake
+    | Sense
+    | Act
+    | AskClock
+    | Clock
+    | AskMap
+    | Map
+    | Truth
+    | Status
+    | Stop
+    | AskDisturbances
+    | Disturbances
+)
 
 
 class Row(NamedTuple):
@@ -231,6 +252,8 @@ class Row(NamedTuple):
     checks: tuple[Check, ...]
     """One for each field, in order."""
     pack: Callable[[tuple[Any, ...]], Any] = list
+    patient: bool = False
+    """Whether its receiver may leave it for a frame of lab time: nothing is decided by it before."""
 
 
 _XYZ = group(number, number, number)
@@ -256,9 +279,9 @@ _LAB = (
 _BODY = group(robot, number, number, number, number)
 
 TABLE = (
-    Row(1, Air, (each(plain),)),
-    Row(2, Sense, _SAMPLE),
-    Row(3, Act, (number, number, integer)),
+    Row(1, Air, (announcement,), patient=True),
+    Row(2, Sense, _SAMPLE, patient=True),
+    Row(3, Act, (number, number, integer), patient=True),
     Row(4, AskClock, ()),
     Row(5, Clock, (one_of(CLOCK_STATES), integer, integer)),
     Row(6, AskMap, (robot, count)),
@@ -268,11 +291,13 @@ TABLE = (
     Row(10, Stop, (text,)),
     Row(11, AskDisturbances, (one_of(WISHES), optional(disturbance)), _pack_wish),
     Row(12, Disturbances, (text, integer, _HELD, count, text), _pack_disturbances),
+    Row(13, Handshake, (announcement,)),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 
 _BY_CODE = {row.code: row for row in TABLE}
 _BY_KIND = {row.kind: row for row in TABLE}
+_PATIENT = frozenset(row.code for row in TABLE if row.patient)
 
 
 class Envelope(NamedTuple):
@@ -308,6 +333,11 @@ def decode(data: bytes) -> Envelope:
         raise MalformedError(f"{row.kind.__name__} has {len(row.checks)} fields")
     values = [check(field) for check, field in zip(row.checks, fields, strict=True)]
     return Envelope(integer(sender), count(run), count(number), row.kind(*values))
+
+
+def is_patient(data: bytes) -> bool:
+    """Whether the message in `data` may wait, as far as its first octets tell: those of a short array and its code."""
+    return len(data) > 1 and data[1] in _PATIENT
 
 
 STREAMS_MAX = 4096

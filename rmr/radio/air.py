@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from rmr.base.time import NEVER, Instant
-from rmr.radio.frame import PSDU_MAX
+from rmr.radio.frame import ACK_REQUEST, PSDU_MAX
 from rmr.radio.phy import airtime
 
 ACK_ATTEMPT = 0x80
@@ -22,6 +22,9 @@ POWER_MAX_DBM = 100.0
 """Ten megawatts: no robot radiates more, and the milliwatts of some thousand dBm are no number."""
 PLACE_MAX_M = 1e6
 """No robot is farther away from the origin."""
+
+
+_NUMBERS = (int, float)
 
 
 class Announcement(NamedTuple):
@@ -45,9 +48,10 @@ class Announcement(NamedTuple):
     y: float
     psdu: bytes
 
-    def to_wire(self) -> tuple[Any, ...]:
-        """Return the fields as values that msgpack carries."""
-        return tuple(self)
+    @property
+    def pressing(self) -> bool:
+        """Whether the frame wants an acknowledgement, or is one: somebody waits for milliseconds only."""
+        return bool(self.attempt & ACK_ATTEMPT) or bool(self.psdu and self.psdu[0] & ACK_REQUEST)
 
     @classmethod
     def from_wire(cls, fields: Sequence[Any]) -> "Announcement":
@@ -55,11 +59,20 @@ class Announcement(NamedTuple):
         if not isinstance(fields, list | tuple) or len(fields) != len(cls._fields):
             raise ValueError("an announcement has nine fields")
         source, sequence, attempt, start, end, power_dbm, x, y, psdu = fields
-        numbers = ((source, 0xFFFF), (sequence, SEQUENCE_MASK), (attempt, 0xFF), (start, NEVER), (end, NEVER))
-        if not all(type(value) is int and 0 <= value <= limit for value, limit in numbers):
+        # Written out: a robot reads a hundred of them a second.
+        if not (type(source) is type(sequence) is type(attempt) is type(start) is type(end) is int) or not (
+            0 <= source <= 0xFFFF
+            and 0 <= sequence <= SEQUENCE_MASK
+            and 0 <= attempt <= 0xFF
+            and 0 <= start <= NEVER
+            and 0 <= end <= NEVER
+        ):
             raise ValueError("an announcement's integers are out of range")
-        limits = ((power_dbm, POWER_MAX_DBM), (x, PLACE_MAX_M), (y, PLACE_MAX_M))
-        if not all(isinstance(value, int | float) and -limit < value < limit for value, limit in limits):
+        if not (type(power_dbm) in _NUMBERS and type(x) in _NUMBERS and type(y) in _NUMBERS) or not (
+            -POWER_MAX_DBM < power_dbm < POWER_MAX_DBM
+            and -PLACE_MAX_M < x < PLACE_MAX_M
+            and -PLACE_MAX_M < y < PLACE_MAX_M
+        ):
             raise ValueError("an announcement's power or position is out of range")
         if not isinstance(psdu, bytes) or len(psdu) > PSDU_MAX or end - start != airtime(len(psdu)):
             raise ValueError("an announcement's frame and its airtime do not agree")

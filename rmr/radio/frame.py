@@ -27,11 +27,11 @@ FCS_OCTETS = 2
 PAYLOAD_MAX = PSDU_MAX - HEADER_OCTETS - FCS_OCTETS
 ACK_OCTETS = 5
 
-_ACK_REQUEST = 0x0020
+ACK_REQUEST = 0x0020
 _DATA = 0x8841  # type data, PAN id compression, both addresses short, frame version 0
 _ACK = 0x0002
 _SECURED = 0x1008  # security enabled, which demands frame version 1 (7.2.3)
-_DATA_CONTROLS = (_DATA, _DATA | _ACK_REQUEST, _DATA | _SECURED, _DATA | _SECURED | _ACK_REQUEST)
+_DATA_CONTROLS = (_DATA, _DATA | ACK_REQUEST, _DATA | _SECURED, _DATA | _SECURED | ACK_REQUEST)
 
 _REVERSED = bytes(int(f"{octet:08b}"[::-1], 2) for octet in range(256))
 
@@ -88,7 +88,7 @@ def encode_header(frame: DataFrame) -> bytes:
         0 <= frame.sequence <= 0xFF and all(0 <= a <= 0xFFFF for a in (frame.pan, frame.destination, frame.source))
     ):
         raise ValueError("sequence must fit 8 bits, PAN and addresses 16")
-    control = _DATA | (_ACK_REQUEST if frame.wants_ack else 0) | (_SECURED if frame.secured else 0)
+    control = _DATA | (ACK_REQUEST if frame.wants_ack else 0) | (_SECURED if frame.secured else 0)
     return (
         control.to_bytes(2, "little")
         + bytes((frame.sequence,))
@@ -116,7 +116,7 @@ def decode(psdu: bytes) -> DataFrame | AckFrame:
     if control not in _DATA_CONTROLS or len(psdu) < HEADER_OCTETS + FCS_OCTETS:
         raise FrameError(f"frame control {control:#06x}")
     pan, destination, source = (psdu[at] | psdu[at + 1] << 8 for at in (3, 5, 7))
-    wants_ack = bool(control & _ACK_REQUEST)
+    wants_ack = bool(control & ACK_REQUEST)
     if wants_ack and destination == BROADCAST:
         raise FrameError("a broadcast that wants an acknowledgement")
     if source == BROADCAST:

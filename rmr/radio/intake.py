@@ -61,7 +61,8 @@ class Counters:
     access_failed: int = 0
     """Requests that found no free channel, no place in the queue or no frame counter."""
     late: int = 0
-    """Announcements heard after their first symbol: the bus took longer than the turnaround of 192 us."""
+    """Announcements heard after their first symbol: the bus took longer than the turnaround of 192 us, or the robot
+    looked later, having had nothing to decide by them."""
     blind: int = 0
     """Frames sent into a channel that was not clear, as a late announcement showed afterwards: what lateness costs."""
     overdue: int = 0

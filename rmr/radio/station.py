@@ -88,11 +88,14 @@ class Station:
         grace: Duration = 0,
         links: Links | None = None,
         security: Security | None = None,
+        patience: Duration = 0,
     ) -> None:
         """`seed` decides receptions, alike in all stations of a lab; `rng` is this station's own, for backoffs.
 
         `links` is what besides distance happens to them; None: what `config` says, and no disturbances.
         `security` is what secures its frames; None: neither does it send secured frames, nor take them.
+        `patience` is how much later than it could the station asks to be advanced for a frame that nobody waits for
+        its answer to: several are decided at once then.
         """
         self.address = address
         self.payload_max = payload_max(security)
@@ -101,9 +104,12 @@ class Station:
         self.counters = Counters()
         self.links = links or Links(self.config, seed)
         self.next_wake: Instant = NEVER
+        self.soonest: Instant = NEVER
+        """When there is something to do; `next_wake` may be later by the patience."""
         self._seed = seed
         self._security = security
         self._grace = grace
+        self._patience = patience
         self._channel = channel_of(self.config)
         self._mac = Mac(address, pan, rng, 2 * grace + GRACE_MARGIN if grace else 0, security)
         self._x = self._y = 0.0
@@ -133,9 +139,9 @@ class Station:
         if not self._mac.request(now, payload, destination, handle):
             self.counters.access_failed += 1
             self._out.append(Confirmed(handle, "access_failure"))
-            self.next_wake = min(self.next_wake, now)
-        elif self._mac.next_wake < self.next_wake:
-            self.next_wake = self._mac.next_wake
+            self._want(now, now)
+        else:
+            self._want(self._mac.next_wake, self._mac.next_wake)
 
     def hear(self, announcement: Announcement, now: Instant | None = None) -> None:
         """Take note of a transmission of another station, early, late or twice; its own are ignored.
@@ -160,7 +166,7 @@ class Station:
                 self.counters.overdue += 1
             insort(self._due, heard, key=_by_end)
             del self._due[AIR_MAX:]  # the farthest ahead: what is stamped with times to come displaces nothing
-            self.next_wake = min(self.next_wake, self._due[0].end + self._grace)
+            self._want(heard.end + self._grace, self._wanted(heard))
 
     def advance(self, now: Instant, x: float, y: float) -> list[Output]:
         """Handle all that is due up to `now`, each thing at its own instant, with the station at `x`, `y` (metres).
@@ -171,7 +177,7 @@ class Station:
         self._x = x
         self._y = y
         self._now = now
-        if now < self.next_wake:
+        if now < self.soonest:
             return []
         while True:
             mac_at = self._mac.next_wake
@@ -183,9 +189,20 @@ class Station:
                 self._resolve(self._due.pop(0), heard_at)
             else:
                 self._step_mac(mac_at)
-        self.next_wake = min(mac_at, heard_at)
+        self.soonest = self.next_wake = mac_at
+        if self._due:
+            self._want(heard_at, min(map(self._wanted, self._due)))
         out, self._out = self._out, []
         return out
+
+    def _want(self, possible: Instant, wanted: Instant) -> None:
+        """Have something to do at `possible`, and ask to be advanced at `wanted` for it."""
+        self.soonest = min(self.soonest, possible)
+        self.next_wake = min(self.next_wake, wanted)
+
+    def _wanted(self, heard: _Heard) -> Instant:
+        """Return when the reception of `heard` must be decided."""
+        return heard.end + self._grace + (0 if heard.announcement.pressing else self._patience)
 
     def _power_dbm(self, announcement: Announcement) -> float:
         """Return the power with which a transmission arrives here."""

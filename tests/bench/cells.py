@@ -121,10 +121,10 @@ class Robot:
 
     def _hear(self, _key: str, message: wire.Envelope) -> None:
         assert isinstance(message.body, wire.Air)
-        fields = message.body.announcement
+        announcement = message.body.announcement
         self.delivered += 1
-        self.near += math.dist(fields[6:8], (self.x, self.y)) <= RANGE_M
-        self._link.hear(fields)
+        self.near += math.dist((announcement.x, announcement.y), (self.x, self.y)) <= RANGE_M
+        self._link.hear(announcement)
 
     def step(self) -> None:
         """Drive on until the next frame, straight but for the walls; announce one."""

@@ -77,7 +77,7 @@ class Radio:
         self.bus.subscribe(KEY, self._hear)
         self.station = Station(robot, PAN, SEED, Random(robot), RadioConfig(), RADIO_GRACE)
         self.station.move(*self._place)
-        self._link = RadioLink(self.station, self._now, lambda one: self.bus.publish(KEY, wire.Air(one.to_wire())))
+        self._link = RadioLink(self.station, self._now, lambda one: self.bus.publish(KEY, wire.Air(one)))
         self.heard = 0
 
     def begin(self, begin_ns: int) -> None:

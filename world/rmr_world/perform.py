@@ -21,6 +21,7 @@ from rmr.bus.process import (
     Seldom,
     handle_signals,
     hold_lifeline,
+    run_precisely,
     start_logging,
 )
 from rmr.bus.session import Bus, open_bus, open_when_there
@@ -111,7 +112,7 @@ def perform(options: argparse.Namespace) -> int:
         return EXIT_INVALID
     ending = Ending()
     try:
-        asyncio.run(_live(options, lab, ending))
+        run_precisely(_live(options, lab, ending))
     except BusError as error:
         ending.ask(str(error), EXIT_FAILED)
     except Exception as error:

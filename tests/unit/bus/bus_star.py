@@ -5,6 +5,12 @@ import socket
 
 from rmr.bus import wire
 from rmr.bus.session import open_bus
+from rmr.radio.air import Announcement
+from rmr.radio.frame import encode_ack
+from rmr.radio.phy import airtime
+
+FRAME = wire.Air(Announcement(1, 0, 0, 0, airtime(5), 0.0, 0.0, 0.0, encode_ack(1)))
+"""Any frame."""
 
 
 def free_endpoint():

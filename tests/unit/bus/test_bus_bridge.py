@@ -3,8 +3,9 @@
 import asyncio
 import threading
 
+from rmr.base.time import NS_PER_S
 from rmr.bus import bridge
-from rmr.bus.bridge import BATCH_MAX, INBOX_MAX, Inbox
+from rmr.bus.bridge import BATCH_MAX, INBOX_MAX, PATIENCE, Inbox, PreciseLoop, keep_thread
 
 
 def run(coroutine):
@@ -95,3 +96,82 @@ def test_what_comes_after_the_loop_has_closed_is_dropped_in_silence():
     loop.close()
     inbox.put(lambda item, at: None, 1)
     assert bridge.INBOX_MAX > bridge.BATCH_MAX
+
+
+# --- what may wait -----------------------------------------------------------------------------------------------
+
+
+def on_precise_loop(scene):
+    """Run `scene(loop, inbox, woken)`; `woken` lists the wake-ups from other threads."""
+
+    async def play():
+        loop, woken = asyncio.get_running_loop(), []
+        wake = loop.call_soon_threadsafe
+        loop.call_soon_threadsafe = lambda *args: woken.append(1) or wake(*args)
+        await scene(loop, Inbox(loop), woken)
+
+    with asyncio.Runner(loop_factory=PreciseLoop) as runner:
+        runner.run(play())
+
+
+def put_in_sleep(loop, inbox, take, items, patience):
+    """Return a thread that puts `items` into the inbox as soon as the loop sleeps."""
+
+    def put():
+        while not loop.sleep.until:
+            pass
+        for item in items:
+            inbox.put(take, item, patience)
+
+    thread = threading.Thread(target=put)
+    thread.start()
+    return thread
+
+
+def test_what_is_patient_is_taken_when_a_timer_rings_anyway_and_before_what_the_timer_does():
+    async def scene(loop, inbox, woken):
+        taken, rung = [], asyncio.Event()
+        loop.call_later(0.5, lambda: taken.append("timer") or rung.set())
+        sender = put_in_sleep(loop, inbox, lambda item, _: taken.append(item), [1, 2], NS_PER_S)
+        await rung.wait()
+        sender.join()
+        assert (taken, woken) == ([1, 2, "timer"], [])
+
+    on_precise_loop(scene)
+
+
+def test_what_may_not_wait_wakes_the_loop_and_so_does_the_patient_where_no_timer_rings_in_time():
+    async def scene(loop, inbox, woken):
+        for patience in (0, PATIENCE):
+            taken = asyncio.Event()
+            woken.clear()
+            sender = put_in_sleep(loop, inbox, lambda item, _, taken=taken: taken.set(), [1], patience)
+            await taken.wait()
+            sender.join()
+            assert woken == [1]
+            inbox.look()  # nothing more came: the loop may sleep for long again
+
+    on_precise_loop(scene)
+
+
+def test_after_it_has_found_something_the_loop_sleeps_no_longer_than_patience():
+    async def scene(loop, inbox, woken):
+        taken = []
+        for item in range(5):
+            inbox.lively = True
+            sender = put_in_sleep(loop, inbox, lambda item, _: taken.append(item), [item], PATIENCE)
+            while len(taken) <= item:
+                await asyncio.sleep(PATIENCE / NS_PER_S / 2)
+            sender.join()
+        assert (taken, woken) == ([0, 1, 2, 3, 4], [])
+
+    on_precise_loop(scene)
+
+
+def test_a_thread_may_be_kept_again_and_again():
+    threads = [threading.Thread(target=lambda: [keep_thread() for _ in range(3)]) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not any(thread.is_alive() for thread in threads)

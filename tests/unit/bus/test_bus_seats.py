@@ -1,14 +1,8 @@
 """Several senders over one session: what each hears, and what becomes of the others when one leaves."""
 
-from bus_star import on_a_star, until
-
-from rmr.bus import wire
+from bus_star import FRAME, on_a_star, until
 
 KEY = "rmr/x/radio/0/0"
-
-
-def air(number):
-    return wire.Air((number,))
 
 
 def test_those_of_one_session_hear_each_other_but_not_themselves_and_strangers_hear_all_of_them():
@@ -21,7 +15,7 @@ def test_those_of_one_session_hear_each_other_but_not_themselves_and_strangers_h
 
         def everybody():
             for bus in (one, seat, stranger):
-                bus.publish(KEY, wire.Air(()))
+                bus.publish(KEY, FRAME)
             return all(len(set(senders)) == 2 for senders in heard.values())
 
         await until(everybody)
@@ -40,14 +34,14 @@ def test_one_who_leaves_takes_neither_the_session_nor_the_others_subscriptions_a
             bus.declare_alive(f"rmr/x/alive/robot/{robot}")
         seat.subscribe(KEY, lambda _, message: left.append(message.number))
         one.subscribe(KEY, lambda _, message: heard.append(message.number))
-        await until(lambda: router.publish(KEY, wire.Air(())) or (heard and alive == {"1": True, "7": True}))
+        await until(lambda: router.publish(KEY, FRAME) or (heard and alive == {"1": True, "7": True}))
         seat.close()
         await until(lambda: alive == {"1": True, "7": False})
         left.clear()
         before = len(heard)
-        await until(lambda: router.publish(KEY, wire.Air(())) or len(heard) > before + 3)
+        await until(lambda: router.publish(KEY, FRAME) or len(heard) > before + 3)
         assert left == []
-        seat.publish(KEY, wire.Air(()))  # of one who has left, nothing more
+        seat.publish(KEY, FRAME)  # of one who has left, nothing more
         assert one.connected
 
     on_a_star(scene, clients=1)
@@ -58,15 +52,15 @@ def test_what_several_hear_is_lost_once_if_at_all_and_a_withdrawn_wish_hears_not
         seat, first, second = one.seat(7), [], []
         withdraw = one.subscribe(KEY, lambda _, message: first.append(message.number))
         seat.subscribe(KEY, lambda _, message: second.append(message.number))
-        await until(lambda: router.publish(KEY, wire.Air(())) or (first and second))
+        await until(lambda: router.publish(KEY, FRAME) or (first and second))
         router._numbers[KEY] += 5  # as if the bus had dropped five
         seen = router._numbers[KEY]
-        await until(lambda: router.publish(KEY, wire.Air(())) or first[-1] > seen)
+        await until(lambda: router.publish(KEY, FRAME) or first[-1] > seen)
         assert one.losses.lost + seat.losses.lost == 5
         withdraw()
         first.clear()
         second.clear()
-        await until(lambda: router.publish(KEY, wire.Air(())) or second)
+        await until(lambda: router.publish(KEY, FRAME) or second)
         assert first == []
         seat.close()
 

@@ -5,7 +5,7 @@ import json
 import time
 
 import pytest
-from bus_star import free_endpoint, on_a_star, until
+from bus_star import FRAME, free_endpoint, on_a_star, until
 
 from rmr.bus import session, wire
 from rmr.bus.endpoint import BusError, check_endpoint
@@ -37,7 +37,7 @@ def test_nobody_hears_his_own_messages():
 
         def both():
             for bus in (router, one):
-                bus.publish("rmr/x/radio/0/0", wire.Air(()))
+                bus.publish("rmr/x/radio/0/0", FRAME)
             return heard["router"] and heard["one"]
 
         await until(both)
@@ -52,16 +52,16 @@ def test_a_subscription_that_is_withdrawn_hands_nothing_on_and_what_is_sent_mean
         key, heard, marks = "rmr/x/radio/-1/3", [], []
         two.subscribe("rmr/x/truth", lambda _, message: marks.append(message))
         withdraw = two.subscribe(key, lambda _, message: heard.append(message.number))
-        await until(lambda: one.publish(key, wire.Air(())) or heard)
+        await until(lambda: one.publish(key, FRAME) or heard)
         withdraw()
         withdraw()
         heard.clear()
         for _ in range(5):
-            one.publish(key, wire.Air(()))
+            one.publish(key, FRAME)
         await until(lambda: one.publish("rmr/x/truth", wire.Stop("")) or marks)
         assert heard == []
         two.subscribe(key, lambda _, message: heard.append(message.number))
-        await until(lambda: one.publish(key, wire.Air(())) or heard)
+        await until(lambda: one.publish(key, FRAME) or heard)
         assert heard[0] > 6
         assert (two.losses.lost, two.losses.repeated) == (0, 0)
 
@@ -71,12 +71,12 @@ def test_a_subscription_that_is_withdrawn_hands_nothing_on_and_what_is_sent_mean
 def test_what_had_arrived_before_a_subscription_was_withdrawn_is_dropped_and_leaves_no_stream():
     async def scene(_router, one, two):
         key, heard, late, put = "rmr/x/radio/0/0", [], [], two._inbox.put
-        two._inbox.put = lambda take, item: late.append((take, item)) if busy else put(take, item)
+        two._inbox.put = lambda take, item, patience=0: late.append((take, item)) if busy else put(take, item)
         busy = False
         withdraw = two.subscribe(key, lambda _, message: heard.append(message))
-        await until(lambda: one.publish(key, wire.Air(())) or heard)
+        await until(lambda: one.publish(key, FRAME) or heard)
         busy = True  # as if the loop took nothing more into its inbox
-        await until(lambda: one.publish(key, wire.Air(())) or late)
+        await until(lambda: one.publish(key, FRAME) or late)
         heard.clear()
         withdraw()
         for take, item in late:

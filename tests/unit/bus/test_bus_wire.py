@@ -4,6 +4,7 @@ import math
 
 import msgpack
 import pytest
+from bus_star import FRAME
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +12,9 @@ from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bus import wire
 from rmr.bus.checks import PLAIN_DEPTH_MAX
 from rmr.bus.wire import LOST_MAX, Envelope, Losses, MalformedError, decode, encode
+from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
+from rmr.radio.phy import airtime
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 instants = st.integers(-(1 << 62), 1 << 62)
@@ -48,8 +51,24 @@ disturbances = st.builds(
     st.floats(0.0, allow_nan=False),
 )
 
+places = st.floats(-9e5, 9e5)
+announcements = st.builds(
+    lambda source, sequence, attempt, start, power_dbm, x, y, psdu: Announcement(
+        source, sequence, attempt, start, start + airtime(len(psdu)), power_dbm, x, y, psdu
+    ),
+    robots,
+    st.integers(0, 0xFFFF_FFFF),
+    st.integers(0, 0xFF),
+    counts,
+    st.floats(-99.0, 99.0),
+    places,
+    places,
+    st.binary(min_size=5, max_size=127),
+)
+
 MESSAGES = {
-    wire.Air: st.builds(wire.Air, st.lists(plain, **lists).map(tuple)),
+    wire.Air: st.builds(wire.Air, announcements),
+    wire.Handshake: st.builds(wire.Handshake, announcements),
     wire.Sense: st.builds(
         wire.Sense,
         instants,
@@ -238,10 +257,19 @@ def test_whole_numbers_are_accepted_where_fractions_may_stand():
 @pytest.mark.parametrize("depth", [PLAIN_DEPTH_MAX + 2, 400, 900])
 @pytest.mark.parametrize("open_", [b"\x91", b"\x81\xa1a"], ids=["lists", "records"])
 def test_plain_data_nested_without_end_are_malformed(depth, open_):
-    start = b"\x95\x01\x01\x01\x01\x91"  # an `Air` with one field, of which the rest is the item
-    assert decode(start + open_ * PLAIN_DEPTH_MAX + b"\xc0").body.announcement
+    # A `Status` whose report has one entry, of which the rest is the value.
+    start = b"\x9a\x09\x01\x01\x01" + b"\xa5ready\xa0\xc2\xc2\x00" + b"\x81\xa1a"
+    assert decode(start + open_ * PLAIN_DEPTH_MAX + b"\xc0").body.report
     with pytest.raises(MalformedError):
         decode(start + open_ * depth + b"\xc0")
+
+
+def test_what_wants_an_answer_within_milliseconds_may_not_wait_and_what_only_tells_may():
+    bodies = {wire.Air: FRAME, wire.Handshake: wire.Handshake(FRAME.announcement), wire.Act: wire.Act(0.0, 0.0, 0)}
+    bodies |= {wire.Sense: wire.Sense(0, *[0.0] * 4, (), (), False, (0.0,) * 3), wire.AskClock: wire.AskClock()}
+    waits = {kind for kind, body in bodies.items() if wire.is_patient(encode(1, 1, 1, body))}
+    assert waits == {wire.Air, wire.Act, wire.Sense} == {row.kind for row in wire.TABLE if row.patient}
+    assert not wire.is_patient(b"")
 
 
 def test_values_nested_without_end_are_malformed():

@@ -301,7 +301,7 @@ def test_announcements_of_times_to_come_displace_no_frame_of_now() -> None:
 
 def test_an_announcement_survives_the_wire() -> None:
     announcement = transmission(9, MS, x=2.0, to=3, attempt=2)
-    assert Announcement.from_wire(msgpack.unpackb(msgpack.packb(announcement.to_wire()))) == announcement
+    assert Announcement.from_wire(msgpack.unpackb(msgpack.packb(announcement))) == announcement
 
 
 @pytest.mark.parametrize(
