@@ -90,6 +90,16 @@ class Peer:
     rssi_dbm: float
     hello: Hello | None = None
     hello_at: Instant = 0
+    driving: Heard | None = None
+    """What the hello says of one that drives; None of one that does not, or not made out yet."""
+
+
+def driving_of(robot: int, hello: Hello, at: Instant) -> Heard | None:
+    """Return what `hello`, heard at `at`, says of `robot` if it drives."""
+    if hello.parked:
+        return None
+    goal = None if hello.goal is None else Point(*hello.goal)
+    return Heard(robot, Pose(hello.x, hello.y, hello.theta), goal, hello.rank, at)
 
 
 class Peers:
@@ -112,11 +122,11 @@ class Peers:
         else:
             peer.heard, peer.rssi_dbm = now, rssi_dbm
 
-    def hello(self, at: Instant, robot: int, hello: Hello) -> None:
-        """Note what `robot` said about itself not before `at`; call after `heard`."""
+    def hello(self, at: Instant, robot: int, hello: Hello, driving: Heard | None = None) -> None:
+        """Note what `robot` said about itself not before `at`; call after `heard`. `driving`: its way, if known."""
         peer = self.known[robot]
         old, dead = peer.hello, at - peer.hello_at > DEAD
-        peer.hello, peer.hello_at = hello, at
+        peer.hello, peer.hello_at, peer.driving = hello, at, driving
         if hello.parked and self._standing is not None and robot in self._standing:
             self._standing[robot], self._parked = Point(hello.x, hello.y), None
         elif hello.parked or (old is not None and (old.parked or dead)):
@@ -168,10 +178,12 @@ class Peers:
         """Return what the others that drive said last."""
         heard = []
         for robot, peer in self.known.items():
-            hello = peer.hello
-            if hello is not None and not hello.parked and now - peer.hello_at <= HEARD:
-                goal = None if hello.goal is None else Point(*hello.goal)
-                heard.append(Heard(robot, Pose(hello.x, hello.y, hello.theta), goal, hello.rank, peer.hello_at))
+            if now - peer.hello_at > HEARD:
+                continue
+            if peer.driving is None and peer.hello is not None:
+                peer.driving = driving_of(robot, peer.hello, peer.hello_at)
+            if peer.driving is not None:
+                heard.append(peer.driving)
         return heard
 
     def claims(self, now: Instant) -> list[tuple[int, Hello]]:

@@ -16,6 +16,8 @@ from rmr.node import wire
 from rmr.node.deliveries import Deliveries
 from rmr.node.exchange import Exchange
 from rmr.node.hello import HelloClock
+from rmr.node.motion.priority import Heard
+from rmr.node.perception import driving_of
 from rmr.node.ports import Received
 from rmr.node.turn import Phase, Turn
 from rmr.node.wire import Hello, Kind, WireError
@@ -26,6 +28,13 @@ if TYPE_CHECKING:
 
 _hello_in = lru_cache(maxsize=256)(wire.decode_hello)
 """`decode_hello`, remembered: in virtual time many robots hear the same octets."""
+
+
+@lru_cache(maxsize=256)
+def _driving_in(payload: bytes, source: int, at: Instant) -> Heard | None:
+    """`driving_of` a hello, remembered: in virtual time many robots hear the same octets at the same instant."""
+    return driving_of(source, _hello_in(payload), at)
+
 
 UNNAMED_FAILURE = "broadcast"
 """The event of a failure broadcast that no missed deadline derived."""
@@ -141,7 +150,7 @@ class Talk:
         if hello.digest != self.digest or self._disputes(source, hello):
             return False
         peer.heard, peer.rssi_dbm = now, frame.rssi_dbm
-        peers.hello(now, source, hello)
+        peers.hello(now, source, hello, None if hello.parked else _driving_in(payload, source, now))
         self._tell_parked(now)
         return True
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, point_segment_distance
-from rmr.base.time import Instant, in_seconds
+from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
 KEEP_M = 0.04
@@ -28,9 +28,9 @@ MARGIN_M = 1e-6
 """For rounding."""
 SHARES = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
-AGE_MAX_S = 2.0
+AGE_MAX: Duration = seconds(2)
 """What was heard longer ago says nothing."""
-STOOD_S = 1.5
+STOOD: Duration = milliseconds(1500)
 """A robot that has stayed near one place for this long stands, whatever it intends."""
 STOOD_M = 0.1
 """How near: a little way back and the return from it get a robot nowhere."""
@@ -60,18 +60,15 @@ class Standing:
 
     def update(self, now: Instant, others: Sequence[Heard]) -> None:
         """Take in what was heard; robots that are not among `others` are forgotten."""
-        since = {}
-        for other in others:
-            place, at = self._since.get(other.robot, (None, now))
-            if place is None or math.hypot(other.pose.x - place.x, other.pose.y - place.y) > STOOD_M:
-                place, at = Point(other.pose.x, other.pose.y), now
-            since[other.robot] = place, at
-        self._since = since
-        self.points = {
-            other.robot: Point(other.pose.x, other.pose.y)
-            for other in others
-            if in_seconds(now - since[other.robot][1]) >= STOOD_S and in_seconds(now - other.at) <= AGE_MAX_S
-        }
+        since, points, known = {}, {}, self._since
+        for robot, (x, y, _), _, _, heard_at in others:
+            held = known.get(robot)
+            if held is None or math.hypot(x - held[0].x, y - held[0].y) > STOOD_M:
+                held = Point(x, y), now
+            elif now - held[1] >= STOOD and now - heard_at <= AGE_MAX:
+                points[robot] = Point(x, y)
+            since[robot] = held
+        self._since, self.points = since, points
 
 
 def order_key(rank: int, robot: int) -> tuple[int, int]:
@@ -108,9 +105,9 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
 
     Most robots of a crowd cannot, and cost no more than this.
     """
-    age = in_seconds(now - other.at)
-    if age > AGE_MAX_S:
+    if now - other.at > AGE_MAX:
         return False
+    age = in_seconds(now - other.at)
     near, (x, y, _) = keep + HORIZON_S * speed, other.pose
     far = near + speed * (age + HORIZON_S)
     if abs(x - here.x) > far or abs(y - here.y) > far:

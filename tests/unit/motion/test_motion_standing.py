@@ -3,7 +3,7 @@
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.node.motion.grid import off_goal
-from rmr.node.motion.priority import STOOD_S, Heard, Standing
+from rmr.node.motion.priority import STOOD, Heard, Standing
 
 
 def heard(x: float, t: float) -> Heard:
@@ -14,7 +14,7 @@ def test_a_robot_that_goes_back_and_forth_stands() -> None:
     standing = Standing()
     for i in range(5):
         standing.update(seconds(0.5 * i), [heard(1.2 + 0.06 * (i % 2), 0.5 * i)])
-        assert (2 in standing.points) == (0.5 * i >= STOOD_S)
+        assert (2 in standing.points) == (seconds(0.5 * i) >= STOOD)
 
 
 def test_a_robot_that_drives_on_does_not_stand() -> None:
