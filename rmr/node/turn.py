@@ -42,8 +42,8 @@ HINDERED_MAX = 2
 """A robot that could not get to the gate for so many slots goes behind all others that are due: who stands in its way
 may be one of them. One slot is missed by chance, as by a stall."""
 HINDERED_WAIT: Duration = seconds(3)
-"""So much later it says it will be at the gate then, and twice as much each further time: time for others to pass."""
-HINDERED_WAIT_MAX: Duration = seconds(12)
+"""So much later it says it will be at the gate then, and twice as much from then on: time for another to pass."""
+HINDERED_WAIT_MAX: Duration = seconds(6)
 SLIDES_MAX: Duration = seconds(4)
 """A robot that puts off its release again and again for so long without getting anywhere is hindered, too: it lets no
 slot pass, but never gets one that stands."""
@@ -127,7 +127,7 @@ class Turn:
         if often < 0:
             return False
         self.behind = now
-        self.release = now + self.approach + min(HINDERED_WAIT << min(often, 8), HINDERED_WAIT_MAX)
+        self.release = now + self.approach + min(HINDERED_WAIT << min(often, 1), HINDERED_WAIT_MAX)
         return True
 
     def slide(self, now: Instant, release: Instant, pose: Pose | None) -> bool:

@@ -19,6 +19,8 @@ EARLY_S = 0.25
 """A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
 EARLY_SHARE = 0.1
 """Likewise, as a share of the time that is left."""
+MOUTH_S = 2.0
+"""A robot that has stood so long without its turn in a mouth by which others come out drives out of their way."""
 SLOWEST_MPS = 0.02
 AHEAD_S = 3.0
 """A robot that still holds for longer than this need not know its way: others will move before it leaves."""
@@ -27,7 +29,10 @@ AHEAD_S = 3.0
 class Gate:
     """What is known about the gate during one drive."""
 
-    __slots__ = ("_line_m", "_route", "_stop_m", "cleared", "holding", "opened", "opens_at", "passed", "shape")
+    __slots__ = (
+        "_in_mouth_since", "_line_m", "_route", "_stop_m", "cleared", "holding", "opened", "opens_at", "passed",
+        "shape",
+    )  # fmt: skip
 
     def __init__(self, shape: RobotShape, *, holding: bool) -> None:
         self.shape = shape
@@ -37,6 +42,7 @@ class Gate:
         """Not yet left: it is too early."""
         self.passed = False
         self.cleared = False
+        self._in_mouth_since: Instant | None = None
         self._route: Route | None = None
         """The route that was asked for last."""
         self._stop_m = self._line_m = 0.0
@@ -56,7 +62,7 @@ class Gate:
     def _measure(self, route: Route) -> None:
         shape = self.shape
         self._route = route
-        self._stop_m = max(0.0, (route.gate_m or 0.0) - route.room_m - shape.radius - MARGIN_M)
+        self._stop_m = max(0.0, (route.gate_m or 0.0) - self.room(route))
         self._line_m = max(0.0, self._stop_m - shape.speed * shape.speed / (2.0 * BRAKE))
 
     def locate(self, route: Route, s: float, arrived: bool) -> None:
@@ -86,6 +92,19 @@ class Gate:
         if to_line <= 0.0 or left <= 0.0:
             return min(speed, stop)
         return min(speed, stop, max(SLOWEST_MPS, to_line / left))
+
+    def blocks(self, now: Instant, route: Route, s: float) -> bool:
+        """Return whether the robot has stood for `MOUTH_S` where others come out, nearer than where it may wait."""
+        clear = self.room(route) - MARGIN_M
+        if route.room_m <= 0.0 or route.within or self.opened or self.passed or (route.gate_m or 0.0) - s > clear:
+            self._in_mouth_since = None
+            return False
+        self._in_mouth_since = now if self._in_mouth_since is None else self._in_mouth_since
+        return in_seconds(now - self._in_mouth_since) > MOUTH_S
+
+    def room(self, route: Route) -> float:
+        """Return how far from the mouth the centre of a robot that waits is, metres."""
+        return route.room_m + self.shape.radius + MARGIN_M
 
     def met_by(self, route: Route | None) -> int | None:
         """Return the robot's way inside a bottleneck in which others may come towards it; None elsewhere."""

@@ -9,7 +9,6 @@ only when one of them is now in the way. Robots parked at the gate or before thi
 first: the route leads over their places, and the robot waits until they have left.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,8 +16,8 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, seconds
-from rmr.node.motion.aside import ASIDE_S, aside
-from rmr.node.motion.avoid import BACK_MPS, EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
+from rmr.node.motion.aside import ASIDE_S, aside, back
+from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, drive_time, estimate_of
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import Gate
@@ -34,10 +33,6 @@ FACED = 0.03
 """Heading error that counts as facing, radians."""
 QUEUE_REACH_M = 0.3
 """A robot that waits before this one keeps it waiting when it is this near."""
-BACK_MARGIN_M = 0.03
-"""Gap to other robots that driving back keeps: it is done blind."""
-AHEAD_M = 0.03
-"""How far it looks."""
 OVERTAKE_S = 4.0
 """A robot that still waits so long after this one's slot began has failed: drive around it."""
 LOST_SIGMA_M = 0.1
@@ -179,8 +174,10 @@ class Navigator:
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose)
+        if self._gate.blocks(now, follower.route, follower.s) and self._leave_mouth(now, pose, follower.route):
+            return STILL
         if now < self._back_until and not wait:
-            return self._back(pose, [*seen, *self.hearing.around(now, pose, seen)])
+            return back(self.arena, pose, [*seen, *self.hearing.around(now, pose, seen)])
         speed = self.arena.shape.speed
         limit = min(self._gate.limit(now, follower.route, follower.s), self._share * speed)
         if wait or (self._parked and self._queued(now)):
@@ -242,20 +239,22 @@ class Navigator:
         start, goal = Point(pose.x, pose.y), self._order.goal
         if off_goal(places, goal, self.arena.shape.radius) == places:
             return False
-        spot = aside(self.arena, start, goal, (*self._parked, *places))
+        return self._go_aside(now, start, aside(self.arena, start, goal, (*self._parked, *places)))
+
+    def _leave_mouth(self, now: Instant, pose: Pose, route: Route) -> bool:
+        """Drive out of the way of those that come out of the bottleneck; return whether there is room."""
+        start, gate = Point(pose.x, pose.y), route.gate_m or 0.0
+        mouth = Pose(*route.point(gate), route.heading(gate + 0.01))
+        others = with_heard(self._watch.places(now), self._standing.points.values(), self.arena.shape.radius)
+        spot = aside(self.arena, start, route.points[-1], (*self._parked, *others), mouth, self._gate.room(route))
+        return self._go_aside(now, start, spot)
+
+    def _go_aside(self, now: Instant, start: Point, spot: Point | None) -> bool:
         route = None if spot is None else leader_route(self.arena, start, spot, self._parked, through_gate=False)
         if route is None:
             return False
         self._follower, self._aside_until = Follower(route, self.arena.shape), now + ASIDE_S
         return True
-
-    def _back(self, pose: Pose, around: Sequence[SeenBody]) -> Twist:
-        """Drive straight back unless something is known to be there."""
-        radius, (x, y, theta) = self.arena.shape.radius, pose
-        free = self.arena.clearance(x - math.cos(theta) * AHEAD_M, y - math.sin(theta) * AHEAD_M) > radius and all(
-            math.hypot(body.x + AHEAD_M, body.y) > 2.0 * radius + BACK_MARGIN_M or body.x > 0.0 for body in around
-        )
-        return Twist(-BACK_MPS, 0.0) if free else STILL
 
     def _obstructed(self) -> bool:
         """Return whether a parked robot now stands on the rest of the route."""

@@ -333,6 +333,24 @@ def test_a_revised_release_moves_a_slot_that_is_not_frozen() -> None:
     assert slot.start >= ms(8000)
 
 
+def test_who_tells_that_it_is_due_and_there_later_lets_another_go_first() -> None:
+    model = Model(8, 2)
+    model.trigger(0, 1, deadline=ms(30_000), release=ms(5000))
+    model.trigger(ms(3), 2, deadline=ms(40_000), release=ms(5000))
+    model.run(ms(1500))
+    slots = model.minds[1].slot, model.minds[2].slot
+    assert slots[0] is not None
+    assert slots[1] is not None
+    assert slots[0].start < slots[1].start
+    model.minds[1].core.revise(model.now, EVENT, release=ms(9000), deadline=ms(1500))
+    model.settle(model.minds[1])
+    model.run(ms(2500))
+    slots = model.minds[1].slot, model.minds[2].slot
+    assert slots[0] is not None
+    assert slots[1] is not None
+    assert slots[1].start < slots[0].start
+
+
 def test_a_job_triggered_while_inside_begins_after_leaving() -> None:
     model = Model(8, 1)
     model.trigger(0, 1, deadline=ms(9000))

@@ -8,7 +8,9 @@ import pytest
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.gridpath import GridPath
+from rmr.base.time import seconds
 from rmr.node.approach import Approach, departures
+from rmr.node.motion.aside import aside
 from rmr.node.motion.gate import Gate
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import follower_route, leader_route
@@ -55,6 +57,25 @@ def test_who_waits_leaves_room_for_who_comes_out():
     route = through(LEFT, RIGHT)
     gate = Gate(TWOWAY.shape, holding=False)
     assert math.dist(route.point(gate.stop_m(route)), MOUTHS[0]) > 3.0 * RADIUS
+
+
+def test_who_stands_where_others_come_out_is_in_their_way_until_it_may_enter():
+    for start, blocks in ((Point(1.81, 0.76), True), (Point(2.3, 0.9), False)):
+        route = through(start, LEFT)
+        gate = Gate(TWOWAY.shape, holding=True)
+        assert not gate.blocks(0, route, 0.0)  # it may be just about to drive on
+        assert gate.blocks(seconds(3), route, 0.0) is blocks
+        gate.opened = True
+        assert not gate.blocks(seconds(6), route, 0.0)
+
+
+def test_out_of_the_mouth_there_is_room_aside_even_next_to_one_that_waits():
+    mouth, other = MOUTHS[1], Point(1.97, 0.99)
+    spot = aside(TWOWAY, Point(1.81, 0.76), LEFT, [other], Pose(*mouth, math.pi), 0.27)
+    assert spot is not None
+    assert spot.x > mouth.x
+    assert math.dist(spot, mouth) > 0.27
+    assert math.dist(spot, other) > 2.0 * RADIUS
 
 
 def test_a_way_within_one_room_has_no_gate_even_past_its_mouth():

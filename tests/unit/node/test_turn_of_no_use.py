@@ -1,0 +1,72 @@
+"""A turn that is of no use: who cannot get to the gate lets others go first; who stands inside needs none."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import seconds
+from rmr.base.values import Robot
+from rmr.node.turn import HINDERED_MAX, HINDERED_WAIT, HINDERED_WAIT_MAX, SLIDES_MAX, Phase, Turn, stands_within
+from rmr.vm.job import Job
+from rmr_world.lab import load_lab
+
+LABS = Path(__file__).parents[3] / "deploy" / "labs"
+
+
+def turn(deadline_s=20.0):
+    job = Job(1, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(deadline_s), (), Robot(1))
+    return Turn(job, b"e", 0, None, phase=Phase.SLOTTED, approach=seconds(2), after=seconds(3))
+
+
+def test_one_slot_that_was_of_no_use_changes_nothing_for_others():
+    one = turn()
+    assert not one.hinder(seconds(5))
+    assert one.deadline == seconds(17)
+
+
+def test_who_is_hindered_again_goes_behind_all_that_are_due_and_waits_longer_each_time():
+    one, waits = turn(), []
+    for k in range(8):
+        now = seconds(10 * k)
+        if one.hinder(now):
+            assert one.deadline == now
+            waits.append(one.release - now - one.approach)
+    assert len(waits) == 8 - (HINDERED_MAX - 1)
+    assert waits[:2] == [HINDERED_WAIT, 2 * HINDERED_WAIT]
+    assert waits == sorted(waits)
+    assert waits[-1] == HINDERED_WAIT_MAX
+
+
+@pytest.mark.parametrize(("step_m", "hindered"), [(0.0, True), (0.02, True), (0.2, False)])
+def test_putting_off_is_being_hindered_only_for_a_robot_that_gets_nowhere(step_m, hindered):
+    one, found = turn(), []
+    for k in range(2 * SLIDES_MAX // seconds(0.5)):
+        now, to_and_fro = seconds(0.5) * k, k % 2 if step_m < 0.1 else k
+        found.append(one.slide(now, now + one.approach, Pose(step_m * to_and_fro, 0.0, 0.0)))
+    assert any(found) is hindered
+    assert not any(found[: SLIDES_MAX // seconds(0.5)])
+
+
+@pytest.mark.parametrize(
+    ("lab", "goal", "place", "within"),
+    [
+        ("corridor", "exit", Point(1.1, 0.75), False),  # the first place of the queue
+        ("corridor", "exit", Point(1.33, 0.74), True),
+        ("corridor", "exit", Point(1.5, 0.65), True),  # nearer to the wall than it can be
+        ("corridor", "exit", Point(2.2, 0.75), False),
+        ("corridor", "exit", Point(0.5, 1.3), False),
+        ("testbed", "exit", Point(0.75, 0.75), True),
+        ("testbed", "exit", Point(0.46, 0.7), False),
+        ("twoway", "right", Point(1.5, 0.75), True),
+        ("twoway", "left", Point(1.5, 0.75), True),
+        ("twoway", "left", Point(1.81, 0.76), False),  # in the mouth: it has to make room
+    ],
+)
+def test_who_stands_in_the_bottleneck_knows_it_whatever_it_is_about_to_do(lab, goal, place, within):
+    arena = load_lab(LABS / lab).arena
+    area = arena.area(goal)
+    assert area is not None
+    for theta in (0.0, math.pi / 2, math.pi):
+        assert stands_within(arena, area, Pose(place.x, place.y, theta)) is within
