@@ -90,12 +90,14 @@ def test_nothing_is_remembered_over_a_restart_but_what_was_counted(tmp_path):
     assert len(part["actions"]) in (15, 16, 17)
 
 
-def test_the_deadline_of_an_earlier_life_stays_undecided_in_the_report(tmp_path):
+def test_the_deadline_of_an_earlier_life_stays_undecided_and_could_not_have_been_met(tmp_path):
     program = DRIVE + "crossing: assert(go(R), at(R, spot), 20, stop(R)).\ntype action stop(robot).\n"
     faults = "[{at: 3s, kill: 1}, {at: 4s, restart: 1}]"
     _, report = ran(small_lab(tmp_path, program, finish="at(R, spot)", duration="30s", faults=faults))
     jobs = report["robots"]["1"]["assertions"]
-    assert [(job["met"], job["deadline_s"]) for job in jobs] == [(None, 20.0), (True, 24.0)]
+    told = [(job["met"], job["deadline_s"], job["cause"]) for job in jobs]
+    assert told == [(None, 20.0, "died"), (True, 24.0, None)]
+    assert report["deadlines"] == {"met": 1, "missed": 0, "best_possible": 1}
 
 
 def test_who_is_alive_cannot_be_started_again(tmp_path):

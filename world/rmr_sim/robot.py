@@ -26,6 +26,7 @@ from rmr.base.values import Value
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
+from rmr_world.deadlines import DIED
 
 if TYPE_CHECKING:
     from rmr_sim.simulation import Simulation
@@ -180,7 +181,7 @@ class SimulatedRobot:
         self.x, self.y, _ = self._simulation.world.pose(self.robot)
         self.station.move(self.x, self.y)
         self.station.switch_on(rng, self._simulation.security(self.robot, epoch))
-        self._past.append(robot_report(self.node, {}))
+        self._past.append(_died(robot_report(self.node, {})))
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
         self.alive = self.still = True
@@ -226,9 +227,16 @@ class SimulatedRobot:
     def report(self) -> dict[str, Any]:
         """Return its part of the report: what its nodes counted and did, and what the present one holds."""
         part = robot_report(self.node, self.station.counters.as_dict(), self.restarts)
+        if not self.alive:
+            part = _died(part)
         for name in COUNTED:
             part[name] += sum(past[name] for past in self._past)
         for name in LISTED:
             part[name] = [item for past in (*self._past, part) for item in past[name]]
         part["distance_m"] = round(self._simulation.world.distance_m(self.robot), 3)
         return part
+
+
+def _died(part: dict[str, Any]) -> dict[str, Any]:
+    """Return the report of a node that has died, with the jobs marked that its death has left undecided."""
+    return part | {"assertions": [job | {"cause": DIED} if job["met"] is None else job for job in part["assertions"]]}

@@ -16,6 +16,8 @@ from rmr_world.bound import FreeTimes, Stream, free_times
 from rmr_world.lab import Lab
 from rmr_world.terms import TermError, parse_fact
 
+DIED = "died"
+"""Cause of a job that is undecided for good: its robot's process died, and with it the job."""
 PAIRS_MAX = 2500
 """Merging takes the product of two families' sizes, and their sum; beyond this each is looked at by itself."""
 
@@ -26,11 +28,11 @@ _Reached = dict[tuple[int, int], float]
 
 
 def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int:
-    """Return an upper bound of the deadlines that any schedule could meet.
+    """Return an upper bound of the deadlines that any schedule could meet, of jobs that lived to see them.
 
     `robots` holds each robot's part of the report; its assertions' `deadline_s` and `start_s` are lab time.
     """
-    jobs = [(robot, job) for robot in sorted(robots) for job in robots[robot].get("assertions", ())]
+    jobs = [(at, job) for at in sorted(robots) for job in robots[at].get("assertions", ()) if job.get("cause") != DIED]
     trips = [(robot, job) for robot, job in jobs if _is_trip(lab, job)]
     met = sum(job.get("met") is True for _, job in jobs)
     if not trips:
