@@ -71,8 +71,9 @@ class Group:
         material = max(abs(release - job.told[0]), abs(duration - job.told[1])) > c.values.revision
         material = material or deadline != request.deadline
         job.request = replace(request, release=release, duration=duration, deadline=deadline)
-        if not material or (job.slot is not None and job.slot[0] <= now + c.values.frozen):
-            return
+        frozen = job.slot is not None and job.slot[0] <= now + c.values.frozen
+        if not material or frozen or (c.untold and not follower.listed(c)):
+            return  # or the JOB that is due anyway says it
         self._begin_input(now)
         self._tell(now)
         c.awake = now

@@ -14,15 +14,14 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
+from rmr.node.motion.estimate import AT_ENTER_M
 from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
 
-AT_ENTER_M = 0.04
-"""A robot is at a place when it is this near to it ..."""
 AT_LEAVE_M = 0.08
-"""... and until it is this far: localisation noise does not make it flicker."""
+"""A robot that is at a place (`AT_ENTER_M`) is so until it is this far: localisation noise does not make it flicker."""
 
 HEARD: Duration = seconds(3)
 """A peer is a neighbor while its last frame is younger; hellos come every 0.2 to 1 s."""

@@ -232,6 +232,13 @@ class Turns:
         pose = None if driver is None else driver.localiser.pose
         return pose is not None and turn.goal is not None and stands_within(self._node.arena, turn.goal, pose, slack_m)
 
+    def _stands(self, now: Instant, event: bytes) -> None:
+        """Bring the release up to date for a new leader: who has no slot is no nearer than when it asked."""
+        turn = self._turns.get(event)
+        if turn and turn.gated and turn.requested and turn.phase is Phase.ASKING and estimate(self._node, now, turn):
+            turn.release = max(turn.release, now + turn.approach)
+            self._coordination.revise(now, event, release=turn.release)
+
     # -- each call ------------------------------------------------------------------------------------------
 
     def step(self, now: Instant) -> None:
@@ -305,6 +312,7 @@ class Turns:
                 self._led(now, event)
             case LeadershipEnded() | LeaderChanged():
                 self._leads(now, event.event, does=False)
+                self._stands(now, event.event)
             case ScheduleChanged():
                 keep(self.schedules, event.event, event)
                 self._node.trace(now, "scheduled", leader=event.leader, term=event.term, order=list(event.order))
@@ -361,6 +369,7 @@ class Turns:
         turn = self._turns.get(event.event)
         node.trace(now, "leads", term=event.term)
         self._leads(now, event.event, does=True)
+        self._stands(now, event.event)
         driver = node.driver
         pose = None if driver is None else driver.localiser.pose
         if turn is None or turn.goal is None or driver is None or pose is None:

@@ -1,9 +1,9 @@
 """The planner: how near A* comes to the optimum and how long it takes, beside others; what a shared path saves.
 
-*Cost.* Floors of square cells with random boxes. scikit-image's `route_through_array` may pass between two cells that
-touch at a corner, and cut a blocked corner, which a robot must not: its cost is a lower bound of ours, and where its
-path happens to cut nothing the two must be equal. networkx's Dijkstra walks a graph of just the moves that a robot
-may make: its cost must be equal always. Costs are 1 for a side and the root of 2 for a diagonal.
+*Cost.* Floors of square cells with random boxes; a side costs 1, a diagonal the root of 2. scikit-image, networkx and
+pathfinding are given the moves of a robot (`planners`): their costs are the optimum under the same rules, on every
+floor. Beside them stands scikit-image as it is, with `route_through_array`, which cuts corners of obstacles, as a robot
+must not: that is a lower bound, and says what keeping off corners costs.
 
 *Time.* Processor time of one search, on the same floors. The others get their floor in the form that they like
 best, and what it takes to make that does not count. None of ours is compiled: a robot process carries no numpy.
@@ -14,19 +14,16 @@ queue. A robot alone searches three times where its way passes the bottleneck: f
 one through the bottleneck's very point; beside it stands what a single search for each robot would take.
 """
 
-import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from importlib.util import find_spec
-from itertools import pairwise
 from random import Random
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 from experiment import Data, figure, panel, series, table, target
 from intervals import quantile, text
+from planners import CUTTING, OTHERS, Floor, Search, cuts, installed, length, ours
 from runs import LABS, Row, pooled
 
 from rmr.base.arena import Arena
@@ -51,33 +48,8 @@ SAVED_MIN = 70.0
 ROBOTS = 6
 REPEATED_S = 0.02
 """A search is repeated until it has taken so long."""
-STEPS = tuple((dc, dr) for dc in (-1, 0, 1) for dr in (-1, 0, 1) if dc or dr)
-
-
-class Floor(NamedTuple):
-    """Cells with a frame of blocked ones around them, as `rmr.node.motion.grid` lays them out."""
-
-    side: int
-    blocked: bytearray
-    start: int
-    goal: int
-
-    @property
-    def stride(self) -> int:
-        return self.side + 2
-
-    def free(self) -> list[int]:
-        return [cell for cell, blocked in enumerate(self.blocked) if not blocked]
-
-    def moves(self, cell: int) -> list[tuple[int, float]]:
-        """Return where a robot can go from `cell`, and at which cost."""
-        found = []
-        for dc, dr in STEPS:
-            there = cell + dr * self.stride + dc
-            beside = self.blocked[cell + dc] or self.blocked[cell + dr * self.stride]
-            if not self.blocked[there] and not (dc and dr and beside):
-                found.append((there, math.hypot(dc, dr)))
-        return found
+NAMES = {CUTTING: "skimage, cutting"}
+"""What tables and figures call a planner, where not by its name."""
 
 
 def floor_of(side: int, seed: int) -> Floor:
@@ -114,84 +86,6 @@ def ends(blocked: bytearray, side: int, margin: Sequence[int], rng: Random) -> t
     return start, goal
 
 
-def length(floor: Floor, cells: Sequence[int]) -> float:
-    """Return the cost of a path of cells."""
-    return sum(1.0 if abs(a - b) in {1, floor.stride} else math.sqrt(2.0) for a, b in pairwise(cells))
-
-
-def cuts(floor: Floor, cells: Sequence[int]) -> bool:
-    """Return whether a path makes a move that a robot must not make."""
-    return any(there not in [cell for cell, _ in floor.moves(here)] for here, there in pairwise(cells))
-
-
-def ours(floor: Floor) -> list[int] | None:
-    return astar.search(SimpleNamespace(stride=floor.stride), floor.blocked, floor.start, floor.goal)[0]  # type: ignore
-
-
-# --- the others: each makes of a floor what it likes best, and returns a search over it -------------------------------
-
-Search = Callable[[], Sequence[int] | None]
-
-
-def by_skimage(floor: Floor) -> Search:
-    import numpy as np
-    from skimage.graph import route_through_array
-
-    costs = np.where(np.frombuffer(bytes(floor.blocked), np.uint8).reshape(floor.stride, -1), -1.0, 1.0)
-    start, goal = divmod(floor.start, floor.stride), divmod(floor.goal, floor.stride)
-
-    def search() -> list[int]:
-        path, _ = route_through_array(costs, start, goal, fully_connected=True, geometric=True)
-        return [row * floor.stride + column for row, column in path]
-
-    return search
-
-
-def by_networkx(floor: Floor) -> Search:
-    import networkx
-
-    graph = networkx.Graph()
-    graph.add_weighted_edges_from(
-        (cell, there, cost) for cell in floor.free() for there, cost in floor.moves(cell) if there > cell
-    )
-    goal = divmod(floor.goal, floor.stride)
-
-    def aim(cell: int, _: int) -> float:
-        row, column = divmod(cell, floor.stride)
-        return math.hypot(row - goal[0], column - goal[1])
-
-    return partial(networkx.astar_path, graph, floor.start, floor.goal, aim, "weight")
-
-
-def by_pathfinding(floor: Floor) -> Search:
-    from pathfinding.core.diagonal_movement import DiagonalMovement
-    from pathfinding.core.grid import Grid
-    from pathfinding.finder.a_star import AStarFinder
-
-    free = [1 - cell for cell in floor.blocked]
-    grid = Grid(matrix=[free[at : at + floor.stride] for at in range(0, len(free), floor.stride)])
-    finder = AStarFinder(diagonal_movement=DiagonalMovement.only_when_no_obstacle)
-    nodes = [grid.node(cell % floor.stride, cell // floor.stride) for cell in (floor.start, floor.goal)]
-
-    def search() -> list[int]:
-        grid.cleanup()
-        path, _ = finder.find_path(*nodes, grid)
-        return [node.y * floor.stride + node.x for node in path]
-
-    return search
-
-
-OTHERS: dict[str, Callable[[Floor], Search]] = {
-    "skimage": by_skimage,
-    "networkx": by_networkx,
-    "pathfinding": by_pathfinding,
-}  # fmt: skip
-
-
-def installed() -> list[str]:
-    return [name for name in OTHERS if find_spec(name) is not None]
-
-
 def taken(search: Search) -> tuple[Sequence[int], float]:
     """Return the path of a search and its processor time, the least of several where it is short."""
     times: list[float] = []
@@ -212,8 +106,7 @@ def compared(point: tuple[int, int]) -> Row:
     for name in ("rmr", *installed()):
         path, row[f"{name}_s"] = taken(searches[name] if name in searches else OTHERS[name](floor))
         row[f"{name}_cost"] = round(length(floor, path), 6)
-        if name == "skimage":
-            row["skimage_cuts"] = cuts(floor, path)
+        row[f"{name}_cuts"] = cuts(floor, path)
     return row
 
 
@@ -330,22 +223,22 @@ def summary(side: int, name: str, runs: Sequence[Row]) -> Row:
         "over": quantile([run["rmr_cost"] / run[f"{name}_cost"] for run in runs], 0.5),
         "over_most": max(run["rmr_cost"] / run[f"{name}_cost"] for run in runs),
         "equal": sum(abs(run["rmr_cost"] - run[f"{name}_cost"]) < 1e-3 for run in runs),
+        "cuts": sum(run[f"{name}_cuts"] for run in runs),
     }
 
 
 def targets(runs: Sequence[Row], saved: Sequence[float]) -> list[Data]:
     """Return the targets that the installed planners allow to judge."""
     found = []
-    if "skimage" in installed():
-        worst = max(run["rmr_cost"] / run["skimage_cost"] for run in runs)
-        found.append(target("A*: cost over scikit-image's optimum, worst floor", worst, at_most=RATIO_MAX))
-        same = [abs(run["rmr_cost"] - run["skimage_cost"]) for run in runs if not run["skimage_cuts"]]
-        if same:
-            where = f"on the {len(same)} floors where it cuts no corner"
-            found.append(target(f"A*: cost beyond it {where}", max(same), at_most=1e-3))
-    if "networkx" in installed():
-        apart = max(abs(run["rmr_cost"] - run["networkx_cost"]) for run in runs)
-        found.append(target("A*: cost beyond the optimum of the same moves (networkx)", apart, at_most=1e-3))
+    for name, words in (("skimage", "scikit-image"), ("networkx", "networkx")):
+        if name not in installed():
+            continue
+        worst = max(run["rmr_cost"] / run[f"{name}_cost"] for run in runs)
+        apart = max(abs(run["rmr_cost"] - run[f"{name}_cost"]) for run in runs)
+        found += [
+            target(f"A*: cost over {words}'s optimum of the same moves, worst floor", worst, at_most=RATIO_MAX),
+            target(f"A*: cost beyond {words}'s optimum of the same moves, worst floor", apart, at_most=1e-3),
+        ]
     share = sum(saved) / len(saved)
     return [*found, target("shared path: expansions saved at six robots, mean", share, at_least=SAVED_MIN, unit="%")]
 
@@ -360,27 +253,28 @@ def drawn(rows: Sequence[Row]) -> Data:
             "one search", range(len(shown)), [each["value"] for each in shown],
             kind="points", low=[each["low"] for each in shown], high=[each["high"] for each in shown],
         )  # fmt: skip
-        ticks = [{"at": at, "label": name} for at, name in enumerate(names)]
+        ticks = [{"at": at, "label": NAMES.get(name, name)} for at, name in enumerate(names)]
         title = f"{side} x {side} cells, {shown[0]['n']} floors"
         panels.append(panel("", "processor time, ms", [bars], title=title, ticks=ticks, y_log=True))
     return figure("One search for a way", "Medians over the floors; bars: 95 % intervals of the median.", panels)
 
 
-def ratios(row: Row) -> tuple[str, str, str]:
+def ratios(row: Row) -> tuple[str, str, str, str]:
     """Return how our costs compare with another's, as cells of a table."""
-    return f"{row['over']['value']:.4f}", f"{row['over_most']:.4f}", str(row["equal"])
+    return f"{row['over']['value']:.4f}", f"{row['over_most']:.4f}", str(row["equal"]), str(row["cuts"])
 
 
 def tables(data: Data) -> dict[str, list[str]]:
     """Return the tables of the page."""
-    header = ("cells", "planner", "floors", "one search, ms: median", "our cost / its cost: median", "most", "equal")
+    of_costs = ("our cost / its cost: median", "most", "equal", "its way cuts corners")
+    header = ("cells", "planner", "floors", "one search, ms: median", *of_costs)
     lines = [
         (
             f"{row['side']} x {row['side']}",
-            row["planner"],
+            NAMES.get(row["planner"], row["planner"]),
             str(row["ms"]["n"]),
             text(row["ms"], 2 if row["side"] < 100 else 0),
-            *(("", "", "") if row["planner"] == "rmr" else ratios(row)),
+            *(("", "", "", "") if row["planner"] == "rmr" else ratios(row)),
         )
         for row in data["rows"]
     ]  # fmt: skip

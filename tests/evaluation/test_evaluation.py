@@ -97,7 +97,7 @@ def test_planners_are_compared_whether_others_are_installed_or_not(monkeypatch):
     monkeypatch.setattr(planning, "installed", list)
     data = planning.run(range(1, 3), 1)
     assert [row["planner"] for row in data["rows"]] == ["rmr"]
-    assert data["not_installed"] == ["skimage", "networkx", "pathfinding"]
+    assert data["not_installed"] == ["skimage", "skimage_cutting", "networkx", "pathfinding"]
     assert marks(planning, data) == []
     drawable(data)
 

@@ -236,7 +236,7 @@ class StandOff:
             self._since = now
         if now - self._since < self._patience + more:
             return False
-        self._since = now
+        self._since = None  # turning to the way out is no standing before another
         self.tries += 1
         return True
 

@@ -4,13 +4,20 @@ from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.time import Duration, seconds
+from rmr.node.motion.follow import PIVOT_END
 from rmr.node.motion.gate import START_S
 from rmr.node.motion.route import Route
 
-PIVOT_FROM = 0.35
-"""A robot that is off its way by more than this turns in place first, radians."""
-PIVOT_S = 0.2
-"""What beginning and ending a turn in place takes."""
+PIVOT_S = 0.1
+"""What speeding up to turn in place costs against the full rate ..."""
+PIVOT_WAY = 0.3
+"""... from this angle on, radians; for smaller ones in proportion."""
+LATE_S = 0.07
+"""A robot may be so much later at the line than its slot begins: it enters within a window, and wants ..."""
+AFTER_S = 0.1
+"""... to be early at its goal by this."""
+AT_ENTER_M = 0.04
+"""A robot is at a place when it is this near to it."""
 
 
 class Estimate(NamedTuple):
@@ -19,25 +26,33 @@ class Estimate(NamedTuple):
     approach: Duration
     """Until the robot is at the gate's line at full speed (to the goal, when there is no gate)."""
     inside: Duration
-    """From there until it is clear of the narrow section; 0 without a gate."""
+    """From there, at full speed, until it is clear of the narrow section; 0 without a gate."""
     way: int
     """Direction through the gate."""
     after: Duration
-    """From clear to the goal."""
+    """From clear, at full speed, until it counts as being at the goal."""
     within: bool = False
     """Whether the robot is in the narrow section already."""
 
 
 def drive_time(shape: RobotShape, way_m: float, turn: float) -> Duration:
-    """Return what `way_m` metres take at least, after a turn by `turn` radians."""
-    pivot = turn / shape.turn + PIVOT_S if turn > PIVOT_FROM else 0.0
+    """Return what `way_m` metres take from standstill, for a robot whose way leads off by `turn` radians.
+
+    It turns in place until it is hardly off any more, and does the rest on the way.
+    """
+    angle = max(0.0, turn - PIVOT_END)
+    pivot = angle / shape.turn + PIVOT_S * min(1.0, angle / PIVOT_WAY)
     return seconds(pivot + way_m / shape.speed + START_S)
 
 
 def estimate_of(shape: RobotShape, route: Route, line_m: float, turn: float) -> Estimate:
-    """Return what driving along `route` would take, with the gate's line at `line_m`, after turning by `turn`."""
+    """Return what driving along `route` would take, with the gate's line at `line_m`, after turning by `turn`.
+
+    Slots mean the line at full speed, so speeding up belongs to the approach alone.
+    """
     if route.gate_m is None:
         return Estimate(drive_time(shape, route.length_m, turn), 0, 0, 0)
-    inside = seconds((route.clear_m - line_m) / shape.speed + START_S)
-    after = seconds((route.length_m - route.clear_m) / shape.speed + START_S)
-    return Estimate(drive_time(shape, line_m, turn), inside, route.way, after, route.within)
+    inside = seconds((route.clear_m - line_m) / shape.speed)
+    after = seconds(max(0.0, route.length_m - route.clear_m - AT_ENTER_M) / shape.speed + AFTER_S)
+    approach = max(0, drive_time(shape, line_m, turn) - seconds(LATE_S))
+    return Estimate(approach, inside, route.way, after, route.within)
