@@ -45,7 +45,9 @@ def crossing(folder, *, cut):
 def test_robots_that_do_not_hear_each_other_stand_until_they_do(tmp_path):
     simulation = crossing(tmp_path, cut=True)
     stood = {}
-    simulation.observers.append(lambda now: stood.update({now: [robot.still for robot in simulation.robots]}))
+    simulation.observers.append(
+        lambda now: stood.update({now: [robot.node.driver.speed == 0 for robot in simulation.robots]})
+    )
     assert simulation.run()
     assert simulation.world.collisions == 0
     assert all(all(still) for now, still in stood.items() if milliseconds(5500) < now < seconds(7))
@@ -107,6 +109,6 @@ def test_a_robot_that_slept_takes_what_it_finds_in_its_queue_for_old(tmp_path):
             simulation.stall(1, seconds(4))
 
     simulation.schedule(Stall(seconds(2)))
-    simulation.schedule(Wake(seconds(4) + milliseconds(20)))
+    simulation.schedule(Wake(seconds(4) + milliseconds(2)))
     assert simulation.run()
     assert ages[0] >= seconds(2)
