@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from operator import attrgetter
 from random import Random
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ from rmr.radio.waves import (
     channel_busy,
     draws,
     settle,
+    verdict,
     verdicts,
 )
 
@@ -77,6 +79,11 @@ class Tallies:
             self.collided[at] += lost & (cause == COLLISION)
             self.deaf[at] += lost & (cause == DEAF)
             self.dropped[at] += lost & (cause == NOISE)
+
+    def note_one(self, index: int, cause: int) -> None:
+        """Count a frame that is lost to the station `index`."""
+        counts = self.collided if cause == COLLISION else self.deaf if cause == DEAF else self.dropped
+        counts[index] += 1
 
     def complete(self, index: int, counters: Counters) -> Counters:
         """Bring `counters` of station `index` up to date and return them."""
@@ -213,10 +220,12 @@ class Ether:
             cells = [Cell(cell.x + dx, cell.y + dy) for dx in reach for dy in reach]
             near = self._near_cells[cell] = [self._air[one] for one in cells if one in self._air]
         forgotten = self.kernel.now - REMEMBERED
+        found: list[Wave] = []
         for air in near:
             while air and air[0].end < forgotten:
                 air.popleft()
-        found = [wave for air in near for wave in air if wave.end > since]
+            if air:
+                found += [wave for wave in air if wave.end > since]
         if len(found) > 1:
             found.sort(key=_ORDER)
         return found
@@ -250,7 +259,7 @@ class Ether:
         else:
             receiver = self._by_address.get(frame.destination)
             if receiver is not None and self.listening[receiver.index] and wave.power[receiver.index] > 0.0:
-                self._arrive(wave, frame, np.array([receiver.index], dtype=np.intp))
+                self._arrive_at(wave, frame, receiver)
 
     def _end_of_ack(self, wave: Wave, frame: AckFrame) -> None:
         """Let those take note who wait for just this acknowledgement; it bears no address."""
@@ -258,24 +267,37 @@ class Ether:
             station = self.stations[index]
             if not wave.power[index] or not station.mac.awaits_ack(frame.sequence, wave.start):
                 continue
-            if self._come_through(wave, np.array([index], dtype=np.intp))[0].size:
+            if self._comes_through(wave, index):
                 station.acknowledged(wave.end)
 
     def _arrive(self, wave: Wave, frame: DataFrame, at: NDArray[np.intp]) -> None:
-        """Hand `frame` to those of the stations `at` that receive it."""
+        """Hand `frame`, which is for all, to those of the stations `at` that receive it."""
         indices, lqi = self._come_through(wave, at)
-        if not frame.wants_ack:
-            bulk = self.tallies.bulk[indices]
-            self.tallies.received[indices] += bulk
-            indices, lqi = indices[~bulk], lqi[~bulk]
+        bulk = self.tallies.bulk[indices]
+        self.tallies.received[indices] += bulk
+        indices, lqi = indices[~bulk], lqi[~bulk]
         powers_dbm = wave.power_dbm[indices].tolist()
         for index, rssi_dbm, quality in zip(indices.tolist(), powers_dbm, lqi.tolist(), strict=True):
             station = self.stations[index]
-            if frame.wants_ack:
-                self._acknowledge(wave, frame, station)
             received = station.intake.take(frame, rssi_dbm, int(quality), wave.end)
             if received is not None and station.take is not None:
                 station.take(received)
+
+    def _arrive_at(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
+        """Hand `frame` to the one station that it is for, if that receives it."""
+        index = station.index
+        success = self._comes_through(wave, index)
+        if not success:
+            return
+        if not frame.wants_ack and self.tallies.bulk[index]:
+            self.tallies.received[index] += 1
+            return
+        if frame.wants_ack:
+            self._acknowledge(wave, frame, station)
+        quality = int(self._quality(wave, index, success))
+        received = station.intake.take(frame, float(wave.power_dbm[index]), quality, wave.end)
+        if received is not None and station.take is not None:
+            station.take(received)
 
     def _acknowledge(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
         """Let `station` acknowledge `wave`, unless it is held up.
@@ -310,6 +332,27 @@ class Ether:
         self.tallies.note(at, ~kept, cause)
         return at[kept], self._quality(wave, at[kept], success[kept])
 
+    def _comes_through(self, wave: Wave, index: int) -> float:
+        """Return with what probability `wave` was to come through to the station `index`; 0, and count it, if lost."""
+        success, cause = verdict(wave, self._near(wave.cell, wave.start - TURNAROUND), self._channel, index)
+        loses = self.links.loses
+        if loses or 0.0 < success < 1.0:
+            one, receiver = wave.announcement, int(self.floor.addresses[index])
+            bits = mix(mix(self._mixed_seed ^ (one.source << 16 | receiver)) ^ (one.sequence << 8 | one.attempt))
+            kept = (bits >> 32) < success * _WORD
+            if loses and kept and (bits & 0xFFFF_FFFF) < self._loss(wave, receiver) * _WORD:
+                kept, cause = False, NOISE
+            success = success if kept else 0.0
+        if success == 0.0:
+            self.tallies.note_one(index, cause)
+        return success
+
+    def _loss(self, wave: Wave, receiver: int) -> float:
+        """Return the probability that the frame is lost to `receiver` whatever its power."""
+        if self.links.even:
+            return self.config.loss
+        return self.links.loss(wave.announcement.source, receiver, wave.start)
+
     def _losses(self, wave: Wave, at: Places) -> Floats | float:
         """Return the probability that the frame is lost whatever its power, at each of the stations `at`."""
         if self.links.even:
@@ -317,7 +360,7 @@ class Ether:
         source, start = wave.announcement.source, wave.start
         return np.array([self.links.loss(source, other, start) for other in self.floor.addresses[at].tolist()])
 
-    def _quality(self, wave: Wave, places: Places, success: Floats) -> Floats:
+    def _quality(self, wave: Wave, places: Places, success: Floats | float) -> Any:
         """Return the LQI at each of the places; see `phy.link_quality`."""
         if not self._channel.capture:
             return np.floor(255.0 * success)

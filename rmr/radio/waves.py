@@ -200,6 +200,26 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: Places) -> t
     return success, cause
 
 
+def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tuple[float, int]:
+    """Return what `verdicts` says of the one station `index`: of what is for one alone, as most that is not for all."""
+    if not channel.capture:
+        success, cause = verdicts(wave, air, channel, np.array([index], dtype=np.intp))
+        return float(success[0]), int(cause[0])
+    start, end, power = wave.start, wave.end, wave.power[index]
+    meet = [other for other in air if other.start < end + TURNAROUND and other.end > start - TURNAROUND]
+    if any(other.origin == index and other is not wave and other.deafens(start, end) for other in meet):
+        return 0.0, DEAF
+    if power < LOCK_RATIO * channel.noise_mw:
+        return 0.0, NOISE
+    others = [o for o in meet if o.start < end and o.end > start and o is not wave and o.power[index] > 0.0]
+    if others:
+        assert wave.locks is not None, "a wave is settled before it ends"
+        if not (wave.locks[index] and power >= CAPTURE_RATIO * strongest(start, end, others, index)):
+            return 0.0, COLLISION
+    ratio = power / channel.noise_mw
+    return (1.0 if ratio >= CERTAIN_RATIO else float(_certainty(np.array([ratio]), end - start)[0])), NOISE
+
+
 def _contended(
     wave: Wave, others: Sequence[Wave], channel: Channel, at: Places, power: Floats
 ) -> tuple[Floats, Causes]:
