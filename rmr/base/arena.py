@@ -5,10 +5,13 @@ the physics and the planner are built from the same value.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rmr.base.geometry import Point, distance, point_segment_distance
+
+Extent = tuple[float, float, float, float]
+"""The least x and y of an obstacle, and the greatest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +21,11 @@ class Disc:
     centre: Point
     radius: float
     """Metres."""
+    extent: Extent = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        (x, y), r = self.centre, self.radius
+        object.__setattr__(self, "extent", (x - r, y - r, x + r, y + r))
 
     def distance(self, x: float, y: float) -> float:
         """Return how far (x, y) is outside the disc in metres; 0 inside."""
@@ -29,14 +37,20 @@ class Polygon:
     """A convex obstacle, its corners counter-clockwise."""
 
     corners: tuple[Point, ...]
+    extent: Extent = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        xs, ys = zip(*self.corners, strict=True)
+        object.__setattr__(self, "extent", (min(xs), min(ys), max(xs), max(ys)))
 
     def contains(self, x: float, y: float) -> bool:
         """Return whether (x, y) lies inside or on the edge."""
-        corners = self.corners
-        return all(
-            (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
-            for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)
-        )
+        ax, ay = self.corners[-1]
+        for bx, by in self.corners:
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
+                return False
+            ax, ay = bx, by
+        return True
 
     def distance(self, x: float, y: float) -> float:
         """Return how far (x, y) is outside the polygon in metres; 0 inside."""

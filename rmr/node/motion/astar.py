@@ -119,14 +119,15 @@ class Floor:
             if point_segment_distance(x, y, *a, *b) < keep:
                 return False
         radius = self.arena.shape.radius
+        tight, wide = radius + TIGHT_MARGIN_M, radius + self.margin_m
         length = distance(*a, *b)
         head = RELAXED_M if a == self.start else 0.0
         tail = RELAXED_M if b == self.goal else 0.0
         if head + tail >= length:
-            return segment_clearance(self.arena, a, b) >= radius + TIGHT_MARGIN_M
-        if segment_clearance(self.arena, _between(a, b, head), _between(b, a, tail)) < radius + self.margin_m:
+            return segment_clearance(self.arena, a, b, tight) >= tight
+        if segment_clearance(self.arena, _between(a, b, head), _between(b, a, tail), wide) < wide:
             return False
-        return not (head or tail) or segment_clearance(self.arena, a, b) >= radius + TIGHT_MARGIN_M
+        return not (head or tail) or segment_clearance(self.arena, a, b, tight) >= tight
 
     def pull(self, points: Sequence[Point]) -> list[Point]:
         """Return `points` without those that the straight way can leave out."""

@@ -142,51 +142,37 @@ def blocked_cells(grid: Grid, start: Point, goal: Point, discs: Discs, inflation
     return blocked
 
 
-def segment_clearance(arena: Arena, a: Point, b: Point) -> float:
-    """Return the least distance of the segment a-b from obstacles and walls in metres; 0 when it meets one."""
-    least = min(a.x, a.y, b.x, b.y, arena.width - max(a.x, b.x), arena.height - max(a.y, b.y))
+def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.inf) -> float:
+    """Return the least distance of the segment a-b from obstacles and walls in metres; 0 when it meets one.
+
+    Where that is `enough_m` or more, `enough_m`: what is farther away need not be looked at.
+    """
+    left, right = (a.x, b.x) if a.x < b.x else (b.x, a.x)
+    low, high = (a.y, b.y) if a.y < b.y else (b.y, a.y)
+    least = min(enough_m, left, low, arena.width - right, arena.height - high)
     for obstacle in arena.obstacles:
         if least <= 0.0:
             return 0.0
-        if _apart(obstacle, a, b) >= least:
-            continue
-        if isinstance(obstacle, Disc):
-            away = point_segment_distance(*obstacle.centre, a.x, a.y, b.x, b.y) - obstacle.radius
-        elif obstacle.contains(a.x, a.y) or obstacle.contains(b.x, b.y):
-            return 0.0
-        else:
-            corners = obstacle.corners
-            away = min(_segment_distance(a, b, c, d) for c, d in zip(corners, corners[1:] + corners[:1], strict=True))
-        least = min(least, away)
+        x0, y0, x1, y1 = obstacle.extent
+        if not (x0 - right >= least or left - x1 >= least or y0 - high >= least or low - y1 >= least):
+            least = min(least, _obstacle_distance(obstacle, a, b))
     return max(0.0, least)
 
 
-def _apart(obstacle: Obstacle, a: Point, b: Point) -> float:
-    """Return how far apart an obstacle and the segment a-b are along x or along y: they are no nearer than that."""
-    x0, y0, x1, y1 = _extent(obstacle)
-    return max(x0 - max(a.x, b.x), min(a.x, b.x) - x1, y0 - max(a.y, b.y), min(a.y, b.y) - y1)
-
-
-@lru_cache(maxsize=1024)
-def _extent(obstacle: Obstacle) -> tuple[float, float, float, float]:
-    """Return the least and the greatest x and y of an obstacle."""
+def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
+    """Return the distance of an obstacle from the segment a-b, at most 0 when they meet."""
     if isinstance(obstacle, Disc):
-        (x, y), r = obstacle.centre, obstacle.radius
-        return x - r, y - r, x + r, y + r
-    xs, ys = zip(*obstacle.corners, strict=True)
-    return min(xs), min(ys), max(xs), max(ys)
-
-
-def _segment_distance(a: Point, b: Point, c: Point, d: Point) -> float:
-    """Return the distance between the segments a-b and c-d; 0 when they cross."""
-    if _crosses(a, b, c, d):
+        return point_segment_distance(*obstacle.centre, *a, *b) - obstacle.radius
+    if obstacle.contains(*a) or obstacle.contains(*b):
         return 0.0
-    return min(
-        point_segment_distance(a.x, a.y, c.x, c.y, d.x, d.y),
-        point_segment_distance(b.x, b.y, c.x, c.y, d.x, d.y),
-        point_segment_distance(c.x, c.y, a.x, a.y, b.x, b.y),
-        point_segment_distance(d.x, d.y, a.x, a.y, b.x, b.y),
-    )
+    least, c = math.inf, obstacle.corners[-1]
+    for d in obstacle.corners:
+        if _crosses(a, b, c, d):
+            return 0.0
+        ends = (point_segment_distance(*a, *c, *d), point_segment_distance(*b, *c, *d))
+        least = min(least, point_segment_distance(*d, *a, *b), *ends)
+        c = d
+    return least
 
 
 def _crosses(a: Point, b: Point, c: Point, d: Point) -> bool:

@@ -32,6 +32,8 @@ VIA_M = 0.05
 """A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
 DETOUR_M = 0.15
 """What the way through the bottleneck's very point may cost."""
+TOUCHES_M = 1e-6
+"""Farther from an obstacle than this is not on it."""
 SCAN_M = 0.04
 """Step of the search for the end of the narrow section."""
 
@@ -197,7 +199,8 @@ def _narrow(arena: Arena, route: Route, s: float) -> bool:
     reach = 4.0 * arena.shape.radius
     dx, dy = -math.sin(heading) * reach, math.cos(heading) * reach
     return all(
-        segment_clearance(arena, here, Point(here.x + side * dx, here.y + side * dy)) <= 0.0 for side in (1.0, -1.0)
+        segment_clearance(arena, here, Point(here.x + side * dx, here.y + side * dy), TOUCHES_M) <= 0.0
+        for side in (1.0, -1.0)
     )
 
 
