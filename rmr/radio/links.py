@@ -141,17 +141,11 @@ class Links:
         if len(checked) > DISTURBANCES_MAX:
             raise ValueError(f"{len(checked)} disturbances: at most {DISTURBANCES_MAX} at a time")
         self._active = [_Active(disturbance) for disturbance in checked]
-
-    @property
-    def fades(self) -> bool:
-        """Whether any link may differ from what distance makes it: else `gain_db` is always 0."""
-        return bool(self._config.shadowing_db) or any(active.attenuation_db for active in self._active)
-
-    @property
-    def loses(self) -> bool:
-        """Whether any frame may be lost by chance: else `loss` is always 0."""
         config = self._config
-        return bool(config.loss or config.bursts) or any(active.loss for active in self._active)
+        self.fades = bool(config.shadowing_db) or any(active.attenuation_db for active in self._active)
+        """Whether any link may differ from what distance makes it: else `gain_db` is always 0."""
+        self.loses = bool(config.loss or config.bursts) or any(active.loss for active in self._active)
+        """Whether any frame may be lost by chance: else `loss` is always 0."""
 
     @property
     def even(self) -> bool:

@@ -111,6 +111,8 @@ class Station:
         self._grace = grace
         self._patience = patience
         self._channel = channel_of(self.config)
+        self._relevant_dbm = self.config.sensitivity_dbm - RELEVANCE_DB
+        self._slope_db = 5.0 * self.config.exponent
         self._mac = Mac(address, pan, rng, 2 * grace + GRACE_MARGIN if grace else 0, security)
         self._x = self._y = 0.0
         self._now: Instant = 0
@@ -152,7 +154,7 @@ class Station:
         if announcement.source == self.address:
             return
         power_dbm = self._power_dbm(announcement)
-        if power_dbm < self.config.sensitivity_dbm - RELEVANCE_DB:
+        if power_dbm < self._relevant_dbm:
             return
         heard = _Heard(announcement, power_dbm)
         if not self._add(heard):
@@ -164,7 +166,10 @@ class Station:
         if self._concerns(heard):
             if arrived > heard.end + self._allowance(announcement.attempt):
                 self.counters.overdue += 1
-            insort(self._due, heard, key=_by_end)
+            if self._due and _by_end(heard) < _by_end(self._due[-1]):
+                insort(self._due, heard, key=_by_end)
+            else:
+                self._due.append(heard)
             del self._due[AIR_MAX:]  # the farthest ahead: what is stamped with times to come displaces nothing
             self._want(heard.end + self._grace, self._wanted(heard))
 
@@ -211,13 +216,15 @@ class Station:
         square = dx * dx + dy * dy
         power_dbm = announcement.power_dbm - LOSS_AT_1_M_DB
         if square > 1.0:
-            power_dbm -= 5.0 * self.config.exponent * log10(square)
+            power_dbm -= self._slope_db * log10(square)
         if self.links.fades:
             power_dbm += self.links.gain_db(announcement.source, self.address, announcement.start)
         return power_dbm
 
     def _contradict(self, late: _Heard) -> None:
         """Count the assessments that found the channel clear because `late` was not known yet."""
+        if not self._assessed or self._assessed[-1] <= late.start:
+            return
         channel = self._channel
         if late.power_mw >= min(channel.busy_mw, channel.carrier_mw):
             self.counters.blind += sum(1 for end in self._assessed if late.start < end < late.end + CCA)
@@ -229,6 +236,9 @@ class Station:
         while air and (air[0].end < horizon or len(air) >= AIR_MAX):
             del air[0]
         key = _by_start(heard)
+        if not air or _by_start(air[-1]) < key:  # as it comes, as a rule
+            air.append(heard)
+            return True
         at = bisect_left(air, key, key=_by_start)
         if at < len(air) and _by_start(air[at]) == key:
             return False
