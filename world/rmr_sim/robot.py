@@ -71,6 +71,8 @@ class SimulatedRobot:
         self.node = make_node(self._ports, 0)
         self.node_alarm = Alarm(simulation.kernel, ROBOT, self.tick)
         self._slow_alarm = Alarm(simulation.kernel, ROBOT, self._slow_tick)
+        self._called: Instant = NEVER
+        """When a frame begins, or will have begun, in which one without a body is looked after."""
         self._past: list[dict[str, Any]] = []
         """The parts of the report of the nodes before this one."""
 
@@ -133,8 +135,13 @@ class SimulatedRobot:
         wake = self.node.next_wake
         if wake < self._simulation.frame_end:
             self.node_alarm.set(wake if wake > now else now + 1)
-        elif self.node_alarm.when < NEVER:
+            return
+        if self.node_alarm.when < NEVER:
             self.node_alarm.set(NEVER)
+        if not self.bodily and wake != self._called:
+            self._called = wake
+            if wake < NEVER:
+                self._simulation.call(self.station.index, wake)
 
     def _take(self, out: Received | Confirmed) -> None:
         if isinstance(out, Confirmed):

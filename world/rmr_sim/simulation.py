@@ -6,6 +6,7 @@ robots that stand still are sampled less often, as in processes. Robots whose pr
 (`rmr_sim.bodies`).
 """
 
+import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -93,6 +94,9 @@ class Simulation:
             return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers or {}, digest)
 
         self.robots = [SimulatedRobot(self, robot, maker(robot), bodily) for robot in lab.roster]
+        self._bodily = bodily
+        self._calls: list[tuple[Instant, int]] = []
+        """When robots without bodies want to be called, beyond the present frame, and their indices: a heap."""
         self._served, self._waiting = list[SimulatedRobot](), list[SimulatedRobot]()
         self.sort_out()
         self._by_id = {robot.robot: robot for robot in self.robots}
@@ -135,6 +139,7 @@ class Simulation:
         """
         for robot in self.robots:
             robot.node.start(0)
+            robot.wake_in_frame(0)
         index = 0
         while True:
             now = tick_start(index)
@@ -255,7 +260,7 @@ class Simulation:
             if robot.bodily and (not robot.still or not (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 robot.sample(now)
         frame_end = self.frame_end
-        for robot in self._served:
+        for robot in self._served if self._bodily else self._called(frame_end):
             if robot.bodily and not (robot.still and (index + robot.robot) % IDLE_SAMPLE_TICKS):
                 robot.sample(now)
                 robot.tick(now)
@@ -264,6 +269,17 @@ class Simulation:
                     robot.tick(now)
                 else:
                     robot.wake_in_frame(now)
+
+    def call(self, robot: int, when: Instant) -> None:
+        """Look after the robot of index `robot`, which has no body, in the frame of `when`."""
+        heapq.heappush(self._calls, (when, robot))
+
+    def _called(self, before: Instant) -> list[SimulatedRobot]:
+        """Return the served robots without bodies that may want to be called before then: of a thousand nearly none."""
+        found = dict[int, None]()
+        while self._calls and self._calls[0][0] < before:
+            found[heapq.heappop(self._calls)[1]] = None
+        return [robot for robot in map(self.robots.__getitem__, sorted(found)) if robot.served]
 
     def take_traces(self) -> None:
         """Take over what the robots noted, of which they themselves keep the newest part alone."""
