@@ -16,7 +16,7 @@ before it counted and did stays in the report.
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
@@ -40,8 +40,19 @@ COUNTED = ("expression_failures", "undelivered", "ticks", "ticks_late", "tasks_s
 LISTED = ("assertions", "actions")
 """Of the report, what is that of all lives together."""
 
+T = TypeVar("T")
+
 MakeNode = Callable[[Ports, int], Node]
 """Of a robot's ports and its epoch."""
+
+
+def _taken(queue: deque[T]) -> list[T]:
+    """Return what waits in `queue`, which is empty then, as it is at most calls."""
+    if not queue:
+        return []
+    taken = list(queue)
+    queue.clear()
+    return taken
 
 
 class SimulatedRobot:
@@ -93,21 +104,15 @@ class SimulatedRobot:
 
     def receive(self) -> list[Received]:
         """Return the frames that have arrived."""
-        received = list(self._received)
-        self._received.clear()
-        return received
+        return _taken(self._received)
 
     def confirmations(self) -> list[Confirmed]:
         """Return the outcomes that have become known."""
-        confirmed = list(self._confirmed)
-        self._confirmed.clear()
-        return confirmed
+        return _taken(self._confirmed)
 
     def sense(self) -> list[Sensed]:
         """Return the new samples."""
-        samples = list(self._samples)
-        self._samples.clear()
-        return samples
+        return _taken(self._samples)
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Command the wheels."""

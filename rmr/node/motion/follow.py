@@ -76,8 +76,8 @@ class Follower:
         """Return how far ahead the look-ahead point is along x and y, and how far off the heading."""
         if self._seen is not pose or self._seen_s != self.s:
             self._seen, self._seen_s = pose, self.s
-            ahead, (at_x, at_y, theta) = self.route.point(self.s + LOOK_AHEAD_M), pose
-            dx, dy = ahead.x - at_x, ahead.y - at_y
+            (x, y), (at_x, at_y, theta) = self.route.place(self.s + LOOK_AHEAD_M), pose
+            dx, dy = x - at_x, y - at_y
             self._aim = dx, dy, wrap(math.atan2(dy, dx) - theta)
         return self._aim
 

@@ -109,8 +109,11 @@ class Hearing:
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
         return other.at + hellos + OVERDUE
 
-    def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> list[SeenBody]:
-        """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame."""
+    def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], beyond_m: float = -math.inf) -> list[SeenBody]:
+        """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame.
+
+        Only those farther ahead than `beyond_m`: who is behind stops nobody who drives on.
+        """
         heard: list[SeenBody] = []
         if not self._fresh:
             return heard
@@ -123,6 +126,8 @@ class Hearing:
                 spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, math.hypot(dx, dy))
                 dx, dy = dx * spare, dy * spare
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
+            if x <= beyond_m:
+                continue
             for body in seen:
                 if math.hypot(body.x - x, body.y - y) <= radius:
                     break

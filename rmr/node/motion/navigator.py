@@ -196,7 +196,7 @@ class Navigator:
         """Return `twist`, slowed as the bodies that are seen or heard demand."""
         if twist.v <= 0.0:
             return twist
-        return limit_twist(twist, [*seen, *self.hearing.around(now, pose, seen)], self.arena.shape.radius)
+        return limit_twist(twist, [*seen, *self.hearing.around(now, pose, seen, 0.0)], self.arena.shape.radius)
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is something to follow or to face, planning when that is due."""

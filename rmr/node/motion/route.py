@@ -69,11 +69,15 @@ class Route:
 
     def point(self, s: float) -> Point:
         """Return the point at arc length `s`, at most the end."""
+        return Point(*self.place(s))
+
+    def place(self, s: float) -> tuple[float, float]:
+        """Return the point at arc length `s` as bare numbers, for each frame of a moving robot asks for one."""
         i = self.segment(s)
         (ax, ay), (bx, by) = self.points[i], self.points[i + 1]
         start, end = self.at_m[i], self.at_m[i + 1]
         t = 0.0 if s <= start else 1.0 if s >= end else (s - start) / (end - start)
-        return Point(ax + (bx - ax) * t, ay + (by - ay) * t)
+        return ax + (bx - ax) * t, ay + (by - ay) * t
 
     def heading(self, s: float) -> float:
         """Return the direction of the path at arc length `s`, radians."""
