@@ -192,7 +192,7 @@ class Life:
             self.wake()
 
     def hear(self, announcement: Announcement) -> None:
-        """Take in the announcement of a radio frame: what nobody waits for is decided with others, within a frame."""
+        """Take in the announcement of a radio frame: what nobody waits for is decided together with others."""
         station = self.link.station
         now = self.link.hear(announcement)
         if station.next_wake < self._wakes or (station.soonest <= now and self._wakes - now > FRAME):

@@ -28,8 +28,9 @@ their numbers are missing (`rmr.bus.wire`)."""
 BATCH_MAX = 256
 """Items taken before other work on the loop has its turn."""
 
-PATIENCE: Duration = NS_PER_S // TICK_HZ
-"""How long what is patient may wait: a robot that drives looks at what has come once a frame."""
+PATIENCE: Duration = 2 * NS_PER_S // TICK_HZ
+"""How long what is patient may wait: two frames. A robot that drives looks once a frame anyway; of one that stands it is
+well below what coordination allows for the way of a frame (90 ms: the frozen zone less a lease and two clock errors)."""
 
 Take = Callable[[Any, int], None]
 """Takes an item and the monotonic instant, in ns, at which it arrived."""

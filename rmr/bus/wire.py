@@ -253,7 +253,7 @@ class Row(NamedTuple):
     """One for each field, in order."""
     pack: Callable[[tuple[Any, ...]], Any] = list
     patient: bool = False
-    """Whether its receiver may leave it for a frame of lab time: nothing is decided by it before."""
+    """Whether its receiver may leave it for a moment (`rmr.bus.bridge.PATIENCE`): nothing is decided by it before."""
 
 
 _XYZ = group(number, number, number)
