@@ -29,8 +29,9 @@ BATCH_MAX = 256
 """Items taken before other work on the loop has its turn."""
 
 PATIENCE: Duration = 2 * NS_PER_S // TICK_HZ
-"""How long what is patient may wait: two frames. A robot that drives looks once a frame anyway; of one that stands it is
-well below what coordination allows for the way of a frame (90 ms: the frozen zone less a lease and two clock errors)."""
+"""How long what is patient may wait: two frames. A robot that drives looks once a frame anyway; of one that stands it
+is well below what coordination allows for the way of a frame (90 ms: the frozen zone less a lease and two clock
+errors)."""
 
 Take = Callable[[Any, int], None]
 """Takes an item and the monotonic instant, in ns, at which it arrived."""
