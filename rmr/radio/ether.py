@@ -2,9 +2,9 @@
 
 The same medium access (`rmr.radio.mac`), the same intake and the same rules of reception as in a robot process, but
 for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whoever hears it; those
-out of reach only have their places in the arrays. Time is the kernel's. A frame is announced at the end of an idle
-channel assessment, 192 us before its first symbol; so when a lock instant or an end comes, all that bears on it is
-known.
+out of reach only have their places in the arrays. Where few hear it they are judged one by one, by the same rules.
+Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol;
+so when a lock instant or an end comes, all that bears on it is known.
 
 What is due at the same instant happens in this order: a frame's end, with its receptions and acknowledgements;
 then the timers of medium access. Receivers of one frame are told in the order in which they were added.
@@ -12,7 +12,7 @@ then the timers of medium access. Receivers of one frame are told in the order i
 
 from bisect import insort
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
 from random import Random
 from typing import Any
@@ -30,7 +30,7 @@ from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame
 from rmr.radio.intake import Counters, Intake, decoded
 from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac
-from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, mix
+from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, link_quality, mix
 from rmr.radio.security import Security, payload_max
 from rmr.radio.waves import (
     COLLISION,
@@ -48,6 +48,9 @@ from rmr.radio.waves import (
 
 REMEMBERED: Duration = 2 * (airtime(PSDU_MAX) + TURNAROUND)
 """How long after its end a wave may still bear on another: on one as long as can be that began before it ended."""
+
+FEW = 12
+"""Up to so many receivers of a frame are judged one by one, which costs less than the arrays of any number."""
 
 REACH_CELLS = 2
 """Two frames can meet at a receiver when their transmitters are at most so many cells apart."""
@@ -179,7 +182,7 @@ class Ether:
         for wave in self._near(cell, now):
             if wave.locks is not None:
                 wave.locks[index] = False
-        x, y = float(self.floor.x[index]), float(self.floor.y[index])
+        x, y = self.floor.place(index)
         announcement = Announcement(
             station.intake.address,
             sequence,
@@ -230,6 +233,10 @@ class Ether:
             found.sort(key=_ORDER)
         return found
 
+    def _during(self, wave: Wave) -> list[Wave]:
+        """Return the waves that may bear on the reception of `wave`, which ends now, in order of start."""
+        return self._near(wave.cell, wave.start - TURNAROUND)
+
     def _settle(self, now: Instant) -> None:
         """Settle who locks on the waves whose lock instants have come, in order."""
         unsettled = self._unsettled
@@ -267,11 +274,16 @@ class Ether:
             station = self.stations[index]
             if not wave.power[index] or not station.mac.awaits_ack(frame.sequence, wave.start):
                 continue
-            if self._comes_through(wave, index):
+            if self._comes_through(wave, index, self._during(wave)):
                 station.acknowledged(wave.end)
 
     def _arrive(self, wave: Wave, frame: DataFrame, at: NDArray[np.intp]) -> None:
         """Hand `frame`, which is for all, to those of the stations `at` that receive it."""
+        if len(at) <= FEW and self._channel.capture:
+            air = self._during(wave)
+            for index in [index for index in at.tolist() if self._comes_through(wave, index, air)]:
+                self._hand(wave, frame, self.stations[index])
+            return
         indices, lqi = self._come_through(wave, at)
         bulk = self.tallies.bulk[indices]
         self.tallies.received[indices] += bulk
@@ -286,16 +298,21 @@ class Ether:
     def _arrive_at(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
         """Hand `frame` to the one station that it is for, if that receives it."""
         index = station.index
-        success = self._comes_through(wave, index)
+        success = self._comes_through(wave, index, self._during(wave))
         if not success:
-            return
-        if not frame.wants_ack and self.tallies.bulk[index]:
-            self.tallies.received[index] += 1
             return
         if frame.wants_ack:
             self._acknowledge(wave, frame, station)
-        quality = int(self._quality(wave, index, success))
-        received = station.intake.take(frame, float(wave.power_dbm[index]), quality, wave.end)
+        self._hand(wave, frame, station, success)
+
+    def _hand(self, wave: Wave, frame: DataFrame, station: EtherStation, success: float = 1.0) -> None:
+        """Hand `frame`, which has come through with probability `success`, to `station`."""
+        if station.take is None and not frame.wants_ack:
+            self.tallies.received[station.index] += 1
+            return
+        rssi_dbm = wave.power_dbm.item(station.index)
+        quality = link_quality(rssi_dbm, success, self.config)
+        received = station.intake.take(frame, rssi_dbm, quality, wave.end)
         if received is not None and station.take is not None:
             station.take(received)
 
@@ -318,8 +335,7 @@ class Ether:
 
         For all others the loss is counted.
         """
-        air = self._near(wave.cell, wave.start - TURNAROUND)
-        success, cause = verdicts(wave, air, self._channel, at)
+        success, cause = verdicts(wave, self._during(wave), self._channel, at)
         kept = success > 0.0
         loses = self.links.loses
         if loses or not ((success == 1.0) | ~kept).all():
@@ -332,9 +348,12 @@ class Ether:
         self.tallies.note(at, ~kept, cause)
         return at[kept], self._quality(wave, at[kept], success[kept])
 
-    def _comes_through(self, wave: Wave, index: int) -> float:
-        """Return with what probability `wave` was to come through to the station `index`; 0, and count it, if lost."""
-        success, cause = verdict(wave, self._near(wave.cell, wave.start - TURNAROUND), self._channel, index)
+    def _comes_through(self, wave: Wave, index: int, air: Sequence[Wave]) -> float:
+        """Return with what probability `wave` was to come through to the station `index`; 0, and count it, if lost.
+
+        `air` is all that was on the air during it.
+        """
+        success, cause = verdict(wave, air, self._channel, index)
         loses = self.links.loses
         if loses or 0.0 < success < 1.0:
             one, receiver = wave.announcement, int(self.floor.addresses[index])
@@ -360,7 +379,7 @@ class Ether:
         source, start = wave.announcement.source, wave.start
         return np.array([self.links.loss(source, other, start) for other in self.floor.addresses[at].tolist()])
 
-    def _quality(self, wave: Wave, places: Places, success: Floats | float) -> Any:
+    def _quality(self, wave: Wave, places: Places, success: Floats) -> Any:
         """Return the LQI at each of the places; see `phy.link_quality`."""
         if not self._channel.capture:
             return np.floor(255.0 * success)

@@ -84,6 +84,10 @@ class Floor:
         """Return the cell of a station."""
         return self._cells[index]
 
+    def place(self, index: int) -> tuple[float, float]:
+        """Return the place of a station, metres."""
+        return self._places[index]
+
     def reached(self, index: int, start: Instant) -> Reached:
         """Return what a transmission of station `index` reaches that begins at `start`."""
         if self._links.fades:  # as the time and who else is disturbed will have it

@@ -296,14 +296,14 @@ def channel_busy(end: Instant, air: Sequence[Signal], deaf: Sequence[Interval], 
     return locked is not None and locked.start < end
 
 
-def link_quality(rssi_dbm: float, verdict: Verdict, config: RadioConfig) -> int:
+def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
     """Return the LQI, 0..255 (6.9.8 leaves its scale free).
 
     In mode ``capture_3db`` it is linear in the power from the sensitivity to 40 dB above it, in mode ``awgn``
-    the probability of success, as in ns-3.
+    the probability of success (`Verdict`), as in ns-3.
     """
     if config.interference == "awgn":
-        return int(255 * verdict.success)
+        return int(255 * success)
     return max(0, min(255, round((rssi_dbm - config.sensitivity_dbm) * (255 / 40))))
 
 

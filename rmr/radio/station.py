@@ -269,7 +269,7 @@ class Station:
         assert frame is not None
         if frame.wants_ack:
             self._acknowledge(heard, frame)
-        quality = link_quality(heard.power_dbm, verdict, self.config)
+        quality = link_quality(heard.power_dbm, verdict.success, self.config)
         received = self._intake.take(frame, heard.power_dbm, quality, heard.end)
         if received is not None:
             self._out.append(received)

@@ -201,17 +201,17 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: Places) -> t
 
 
 def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tuple[float, int]:
-    """Return what `verdicts` says of the one station `index`: of what is for one alone, as most that is not for all."""
+    """Return what `verdicts` says of the one station `index`: for where few hear a frame, or it is for one alone."""
     if not channel.capture:
         success, cause = verdicts(wave, air, channel, np.array([index], dtype=np.intp))
         return float(success[0]), int(cause[0])
-    start, end, power = wave.start, wave.end, wave.power[index]
-    meet = [other for other in air if other.start < end + TURNAROUND and other.end > start - TURNAROUND]
-    if any(other.origin == index and other is not wave and other.deafens(start, end) for other in meet):
+    start, end, power = wave.start, wave.end, wave.power.item(index)
+    meet = [o for o in air if o.start < end + TURNAROUND and o.end > start - TURNAROUND and o is not wave]
+    if meet and any(other.origin == index and other.deafens(start, end) for other in meet):
         return 0.0, DEAF
     if power < LOCK_RATIO * channel.noise_mw:
         return 0.0, NOISE
-    others = [o for o in meet if o.start < end and o.end > start and o is not wave and o.power[index] > 0.0]
+    others = [o for o in meet if o.start < end and o.end > start and o.power[index] > 0.0] if meet else meet
     if others:
         assert wave.locks is not None, "a wave is settled before it ends"
         if not (wave.locks[index] and power >= CAPTURE_RATIO * strongest(start, end, others, index)):

@@ -20,7 +20,6 @@ from rmr.radio.phy import (
     SYMBOL,
     SYNCHRONISATION,
     RadioConfig,
-    Verdict,
     airtime,
     channel_busy,
     channel_of,
@@ -106,8 +105,8 @@ def _cca_modes(_: object) -> Pair:
 
 def _link_quality(_: object) -> Pair:
     """In awgn the probability of success in 255 parts, cut off; in capture_3db over eight values, all of the span."""
-    parts: list[Value] = [link_quality(-80.0, Verdict(p, "noise"), AWGN) for p in (0.0, 0.25, 0.5, 1.0)]
-    real = [link_quality(SENSITIVITY_DBM + db, Verdict(1.0, "noise"), CAPTURE) for db in range(-1, 42)]
+    parts: list[Value] = [link_quality(-80.0, p, AWGN) for p in (0.0, 0.25, 0.5, 1.0)]
+    real = [link_quality(SENSITIVITY_DBM + db, 1.0, CAPTURE) for db in range(-1, 42)]
     return [*parts, min(real), max(real), len(set(real)) >= 8], [0, 63, 127, 255, 0, 255, True]
 
 

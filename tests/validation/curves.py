@@ -90,7 +90,7 @@ def point(distance_m: float, octets: int, config: RadioConfig) -> Point:
     frame = Signal(0, airtime(octets), 1, milliwatts(rx_dbm))
     verdict = reception(frame, [frame], [], channel)
     noise_dbm = 10.0 * log10(channel.noise_mw)
-    return Point(rx_dbm, rx_dbm - noise_dbm, verdict.success, link_quality(rx_dbm, verdict, config))
+    return Point(rx_dbm, rx_dbm - noise_dbm, verdict.success, link_quality(rx_dbm, verdict.success, config))
 
 
 def psr_vs_distance() -> Iterator[Check]:

@@ -19,7 +19,6 @@ from rmr.radio.phy import (
     OCTET,
     TURNAROUND,
     RadioConfig,
-    Verdict,
     airtime,
     bit_error_rate,
     channel_of,
@@ -77,7 +76,7 @@ def at_distance(distance_m: float, psdu: int, config: RadioConfig) -> Row:
     success = sum(
         weight * _success(snr_db + deviation_db, psdu) for deviation_db, weight in _shades(config.shadowing_db)
     ) * (1.0 - config.loss)
-    unshadowed = Verdict(_success(snr_db, psdu), "noise")
+    unshadowed = _success(snr_db, psdu)
     return {
         "d_m": distance_m,
         "psdu_bytes": psdu,

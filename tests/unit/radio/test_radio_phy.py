@@ -198,15 +198,14 @@ def test_a_station_that_transmits_takes_the_channel_for_busy() -> None:
 
 
 def test_link_quality_spans_its_octet() -> None:
-    sure = Verdict(1.0, "noise")
-    assert [link_quality(dbm, sure, RadioConfig()) for dbm in (-90.0, -85.0, -65.0, -45.0, 0.0)] == [
+    assert [link_quality(dbm, 1.0, RadioConfig()) for dbm in (-90.0, -85.0, -65.0, -45.0, 0.0)] == [
         0,
         0,
         128,
         255,
         255,
     ]
-    assert link_quality(-60.0, Verdict(0.5, "noise"), RadioConfig(interference="awgn")) == 127
+    assert link_quality(-60.0, 0.5, RadioConfig(interference="awgn")) == 127
 
 
 def test_a_draw_depends_on_each_of_its_arguments_and_is_fair() -> None:
