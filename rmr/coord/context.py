@@ -135,11 +135,7 @@ class Context:
 
         self.last_issued: Instant = -NEVER
         self.extras = 0
-        self.whole = False
-        """The next issue sends all parts."""
         self.idle_since: Instant | None = None
-        self.turn = 0
-        """Which further part of a long schedule is repeated next."""
         self.paths: dict[int, tuple[Instant, GridPath]] = {}
         """As leader: the path offered for each way and when."""
         self.paths_due = False

@@ -106,12 +106,25 @@ class Held:
         return rank - sum([earlier < rank and other not in mine for earlier, other in self._ways.items()])
 
     def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
-        """Return the part, the rank and the entry of a job; None when no part lists it."""
+        """Return the part, the rank and the entry of a job; None when no part lists it.
+
+        A job that has moved is listed by the part that it left until that is heard anew: the newer one is right.
+        """
+        found = None
         for number, part in self.parts.items():
             position = self._extracts[number].at.get((robot, trigger))
-            if position is not None:
-                return part, self._first_rank(part) + position, part.entries[position]
-        return None
+            if position is not None and (found is None or part.issued > found[0].issued):
+                found = part, self._first_rank(part) + position, part.entries[position]
+        return found
+
+    def has(self, part: Sched) -> bool:
+        """Return whether the same ranks of the same schedule are held, be it with other jobs."""
+        known = self.parts.get(part.part)
+        return known is not None and (known.passed, known.parts, known.opens == 0) == (
+            part.passed,
+            part.parts,
+            part.opens == 0,
+        )
 
     def complete(self) -> bool:
         """Return whether all parts of one issue are held."""

@@ -3,6 +3,11 @@
 A leader issues its schedule every R, at once when it has changed, and in answer to questions; each frame is a
 lease. One that has issued nothing for a lease leads no more, for others may by then have replaced it. It
 stays while others wait, even when its own job is done.
+
+A schedule of one or two frames is sent whole. Of a longer one, which N robots hear, each issue holds the parts that
+matter to somebody soon, those that list a job or its slot for the first time, and one of the others in turn: what has
+changed in them can wait, for who is not near its slot may not enter under any part that it holds. So frames come as
+robots pass, and not as all that pass later are shifted.
 """
 
 from rmr.base.gridpath import GridPath
@@ -28,8 +33,8 @@ from rmr.coord.messages import (
 from rmr.coord.states import Role
 from rmr.coord.values import MS, PAYLOAD_MAX
 
-_ROTATE_PARTS = 2
-"""Schedules of more parts than this repeat the first each time and the others in turn; news is sent whole twice."""
+_WHOLE_PARTS = 2
+"""Schedules of more parts than this are not sent whole each time."""
 
 
 def begin(c: Context, now: Instant, heir: bool = False) -> None:
@@ -118,7 +123,7 @@ def on_job(c: Context, now: Instant, source: int, job: Job, question: bool) -> N
         c.paths_due = c.paths_due or not known
         c.idle_since = None
         if ledger.open:
-            c.sooner(Timer.PLAN, now + c.values.replan_wait)
+            c.sooner(Timer.PLAN, now + ledger.gathers(now, source))
         else:
             _shorten_wait(c, now)
     if question:
@@ -165,7 +170,7 @@ def replan(c: Context, now: Instant, reorder: bool) -> None:
     ledger.observe(now, c.fence)
     ledger.plan(now, reorder)
     c.extras = c.values.extra
-    issue(c, now, everything=True)
+    issue(c, now)
     if c.paths_due and ledger.open:
         c.paths_due = False
         for way in c.paths:
@@ -189,25 +194,18 @@ def on_issue_timer(c: Context, now: Instant) -> None:
         changed = ledger.plan(now, changed) or changed
     if changed:
         c.extras = c.values.extra
-    issue(c, now, everything=changed or c.extras > 0)
+    issue(c, now)
 
 
-def issue(c: Context, now: Instant, everything: bool) -> None:
+def issue(c: Context, now: Instant) -> None:
     """Send the schedule and hold it oneself.
 
     No two versions may bear one instant of issue, or members would take either for the newest.
     """
     if stamp(now) == stamp(c.last_issued) or now < c.last_issued:
-        c.whole = c.whole or everything
         c.set(Timer.ISSUE, c.last_issued + MS)
         return
-    everything, c.whole = everything or c.whole, False
-    parts = schedule_frames(c, now, resign=False, heir=NOBODY)
-    chosen = parts
-    if not everything and len(parts) > _ROTATE_PARTS:
-        c.turn = c.turn % (len(parts) - 1) + 1
-        chosen = [parts[0], parts[c.turn]]
-    for part in chosen:
+    for part in _due(c, now, schedule_frames(c, now, resign=False, heir=NOBODY)):
         c.send(part, now)
         c.held.take(part)
     c.last_issued = now
@@ -218,6 +216,37 @@ def issue(c: Context, now: Instant, everything: bool) -> None:
     c.set(Timer.ISSUE, now + gap)
     c.report_order()
     passage.on_schedule(c, now)
+
+
+def _due(c: Context, now: Instant, parts: list[Sched]) -> list[Sched]:
+    """Return those of `parts` that are to be sent now."""
+    if len(parts) <= _WHOLE_PARTS:
+        return parts
+    held, soon = c.held, now + c.values.soon
+    told = {(entry.robot, entry.trigger): entry for entry in held.entries()}
+    chosen = [
+        part
+        for part in parts
+        if not held.has(part)
+        or any(_concerns(entry, told.get((entry.robot, entry.trigger)), soon) for entry in part.entries)
+    ]
+    rest = [part for part in parts if part not in chosen]
+    oldest = min(rest, key=lambda part: held.parts[part.part].issued, default=None)
+    return chosen if oldest is None else [*chosen, oldest]
+
+
+def _concerns(entry: Entry, told: Entry | None, soon: Instant) -> bool:
+    """Return whether the owner of a job waits for `entry`, has or had a slot by `soon`; `told`: what it was before."""
+    if entry.robot == NOBODY:
+        return False
+    if told is None or _known(told) != _known(entry):
+        return True
+    return any(one.phase is not Phase.OUT and one.start is not None and one.start <= soon for one in (told, entry))
+
+
+def _known(entry: Entry) -> tuple[bool, bool]:
+    """Return whether a job is listed, and whether it has a slot."""
+    return entry.phase is not Phase.PROVISIONAL, entry.start is not None
 
 
 def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[Sched]:
@@ -267,7 +296,7 @@ def answer_worse(c: Context, now: Instant) -> None:
     """A worse leader was heard: let it hear this one, not too often."""
     if now - c.answered >= c.values.answer_gap:
         c.answered = now
-        issue(c, now, everything=True)
+        issue(c, now)
 
 
 def resign(c: Context, now: Instant) -> None:

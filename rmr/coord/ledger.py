@@ -282,12 +282,18 @@ class Ledger:
             line.rank = rank
 
     def _trim(self) -> None:
-        """Count the jobs at the head of the list that are done."""
+        """Count the jobs at the head of the list that are done; of a long list by whole frames, or all would change."""
         live = {line.rank for line in self.lines.values()}
         top = max(self.done, default=self.passed)
-        while self.passed < top and self.passed + 1 not in live:
-            self.passed += 1
-            self.done.pop(self.passed, None)
+        first = self.passed + 1
+        while first <= top and first not in live:
+            first += 1
+        full = entries_max(self._values.payload_max)
+        if len(live) > 2 * full:
+            first -= (first - 1 - self.passed) % full
+        for rank in range(self.passed + 1, first):
+            self.done.pop(rank, None)
+        self.passed = first - 1
 
     # -- what is said ----------------------------------------------------------------------------------
 
@@ -301,6 +307,16 @@ class Ledger:
     def waiting(self) -> list[Line]:
         """Return the jobs that are not inside."""
         return [line for line in self.lines.values() if not line.inside]
+
+    def gathers(self, now: Instant, robot: int) -> Duration:
+        """Return for how long news of `robot` may wait for others before the plan is made anew.
+
+        A plan costs more the more jobs there are, and so does telling it: news that concerns nobody soon waits longer.
+        """
+        values, line = self._values, self.lines.get(robot)
+        if line is not None and line.start is not None and line.start <= now + values.soon:
+            return values.replan_wait
+        return max(values.replan_wait, values.replan_job * (len(self.lines) - entries_max(values.payload_max)))
 
     def heir(self) -> int:
         """Return the waiting robot with the latest slot, NOBODY when nobody else waits."""

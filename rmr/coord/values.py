@@ -121,6 +121,11 @@ class Values:
     """Between opposite slots, beside window and clock errors."""
     replan_wait: Duration = 30 * MS
     """A leader gathers joins for this long before it plans again."""
+    replan_job: Duration = 10 * MS
+    """... or for this long for each job beyond those of one frame, where the news concerns nobody soon."""
+    soon: Duration = 3000 * MS
+    """Whoever has a slot within this is told of changes at once, others in their turn: two claim meanwhile, and none of
+    the others is under way for long or may enter under what it holds, for a lease is shorter."""
     takeover_wait: Duration = 300 * MS
     """The same after taking over, while members join again."""
     wait_max: Duration = 1000 * MS

@@ -252,7 +252,8 @@ def test_news_of_a_listed_job_that_has_not_arrived_is_repeated_with_back_off_too
     assert joined(robot.run(lost + ms(160))) == 2
 
 
-def test_a_changed_schedule_of_many_parts_is_sent_whole_twice_and_then_in_turn() -> None:
+def parts_sent(model: Model) -> dict[int, set[int]]:
+    """Return, by issue, which parts of schedules with slots `model` will have sent."""
     issues: dict[int, set[int]] = {}
 
     def watch(source: int, target: int, payload: bytes, now: int) -> bool:
@@ -261,14 +262,33 @@ def test_a_changed_schedule_of_many_parts_is_sent_whole_twice_and_then_in_turn()
             issues.setdefault(message.issued, set()).add(message.part)
         return True
 
-    model = Model(3, 30)
     model.air.filter = watch
+    return issues
+
+
+def test_the_first_slots_of_many_are_sent_whole_and_then_in_turn() -> None:
+    model = Model(3, 30)
+    issues = parts_sent(model)
     for robot in model.ids:
         model.trigger(ms(robot % 20), robot, deadline=ms(60_000 + 4000 * robot), release=ms(30_000))
     model.run(ms(3000))
-    parts = [len(issues[at]) for at in sorted(issues)]
-    news = max(index for index, count in enumerate(parts) if count == 3)
-    assert parts[news - 1 :][:4] == [3, 3, 2, 2]
+    parts = [issues[at] for at in sorted(issues)]
+    news = max(index for index, some in enumerate(parts) if len(some) == 3)
+    assert [len(some) for some in parts[news + 1 :]] == [1] * len(parts[news + 1 :])
+    assert set().union(*parts[news + 1 :][:3]) == {0, 1, 2}
+
+
+def test_what_many_are_told_grows_with_those_that_pass_and_not_with_those_that_wait() -> None:
+    model = Model(3, 60)
+    issues = parts_sent(model)
+    for robot in model.ids:
+        model.trigger(ms(robot % 20), robot, deadline=ms(60_000 + 4000 * robot), release=ms(2000))
+    model.run(ms(4000))
+    before = set(issues)
+    model.run(ms(14_000))
+    sent = [len(parts) for at, parts in issues.items() if at not in before]
+    assert len(model.entries) > 5
+    assert sum(sent) / len(sent) < 4, "of seven parts"
 
 
 def test_a_leader_that_takes_over_gives_slots_when_all_members_have_joined_again() -> None:
