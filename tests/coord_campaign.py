@@ -9,6 +9,8 @@ from random import Random
 
 from coord_harness import Air, Model, ms
 
+from rmr.coord.values import Values
+
 
 @dataclass
 class Outcome:
@@ -32,16 +34,20 @@ class Outcome:
 HEALED = ms(12_000)
 
 
-def run(seed: int) -> Outcome:
+SHORT = Values(payload_max=42)
+"""Frames of two entries: the schedules of a few robots take as many of them as those of a crowd."""
+
+
+def run(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
     """Run one seed: faults for 12 s, then a healed air until all are served."""
     rng = Random(f"campaign/{seed}")
-    count = rng.randint(2, 6)
+    count = rng.randint(*robots)
     air = Air(
         loss=rng.choice((0.0, 0.1, 0.2, 0.3, 0.5)),
         duplicate=rng.choice((0.0, 0.1)),
         late=rng.choice((0.0, 0.0, 0.05)),
     )
-    model = Model(seed, count, air)
+    model = Model(seed, count, air, values)
     ways = rng.choice((1, 2))
     faults = rng.sample(("crash", "restart", "stall", "partition", "withdraw", "overrun"), rng.randint(0, 2))
     spread = rng.choice((20, 300, 5000))

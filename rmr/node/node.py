@@ -307,13 +307,6 @@ class Node:
         """Return whether an action drives to the area that it names: it may be gated."""
         return self.handler(self.program.predicates[action].name).to_area
 
-    @property
-    def bound_for(self) -> Point | None:
-        """Where the robot is going, or the slot on which it stands."""
-        if self.driver is None:
-            return None
-        return self.driver.navigator.goal if self.actions.driving is not None else self.driver.place
-
     def take_place(self, area: Area, turn: Turn | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:
@@ -328,20 +321,11 @@ class Node:
         gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
         shared = self.turns.shared.get((turn.event, turn.way)) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
+        if turn is not None:
+            turn.bound, turn.planned_at = None, self.now
         if turn is not None and gated:
             self.turns.apply_gate(turn)
         self.talk.hello_soon(self.now)
-
-    def rank_changed(self, now: Instant, turn: Turn) -> None:
-        """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
-        name = Symbol(turn.job.name)
-        others = [args for args in self.senses.of("turn") if args[0] != name]
-        self.senses.replace(now, "turn", [*others, (name, turn.rank)])
-        running = turn.action
-        if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
-            return
-        if turn.goal.slotted and running.handler.to_area:
-            self.depart(self.take_place(turn.goal, turn), final_heading=None, turn=turn)
 
     def leads(self, now: Instant, name: Symbol, does: bool) -> None:
         """State whether the robot leads an event of assertion `name`."""

@@ -13,6 +13,7 @@ from rmr.base.streams import stream
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol, Value
 from rmr.node import wire
+from rmr.node.course import bound_for, redirect
 from rmr.node.deliveries import Deliveries
 from rmr.node.exchange import Exchange
 from rmr.node.hello import HelloClock
@@ -103,7 +104,7 @@ class Talk:
         pose = node.percept().pose
         if pose is not None:
             v = 0.0 if node.driver is None else node.driver.speed
-            hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, node.bound_for, self.digest)
+            hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, bound_for(node), self.digest)
             node.transmit(wire.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:
@@ -183,9 +184,12 @@ class Talk:
         assert running is not None
         assert driver is not None
         place = driver.choose_again(now, node.peers)
-        if place is not None:
-            turn = running.turn if isinstance(running.turn, Turn) else None
-            node.depart(place, final_heading=None, turn=turn)
+        if place is None:
+            return
+        if isinstance(running.turn, Turn):
+            redirect(node, now, place, running.turn)
+        else:
+            node.depart(place, final_heading=None, turn=None)
 
     def _tell_parked(self, now: Instant) -> None:
         """Let the navigator know where others stand, if that has changed; one without a goal need not."""

@@ -100,6 +100,10 @@ class Turn:
     """The actions that go by this turn and have not ended; rarely more than one."""
     hindered: int = 0
     """Slots in a row that were of no use, for the robot could not get to the gate."""
+    bound: Point | None = None
+    """The place that the robot has taken while under way, until it has planned its way there."""
+    planned_at: Instant = 0
+    """When it planned its way last."""
     stood: Point | None = None
     """Where the robot was when it first put off its release without having got anywhere since ..."""
     stood_since: Instant = 0

@@ -30,6 +30,7 @@ from rmr.coord.events import (
 )
 from rmr.coord.values import Order
 from rmr.node.asking import estimate, request_of
+from rmr.node.course import keep_course, rank_changed
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import (
     EVENTS_KEPT,
@@ -248,6 +249,8 @@ class Turns:
             phase = turn.phase
             if phase is Phase.LEFT:
                 continue
+            if turn.bound is not None:
+                keep_course(self._node, now, turn)
             if phase is Phase.INSIDE:
                 self._inside(now, turn)
             elif phase is Phase.ASKING and not turn.requested:
@@ -348,7 +351,7 @@ class Turns:
         self._node.trace(now, "slotted", rank=event.rank, start_s=in_seconds(event.start), end_s=in_seconds(event.end))
         if (event.rank, event.place) != (turn.rank, turn.place):
             turn.rank, turn.place = event.rank, event.place
-            self._node.rank_changed(now, turn)
+            rank_changed(self._node, now, turn)
         self._open(turn, event.start, opened=False)
 
     def _open(self, turn: Turn, opens_at: Instant | None, *, opened: bool) -> None:

@@ -3,6 +3,7 @@
 import pytest
 from lab_maker import small_lab, traced
 
+from rmr.node.course import bound_for
 from rmr_sim.run import prepare
 
 EFFECT = 'from rmr import action\n\n@action("act", effect="{}")\nasync def act(robot, *args): pass\n'
@@ -116,7 +117,7 @@ def test_a_robot_that_drives_away_gives_up_its_slot(tmp_path):
         lab="finish: away(R)\n",
     )
     assert simulation.run()
-    assert simulation.robots[0].node.bound_for is None
+    assert bound_for(simulation.robots[0].node) is None
 
 
 def test_a_drive_of_a_robot_that_never_finds_itself_fails(tmp_path):

@@ -5,7 +5,7 @@ from random import Random
 from statistics import median
 
 import pytest
-from coord_campaign import run
+from coord_campaign import SHORT, run
 from coord_harness import EVENT, MS, Air, Model, ms
 
 from rmr.base.gridpath import GridPath
@@ -246,6 +246,12 @@ def test_a_group_larger_than_one_frame_is_served_in_order() -> None:
 @pytest.mark.parametrize("block", range(10))
 def test_random_faults_break_no_guarantee_and_leave_nobody_unserved(block: int) -> None:
     outcomes = [run(seed) for seed in range(20 * block, 20 * block + 20)]
+    assert [outcome for outcome in outcomes if not outcome.ok] == []
+
+
+@pytest.mark.parametrize("block", range(3))
+def test_nor_where_schedules_are_long_and_sent_by_pieces(block: int) -> None:
+    outcomes = [run(seed, SHORT, (6, 12)) for seed in range(6 * block, 6 * block + 6)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
 
 

@@ -1,0 +1,61 @@
+"""Where a robot is bound that is under way while its rank, or what others claim, changes.
+
+Another place behind the bottleneck's gate is taken, and told to the others, at once. The way there is planned once a
+second at most: in a crowd one robot that is late changes the ranks of all behind it, and a plan costs milliseconds.
+"""
+
+from typing import TYPE_CHECKING
+
+from rmr.base.geometry import Point
+from rmr.base.time import Duration, Instant, seconds
+from rmr.base.values import Symbol
+from rmr.node.turn import Phase, Turn
+
+if TYPE_CHECKING:
+    from rmr.node.node import Node
+
+REPLAN_EVERY: Duration = seconds(1)
+"""Nothing is lost by a way that leads to another place for so long: a slot stands for longer before it begins, and with
+it the rank."""
+
+
+def bound_for(node: "Node") -> Point | None:
+    """Return where the robot is going, or the slot on which it stands."""
+    if node.driver is None:
+        return None
+    running = node.actions.driving
+    if running is None:
+        return node.driver.place
+    turn = running.turn
+    return turn.bound if isinstance(turn, Turn) and turn.bound is not None else node.driver.navigator.goal
+
+
+def rank_changed(node: "Node", now: Instant, turn: Turn) -> None:
+    """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
+    name = Symbol(turn.job.name)
+    others = [args for args in node.senses.of("turn") if args[0] != name]
+    node.senses.replace(now, "turn", [*others, (name, turn.rank)])
+    running = turn.action
+    if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
+        return
+    if turn.goal.slotted and running.handler.to_area:
+        redirect(node, now, node.take_place(turn.goal, turn), turn)
+
+
+def redirect(node: "Node", now: Instant, goal: Point, turn: Turn) -> None:
+    """Go to `goal` instead of the place for which the robot is under way by `turn`."""
+    assert node.driver is not None
+    if goal == bound_for(node) and node.driver.navigator.status == "moving":
+        return
+    turn.bound = goal
+    node.talk.hello_soon(now)
+    keep_course(node, now, turn)
+
+
+def keep_course(node: "Node", now: Instant, turn: Turn) -> None:
+    """Plan the way to the place that the robot has taken while under way, unless it has just planned one."""
+    running = node.actions.driving
+    if turn.bound is None or running is None or running.turn is not turn:
+        turn.bound = None
+    elif now >= turn.planned_at + REPLAN_EVERY:
+        node.depart(turn.bound, final_heading=None, turn=turn)
