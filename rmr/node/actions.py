@@ -187,7 +187,10 @@ class Dispatcher:
     @property
     def polling(self) -> bool:
         """Whether an action waits for a condition, which is looked at in every frame."""
-        return len([running for running in self.running if running.pause.condition is not None]) > 0
+        for running in self.running:
+            if running.pause.condition is not None:
+                return True
+        return False
 
     @property
     def driving(self) -> Running | None:

@@ -245,19 +245,22 @@ class Node:
         if not (self._stirred or now >= self.next_wake or self._is_due(now)):
             return
         self._stirred, self._rewake = False, True
+        machine, actions = self.machine, self.actions
         for _ in range(ROUNDS_MAX):
             self._coordination.run(now)
-            if self.machine.due == now:
-                self.actions.resume(now)  # what ends at the very instant of a deadline is in time
-            self.mind.run(now)
-            self.actions.step(now)
+            if machine.has_due(now):
+                if machine.due == now:
+                    actions.resume(now)  # what ends at the very instant of a deadline is in time
+                self.mind.run(now)
+            actions.step(now)
             self.turns.step(now)
             self._coordination.run(now)
             self.talk.flush(now)
-            if not (self.mind.settle(now) or self.mind.due(now) or self.actions.released(now)):
+            more = machine.has_due(now) and (self.mind.settle(now) or self.mind.due(now))
+            if not (more or actions.released(now)):
                 break
         self.mind.watch_quiescence(now)
-        if self._finish_looked <= max(self.machine.called_at, self.senses.changed):
+        if self._finish_looked <= machine.called_at or self._finish_looked <= self.senses.changed:
             self._finish_looked = now
             self._finished = self._holds_finish()
         if self.finish_at is None and self._finished:

@@ -229,6 +229,11 @@ class Machine(Parts):
         """When facts may have changed last: the instant of the last call that handed something in, or of `run`."""
         return self._now
 
+    def has_due(self, now: Instant) -> bool:
+        """Return whether there is something to `run` at `now`, or to drain: of a robot that drives hardly ever."""
+        jobs = self._any_jobs
+        return self.busy or bool(self._events) or (jobs is not None and jobs.due <= now)
+
     @property
     def has_news(self) -> bool:
         """Whether there is anything to drain."""
