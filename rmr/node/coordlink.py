@@ -70,6 +70,10 @@ class CoordLink:
         """Hand the core a frame of another robot."""
         self._core.receive(now, payload, source)
 
+    def awaits(self, outcome: Confirmed) -> bool:
+        """Return whether the outcome is that of a frame of the core's."""
+        return outcome.handle in self._handles
+
     def confirm(self, now: Instant, outcome: Confirmed) -> None:
         """Hand the core the outcome of a frame, if it is one of its own."""
         handle = self._handles.pop(outcome.handle, None)

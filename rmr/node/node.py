@@ -29,7 +29,7 @@ from rmr.node.executive import Executive, Task
 from rmr.node.mind import Mind
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import Peers, Percept
-from rmr.node.ports import Ports, Received, Spoken
+from rmr.node.ports import Confirmed, Ports, Received, Spoken
 from rmr.node.provided import PROVIDED, NodeHandle
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.talk import Talk
@@ -161,6 +161,10 @@ class Node:
         In a crowd nearly all that is heard are hellos that change nothing but where a robot is known to be.
         """
         return self._started and not self._meets and now - self.now <= SLEPT and self.talk.overhear(now, frame)
+
+    def awaits(self, outcome: Confirmed) -> bool:
+        """Return whether `outcome` matters here: else it need not be handed over. That of no broadcast does."""
+        return self._coordination.awaits(outcome)
 
     def _busy(self) -> bool:
         """Return whether something goes on that every frame matters to; else the robot sleeps until it is due."""

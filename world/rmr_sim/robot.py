@@ -150,6 +150,8 @@ class SimulatedRobot:
 
     def _take(self, out: Received | Confirmed) -> None:
         if isinstance(out, Confirmed):
+            if not self.node.awaits(out):
+                return
             self._confirmed.append(out)
         elif self.served and not self._received and self.node.overhear(self._simulation.kernel.now, out):
             return
