@@ -25,7 +25,7 @@ class Kernel:
     def at(self, when: Instant, priority: int, call: Callable[[Instant], None]) -> None:
         """Make `call(now)` at `when`; what is due already is made at the present instant."""
         self._sequence += 1
-        heapq.heappush(self._heap, (max(when, self.now), priority, self._sequence, call))
+        heapq.heappush(self._heap, (when if when > self.now else self.now, priority, self._sequence, call))
 
     @property
     def due(self) -> Instant:

@@ -44,9 +44,7 @@ class CoordLink:
         return core.next_wake <= now or core.has_news or bool(later and later[0][0] <= now)
 
     def run(self, now: Instant) -> None:
-        """Let the core do what is due, and see to what it says."""
-        if not self.due(now):
-            return
+        """Let the core do what is `due`, and see to what it says."""
         self._core.wake(now)
         for out in self._core.drain():
             if not isinstance(out, Send):

@@ -249,16 +249,18 @@ class Node:
         if not (self._stirred or now >= self.next_wake or self._is_due(now)):
             return
         self._stirred, self._rewake = False, True
-        machine, actions = self.machine, self.actions
+        machine, actions, coordination = self.machine, self.actions, self._coordination
         for _ in range(ROUNDS_MAX):
-            self._coordination.run(now)
+            if coordination.due(now):
+                coordination.run(now)
             if machine.has_due(now):
                 if machine.due == now:
                     actions.resume(now)  # what ends at the very instant of a deadline is in time
                 self.mind.run(now)
             actions.step(now)
             self.turns.step(now)
-            self._coordination.run(now)
+            if coordination.due(now):
+                coordination.run(now)
             self.talk.flush(now)
             more = machine.has_due(now) and (self.mind.settle(now) or self.mind.due(now))
             if not (more or actions.released(now)):

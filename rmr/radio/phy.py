@@ -304,7 +304,8 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
     """
     if config.interference == "awgn":
         return int(255 * success)
-    return max(0, min(255, round((rssi_dbm - config.sensitivity_dbm) * (255 / 40))))
+    quality = round((rssi_dbm - config.sensitivity_dbm) * (255 / 40))
+    return 0 if quality < 0 else 255 if quality > 255 else quality
 
 
 _MASK = (1 << 64) - 1

@@ -47,9 +47,7 @@ MakeNode = Callable[[Ports, int], Node]
 
 
 def _taken(queue: deque[T]) -> list[T]:
-    """Return what waits in `queue`, which is empty then, as it is at most calls."""
-    if not queue:
-        return []
+    """Return what waits in `queue`, which is empty then."""
     taken = list(queue)
     queue.clear()
     return taken
@@ -104,15 +102,15 @@ class SimulatedRobot:
 
     def receive(self) -> list[Received]:
         """Return the frames that have arrived."""
-        return _taken(self._received)
+        return _taken(self._received) if self._received else []
 
     def confirmations(self) -> list[Confirmed]:
         """Return the outcomes that have become known."""
-        return _taken(self._confirmed)
+        return _taken(self._confirmed) if self._confirmed else []
 
     def sense(self) -> list[Sensed]:
         """Return the new samples."""
-        return _taken(self._samples)
+        return _taken(self._samples) if self._samples else []
 
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Command the wheels."""
@@ -131,7 +129,7 @@ class SimulatedRobot:
     def tick(self, now: Instant) -> None:
         """Let the node run, and see to what it wants next."""
         self.node.tick(now)
-        if self.node.trace_log:
+        if self.node.notes.entries:
             self._simulation.take_trace(self)
         self.wake_in_frame(now)
 
