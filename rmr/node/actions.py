@@ -187,10 +187,7 @@ class Dispatcher:
     @property
     def polling(self) -> bool:
         """Whether an action waits for a condition, which is looked at in every frame."""
-        for running in self.running:
-            if running.pause.condition is not None:
-                return True
-        return False
+        return len([running for running in self.running if running.pause.condition is not None]) > 0
 
     @property
     def driving(self) -> Running | None:

@@ -7,7 +7,8 @@ import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.geometry import distance
-from rmr.node.ports import Received
+from rmr.base.time import seconds
+from rmr.node.ports import Confirmed, Received
 from rmr.node.wire import Hello, encode_ack, encode_hello
 from rmr_sim.run import prepare
 from rmr_world.program import ProgramError
@@ -448,6 +449,28 @@ def test_a_hello_of_a_known_robot_is_taken_in_as_it_arrives_and_what_needs_a_cal
     assert not heard(encode_hello(hello)[:-1]), "malformed"
     assert not heard(encode_ack(0, 1)), "no hello"
     assert not heard(b"")
+
+
+def test_a_mind_is_told_the_outcome_of_what_it_asks_after_and_not_that_of_its_hellos(tmp_path):
+    simulation = prepare(LABS / "testbed", seed=1)
+    robot = simulation.robots[0]
+    told, awaited = list[int](), list[int]()
+
+    def take(out, *, robot=robot, take=robot.station.take):
+        if isinstance(out, Confirmed):
+            told.append(out.handle)
+            awaited.extend([out.handle] * robot.node.awaits(out))
+        take(out)
+
+    def after_two_seconds(now):
+        if now >= seconds(2.0):
+            simulation.stop()
+
+    robot.station.take = take
+    simulation.observers.append(after_two_seconds)
+    simulation.run()
+    assert 0 < len(awaited) < len(told)
+    assert not robot.node.awaits(Confirmed(awaited[0], "ok")), "told already"
 
 
 def test_nothing_is_overheard_where_the_program_asks_who_is_near(tmp_path):
