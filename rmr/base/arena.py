@@ -14,6 +14,10 @@ Extent = tuple[float, float, float, float]
 """The least x and y of an obstacle, and the greatest."""
 
 
+ROUNDING_M = 1e-9
+"""More than arithmetic may take from a distance: obstacles whose box is farther away than this are not looked at."""
+
+
 @dataclass(frozen=True, slots=True)
 class Disc:
     """A round obstacle."""
@@ -129,8 +133,12 @@ class Arena:
 
     def clearance(self, x: float, y: float) -> float:
         """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""
-        walls = min(x, y, self.width - x, self.height - y)
-        return max(0.0, min([walls, *(obstacle.distance(x, y) for obstacle in self.obstacles)]))
+        nearest = min(x, y, self.width - x, self.height - y)
+        for obstacle in self.obstacles:
+            x0, y0, x1, y1 = obstacle.extent
+            if max(x0 - x, x - x1, y0 - y, y - y1) <= nearest + ROUNDING_M:
+                nearest = min(nearest, obstacle.distance(x, y))
+        return max(0.0, nearest)
 
 
 NOWHERE = Arena(1.0, 1.0, 0.05)
