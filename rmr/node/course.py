@@ -1,7 +1,8 @@
 """Where a robot is bound that is under way while its rank, or what others claim, changes.
 
-Another place behind the bottleneck's gate is taken, and told to the others, at once. The way there is planned once a
-second at most: in a crowd one robot that is late changes the ranks of all behind it, and a plan costs milliseconds.
+Another place behind the bottleneck's gate is taken, and told to the others, at once. Before the gate the way there is
+planned once a second at most: in a crowd one robot that is late changes the ranks of all behind it, and a plan costs
+milliseconds.
 """
 
 from typing import TYPE_CHECKING
@@ -53,9 +54,9 @@ def redirect(node: "Node", now: Instant, goal: Point, turn: Turn) -> None:
 
 
 def keep_course(node: "Node", now: Instant, turn: Turn) -> None:
-    """Plan the way to the place that the robot has taken while under way, unless it has just planned one."""
+    """Plan the way to the place that the robot has taken while under way, once it passes the gate or may plan again."""
     running = node.actions.driving
     if turn.bound is None or running is None or running.turn is not turn:
         turn.bound = None
-    elif now >= turn.planned_at + REPLAN_EVERY:
+    elif turn.phase in (Phase.INSIDE, Phase.LEFT) or now >= turn.planned_at + REPLAN_EVERY:
         node.depart(turn.bound, final_heading=None, turn=turn)

@@ -247,10 +247,10 @@ class Turns:
         soonest = NEVER
         for turn in self._turns.values():
             phase = turn.phase
-            if phase is Phase.LEFT:
-                continue
             if turn.bound is not None:
                 keep_course(self._node, now, turn)
+            if phase is Phase.LEFT:
+                continue
             if phase is Phase.INSIDE:
                 self._inside(now, turn)
             elif phase is Phase.ASKING and not turn.requested:
