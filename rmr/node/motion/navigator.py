@@ -52,8 +52,8 @@ class Navigator:
 
     __slots__ = (
         "_aside_until", "_back_until", "_driven", "_face", "_follower", "_gate", "_late_since", "_next_try",
-        "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch",
-        "_v", "arena", "hearing", "replans", "robot", "status",
+        "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_v",
+        "_watch", "arena", "hearing", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1) -> None:
@@ -72,10 +72,8 @@ class Navigator:
         self._replan_due = False
         self._late_since: Instant | None = None
         self._overtake = False
-        self._back_until: Instant = 0
-        self._aside_until: Instant = 0
-        self._share = 1.0
-        self._v = 0.0
+        self._back_until = self._aside_until = 0
+        self._share, self._v = 1.0, 0.0
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
         self._standing = Standing()
@@ -153,8 +151,7 @@ class Navigator:
         self._gate = Gate(self.arena.shape, holding=False)
         self._replan_due = self._overtake = False
         self._back_until = self._aside_until = 0
-        self._share = 1.0
-        self._v = 0.0
+        self._share, self._v = 1.0, 0.0
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""

@@ -118,6 +118,16 @@ def test_a_stand_off_begins_when_patience_is_over_and_not_while_the_robot_moves(
     assert stand_off.blocked(seconds(1.4), wish, stopped)
 
 
+def test_turning_to_the_way_out_of_a_stand_off_is_no_standing_before_another():
+    stand_off = StandOff(robot=0)
+    wish, stopped, turning = Twist(FULL, 0.0), Twist(0.0, 0.0), Twist(0.0, 3.0)
+    assert not stand_off.blocked(0, wish, stopped)
+    assert stand_off.blocked(seconds(0.8), wish, stopped)
+    assert not stand_off.blocked(seconds(1.7), turning, turning)
+    assert not stand_off.blocked(seconds(1.8), wish, stopped)  # patience begins anew
+    assert stand_off.blocked(seconds(2.6), wish, stopped)
+
+
 def test_robots_differ_in_patience():
     times = []
     for robot in range(4):
