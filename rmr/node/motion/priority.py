@@ -90,9 +90,11 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     for share in SHARES:
         least = math.inf
         for i in range(STEPS):
-            me = route.point(s + share * shape.speed * STEP_S * i)
+            x, y = route.place(s + share * shape.speed * STEP_S * i)
             for track in tracks:
-                least = min(least, math.hypot(track[i].x - me.x, track[i].y - me.y))
+                other_x, other_y = track[i]
+                away = math.hypot(other_x - x, other_y - y)
+                least = away if away < least else least
         if least >= keep:
             return share
         if least > best + 0.005:
@@ -117,12 +119,12 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
     return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + MARGIN_M
 
 
-def _track(now: Instant, other: Heard, speed: float) -> list[Point]:
-    """Return where `other` will be, step by step."""
+def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]]:
+    """Return where `other` will be, step by step, as bare numbers."""
     (x, y, _), (cos, sin, way) = other.pose, _course(other)
     age = in_seconds(now - other.at)
     gone = [min(way, speed * (age + STEP_S * i)) for i in range(STEPS)]
-    return [Point(x + g * cos, y + g * sin) for g in gone]
+    return [(x + g * cos, y + g * sin) for g in gone]
 
 
 def _course(other: Heard) -> tuple[float, float, float]:
