@@ -53,6 +53,7 @@ _DV, _DW = ACCELERATION * TICK_S, TURN_ACCELERATION * TICK_S
 """What the wheels can do in one tick."""
 _STEP_S = TICK_S / SUBSTEPS
 _set = object.__setattr__
+_NARROW = math.radians(59.0)
 """Sets a body's property, past pymunk's own `__setattr__`, which does the same in twice the time."""
 _ROBOT, _FIXED = 1, 2
 """Collision types, and categories of shapes (a bit each)."""
@@ -359,12 +360,11 @@ class World:
         seen = []
         cos, sin, radius = robot.cos, robot.sin, self._shape.radius
         half, normal = 0.5 * self._shape.view_angle, robot.view
-        narrow = half < math.radians(59.0)
         for other in robot.near:
             dx, dy = other.x - robot.x, other.y - robot.y
             ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
             centres = math.hypot(dx, dy)
-            if ahead <= 0.0 and narrow and centres >= 2.0 * radius:
+            if ahead <= 0.0 and half < _NARROW and centres >= 2.0 * radius:
                 continue  # behind, where half of a hull's width is 30 degrees at most
             half_width = math.asin(min(1.0, radius / centres)) if centres > 0.0 else math.pi
             if abs(math.atan2(left, ahead)) - half_width > half:
@@ -378,7 +378,7 @@ class World:
                 cos * other.vy - sin * other.vx + normal() * BODY_VELOCITY_SIGMA,
             )
             seen.append((centres, other.id, body))
-        return tuple(body for _, _, body in sorted(seen))
+        return tuple([body for _, _, body in sorted(seen)]) if seen else ()
 
 
 def _read(robot: _Robot) -> None:
