@@ -1,8 +1,8 @@
 """Where a robot is bound that is under way while its rank, or what others claim, changes.
 
 Another place behind the bottleneck's gate is taken, and told to the others, at once. Before the gate the way there is
-planned once a second at most: in a crowd one robot that is late changes the ranks of all behind it, and a plan costs
-milliseconds.
+planned when the slot nears, once a second at most: in a crowd one robot that is late changes the ranks of all behind
+it, and a plan costs milliseconds.
 """
 
 from typing import TYPE_CHECKING
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 REPLAN_EVERY: Duration = seconds(1)
 """Nothing is lost by a way that leads to another place for so long: a slot stands for longer before it begins, and with
 it the rank."""
+NEARS: Duration = seconds(3)
+"""Earlier before its slot the robot keeps the way that it has: to the gate it is the same, and ranks change still."""
 
 
 def bound_for(node: "Node") -> Point | None:
@@ -58,5 +60,5 @@ def keep_course(node: "Node", now: Instant, turn: Turn) -> None:
     running = node.actions.driving
     if turn.bound is None or running is None or running.turn is not turn:
         turn.bound = None
-    elif turn.phase in (Phase.INSIDE, Phase.LEFT) or now >= turn.planned_at + REPLAN_EVERY:
+    elif turn.phase in (Phase.INSIDE, Phase.LEFT) or now >= max(turn.planned_at + REPLAN_EVERY, turn.start - NEARS):
         node.depart(turn.bound, final_heading=None, turn=turn)
