@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rmr import cli
+from rmr.commands import group
 from rmr.commands.radiorows import NAMES
 
 FILES = Path(__file__).parents[1] / "validation" / "reference"
@@ -23,7 +23,7 @@ BRIEF = {
 
 
 def radio(line):
-    return CliRunner().invoke(cli.main, ["radio", *line.split()])
+    return CliRunner().invoke(group.command, ["radio", *line.split()])
 
 
 @pytest.mark.parametrize("name", BRIEF)

@@ -85,16 +85,8 @@ class Simulation:
         self._trace: list[dict[str, Any]] = []
         self.frame_end: Instant = 0
         """When the next frame begins."""
-        config = self._config(trace, values or Values())
-        facts = _by_robot(config.facts, config.roster)
-        bodily = needs_bodies(lab, program, handlers or {})
-
-        def maker(robot: int) -> MakeNode:
-            own = replace(config, robot=robot, facts=tuple(facts[robot]))
-            return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers or {}, digest)
-
-        self.robots = [SimulatedRobot(self, robot, maker(robot), bodily) for robot in lab.roster]
-        self._bodily = bodily
+        self._bodily = needs_bodies(lab, program, handlers or {})
+        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, values or Values()))
         self._calls: list[tuple[Instant, int]] = []
         """When robots without bodies want to be called, beyond the present frame, and their indices: a heap."""
         self._served, self._waiting = list[SimulatedRobot](), list[SimulatedRobot]()
@@ -105,6 +97,18 @@ class Simulation:
         self._disturbances: tuple[Disturbance, ...] = ()
         for disturbance in lab.disturbances:
             self.disturb(disturbance)
+
+    def _robots(
+        self, program: Program, digest: int, handlers: Mapping[str, Handler], config: NodeConfig
+    ) -> list[SimulatedRobot]:
+        """Return the robots, each with what makes its node anew for each of its lives."""
+        facts = _by_robot(config.facts, config.roster)
+
+        def maker(robot: int) -> MakeNode:
+            own = replace(config, robot=robot, facts=tuple(facts[robot]))
+            return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers, digest)
+
+        return [SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster]
 
     def _config(self, trace: Level, values: Values) -> NodeConfig:
         """Return what all robots are told, as the first one is."""

@@ -1,6 +1,6 @@
 """A small world for motion tests: unicycle robots with limited acceleration, noisy poses and a view cone.
 
-No radio and no schedule: the benches hand out ideal slots. Poses reach the robots with an error that drifts as
+No radio and no schedule: the benches hand out ideal slots, and robots of a stream hear each other without loss. Poses reach the robots with an error that drifts as
 an EKF's does (a first-order process), wheels turn a little more or less than commanded, bodies are seen by
 their hulls, with a little noise. Contacts are overlaps of discs or of a disc and an obstacle.
 """
@@ -12,6 +12,7 @@ from random import Random
 from rmr.base.arena import Area, Arena, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
 from rmr.base.time import Instant, in_seconds, tick_start
+from rmr.node.motion.hearing import Known
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
@@ -22,6 +23,7 @@ TICK = 1.0 / 60.0
 POSITION_SIGMA = 0.004
 HEADING_SIGMA = 0.012
 DRIFT_S = 1.0
+SAID_TICKS = 12
 HELLO_TICKS = 30
 HELLO_GOALS = True
 
@@ -235,8 +237,21 @@ class Stream:
         ahead = [self.goals[o.robot] for o in self.order if self.slots[o.robot] < mine and not o.nav.parked]
         return self.parked_for(body) + ahead
 
+    def _say(self) -> None:
+        """Let every robot hear where the others believe to be."""
+        bench = self.bench
+        said = []
+        for body in bench.bodies:
+            x, y, theta = body.estimate
+            vx, vy = body.v * math.cos(theta), body.v * math.sin(theta)
+            said.append(Known(body.robot, Point(x, y), vx, vy, bench.now, body.nav.status != "moving", False))
+        for body in bench.bodies:
+            body.nav.hearing.update(body.estimate, [known for known in said if known.robot != body.robot])
+
     def step(self) -> None:
         bench = self.bench
+        if bench.tick % SAID_TICKS == 0:
+            self._say()
         if bench.tick % 15 == 0:
             for body in self.order:
                 body.nav.update_parked(self._parked_ahead(body))

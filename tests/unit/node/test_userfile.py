@@ -30,16 +30,16 @@ def test_no_file_registers_nothing_and_a_file_its_actions(file):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("1 / 0\n", "ZeroDivisionError: division by zero"),
-        ("def (\n", "SyntaxError: invalid syntax"),
-        ("import no_such_module\n", "ModuleNotFoundError: No module named 'no_such_module'"),
-        ("open('/no/such/file')\n", "FileNotFoundError: "),
-        ("raise SystemExit(7)\n", r"calls exit\(7\) while it is loaded"),
-        ("x = 1\n", "registers no action"),
+        ("1 / 0\n", ":1: ZeroDivisionError: division by zero"),
+        ("def (\n", ": SyntaxError: invalid syntax"),
+        ("import no_such_module\n", ":1: ModuleNotFoundError: No module named 'no_such_module'"),
+        ("open('/no/such/file')\n", ":1: FileNotFoundError: "),
+        ("raise SystemExit(7)\n", r": calls exit\(7\) while it is loaded"),
+        ("x = 1\n", ": registers no action"),
     ],
 )
-def test_a_mistake_of_the_file_is_told_with_its_path(file, text, message):
-    with pytest.raises(ActionsError, match=f"acts.py: {message}"):
+def test_a_mistake_of_the_file_is_told_with_its_path_and_line(file, text, message):
+    with pytest.raises(ActionsError, match=f"acts.py{message}"):
         load_actions(file(text))
 
 
