@@ -1,8 +1,9 @@
 """A small world for motion tests: unicycle robots with limited acceleration, noisy poses and a view cone.
 
-No radio and no schedule: the benches hand out ideal slots, and robots of a stream hear each other without loss. Poses reach the robots with an error that drifts as
-an EKF's does (a first-order process), wheels turn a little more or less than commanded, bodies are seen by
-their hulls, with a little noise. Contacts are overlaps of discs or of a disc and an obstacle.
+No radio and no schedule: the benches hand out ideal slots, and robots of a stream hear each other without
+loss. Poses reach the robots with an error that drifts as an EKF's does (a first-order process), wheels turn a
+little more or less than commanded, bodies are seen by their hulls, with a little noise. Contacts are overlaps
+of discs or of a disc and an obstacle.
 """
 
 import math
