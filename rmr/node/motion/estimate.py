@@ -35,14 +35,14 @@ class Estimate(NamedTuple):
     """Whether the robot is in the narrow section already."""
 
 
-def drive_time(shape: RobotShape, way_m: float, turn: float, v: float = 0.0) -> Duration:
-    """Return what `way_m` metres take from `v` m/s on, for a robot whose way leads off by `turn` radians.
+def drive_time(shape: RobotShape, way_m: float, turn: float) -> Duration:
+    """Return what `way_m` metres take from standstill, for a robot whose way leads off by `turn` radians.
 
     It turns in place until it is hardly off any more, and does the rest on the way.
     """
     angle = max(0.0, turn - PIVOT_END)
     pivot = angle / shape.turn + PIVOT_S * min(1.0, angle / PIVOT_WAY)
-    return seconds(pivot + way_m / shape.speed + START_S * max(0.0, 1.0 - v / shape.speed))
+    return seconds(pivot + way_m / shape.speed + START_S)
 
 
 def estimate_of(shape: RobotShape, route: Route, line_m: float, turn: float) -> Estimate:

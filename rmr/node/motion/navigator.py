@@ -15,7 +15,7 @@ from typing import NamedTuple
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
 from rmr.base.gridpath import GridPath
-from rmr.base.time import Duration, Instant, in_seconds, seconds
+from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.aside import ASIDE_S, aside, back
 from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, drive_time, estimate_of
@@ -52,8 +52,8 @@ class Navigator:
 
     __slots__ = (
         "_aside_until", "_back_until", "_driven", "_face", "_follower", "_gate", "_late_since", "_next_try",
-        "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_v",
-        "_watch", "arena", "hearing", "replans", "robot", "status",
+        "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch",
+        "arena", "hearing", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1) -> None:
@@ -72,8 +72,9 @@ class Navigator:
         self._replan_due = False
         self._late_since: Instant | None = None
         self._overtake = False
-        self._back_until = self._aside_until = 0
-        self._share, self._v = 1.0, 0.0
+        self._back_until: Instant = 0
+        self._aside_until: Instant = 0
+        self._share = 1.0
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
         self._standing = Standing()
@@ -151,7 +152,7 @@ class Navigator:
         self._gate = Gate(self.arena.shape, holding=False)
         self._replan_due = self._overtake = False
         self._back_until = self._aside_until = 0
-        self._share, self._v = 1.0, 0.0
+        self._share = 1.0
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
@@ -189,7 +190,6 @@ class Navigator:
         early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
         if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
             self._detour(now, pose)
-        self._v = allowed.v
         return allowed
 
     def _safe(self, now: Instant, pose: Pose, twist: Twist, seen: Sequence[SeenBody]) -> Twist:
@@ -356,7 +356,7 @@ class Navigator:
             return False
         way = self._gate.line_m(follower.route) - follower.s
         # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
-        return way <= in_seconds(within) * self.arena.shape.speed and self.eta_gate(0) <= within
+        return drive_time(self.arena.shape, way, 0.0) <= within and self.eta_gate(0) <= within
 
     def eta_gate(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
@@ -364,19 +364,17 @@ class Navigator:
         if follower is None or follower.route.gate_m is None or self._gate.passed:
             return 0
         way = self._gate.line_m(follower.route) - follower.s
-        return 0 if way <= 0.0 else self._time_for(way, follower)
+        if way <= 0.0:
+            return 0
+        return drive_time(self.arena.shape, way, abs(follower.heading_error(self._pose)))
 
     def eta_clear(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least until it is clear; 0 when it is or without a gate."""
         follower = self._follower
         if follower is None or follower.route.gate_m is None or self._gate.cleared:
             return 0
-        return self._time_for(max(0.0, follower.route.clear_m - follower.s), follower)
-
-    def _time_for(self, way_m: float, follower: Follower) -> Duration:
-        """Return what `way_m` take from now on: who drives turns on the way and has its speed already."""
-        turn = abs(follower.heading_error(self._pose)) if follower.pivoting else 0.0
-        return drive_time(self.arena.shape, way_m, turn, self._v)
+        way = max(0.0, follower.route.clear_m - follower.s)
+        return drive_time(self.arena.shape, way, abs(follower.heading_error(self._pose)))
 
     def estimate(
         self,
