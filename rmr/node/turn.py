@@ -163,8 +163,10 @@ class Turn:
 
 
 def gets_nowhere(now: Instant, turn: Turn, navigator: Navigator) -> bool:
-    """Return whether the robot, though it may enter, has stood before the gate for `GIVE_BACK`."""
+    """Return whether the robot, though it may enter, has stood before the gate for `GIVE_BACK` or drives away."""
     route = navigator.route
+    if navigator.aside and not navigator.passed_gate:
+        return not turn.within
     stands = route is not None and route.gate_m is not None and not route.within and not navigator.passed_gate
     return stands and not turn.within and now - turn.entered_at > GIVE_BACK
 

@@ -279,12 +279,12 @@ class Turns:
         turn.passage = turn.passage or passage_of(navigator)
         if turn.within and turn.passage is None and self._within(turn, OFF_ROUTE_M):  # until its action begins
             self._until(now, turn, now + UNKNOWN_INSIDE)
-        elif clear_of_bottleneck(turn, navigator, driver.localiser.pose):
-            self._leave(now, turn)
         elif gets_nowhere(now, turn, navigator):
             turn.hindered = HINDERED_MAX
             turn.hinder(now)
             self._ask_again(now, turn, turn.job, turn.goal)
+        elif clear_of_bottleneck(turn, navigator, driver.localiser.pose):
+            self._leave(now, turn)
         else:
             end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
             if abs(end - turn.end) > REVISE_FROM:

@@ -4,16 +4,24 @@ Two robots that want each other's places are in a stand-off without a way around
 has left. Each then drives a little to its right, and comes back when the other has had time to pass. On their
 right hand both leave the line between them on different sides. One that waits for its turn in a mouth by which others
 come out drives out of their way alike.
+
+The last resort is right by construction: in a jam that nothing else has dissolved each robot walks away by chance, ever
+farther, stays there for a time that is another for each, and comes back. As long as there is free floor around the
+jam, its outermost robots find some, and those behind them after that.
 """
 
 import math
 from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
-from rmr.base.time import Duration, seconds
+from rmr.base.streams import uniform
+from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.avoid import BACK_MPS
 from rmr.node.motion.grid import MARGIN_M, segment_clearance
+from rmr.node.motion.route import Route, leader_route
 from rmr.node.ports import SeenBody
 
 BACK_MARGIN_M = 0.03
@@ -27,9 +35,41 @@ ASIDE_RADII = 4.0
 ANGLES = (-90, -135, -45, 90, 135, 45, 180)
 """Degrees from the way to the goal, to the right first."""
 
-
 FARTHER = (1.0, 1.5, 2.0, 3.0)
-"""Times as far, where there is no room nearer."""
+"""Times as far, where there is no room nearer, or nothing has helped so often."""
+DIRECTIONS = 12
+"""Directions in which a walk away from a jam is tried."""
+WALK_LONGER_M = 0.3
+"""So much longer than straight the way of such a walk may be."""
+STAY_MAX_S = 6.0
+"""How much longer a robot stays away from a jam at most, by chance."""
+WALK_S = 6.0
+"""How long a walk away from a jam takes at least until the robot comes back, the way there included."""
+RETREAT_S = 1.6
+"""Length of the way back of one that is in the bottleneck, times how often it was tried, ..."""
+RETREAT_TRIES_MAX = 4
+"""... at most so many."""
+
+
+class Side(Enum):
+    """Where a robot is on its way through the bottleneck."""
+
+    BEFORE = "before"
+    WITHIN = "within"
+    BEYOND = "beyond"
+    """Or its way does not lead through the bottleneck."""
+
+
+class Aside(NamedTuple):
+    """How a robot makes room."""
+
+    until: Instant
+    stays: bool
+    """Whether it waits where it has arrived."""
+
+    def over(self, now: Instant, arrived: bool) -> bool:
+        """Return whether it is time to come back."""
+        return now >= self.until or (arrived and not self.stays)
 
 
 def aside(
@@ -53,6 +93,25 @@ def aside(
     return None
 
 
+def way_aside(
+    arena: Arena,
+    start: Point,
+    goal: Point,
+    parked: Sequence[Point],
+    others: Sequence[Point],
+    mouth: Pose | None = None,
+    off_m: float = 0.0,
+) -> Route | None:
+    """Return the way around those `parked` to where `aside` says, clear of the `others` too; None if there is none."""
+    spot = aside(arena, start, goal, (*parked, *others), mouth, off_m)
+    return None if spot is None else leader_route(arena, start, spot, parked, through_gate=False)
+
+
+def for_a_moment(now: Instant) -> Aside:
+    """Return how a robot steps aside `now`."""
+    return Aside(now + ASIDE_S, stays=False)
+
+
 def _before(mouth: Pose, spot: Point, off_m: float) -> bool:
     """Return whether `spot` is farther than `off_m` from a mouth, on the side from which the mouth is entered."""
     x, y, theta = mouth
@@ -67,3 +126,51 @@ def back(arena: Arena, pose: Pose, around: Sequence[SeenBody]) -> Twist:
         math.hypot(body.x + AHEAD_M, body.y) > 2.0 * radius + BACK_MARGIN_M or body.x > 0.0 for body in around
     )
     return Twist(-BACK_MPS, 0.0) if free else STILL
+
+
+def side_of(arena: Arena, place: Point, goal: Point) -> Side:
+    """Return where a robot at `place` is on its way to `goal`."""
+    route = leader_route(arena, place, goal, (), through_gate=True)
+    if route is None or route.gate_m is None:
+        return Side.BEYOND
+    return Side.WITHIN if route.within else Side.BEFORE
+
+
+def walk_away(arena: Arena, start: Point, goal: Point, others: Sequence[Point], robot: int, tries: int) -> Route | None:
+    """Return a way from `start` to free floor clear of `others`; None where there is none.
+
+    The direction is drawn from the robot's id and the tries; the more `tries`, the farther. It ends on this side of the
+    bottleneck.
+    """
+    radius = arena.shape.radius
+    first = uniform("walk", robot, tries) * math.tau
+    side = side_of(arena, start, goal)
+    for times in FARTHER[min(tries, len(FARTHER)) - 1 :: -1]:
+        away = times * ASIDE_RADII * radius
+        for turn in range(DIRECTIONS):
+            angle = first + turn * math.tau / DIRECTIONS
+            spot = Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle))
+            if arena.clearance(*spot) < radius + MARGIN_M or _near(spot, others, radius):
+                continue
+            route = leader_route(arena, start, spot, others, through_gate=False)
+            if route and route.length_m < away + WALK_LONGER_M and side_of(arena, spot, goal) is side:
+                return route
+    return None
+
+
+def _near(spot: Point, others: Sequence[Point], radius: float) -> bool:
+    return any(distance(*spot, *other) < 2.0 * radius + MARGIN_M for other in others)
+
+
+def stay(now: Instant, robot: int, tries: int) -> Aside:
+    """Return for how long the `tries`-th walk away takes the robot off the jam."""
+    return Aside(now + seconds(WALK_S + STAY_MAX_S * uniform("stay", robot, tries)), stays=True)
+
+
+def retreat(robot: int, tries: int) -> Duration:
+    """Return how long a robot in the bottleneck drives back at its `tries`-th try; every second time it stays.
+
+    Which, is drawn from its id and the tries, so that of two that are head to head one gives way.
+    """
+    goes = uniform("retreat", robot, tries) < 0.5
+    return seconds(RETREAT_S * min(tries, RETREAT_TRIES_MAX)) if goes else 0

@@ -61,6 +61,10 @@ PATIENCE_STEP_S = 0.2
 """Robots differ in patience by multiples of this, so that not all act at once."""
 BIAS_M = 0.05
 """How far the detour takes the other to be to the left of where it is."""
+ENDURED: Duration = seconds(8)
+"""A stand-off that has lasted for so long is not dissolved by detours and ways back ..."""
+ENDURED_M = 0.1
+"""... if the robot is no farther than this from where it began."""
 GHOST_S = 2.5
 """How long a detour keeps off the place where the other was."""
 BACK_S = 0.4
@@ -213,7 +217,7 @@ def _in_frame(pose: Pose, cos: float, sin: float, x: float, y: float, vx: float,
 class StandOff:
     """Notices that others keep this robot standing."""
 
-    __slots__ = ("_patience", "_since", "ghosts", "ghosts_until", "tries")
+    __slots__ = ("_at", "_at_since", "_patience", "_since", "ghosts", "ghosts_until", "tries", "walks")
 
     def __init__(self, robot: int) -> None:
         self._patience = seconds(PATIENCE_S + PATIENCE_STEP_S * (robot % 4))
@@ -221,10 +225,15 @@ class StandOff:
         self.ghosts: tuple[Point, ...] = ()
         self.ghosts_until: Instant = 0
         self.tries = 0
+        self._at: Point | None = None
+        self._at_since: Instant = 0
+        self.walks = 0
+        """How often the robot has had to walk away."""
 
     def reset(self) -> None:
         """Forget everything: a new drive begins."""
-        self._since, self.ghosts, self.tries = None, (), 0
+        self._since, self._at, self.ghosts = None, None, ()
+        self.tries = self.walks = 0
 
     def blocked(self, now: Instant, wish: Twist, allowed: Twist, more: Duration = 0) -> bool:
         """Note this tick; return whether the patience, and `more`, is over (once per patience)."""
@@ -250,3 +259,21 @@ class StandOff:
             shift = BIAS_M / away
             ghosts += [Point(x, y), Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift)]
         self.ghosts, self.ghosts_until = tuple(ghosts), now + seconds(GHOST_S)
+
+    def around(self, now: Instant, standing: Iterable[Point]) -> Iterable[Point]:
+        """Return what a new way leads around: the ghosts, later in the stand-off the others that are `standing`."""
+        if now < self.ghosts_until:
+            return self.ghosts
+        return standing if self.tries else ()
+
+    def endures(self, now: Instant, pose: Pose, *, walks: bool) -> bool:
+        """Note where a way out is sought; return whether the robot must walk away: none has led away from there.
+
+        Whoever `walks` away and gets stuck again does so at once, elsewhere.
+        """
+        if self._at is None or math.hypot(self._at.x - pose.x, self._at.y - pose.y) > ENDURED_M:
+            self._at, self._at_since = Point(pose.x, pose.y), now
+        if now - self._at_since < ENDURED and not (walks and self.walks):
+            return False
+        self.walks += 1
+        return True

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import STILL, Point, Pose, Twist, distance, wrap
+from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, seconds
-from rmr.node.motion.aside import ASIDE_S, aside, back
+from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside
 from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, drive_time, estimate_of
 from rmr.node.motion.follow import Follower, turn_towards
@@ -24,6 +24,7 @@ from rmr.node.motion.gate import Gate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
 from rmr.node.motion.hearing import Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
+from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, off_queue, shared_part
 from rmr.node.ports import SeenBody
 
@@ -31,10 +32,6 @@ RETRY_S = 0.5
 """Between two tries to find a way when blocked."""
 FACED = 0.03
 """Heading error that counts as facing, radians."""
-QUEUE_REACH_M = 0.3
-"""A robot that waits before this one keeps it waiting when it is this near."""
-OVERTAKE_S = 4.0
-"""A robot that still waits so long after this one's slot began has failed: drive around it."""
 LOST_SIGMA_M = 0.1
 """A robot less sure of its place than this drives at half speed."""
 
@@ -51,9 +48,9 @@ class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_aside_until", "_back_until", "_driven", "_face", "_follower", "_gate", "_late_since", "_next_try",
-        "_order", "_overtake", "_parked", "_pose", "_replan_due", "_share", "_stand_off", "_standing", "_watch",
-        "arena", "hearing", "replans", "robot", "status",
+        "_aside", "_back_until", "_driven", "_face", "_follower", "_gate", "_next_try", "_order", "_parked", "_pose",
+        "_queue", "_replan_due", "_share", "_stand_off", "_standing", "_watch", "arena", "hearing", "replans", "robot",
+        "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1) -> None:
@@ -70,10 +67,9 @@ class Navigator:
         self._parked: tuple[Point, ...] = ()
         self._next_try: Instant = 0
         self._replan_due = False
-        self._late_since: Instant | None = None
-        self._overtake = False
+        self._queue = Queueing()
         self._back_until: Instant = 0
-        self._aside_until: Instant = 0
+        self._aside: Aside | None = None
         self._share = 1.0
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
@@ -148,10 +144,10 @@ class Navigator:
         self.status = "idle"
 
     def _clear(self) -> None:
-        self._order = self._follower = self._face = self._driven = self._late_since = None
-        self._gate = Gate(self.arena.shape, holding=False)
-        self._replan_due = self._overtake = False
-        self._back_until = self._aside_until = 0
+        self._order = self._follower = self._face = self._driven = self._aside = None
+        self._gate, self._queue = Gate(self.arena.shape, holding=False), Queueing()
+        self._replan_due = False
+        self._back_until = 0
         self._share = 1.0
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
@@ -167,13 +163,13 @@ class Navigator:
         if follower is None:
             return self._turn(pose)
         follower.locate(pose)
-        if self._aside_until and (follower.arrived or now >= self._aside_until):
-            self._aside_until = 0
-            self._replan(now, pose, keep=True)
+        if self._aside is not None and self._aside.over(now, follower.arrived):
+            found = self._replan(now, pose, keep=True)
+            self._aside = None if found else Aside(self._next_try, stays=True)
             return STILL
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
-            return self._turn(pose)
+            return self._turn(pose) if self._aside is None else STILL
         if self._gate.blocks(now, follower.route, follower.s) and self._leave_mouth(now, pose, follower.route):
             return STILL
         if now < self._back_until and not wait:
@@ -205,7 +201,7 @@ class Navigator:
         follower = self._follower
         if follower is None:
             return now >= self._next_try and self._replan(now, pose)
-        if self._replan_due and not self._gate.holds_for_long(now, follower.route, follower.s):
+        if self._replan_due and self._aside is None and not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
             self._replan(now, pose, keep=True)
         return True
@@ -219,10 +215,12 @@ class Navigator:
         return Twist(0.0, turn_towards(error, self.arena.shape))
 
     def _detour(self, now: Instant, pose: Pose) -> None:
-        """Leave a stand-off: around the others, or a little way back."""
+        """Leave a stand-off: around the others, a little way back, or far away where nothing else has helped."""
         stand_off, radius = self._stand_off, self.arena.shape.radius
         places = with_heard(self._watch.places(now), self._standing.points.values(), radius)
         stand_off.mark(now, pose, places, radius)
+        if stand_off.endures(now, pose, walks=self._aside is not None) and self._walk_away(now, pose, places):
+            return
         if stand_off.tries % 2 == 0 and self._step_aside(now, pose, places):
             return
         found = self._replan(now, pose, keep=True)
@@ -239,21 +237,32 @@ class Navigator:
         start, goal = Point(pose.x, pose.y), self._order.goal
         if off_goal(places, goal, self.arena.shape.radius) == places:
             return False
-        return self._go_aside(now, start, aside(self.arena, start, goal, (*self._parked, *places)))
+        return self._go_aside(way_aside(self.arena, start, goal, self._parked, places), for_a_moment(now))
 
     def _leave_mouth(self, now: Instant, pose: Pose, route: Route) -> bool:
         """Drive out of the way of those that come out of the bottleneck; return whether there is room."""
         start, gate = Point(pose.x, pose.y), route.gate_m or 0.0
         mouth = Pose(*route.point(gate), route.heading(gate + 0.01))
         others = with_heard(self._watch.places(now), self._standing.points.values(), self.arena.shape.radius)
-        spot = aside(self.arena, start, route.points[-1], (*self._parked, *others), mouth, self._gate.room(route))
-        return self._go_aside(now, start, spot)
+        out = way_aside(self.arena, start, route.points[-1], self._parked, others, mouth, self._gate.room(route))
+        return self._go_aside(out, for_a_moment(now))
 
-    def _go_aside(self, now: Instant, start: Point, spot: Point | None) -> bool:
-        route = None if spot is None else leader_route(self.arena, start, spot, self._parked, through_gate=False)
+    def _walk_away(self, now: Instant, pose: Pose, places: list[Point]) -> bool:
+        """Drive out of a jam that nothing else dissolves, to free floor, or back out of the bottleneck."""
+        assert self._order is not None
+        start, goal, tries = Point(pose.x, pose.y), self._order.goal, self._stand_off.walks
+        side = side_of(self.arena, start, goal)
+        if side is Side.WITHIN:
+            self._back_until = now + retreat(self.robot, tries)
+            return self._back_until > now
+        route = walk_away(self.arena, start, goal, (*self._parked, *places), self.robot, tries)
+        self._gate.passed = self._gate.passed and (route is None or side is Side.BEYOND)
+        return self._go_aside(route, stay(now, self.robot, tries))
+
+    def _go_aside(self, route: Route | None, how: Aside) -> bool:
         if route is None:
             return False
-        self._follower, self._aside_until = Follower(route, self.arena.shape), now + ASIDE_S
+        self._follower, self._aside = Follower(route, self.arena.shape), how
         return True
 
     def _obstructed(self) -> bool:
@@ -270,11 +279,8 @@ class Navigator:
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
         goal, shared, through = self._order
-        start, parked = Point(pose.x, pose.y), self._parked
-        if now < self._stand_off.ghosts_until:
-            parked = (*parked, *self._stand_off.ghosts)
-        elif self._stand_off.tries:
-            parked = (*parked, *self._standing.points.values())
+        start = Point(pose.x, pose.y)
+        parked = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
         through = through and not self._gate.passed
         route = self._route(start, goal, parked, shared, through)
         if route is None and keep:  # who stands at the goal may be gone by then
@@ -293,29 +299,20 @@ class Navigator:
     def _route(
         self, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath | None, through: bool
     ) -> Route | None:
-        if not through:
-            return leader_route(self.arena, start, goal, parked, through_gate=False)
-        if not self._overtake:
+        if through and not self._queue.overtakes:
             parked = off_queue(self.arena, start, parked)
-        if shared is not None:
+        if through and shared is not None:
             return follower_route(self.arena, start, goal, parked, shared)
-        return leader_route(self.arena, start, goal, parked, through_gate=True)
+        return leader_route(self.arena, start, goal, parked, through_gate=through)
 
     def _queued(self, now: Instant) -> bool:
         """Return whether a robot that goes first still stands on the route before the gate."""
-        follower = self._follower
-        if follower is None or follower.route.gate_m is None or self._gate.passed or self._overtake:
+        route, queue = self.route, self._queue
+        if route is None or route.gate_m is None or self._gate.passed or queue.overtakes:
             return False
-        start = Point(self._pose.x, self._pose.y)
-        near = [p for p in self._parked if distance(*p, *start) < QUEUE_REACH_M]
-        if not near or len(off_queue(self.arena, start, near)) == len(near):
-            self._late_since = None
-            return False
-        if self._gate.opens_at is not None and now > self._gate.opens_at and self._late_since is None:
-            self._late_since = now
-        if self._late_since is not None and now - self._late_since > seconds(OVERTAKE_S):
-            self._overtake = self._replan_due = True
-        return True
+        waits = queue.waits(now, self.arena, Point(self._pose.x, self._pose.y), self._parked, self._gate.opens_at)
+        self._replan_due = self._replan_due or queue.overtakes
+        return waits
 
     # -- what others ask ------------------------------------------------------------------------------------
 
@@ -343,6 +340,11 @@ class Navigator:
     def passed_gate(self) -> bool:
         """Return whether the robot has gone beyond the gate's stopping place during this drive."""
         return self._gate.passed
+
+    @property
+    def aside(self) -> bool:
+        """Return whether the robot makes room for others."""
+        return self._aside is not None
 
     @property
     def cleared(self) -> bool:

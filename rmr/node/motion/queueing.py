@@ -1,0 +1,35 @@
+"""Waiting behind others in the gate's queue: those that stand before this robot there go first, but not for ever."""
+
+from collections.abc import Sequence
+
+from rmr.base.arena import Arena
+from rmr.base.geometry import Point, distance
+from rmr.base.time import Duration, Instant, seconds
+from rmr.node.motion.route import off_queue
+
+REACH_M = 0.3
+"""A robot that waits before this one keeps it waiting when it is this near."""
+OVERTAKE: Duration = seconds(4)
+"""A robot that still waits so long after this one's slot began has failed: drive around it."""
+
+
+class Queueing:
+    """What one robot has seen of its queue during one drive."""
+
+    __slots__ = ("_late_since", "overtakes")
+
+    def __init__(self) -> None:
+        self._late_since: Instant | None = None
+        self.overtakes = False
+        """Whether it no longer waits for those that stand before it."""
+
+    def waits(self, now: Instant, arena: Arena, at: Point, parked: Sequence[Point], opens_at: Instant | None) -> bool:
+        """Return whether one of `parked` that goes first stands before a robot `at` a place on its way to the gate."""
+        near = [p for p in parked if distance(*p, *at) < REACH_M]
+        if not near or len(off_queue(arena, at, near)) == len(near):
+            self._late_since = None
+            return False
+        if opens_at is not None and now > opens_at and self._late_since is None:
+            self._late_since = now
+        self.overtakes = self._late_since is not None and now - self._late_since > OVERTAKE
+        return True

@@ -1,0 +1,87 @@
+"""The last resort: who can get out of a jam by nothing else walks away to free floor, and comes back."""
+
+import math
+from itertools import combinations
+
+import bench
+import pytest
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import seconds
+from rmr.base.values import Robot
+from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away
+from rmr.node.motion.avoid import ENDURED, StandOff
+from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.priority import Heard
+from rmr.node.ports import SeenBody
+from rmr.node.turn import Phase, Turn, gets_nowhere
+from rmr.vm.job import Job
+
+ARENA = Arena(
+    3.0,
+    1.5,
+    0.05,
+    (bench.box(1.2, 0.0, 1.8, 0.6), bench.box(1.2, 0.9, 1.8, 1.5)),
+    (Area("west", (Point(1.2, 0.75),)), Area("east", (Point(1.8, 0.75),))),
+    bottleneck=("west", "east"),
+)
+RADIUS = ARENA.shape.radius
+START, GOAL, OTHER = Point(1.04, 0.73), Point(2.55, 0.15), Point(0.985, 0.578)
+
+
+def test_a_walk_away_ends_on_free_floor_before_the_bottleneck():
+    ends = []
+    for tries in range(1, 9):
+        route = walk_away(ARENA, START, GOAL, [OTHER], 1, tries)
+        assert route is not None
+        end = route.points[-1]
+        assert side_of(ARENA, end, GOAL) is Side.BEFORE
+        assert math.dist(end, OTHER) > 2.0 * RADIUS
+        ends.append(end)
+    assert max(math.dist(START, end) for end in ends) > 0.5 > min(math.dist(START, end) for end in ends)
+
+
+def test_each_robot_and_each_try_has_a_way_and_a_time_of_its_own():
+    ways = {
+        (robot, tries): walk_away(ARENA, Point(0.6, 0.75), GOAL, [], robot, tries)
+        for robot in (1, 2)
+        for tries in (1, 2)
+    }
+    assert all(a.points[-1] != b.points[-1] for a, b in combinations(ways.values(), 2))
+    assert len({stay(0, robot, tries) for robot, tries in ways}) == 4
+    assert len({retreat(robot, 1) for robot in range(1, 9)}) == 2
+
+
+def test_a_robot_that_is_walled_in_finds_no_way():
+    around = [Point(0.6 + 0.16 * math.cos(a), 0.75 + 0.16 * math.sin(a)) for a in (0.0, 1.05, 2.1, 3.14, 4.2, 5.25)]
+    assert walk_away(ARENA, Point(0.6, 0.75), GOAL, around, 1, 1) is None
+
+
+def test_a_stand_off_endures_only_where_the_robot_stays():
+    here, there = Pose(0.5, 0.5, 0.0), Pose(0.7, 0.5, 0.0)
+    stays, moves = StandOff(1), StandOff(1)
+    assert not stays.endures(0, here, walks=False)
+    assert stays.endures(ENDURED, here, walks=False)
+    assert stays.endures(ENDURED + seconds(1), there, walks=True)
+    assert not moves.endures(0, here, walks=False)
+    assert not moves.endures(ENDURED, there, walks=False)
+
+
+@pytest.mark.parametrize(("at", "walks"), [(Pose(*START, 0.13), True), (Pose(1.5, 0.75, 0.0), False)])
+def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within(at: Pose, walks: bool):
+    navigator, now = Navigator(ARENA, 1), 0
+    navigator.go(now, Pose(1.0, at.y, 0.0), GOAL, through_gate=True)
+    navigator.gate(None, opened=True)
+    passed = False
+    while now < 2 * ENDURED and not navigator.aside:
+        now += seconds(1 / 60)
+        navigator.update_moving(now, 1, [Heard(8, Pose(at.x + 0.16, at.y - 0.05, 2.0), Point(0.15, 1.35), 2, now)])
+        navigator.step(now, at, 0.005, [SeenBody(0.15, -0.05, 0.0, 0.0)], bumped=False)
+        passed = passed or navigator.passed_gate
+    assert passed
+    assert navigator.aside is walks
+    assert navigator.passed_gate is not walks
+    job = Job(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
+    inside = Turn(job, b"e", 0, None, phase=Phase.INSIDE, entered_at=now)
+    assert gets_nowhere(now, inside, navigator) is walks, "others wait for a turn that is not used"
