@@ -112,7 +112,8 @@ class Hearing:
     def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], beyond_m: float = -math.inf) -> list[SeenBody]:
         """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame.
 
-        Only those farther ahead than `beyond_m`: who is behind stops nobody who drives on.
+        Only those farther ahead than `beyond_m`: who is behind stops nobody who drives on. One who drives off behind is
+        taken to be where it was heard: backing up after it is done blind.
         """
         heard: list[SeenBody] = []
         if not self._fresh:
@@ -128,6 +129,10 @@ class Hearing:
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
             if x <= beyond_m:
                 continue
+            if x < 0.0 and not parked:  # who drives off may have stopped since, and nobody sees it
+                was_x, was_y = other_x - own_x, other_y - own_y
+                if math.hypot(was_x, was_y) < math.hypot(x, y):
+                    x, y = was_x * cos + was_y * sin, was_y * cos - was_x * sin
             for body in seen:
                 if math.hypot(body.x - x, body.y - y) <= radius:
                     break

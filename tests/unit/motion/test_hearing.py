@@ -37,6 +37,13 @@ def test_it_is_where_it_has_driven_since_it_was_heard() -> None:
     assert (body.x, body.y) == pytest.approx((0.1, 0.18))
 
 
+def test_behind_it_is_where_it_was_heard_if_it_has_driven_off_and_where_it_has_driven_if_it_comes() -> None:
+    leaves, comes = (known(0.45, y, robot=2, vy=-0.08) for y in (0.34, 0.74))
+    first, second = hearing(leaves, comes).around(seconds(1), HERE, ())
+    assert (first.x, first.y) == pytest.approx((-0.05, -0.16))
+    assert (second.x, second.y) == pytest.approx((-0.05, 0.16))
+
+
 def test_what_it_says_now_counts_at_once() -> None:
     made = hearing(known(0.6, 0.8, robot=3), known(0.6, 0.7, vy=-0.2))
     made.hear(2, 0.6, 0.66, 0.0, 0.0, False, seconds(1))
