@@ -2,7 +2,7 @@
 
 A command is begun before it is loaded, as loading takes up to a second in which Ctrl-C may come: the module that a
 console script names imports this package alone, and the rest within what it gives to `run`. Ctrl-C that a command has
-not dealt with itself ends it with exit code 130. A standard output that is closed is told before anything is done, as
+not dealt with itself ends it as failed. A standard output that is closed is told before anything is done, as
 the next file that is opened would take its number; one that takes no more, as on a full disk, when it shows.
 """
 
@@ -12,8 +12,6 @@ import sys
 from collections.abc import Callable
 
 FAILED = 1
-INTERRUPTED = 128 + signal.SIGINT
-"""The exit code that shells give to what Ctrl-C has ended."""
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:
@@ -31,7 +29,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
             sys.stdout.flush()
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
-        return INTERRUPTED
+        return FAILED
     except OSError as error:  # of the output: commands deal with all others themselves
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still in its buffer would be tried again at the end
         if not isinstance(error, BrokenPipeError):  # who closes a pipe has seen enough

@@ -168,8 +168,8 @@ def test_an_interrupt_while_the_robot_loads_ends_it_without_a_traceback(stage):
     robot = stage.agent(1, "--actions", stage.folder / "acts.py")
     robot.wait_for("loading")
     robot.send(signal.SIGINT)
-    assert robot.exit_code() == 130
-    assert robot.said() == "loading\nrmr-agent: interrupted\n"
+    assert robot.exit_code() == 0
+    assert robot.said() == "loading\nrmr-agent 1: ended (SIGINT)\n"
 
 
 def test_an_id_that_is_taken_is_refused_and_free_again_when_its_bearer_is_killed(stage):

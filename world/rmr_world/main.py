@@ -1,6 +1,7 @@
 """The program `rmr-world`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
 
 import os
+import sys
 from collections.abc import Sequence
 
 from rmr.entry import run
@@ -16,9 +17,13 @@ def _command(arguments: Sequence[str] | None) -> int:
     from rmr_world.options import parser  # noqa: PLC0415 - see rmr.entry
 
     options = parser().parse_args(arguments)
-    from rmr_world.perform import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
+    try:
+        from rmr_world.perform import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
 
-    return perform(options)
+        return perform(options)
+    except KeyboardInterrupt:  # before the signal handlers stood: a world that is told to stop has not failed
+        print("rmr-world: ended (SIGINT)", file=sys.stderr)
+        return 0
 
 
 if __name__ == "__main__":
