@@ -14,7 +14,7 @@ from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
 from rmr.coord.held import Held
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NO_TERM, Job, Message, Term, encode, entries_max, on_grid
+from rmr.coord.messages import NO_TERM, NOBODY, Job, Message, Term, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
 from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
 
@@ -120,6 +120,8 @@ class Context:
 
         self.asked: Instant | None = None
         self.asks = 0
+        self.asker = NOBODY
+        """The earlier asker that goes first."""
         self.asked_by: dict[int, Job] = {}
         """Jobs of other askers, for the ledger should this robot lead."""
         self.bans: dict[int, Instant] = {}

@@ -32,7 +32,8 @@ class Coordination:
     def __init__(
         self, robot: int, rng: Random, known_peers: "Callable[[], int] | int", values: Values | None = None
     ) -> None:
-        """`known_peers`: how many other robots there are, as far as known; it tunes waiting times only."""
+        """`known_peers`: how many other robots there are, as far as known; who hears so many ask knows that nobody
+        leads, and it tunes waiting times."""
         self.robot = robot
         self.malformed = 0
         """Frames that were no frames of coordination or from a broken clock."""

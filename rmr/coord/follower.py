@@ -1,6 +1,7 @@
 """Asking who leads, and following (paper IV.C: discover, then join).
 
-Who has a job and no fresh schedule asks three times by broadcast, then leads; an earlier asker goes first.
+Who has a job and no fresh schedule asks three times by broadcast, then leads; an earlier asker goes first. The others
+tell that one their jobs at once: when all robots ask, nobody leads, and it need not wait for answers that cannot come.
 Any member that holds a fresh schedule answers by relaying it unchanged, for a schedule means the same whoever
 sends it. A member makes sure that it is listed, reminds the leader of itself, and asks again when the leader
 is silent or does not acknowledge.
@@ -21,6 +22,7 @@ def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None
     c.become(Role.ASKING)
     c.asks = 0
     c.asked = None
+    c.asked_by.clear()
     c.no_acks = 0
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
@@ -42,16 +44,27 @@ def on_ask_timer(c: Context, now: Instant) -> bool:
     return False
 
 
-def on_question(c: Context, now: Instant, source: int, job: Job) -> None:
-    """Another robot asks who leads: let an earlier asker go first, or answer with the schedule held."""
+def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
+    """Another robot asks who leads: let an earlier asker go first, or answer with the schedule held.
+
+    Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
+    """
     if c.role is Role.ASKING:
         if len(c.asked_by) < RECORDS_MAX:
             c.asked_by[source] = job
         if c.asked is None or (job.asked, source) < (c.asked, c.robot):
-            c.asks = 0
-            c.set(Timer.ASK, now + c.values.yield_wait + c.spread(c.peers(), c.values.yield_jitter))
-    elif c.role is Role.FOLLOWING and c.fresh(now):
+            _let_go_first(c, now, source)
+        return c.asks > 0 and len(c.asked_by) >= c.peers()
+    if c.role is Role.FOLLOWING and c.fresh(now):
         relay_soon(c, now + c.values.relay_wait)
+    return False
+
+
+def _let_go_first(c: Context, now: Instant, asker: int) -> None:
+    """Ask again only if `asker` has not led by then, and tell it the own job: it need not ask on once it has all."""
+    c.asks, c.asker = 0, asker
+    c.set(Timer.ASK, now + c.values.yield_wait + c.spread(c.peers(), c.values.yield_jitter))
+    c.sooner(Timer.JOIN, now + c.spread(c.peers()))
 
 
 def relay_soon(c: Context, now: Instant) -> None:
@@ -150,9 +163,13 @@ def listed(c: Context) -> bool:
 
 
 def on_join_timer(c: Context, now: Instant) -> None:
-    """Tell the leader the own job, again and again while it is not listed."""
+    """Tell the leader the own job, again and again while it is not listed; or who asked first, once a question."""
     c.set(Timer.JOIN, NEVER)
-    if c.role is not Role.FOLLOWING or c.job is None or c.passage is Passage.INSIDE:
+    if c.job is None or c.passage is Passage.INSIDE:
+        return
+    if c.role is Role.ASKING:
+        c.send(c.job_frame(now, Term(c.counter, NOBODY)), now, c.asker)
+    if c.role is not Role.FOLLOWING:
         return
     c.untold = False
     c.send(c.job_frame(now, c.held.term), now, c.held.term.leader)

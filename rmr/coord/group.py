@@ -184,7 +184,8 @@ class Group:
         if c.role is Role.LEADING:
             leader.on_job(c, now, source, job, question)
         elif question:
-            follower.on_question(c, now, source, job)
+            if follower.on_question(c, now, source, job):
+                leader.begin(c, now)
         elif c.role is Role.FOLLOWING and c.fresh(now):
             follower.relay_soon(c, now)
 
