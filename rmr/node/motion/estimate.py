@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
+from rmr.base.geometry import Pose
 from rmr.base.time import Duration, seconds
-from rmr.node.motion.follow import PIVOT_END
+from rmr.node.motion.follow import PIVOT_END, Follower
 from rmr.node.motion.gate import START_S
 from rmr.node.motion.route import Route
 
@@ -35,14 +36,19 @@ class Estimate(NamedTuple):
     """Whether the robot is in the narrow section already."""
 
 
-def drive_time(shape: RobotShape, way_m: float, turn: float) -> Duration:
-    """Return what `way_m` metres take from standstill, for a robot whose way leads off by `turn` radians.
+def drive_time(shape: RobotShape, way_m: float, turn: float, v: float = 0.0) -> Duration:
+    """Return what `way_m` metres take from `v` m/s on, for a robot whose way leads off by `turn` radians.
 
     It turns in place until it is hardly off any more, and does the rest on the way.
     """
     angle = max(0.0, turn - PIVOT_END)
     pivot = angle / shape.turn + PIVOT_S * min(1.0, angle / PIVOT_WAY)
-    return seconds(pivot + way_m / shape.speed + START_S)
+    return seconds(pivot + way_m / shape.speed + START_S * max(0.0, 1.0 - v / shape.speed))
+
+
+def time_left(shape: RobotShape, follower: Follower, pose: Pose, way_m: float, v: float) -> Duration:
+    """Return what the next `way_m` metres take a robot under way at `v` m/s, which turns as it drives."""
+    return drive_time(shape, way_m, abs(follower.heading_error(pose)) if follower.pivoting else 0.0, v)
 
 
 def estimate_of(shape: RobotShape, route: Route, line_m: float, turn: float) -> Estimate:

@@ -15,10 +15,10 @@ from typing import NamedTuple
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.gridpath import GridPath
-from rmr.base.time import Duration, Instant, seconds
+from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside
 from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
-from rmr.node.motion.estimate import Estimate, drive_time, estimate_of
+from rmr.node.motion.estimate import Estimate, estimate_of, time_left
 from rmr.node.motion.follow import Follower, turn_towards
 from rmr.node.motion.gate import Gate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
@@ -49,8 +49,8 @@ class Navigator:
 
     __slots__ = (
         "_aside", "_back_until", "_driven", "_face", "_follower", "_gate", "_next_try", "_order", "_parked", "_pose",
-        "_queue", "_replan_due", "_share", "_stand_off", "_standing", "_watch", "arena", "hearing", "replans", "robot",
-        "status",
+        "_queue", "_replan_due", "_share", "_stand_off", "_standing", "_v", "_watch", "arena", "hearing", "replans",
+        "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1) -> None:
@@ -70,7 +70,7 @@ class Navigator:
         self._queue = Queueing()
         self._back_until: Instant = 0
         self._aside: Aside | None = None
-        self._share = 1.0
+        self._share, self._v = 1.0, 0.0
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
         self._standing = Standing()
@@ -148,7 +148,7 @@ class Navigator:
         self._gate, self._queue = Gate(self.arena.shape, holding=False), Queueing()
         self._replan_due = False
         self._back_until = 0
-        self._share = 1.0
+        self._share, self._v = 1.0, 0.0
 
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
@@ -186,6 +186,7 @@ class Navigator:
         early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
         if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
             self._detour(now, pose)
+        self._v = allowed.v
         return allowed
 
     def _safe(self, now: Instant, pose: Pose, twist: Twist, seen: Sequence[SeenBody]) -> Twist:
@@ -358,7 +359,7 @@ class Navigator:
             return False
         way = self._gate.line_m(follower.route) - follower.s
         # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
-        return drive_time(self.arena.shape, way, 0.0) <= within and self.eta_gate(0) <= within
+        return way <= in_seconds(within) * self.arena.shape.speed and self.eta_gate(0) <= within
 
     def eta_gate(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
@@ -366,9 +367,7 @@ class Navigator:
         if follower is None or follower.route.gate_m is None or self._gate.passed:
             return 0
         way = self._gate.line_m(follower.route) - follower.s
-        if way <= 0.0:
-            return 0
-        return drive_time(self.arena.shape, way, abs(follower.heading_error(self._pose)))
+        return 0 if way <= 0.0 else time_left(self.arena.shape, follower, self._pose, way, self._v)
 
     def eta_clear(self, now: Instant) -> Duration:  # noqa: ARG002
         """Return how long the robot needs at least until it is clear; 0 when it is or without a gate."""
@@ -376,7 +375,7 @@ class Navigator:
         if follower is None or follower.route.gate_m is None or self._gate.cleared:
             return 0
         way = max(0.0, follower.route.clear_m - follower.s)
-        return drive_time(self.arena.shape, way, abs(follower.heading_error(self._pose)))
+        return time_left(self.arena.shape, follower, self._pose, way, self._v)
 
     def estimate(
         self,

@@ -10,6 +10,7 @@ from coord_harness import EVENT, Model, ms
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
 from rmr.coord.messages import NOBODY, Beacon, Entry, Job, Message, Phase, Sched, Term, decode, encode
+from rmr.coord.states import Role
 from rmr.coord.values import Values
 
 PEERS = 49
@@ -94,9 +95,15 @@ def contradicts_a_worse_leader(robot: Robot) -> float:
     return robot.hear(sched(entry(3), term=OTHER), source=800).run(NOW + ms(800)).first(Sched, NOW)
 
 
+def tells_an_earlier_asker(robot: Robot) -> float:
+    robot.job().hear(question(asked=NOW - ms(1)), source=5).run(NOW + ms(1000))
+    (told,) = [at for at, message, to in robot.sent if isinstance(message, Job) and to == 5]
+    return (told - NOW) / ms(1)
+
+
 def asks_after_yielding(robot: Robot) -> float:
-    robot.job().hear(question(asked=NOW - ms(1)), source=5)
-    return robot.run(NOW + ms(1000)).first(Job, NOW)
+    robot.job().hear(question(asked=NOW - ms(1)), source=5).run(NOW + ms(1000))
+    return min(at - NOW for at, message, to in robot.sent if isinstance(message, Job) and to is None) / ms(1)
 
 
 def repeats_a_listed_job(robot: Robot) -> float:
@@ -131,6 +138,7 @@ def asks_for_a_leader_that_never_listed_it(robot: Robot) -> float:
         joins_on_its_trigger,
         relays_while_jobs_are_gathered,
         contradicts_a_worse_leader,
+        tells_an_earlier_asker,
         asks_after_yielding,
         repeats_a_listed_job,
         witnesses,
@@ -195,6 +203,31 @@ def test_of_two_that_ask_within_one_millisecond_one_goes_on() -> None:
     one.hear(questions[2], source=2)
     two.hear(questions[1], source=1)
     assert [robot.core._groups[EVENT].context.asks for robot in (one, two)] == [1, 0]
+
+
+def leads_when_all_have_asked(*, earlier: int | None = None, silent: int | None = None) -> bool:
+    """Return whether a robot that has asked leads as soon as the others have, but for one that is `silent`."""
+    robot = Robot().job().run(NOW + ms(310))
+    context = robot.core._groups[EVENT].context
+    assert context.asks > 0
+    assert context.role is Role.ASKING
+    for source in range(2, PEERS + 2):
+        if source != silent:
+            robot.hear(question(NOW - ms(1) if source == earlier else robot.now, robot.now), source)
+    return context.role is Role.LEADING
+
+
+def test_who_has_heard_all_others_ask_leads_at_once() -> None:
+    assert leads_when_all_have_asked()
+
+
+def test_one_that_was_not_heard_may_follow_a_leader_so_who_asks_goes_on() -> None:
+    assert not leads_when_all_have_asked(silent=17)
+
+
+def test_who_lets_an_earlier_asker_go_first_does_not_lead_though_all_ask() -> None:
+    assert not leads_when_all_have_asked(earlier=2)
+    assert not leads_when_all_have_asked(earlier=PEERS + 1)
 
 
 def test_who_has_heard_but_a_part_of_a_new_leaders_schedule_tells_it_the_job() -> None:

@@ -55,7 +55,7 @@ def test_robots_triggered_together_get_one_leader_and_slots_by_deadline(count: i
         served(model)
         assert model.order() == by_deadline
         assert [entry.rank for entry in model.entries] == list(range(1, count + 1))
-    assert median(times) < 620
+    assert median(times) < 200
 
 
 def test_robots_of_one_way_stream_at_their_headway() -> None:
@@ -78,7 +78,7 @@ def test_a_late_joiner_with_an_early_deadline_goes_before_those_that_can_wait() 
     model = Model(5, 4)
     for robot in (1, 2, 3):
         model.trigger(ms(robot), robot, deadline=ms(30_000 + robot))
-    model.trigger(ms(1000), 4, deadline=ms(7000))
+    model.trigger(ms(900), 4, deadline=ms(7000))
     served(model)
     assert model.order().index(4) == 1, "the first slot was frozen, the second was not"
     assert sorted(entry.rank for entry in model.entries) == [1, 2, 3, 4]

@@ -105,13 +105,16 @@ def test_a_robot_that_waits_for_its_time_is_parked_and_one_that_has_left_is_not(
 
 
 @pytest.mark.parametrize("start", bench.TESTBED_STARTS)
-def test_a_lone_drive_to_the_gate_takes_as_long_as_estimated(start):
+def test_what_is_left_of_the_way_to_the_gate_falls_as_time_goes(start):
     world, body, nav = alone(start)
     estimate = nav.estimate(body.estimate, EXIT)
     assert estimate is not None
     due = in_seconds(estimate.approach)
     nav.go(0, body.estimate, EXIT, through_gate=True)
     nav.gate(None, True)
+    told = []
+    world.run(lambda: told.append(world.time + in_seconds(nav.eta_gate(world.now))) or nav.passed_gate, 1.0)
+    assert told[-1] == pytest.approx(due, abs=0.15)  # a quarter of a second more, and the slot would be moved
     world.run(lambda: nav.eta_gate(world.now) == 0, 10)
     assert world.time == pytest.approx(due, abs=0.15)
 
