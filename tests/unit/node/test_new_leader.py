@@ -16,7 +16,7 @@ LAB = Path(__file__).parents[3] / "deploy" / "labs" / "testbed"
 def asking():
     """Return the turns of a robot that has asked and stands, and its turn."""
     simulation = load(LAB, Options()).simulation(1)
-    simulation.observers.append(lambda now: simulation.stop() if now >= milliseconds(250) else None)
+    simulation.observers.append(lambda now: simulation.stop() if now >= milliseconds(130) else None)
     simulation.run()
     turns = simulation.robots[0].node.turns
     turn = turns.current
