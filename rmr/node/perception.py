@@ -170,7 +170,8 @@ class Peers:
             silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
-                known.append(Known(robot, Point(hello.x, hello.y), vx, vy, peer.hello_at, hello.parked, silent))
+                place = Point(hello.x, hello.y)
+                known.append(Known(robot, place, vx, vy, peer.hello_at, hello.parked, silent, hello.rank))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:

@@ -1,5 +1,6 @@
 """Claims of section IV.E of the paper: collision detection and avoidance."""
 
+import functools
 import math
 import statistics
 import sys
@@ -16,6 +17,7 @@ from rmr.node.motion.navigator import Navigator
 from rmr.node.ports import SeenBody
 
 ROOM = Arena(1.5, 1.5, 0.05)
+streamed = functools.cache(bench.stream_testbed)
 
 
 def test_iv_e_the_field_of_view_has_an_orientation_an_angle_and_a_depth():
@@ -60,17 +62,16 @@ def test_iv_e_two_robots_face_to_face_do_not_touch_and_both_get_through(seed):
     assert not world.contacts
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(12))
 def test_iv_e_six_robots_stream_through_the_test_bed_without_contact(seed):
-    stream = bench.stream_testbed(seed)
+    stream = streamed(seed)
     assert len(stream.arrived) == 6
     assert not stream.bench.contacts
+    assert stream.bench.time < 15.0
 
 
-def test_iv_e_six_robots_whose_order_is_drawn_stream_through_the_test_bed_in_fifteen_seconds_as_a_rule():
-    times = [bench.stream_testbed(seed).bench.time for seed in range(12)]
-    assert statistics.median(times) < 14.0
-    assert sum(time < 15.0 for time in times) >= 9  # in some the first of the order stands behind the others
+def test_iv_e_six_robots_whose_order_is_drawn_stream_through_the_test_bed_in_fourteen_seconds_as_a_rule():
+    assert statistics.median(streamed(seed).bench.time for seed in range(12)) < 14.0
 
 
 @pytest.mark.parametrize("seed", range(4))

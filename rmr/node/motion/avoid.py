@@ -4,11 +4,12 @@ For each body in the field of view the closest approach under the relative veloc
 dangerous when that miss distance is below two radii and 25 mm and this robot itself closes in. Then the speed
 falls in proportion to the gap that is left, down to a stop; and it is never so great that the robot could not stop
 before a body that brakes (`stopping`). A body that comes from behind, or that this robot does not close in on, never
-stops it, and past one that stands abeam it creeps. Of two that cross, the one that has the other on its right gives way
-early, the other late, so that one of them goes first.
+stops it, and past one that stands abeam it creeps. Of two that cross or converge, the later in the order gives way
+early, the other late, so that one of them goes first; without an order, the one that has the other on its right.
 
 The field of view is narrow: a body that has left it is remembered for a moment (`Watch`) where it would be now,
-and if it crept, where it was, for it may have stopped; so turning away from a body does not make it vanish.
+and if it crept, where it was, for it may have stopped; so turning away from a body does not make it vanish. It is
+forgotten as soon as its robot says where it is.
 
 Robots that stop each other for longer than their patience are in a stand-off (`StandOff`). The way out is a
 detour around where the others are, biased to the right, so that two robots face to face both pass on the right
@@ -16,12 +17,14 @@ hand; where there is no way around, a little way back.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import Duration, Instant, in_seconds, seconds
+from rmr.node.motion.hearing import Known
 from rmr.node.motion.stopping import stopping_speed
 from rmr.node.ports import SeenBody
 
@@ -42,7 +45,7 @@ ABEAM_MPS = 0.04
 SLOPE_PER_S = 2.5
 """Speed allowed per metre of gap, 1/s."""
 LATE_SLOPE_PER_S = 6.0
-"""Likewise towards a body that crosses from the left: it gives way."""
+"""Likewise towards a body that gives way."""
 HORIZON_S = 3.0
 """A gap that closes later than this is no danger yet."""
 STILL_MPS = 0.03
@@ -73,6 +76,8 @@ BACK_TRIES_MAX = 5
 """Of the robot that gives way inside a bottleneck: each time it goes farther back, at most so many times as far."""
 BACK_MPS = 0.08
 """Speed of a way back."""
+NOBODY: Mapping[SeenBody, bool] = MappingProxyType({})
+"""No body that has a place in the order."""
 
 
 def way_back_s(tries: int, found: bool, way: int | None) -> float:
@@ -87,16 +92,19 @@ def way_back_s(tries: int, found: bool, way: int | None) -> float:
     return 2.0 * BACK_S * min(tries, BACK_TRIES_MAX) if way else 0.0
 
 
-def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float) -> float:
-    """Return the greatest forward speed up to `v` (m/s) that no body makes dangerous."""
+def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float, first: Mapping[SeenBody, bool] = NOBODY) -> float:
+    """Return the greatest forward speed up to `v` (m/s) that no body makes dangerous.
+
+    `first`: whether this robot goes before a body, of those that have a place in the order.
+    """
     least = v
     for body in bodies:
         if body.x > 0.0:
-            least = min(least, _limit(v, body, radius), stopping_speed(v, body, radius))
+            least = min(least, _limit(v, body, radius, first.get(body)), stopping_speed(v, body, radius))
     return max(0.0, least)
 
 
-def _limit(v: float, body: SeenBody, radius: float) -> float:
+def _limit(v: float, body: SeenBody, radius: float, first: bool | None) -> float:
     x, y, bvx, bvy = body
     if x <= 0.0:
         return v
@@ -120,7 +128,7 @@ def _limit(v: float, body: SeenBody, radius: float) -> float:
     if gap <= TOUCHING_M:
         return 0.0
     recede = max(0.0, (x * bvx + y * bvy) / away)
-    late = y > 0.0 and bvy < -STILL_MPS
+    late = y > 0.0 and bvy < -STILL_MPS if first is None else first
     return min(v, max(0.0, (LATE_SLOPE_PER_S if late else SLOPE_PER_S) * (gap - STOP_GAP_M) + recede))
 
 
@@ -132,11 +140,13 @@ def _better_gone(body: SeenBody, miss: float, radius: float) -> bool:
     return abs(body.x * body.vy - body.y * body.vx) / speed < miss
 
 
-def limit_twist(twist: Twist, bodies: Sequence[SeenBody], radius: float) -> Twist:
-    """Return `twist`, slowed along its arc as the bodies around demand."""
+def limit_twist(
+    twist: Twist, bodies: Sequence[SeenBody], radius: float, first: Mapping[SeenBody, bool] = NOBODY
+) -> Twist:
+    """Return `twist`, slowed along its arc as the bodies around demand (see `safe_speed`)."""
     if twist.v <= 0.0 or not bodies:
         return twist
-    v = safe_speed(twist.v, bodies, radius)
+    v = safe_speed(twist.v, bodies, radius, first)
     return twist if v >= twist.v else Twist(v, twist.w * v / twist.v)
 
 
@@ -149,6 +159,12 @@ class _Seen(NamedTuple):
     vy: float
     at: Instant
 
+    def is_told_of(self, other: Known, radius: float) -> bool:
+        """Return whether this is `other`, who has said since where it is."""
+        age = in_seconds(other.at - self.at)
+        away = math.hypot(self.x + self.vx * age - other.place.x, self.y + self.vy * age - other.place.y)
+        return age > 0.0 and away < radius
+
 
 class Watch:
     """The bodies around: those in view and those that have just left it."""
@@ -159,8 +175,10 @@ class Watch:
         self._shape = shape
         self._memory: list[_Seen] = []
 
-    def update(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody]) -> Sequence[SeenBody]:
-        """Take in what is seen from `pose`; return all bodies around in the robot's frame."""
+    def update(
+        self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], heard: Sequence[Known] = ()
+    ) -> Sequence[SeenBody]:
+        """Take in what is seen from `pose` and was `heard`; return all bodies seen around in the robot's frame."""
         if not bodies and not self._memory:
             return bodies
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
@@ -180,6 +198,8 @@ class Watch:
             age = in_seconds(now - old.at)
             x, y = old.x + old.vx * age, old.y + old.vy * age
             if age > MEMORY_S or any(math.hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
+                continue
+            if any(old.is_told_of(other, self._shape.radius) for other in heard):
                 continue
             moving = _in_frame(pose, cos, sin, x, y, old.vx * cos + old.vy * sin, old.vy * cos - old.vx * sin)
             if not self._in_view(moving):

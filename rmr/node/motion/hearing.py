@@ -17,6 +17,9 @@ set out unheard as well.
 *Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
 it is, or has had long enough to (`rmr.node.config`).
 
+*The order is heard, too.* Robots say which place in the order they have, so who sees or hears another knows which of
+the two goes first.
+
 *A dead body stands where it fell.* Who has been silent for longer than any stall is an obstacle like a parked robot.
 """
 
@@ -28,6 +31,7 @@ from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.hello import period_max
+from rmr.node.motion.priority import order_key
 from rmr.node.ports import SeenBody
 
 SILENT_MOVING: Duration = milliseconds(1200)
@@ -65,12 +69,14 @@ class Known(NamedTuple):
     """It stands and does not intend to drive."""
     silent: bool
     """It has not been heard for longer than chance explains."""
+    rank: int = 0
+    """Its place in the order, from 1; 0: none."""
 
 
 class Hearing:
     """The others, as one robot has heard of them."""
 
-    __slots__ = ("_fresh", "_moving", "_parked", "_shape", "_silent", "doubts_at", "listens", "stands")
+    __slots__ = ("_moving", "_parked", "_shape", "_silent", "doubts_at", "fresh", "listens", "order", "stands")
 
     def __init__(self, shape: RobotShape, robots: int = 1) -> None:
         """`robots`: how many there are, by which the time between two hellos goes."""
@@ -78,7 +84,10 @@ class Hearing:
         self._moving = period_max(robots, parked=False)
         self._parked = period_max(robots, parked=True)
         self._silent: list[Known] = []
-        self._fresh: list[Known] = []
+        self.fresh: list[Known] = []
+        """Those near that are not silent."""
+        self.order = order_key(0, 0)
+        """What the right of way of this robot goes by."""
         self.listens = False
         """Somebody has never been heard who may be anywhere."""
         self.stands = True
@@ -89,19 +98,19 @@ class Hearing:
     def update(self, pose: Pose, known: Sequence[Known]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
         self._silent = [other for other in known if other.silent]
-        self._fresh = [
+        self.fresh = [
             other
             for other in known
             if not other.silent and math.hypot(other.place.x - pose.x, other.place.y - pose.y) < NEAR_M
         ]
-        self.doubts_at = min((self._doubted_at(other) for other in self._fresh), default=NEVER)
+        self.doubts_at = min((self._doubted_at(other) for other in self.fresh), default=NEVER)
 
     def hear(self, robot: int, x: float, y: float, theta: float, v: float, parked: bool, at: Instant) -> None:
         """Take in what one of those near says now, before the next update."""
-        for index, other in enumerate(self._fresh):
+        for index, other in enumerate(self.fresh):
             if other.robot == robot:
                 place, vx, vy = Point(x, y), v * math.cos(theta), v * math.sin(theta)
-                self._fresh[index] = Known(robot, place, vx, vy, at, parked, False)
+                self.fresh[index] = Known(robot, place, vx, vy, at, parked, False, other.rank)
                 break
 
     def _doubted_at(self, other: Known) -> Instant:
@@ -116,11 +125,11 @@ class Hearing:
         taken to be where it was heard: backing up after it is done blind.
         """
         heard: list[SeenBody] = []
-        if not self._fresh:
+        if not self.fresh:
             return heard
         own_x, own_y, theta = pose
         cos, sin, radius = math.cos(theta), math.sin(theta), self._shape.radius
-        for _, (other_x, other_y), vx, vy, at, parked, _ in self._fresh:
+        for _, (other_x, other_y), vx, vy, at, parked, _, _ in self.fresh:
             age = (now - at) / NS_PER_S
             dx, dy = other_x + vx * age - own_x, other_y + vy * age - own_y
             if parked:
@@ -140,6 +149,23 @@ class Hearing:
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
         return heard
 
+    def goes_before(self, now: Instant, pose: Pose, bodies: Sequence[SeenBody]) -> dict[SeenBody, bool]:
+        """Return for those of `bodies` that drive by the order whether a robot at `pose` goes before them."""
+        ranked: dict[SeenBody, bool] = {}
+        if not bodies:
+            return ranked
+        cos, sin, radius = math.cos(pose.theta), math.sin(pose.theta), self._shape.radius
+        for robot, (x, y), vx, vy, at, parked, _, rank in self.fresh:
+            if parked or not rank:
+                continue
+            age = (now - at) / NS_PER_S
+            dx, dy = x + vx * age - pose.x, y + vy * age - pose.y
+            ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+            for body in bodies:
+                if math.hypot(body.x - ahead, body.y - left) <= radius:
+                    ranked[body] = self.order < order_key(rank, robot)
+        return ranked
+
     def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
         """Return whether a robot at `pose` that sees the bodies `seen` must not drive on: somebody is silent."""
         if self.listens:
@@ -149,7 +175,7 @@ class Hearing:
             return False
         near = [other for other in self._silent if self._reaches(now, other, pose)]
         if doubts:
-            near += [other for other in self._fresh if self._doubts(now, other, pose)]
+            near += [other for other in self.fresh if self._doubts(now, other, pose)]
         return len(near) > 0 and not self._in_view(now, pose, seen, near)
 
     def _doubts(self, now: Instant, other: Known, pose: Pose) -> bool:
@@ -173,7 +199,7 @@ class Hearing:
         """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]
-        heard = [other for other in self._fresh if other not in near]
+        heard = [other for other in self.fresh if other not in near]
         free = [place for place in places if not any(self._may_be(now, other, place) for other in heard)]
         for other in near:
             found = next((place for place in free if self._may_be(now, other, place)), None)

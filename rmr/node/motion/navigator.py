@@ -115,10 +115,9 @@ class Navigator:
     def update_moving(self, now: Instant, rank: int, others: Sequence[Heard]) -> None:
         """Tell what robots that drive said about themselves, and this robot's own rank (0: none).
 
-        Optional, a few times a second: on a drive without a gate the robot keeps clear of those before it in
-        the order even where it cannot see them.
+        A few times a second. On a drive without a gate the robot keeps clear of those that go first, seen or not.
         """
-        mine = order_key(rank, self.robot)
+        mine = self.hearing.order = order_key(rank, self.robot)
         self._standing.update(now, others)
         stands = self._standing.points
         first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
@@ -153,7 +152,7 @@ class Navigator:
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
-        seen = self._watch.update(now, pose, bodies)
+        seen = self._watch.update(now, pose, bodies, self.hearing.fresh)
         wait = self.hearing.forbids(now, pose, bodies)
         if self._driven is not None:
             return self._safe(now, pose, self._driven._replace(v=0.0) if wait else self._driven, seen)
@@ -193,7 +192,8 @@ class Navigator:
         """Return `twist`, slowed as the bodies that are seen or heard demand."""
         if twist.v <= 0.0:
             return twist
-        return limit_twist(twist, [*seen, *self.hearing.around(now, pose, seen, 0.0)], self.arena.shape.radius)
+        bodies = [*seen, *self.hearing.around(now, pose, seen, 0.0)]
+        return limit_twist(twist, bodies, self.arena.shape.radius, self.hearing.goes_before(now, pose, bodies))
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is something to follow or to face, planning when that is due."""

@@ -25,8 +25,6 @@ POSITION_SIGMA = 0.004
 HEADING_SIGMA = 0.012
 DRIFT_S = 1.0
 SAID_TICKS = 12
-HELLO_TICKS = 30
-HELLO_GOALS = True
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
@@ -238,16 +236,24 @@ class Stream:
         ahead = [self.goals[o.robot] for o in self.order if self.slots[o.robot] < mine and not o.nav.parked]
         return self.parked_for(body) + ahead
 
+    def rank(self, body: Body) -> int:
+        """Return the robot's place in the order."""
+        return 1 + sum(slot < self.slots[body.robot] for slot in self.slots.values())
+
     def _say(self) -> None:
-        """Let every robot hear where the others believe to be."""
+        """Let every robot hear what the others say: where they believe to be, where they go, and their ranks."""
         bench = self.bench
-        said = []
-        for body in bench.bodies:
-            x, y, theta = body.estimate
-            vx, vy = body.v * math.cos(theta), body.v * math.sin(theta)
-            said.append(Known(body.robot, Point(x, y), vx, vy, bench.now, body.nav.status != "moving", False))
-        for body in bench.bodies:
-            body.nav.hearing.update(body.estimate, [known for known in said if known.robot != body.robot])
+        known, driving = [], []
+        for body in self.order:
+            pose, rank, parked = body.estimate, self.rank(body), body.nav.parked
+            vx, vy = body.v * math.cos(pose.theta), body.v * math.sin(pose.theta)
+            known.append(Known(body.robot, Point(pose.x, pose.y), vx, vy, bench.now, parked, False, rank))
+            if not parked:
+                driving.append(Heard(body.robot, pose, body.nav.goal, rank, bench.now))
+        for body in self.order:
+            others = [heard for heard in driving if heard.robot != body.robot]
+            body.nav.update_moving(bench.now, self.rank(body), others)
+            body.nav.hearing.update(body.estimate, [other for other in known if other.robot != body.robot])
 
     def step(self) -> None:
         bench = self.bench
@@ -309,7 +315,6 @@ class QueueStream(Stream):
         """Send every robot to its place in the queue."""
         self.places = places
         self.queue = queue
-        self.heard: dict[int, Heard | None] = {}
         self.lined: dict[int, float] = {}
         self.approach: dict[int, float] = {}
         self.gone: list[int] = []
@@ -320,8 +325,6 @@ class QueueStream(Stream):
 
     def step(self) -> None:
         bench = self.bench
-        if HELLO_TICKS:
-            self._hellos()
         for rank, body in enumerate(self.order):
             if body.robot not in self.lined and body.nav.status == "arrived":
                 self.lined[body.robot] = bench.time
@@ -353,18 +356,8 @@ class QueueStream(Stream):
         if self.shared is None:
             self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
 
-    def _hellos(self) -> None:
-        """Let every robot hear, twice a second, where the driving ones are and where they drive."""
-        bench = self.bench
-        for rank, body in enumerate(self.order):
-            if (bench.tick + 5 * rank) % HELLO_TICKS == 0:
-                moving = not body.nav.parked
-                goal = self.queue[rank] if HELLO_GOALS and body.robot not in self.lined else None
-                self.heard[body.robot] = Heard(body.robot, body.estimate, goal, rank + 1, bench.now) if moving else None
-        if bench.tick % 10 == 0:
-            for rank, body in enumerate(self.order):
-                heard = [self.heard[o.robot] for o in self.order if o is not body and self.heard.get(o.robot)]
-                body.nav.update_moving(bench.now, rank + 1, heard)
+    def rank(self, body: Body) -> int:
+        return 1 + self.order.index(body)
 
     def _parked_ahead(self, body: Body) -> list[Point]:
         rank = self.order.index(body)

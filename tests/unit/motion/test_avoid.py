@@ -3,9 +3,10 @@
 import math
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import Pose, Twist
+from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import seconds
 from rmr.node.motion.avoid import MEMORY_S, StandOff, Watch, limit_twist, safe_speed
+from rmr.node.motion.hearing import Known
 from rmr.node.ports import SeenBody
 
 RADIUS = 0.07
@@ -74,6 +75,17 @@ def test_of_two_that_cross_the_one_with_the_other_on_its_right_slows_more():
     assert from_right < from_left
 
 
+def test_of_two_that_cross_the_later_in_the_order_slows_more_whichever_side_it_comes_from():
+    for other in (body(0.15, -0.12, 0.0, 0.2), body(0.15, 0.12, 0.0, -0.2)):
+        goes_first = safe_speed(FULL, [other], RADIUS, {other: True})
+        assert 0.0 < safe_speed(FULL, [other], RADIUS, {other: False}) < 0.5 * goes_first
+
+
+def test_who_goes_first_stops_all_the_same_for_one_that_does_not_give_way():
+    other = body(0.11, -0.09, 0.0, 0.2)
+    assert safe_speed(FULL, [other], RADIUS, {other: True}) == 0.0
+
+
 def test_a_slow_approach_stops_as_well_as_a_fast_one():
     assert safe_speed(0.03, [body(0.142)], RADIUS) == 0.0
 
@@ -99,6 +111,18 @@ def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
     watch = Watch(RobotShape())
     watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
     assert not watch.update(seconds(0.1), Pose(0.0, 0.0, 0.0), ())
+
+
+def test_a_remembered_body_is_forgotten_when_its_robot_says_where_it_is():
+    aside, later = Pose(0.0, 0.0, math.radians(80)), seconds(0.2)
+    for robot_says, remembered in (
+        (Known(2, Point(0.2, 0.03), 0.0, 0.0, later, False, False), 0),
+        (Known(2, Point(0.2, 0.03), 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
+        (Known(3, Point(0.2, 0.18), 0.0, 0.0, later, False, False), 1),  # another one
+    ):
+        watch = Watch(RobotShape())
+        watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.2)])
+        assert len(watch.update(later, aside, (), [robot_says])) == remembered
 
 
 def test_a_moving_body_is_remembered_where_it_would_be_now():

@@ -7,6 +7,7 @@ from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.node.motion.avoid import safe_speed
 from rmr.node.motion.hearing import Hearing, Known
+from rmr.node.motion.priority import order_key
 from rmr.node.perception import Peers
 from rmr.node.ports import SeenBody
 from rmr.node.wire import Hello
@@ -62,6 +63,19 @@ def test_a_robot_that_is_parked_beside_the_way_and_not_seen_is_not_driven_into()
 def test_who_is_seen_counts_once_and_who_is_far_away_not_at_all() -> None:
     others = known(0.7, 0.5), known(2.5, 0.5)
     assert hearing(*others).around(0, HERE, [SeenBody(0.21, 0.01, 0.0, 0.0)]) == []
+
+
+def test_the_order_says_who_goes_before_those_that_are_seen_or_heard() -> None:
+    made = hearing(*(known(0.7, y, robot=robot)._replace(rank=rank) for robot, y, rank in ((2, 0.3, 1), (3, 0.5, 4))))
+    made.order = order_key(3, 1)
+    earlier, later, unknown = SeenBody(0.21, -0.2, 0.0, 0.0), SeenBody(0.2, 0.0, 0.0, 0.0), SeenBody(0.2, 0.2, 0.0, 0.0)
+    assert made.goes_before(0, HERE, [earlier, later, unknown]) == {earlier: False, later: True}
+
+
+def test_a_parked_robot_and_one_without_a_rank_are_not_in_the_order() -> None:
+    parked = known(0.7, 0.3, robot=2, parked=True)._replace(rank=1)
+    made = hearing(parked, known(0.7, 0.5, robot=3))
+    assert made.goes_before(0, HERE, made.around(0, HERE, ())) == {}
 
 
 @pytest.mark.parametrize(("age_s", "stands"), [(1.3, False), (3.5, True)])
