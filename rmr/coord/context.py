@@ -230,6 +230,7 @@ class Context:
             request.headway,
             request.way,
             job.missed,
+            request.underway,
         )
 
     def report_order(self) -> None:

@@ -59,9 +59,10 @@ class Coordination:
         release: Instant | None = None,
         duration: Duration | None = None,
         deadline: Instant | None = None,
+        underway: bool | None = None,
     ) -> None:
         """The robot's own estimate has changed; the leader is told when it matters and the slot can still move."""
-        self._group(event).revise(now, release, duration, deadline)
+        self._group(event).revise(now, release, duration, deadline, underway)
         self._settle()
 
     def receive(self, now: Instant, payload: bytes, source: int) -> bool:

@@ -39,6 +39,8 @@ class JobRequest:
     """0..15: robots of different ways exclude each other."""
     inside: bool = False
     """The robot finds itself inside as the job starts, as after a restart: it is so, and needs no slot."""
+    underway: bool = False
+    """The robot has set out and was put off, so that others would have to pass it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,12 @@ class Group:
         c.awake = now
 
     def revise(
-        self, now: Instant, release: Instant | None, duration: Duration | None, deadline: Instant | None = None
+        self,
+        now: Instant,
+        release: Instant | None,
+        duration: Duration | None,
+        deadline: Instant | None = None,
+        underway: bool | None = None,
     ) -> None:
         """The robot's own estimate has changed."""
         c = self.context
@@ -69,8 +74,9 @@ class Group:
         duration = request.duration if duration is None else duration
         deadline = request.deadline if deadline is None else deadline
         material = max(abs(release - job.told[0]), abs(duration - job.told[1])) > c.values.revision
-        material = material or deadline != request.deadline
-        job.request = replace(request, release=release, duration=duration, deadline=deadline)
+        underway = request.underway if underway is None else underway
+        material = material or deadline != request.deadline or underway is not request.underway
+        job.request = replace(request, release=release, duration=duration, deadline=deadline, underway=underway)
         frozen = job.slot is not None and job.slot[0] <= now + c.values.frozen
         if not material or frozen or (c.untold and not follower.listed(c)):
             return  # or the JOB that is due anyway says it

@@ -42,6 +42,7 @@ class Line:
         "said",
         "start",
         "trigger",
+        "underway",
         "until",
         "way",
     )
@@ -62,6 +63,8 @@ class Line:
         """End of the reservation that the start begins."""
         self.rank: int | None = None
         self.inside = False
+        self.underway = False
+        """Has set out and was put off: it goes before those that have not set out."""
         self.done = False
         self.provisional = False
         """Known from the predecessor's list only."""
@@ -72,14 +75,15 @@ class Line:
 
     def tell(self, job: Job) -> bool:
         """Take over what the owner says; return whether it matters for the order."""
-        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way)
-        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way)
+        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way, job.underway)
+        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way, self.underway)
         self.said = job.time
         changed = self.provisional or new != old
         self.provisional = False
-        if job.release != self.release:
+        repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
+        if job.release != self.release and not repeated:
             self.approach = max(job.release - job.time, 0)
-        _, self.duration, self.deadline, self.headway, self.way = new
+        _, self.duration, self.deadline, self.headway, self.way, self.underway = new
         self.release = job.release
         return changed
 
@@ -249,17 +253,25 @@ class Ledger:
         ]
         opposed = values.window + 2 * values.clock_error + values.clear
         rules = Rules(now + values.lead, opposed, values.order)
-        old = sorted(
-            (line for line in movable if line.start is not None), key=lambda line: (line.start or 0, line.robot)
+        first = sorted((line for line in movable if line.underway), key=lambda line: (line.approach, line.robot))
+        fixed += self._give(now, first, fixed, rules)
+        rest = [line for line in movable if not line.underway]
+        order = sorted(
+            (line for line in rest if line.start is not None), key=lambda line: (line.start or 0, line.robot)
         )
-        order = [line.robot for line in old]
-        if reorder or len(old) < len(movable):
-            tasks = [_task(line, now, values.grace) for line in movable]
-            order = [task.robot for task in order_jobs(tasks, fixed, rules, order)]
-        ordered = [_task(self.lines[robot], now, values.grace) for robot in order]
-        for robot, start in zip(order, place(ordered, fixed, rules), strict=True):
-            line = self.lines[robot]
+        if reorder or len(order) < len(rest):
+            tasks = [_task(line, now, values.grace) for line in rest]
+            found = order_jobs(tasks, fixed, rules, [line.robot for line in order])
+            order = [self.lines[task.robot] for task in found]
+        self._give(now, order, fixed, rules)
+
+    def _give(self, now: Instant, order: list[Line], fixed: list[Placed], rules: Rules) -> list[Placed]:
+        """Give slots behind those `fixed` to the lines of `order`, and return these."""
+        tasks = [_task(line, now, self._values.grace) for line in order]
+        starts = place(tasks, fixed, rules)
+        for line, start in zip(order, starts, strict=True):
             line.start, line.until = start, start + line.duration
+        return [Placed(start, line.duration, line.headway, line.way) for line, start in zip(order, starts, strict=True)]
 
     def _deal(self, pinned: list[Line]) -> None:
         """Give the free ranks to all that have none for good, in order of their slots."""

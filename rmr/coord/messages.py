@@ -32,6 +32,8 @@ NOBODY = 0xFFFF
 _U16 = 0xFFFF
 _U32 = 0xFFFFFFFF
 _NO_START = 0x7FFF
+_UNDERWAY = 0x10
+"""Above the way in its octet."""
 _START_MAX = 0x7FFE
 _TRIGGER_SLACK = 16
 """Grid units by which a trigger may lie after the schedule that lists it (clock errors, consecutive triggers)."""
@@ -97,6 +99,8 @@ class Job(NamedTuple):
     way: int
     missed: Instant | None
     """Start of the slot that the owner let pass."""
+    underway: bool = False
+    """The owner has set out and was put off: others would have to pass it."""
 
 
 class Entry(NamedTuple):
@@ -244,7 +248,7 @@ def _encode_job(job: Job) -> bytes:
         _clamp(-(-job.duration // GRID), 0, _U16),
         _ms(job.deadline),
         _clamp(-(-job.headway // HEADWAY_UNIT), 0, 0xFF),
-        _way_phase(job.way, Phase.WAITING) >> 4,
+        _way_phase(job.way, Phase.WAITING) >> 4 | _UNDERWAY * job.underway,
         missed,
     )
 
@@ -254,7 +258,7 @@ def _decode_job(payload: bytes) -> Job:
         raise MessageError(f"a JOB has {JOB_OCTETS} octets, not {len(payload)}")
     _, event, time, counter, leader = _HEADER.unpack_from(payload)
     asked, trigger, release, duration, deadline, headway, way, missed = _JOB.unpack_from(payload, _HEADER.size)
-    if way > WAY_MAX:
+    if way > WAY_MAX | _UNDERWAY:
         raise MessageError(f"way {way} is too large")
     base = time * MS // GRID
     return Job(
@@ -267,8 +271,9 @@ def _decode_job(payload: bytes) -> Job:
         duration * GRID,
         deadline * MS,
         headway * HEADWAY_UNIT,
-        way,
+        way & WAY_MAX,
         None if missed == _NO_START else (base + missed) * GRID,
+        way > WAY_MAX,
     )
 
 

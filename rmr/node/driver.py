@@ -113,9 +113,14 @@ class Driver:
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank(), peers.driving(now))
         hearing.update(pose, peers.heard_of(now, pose))
-        if hearing.listens:
-            assert self._began is not None
+        self.listens(now, peers)
+
+    def listens(self, now: Instant, peers: Peers) -> bool:
+        """Return whether the robot stands until it has heard where all others are, or has had long enough to."""
+        hearing = self.navigator.hearing
+        if hearing.listens and self._began is not None:
             hearing.listens = now - self._began < self._listens and not peers.placed(self._robot, self._roster)
+        return hearing.listens
 
     def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
         """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""

@@ -17,6 +17,7 @@ from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.actions import Running
+from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route
 from rmr.vm.job import Job
@@ -47,6 +48,10 @@ HINDERED_WAIT_MAX: Duration = seconds(6)
 SLIDES_MAX: Duration = seconds(4)
 """A robot that puts off its release again and again for so long without getting anywhere is hindered, too: it lets no
 slot pass, but never gets one that stands."""
+APPROACHES: Duration = milliseconds(500)
+"""A robot under way that was put off tells the leader when it has come nearer to the gate, or gone farther, by this."""
+APPROACH_MIN: Duration = milliseconds(20)
+"""... and is farther away than this even at the gate: a time that is past when it is told says nothing new."""
 SLIDES_M = 0.1
 """Nearer to where it was it has got nowhere: a little way back and the return from it do not count."""
 OFF_ROUTE_M = 0.15
@@ -108,6 +113,10 @@ class Turn:
     """Where the robot was when it first put off its release without having got anywhere since ..."""
     stood_since: Instant = 0
     """... and when; later, if a slot has been of no use since."""
+    underway: bool = False
+    """The robot has set out and was put off then: others would have to pass it, so it goes first, the nearest first."""
+    told: Duration = 0
+    """The approach that the leader was told by one that is under way."""
     behind: Instant | None = None
     """Since when it goes behind those that are due by then, for it has been hindered too often."""
 
@@ -130,9 +139,22 @@ class Turn:
         often = self.hindered - HINDERED_MAX
         if often < 0:
             return False
-        self.behind = now
+        self.behind, self.underway = now, False
         self.release = now + self.approach + min(HINDERED_WAIT << min(often, 1), HINDERED_WAIT_MAX)
         return True
+
+    def put_off(self, now: Instant) -> bool:
+        """Note that the robot has set out and its slot has been put off; return whether the leader must be told."""
+        running, ready = self.action, now + self.approach
+        if running is None or running.started is None:
+            return False
+        if self.underway:
+            told = abs(self.approach - self.told) < APPROACHES
+        else:
+            told = self.start - ready < seconds(PUT_OFF_S) or ready < self.release  # hindered: it lets others go first
+        if not told:
+            self.underway, self.told, self.release = True, self.approach, max(ready, now + APPROACH_MIN)
+        return not told
 
     def slide(self, now: Instant, release: Instant, pose: Pose | None) -> bool:
         """Note that the robot will be at the gate later than it has said; return whether it gets nowhere."""

@@ -29,7 +29,7 @@ from rmr.coord.events import (
     SlotLost,
 )
 from rmr.coord.values import Order
-from rmr.node.asking import estimate, request_of
+from rmr.node.asking import estimate, finds_itself_within, request_of
 from rmr.node.course import keep_course, rank_changed
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import (
@@ -48,7 +48,6 @@ from rmr.node.turn import (
     is_beyond,
     keep,
     passage_of,
-    stands_within,
 )
 from rmr.vm.job import Job
 
@@ -116,7 +115,7 @@ class Turns:
         """Give back the slot that `turn` has, if any, and ask for another one."""
         if turn.requested and turn.phase is not Phase.LEFT:
             self._coordination.withdraw(now, turn.event)
-        turn.job, turn.goal = job, goal
+        turn.job, turn.goal, turn.underway = job, goal, False
         turn.trigger = max(now, turn.trigger + TRIGGERS_APART)
         turn.phase, turn.requested = Phase.ASKING, False
         self._open(turn, None, opened=False)
@@ -215,23 +214,22 @@ class Turns:
         if not turn.gated or now - turn.revised_at < REVISE_EVERY:
             return
         turn.revised_at = now
-        if self._within(turn):  # pushed in, or its turn was lost there: it has to get out
+        if finds_itself_within(self._node, turn):  # pushed in, or its turn was lost there: it has to get out
             self._ask_again(now, turn, turn.job, turn.goal)
             return
         estimate(self._node, now, turn)
         release = now + turn.approach
         if turn.phase is Phase.SLOTTED and release <= turn.start + READY:
-            return
-        if release > turn.release + REVISE_FROM:
+            if turn.put_off(now):
+                self._tell(now, turn)
+        elif release > turn.release + REVISE_FROM:
             if turn.slide(now, release, self._node.percept().pose):
                 turn.hinder(now)
-            self._coordination.revise(now, turn.event, release=turn.release, deadline=turn.deadline)
+            self._tell(now, turn)
 
-    def _within(self, turn: Turn, slack_m: float = 0.0) -> bool:
-        """Return whether the robot stands in the bottleneck, as far as it knows where it is."""
-        driver = self._node.driver
-        pose = None if driver is None else driver.localiser.pose
-        return pose is not None and turn.goal is not None and stands_within(self._node.arena, turn.goal, pose, slack_m)
+    def _tell(self, now: Instant, turn: Turn) -> None:
+        """Tell the leader when the robot will be at the gate, and what its order goes by."""
+        self._coordination.revise(now, turn.event, release=turn.release, deadline=turn.deadline, underway=turn.underway)
 
     def _stands(self, now: Instant, event: bytes) -> None:
         """Bring the release up to date for a new leader: who has no slot is no nearer than when it asked."""
@@ -277,7 +275,8 @@ class Turns:
             return
         navigator = driver.navigator
         turn.passage = turn.passage or passage_of(navigator)
-        if turn.within and turn.passage is None and self._within(turn, OFF_ROUTE_M):  # until its action begins
+        starts = turn.within and turn.passage is None  # its action is still to begin
+        if starts and finds_itself_within(self._node, turn, OFF_ROUTE_M):
             self._until(now, turn, now + UNKNOWN_INSIDE)
         elif gets_nowhere(now, turn, navigator):
             turn.hindered = HINDERED_MAX
@@ -338,7 +337,7 @@ class Turns:
             case SlotLost() | EntryMissed():
                 hindered = isinstance(event, EntryMissed) and turn.gated and not self._is_ready(turn)
                 if hindered and turn.hinder(now):
-                    self._coordination.revise(now, turn.event, release=turn.release, deadline=turn.deadline)
+                    self._tell(now, turn)
                 turn.phase = Phase.ASKING
                 turn.revised_at = 0
                 self._open(turn, None, opened=False)

@@ -25,6 +25,7 @@ def jobs(draw: st.DrawFn) -> m.Job:
     return m.Job(
         draw(EVENTS), time, draw(TERMS), draw(TIMES), draw(TIMES), base + draw(DURATIONS), draw(DURATIONS),
         draw(TIMES), draw(st.integers(0, 255)) * HEADWAY_UNIT, draw(WAYS), missed,
+        draw(st.booleans()),
     )  # fmt: skip
 
 

@@ -22,6 +22,9 @@ EARLY_SHARE = 0.1
 MOUTH_S = 2.0
 """A robot that has stood so long without its turn in a mouth by which others come out drives out of their way."""
 SLOWEST_MPS = 0.02
+PUT_OFF_S = 5.0
+"""A robot under way stands where it is while its slot is later than it can be there by more than this: it has been put
+off, and those that go first have to pass it. With less it goes on slowly."""
 AHEAD_S = 3.0
 """A robot that still holds for longer than this need not know its way: others will move before it leaves."""
 
@@ -86,7 +89,7 @@ class Gate:
             return min(speed, stop)
         left = in_seconds(self.opens_at - now)
         to_line = self.line_m(route) - s
-        self.holding = self.holding and self._too_early(to_line, left)
+        self.holding = self._too_early(to_line, left) and (self.holding or left > PUT_OFF_S + to_line / speed)
         if self.holding:
             return 0.0
         if to_line <= 0.0 or left <= 0.0:

@@ -11,7 +11,7 @@ from rmr.base.gridpath import GridPath
 from rmr.base.time import seconds
 from rmr.node.approach import Approach, departures
 from rmr.node.motion.aside import aside
-from rmr.node.motion.gate import Gate
+from rmr.node.motion.gate import PUT_OFF_S, Gate
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import follower_route, leader_route
 
@@ -126,3 +126,15 @@ def test_departures_are_measured_from_the_mouth_of_the_way():
     eastward, westward = (departures(TWOWAY, "right", way) for way in (0, 1))
     assert eastward[0] > eastward[1]
     assert eastward[1] - westward[1] == pytest.approx(0.6, abs=0.05)
+
+
+def test_who_is_put_off_on_its_way_stands_and_leaves_when_it_is_just_in_time():
+    route = through(Point(2.6, 0.9), LEFT)
+    gate = Gate(TWOWAY.shape, holding=False)
+    drive = seconds(gate.line_m(route) / TWOWAY.shape.speed)
+    gate.opens_at = drive + seconds(PUT_OFF_S - 0.1)
+    assert gate.limit(0, route, 0.0) > 0.0
+    gate.opens_at = drive + seconds(PUT_OFF_S + 0.1)
+    assert gate.limit(0, route, 0.0) == 0.0
+    assert gate.limit(seconds(1), route, 0.0) == 0.0  # and does not creep on
+    assert gate.limit(gate.opens_at - drive, route, 0.0) == TWOWAY.shape.speed

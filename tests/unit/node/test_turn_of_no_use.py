@@ -8,7 +8,18 @@ import pytest
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.turn import HINDERED_MAX, HINDERED_WAIT, HINDERED_WAIT_MAX, SLIDES_MAX, Phase, Turn, stands_within
+from rmr.node.actions import Running
+from rmr.node.motion.gate import PUT_OFF_S
+from rmr.node.turn import (
+    APPROACHES,
+    HINDERED_MAX,
+    HINDERED_WAIT,
+    HINDERED_WAIT_MAX,
+    SLIDES_MAX,
+    Phase,
+    Turn,
+    stands_within,
+)
 from rmr.vm.job import Job
 from rmr_world.lab import load_lab
 
@@ -37,6 +48,46 @@ def test_who_is_hindered_again_goes_behind_all_that_are_due_and_waits_longer_eac
     assert waits[:2] == [HINDERED_WAIT, 2 * HINDERED_WAIT]
     assert waits == sorted(waits)
     assert waits[-1] == HINDERED_WAIT_MAX
+
+
+def under_way(start_s: float, approach_s: float = 2.0) -> Turn:
+    """Return a turn by which the robot has set out, with a slot at `start_s`."""
+    one = turn()
+    running = Running(0, "moveto", (), lambda _: iter(()))
+    running.started = 0
+    one.serving.append(running)
+    one.start, one.approach = seconds(start_s), seconds(approach_s)
+    return one
+
+
+def test_only_who_has_set_out_and_was_put_off_since_says_that_it_is_under_way():
+    far = 2.0 + PUT_OFF_S + 0.1
+    assert under_way(far).put_off(0)
+    assert not under_way(far - 0.2).put_off(0)
+    waits = under_way(far)
+    waits.serving.clear()
+    assert not waits.put_off(0)
+
+
+def test_who_is_under_way_says_so_again_only_when_it_is_nearer_or_farther():
+    one = under_way(100.0)
+    assert one.put_off(0)
+    assert not one.put_off(seconds(10))
+    one.approach -= APPROACHES
+    assert one.put_off(seconds(10))
+    one.start = seconds(11)  # its slot has come: it stays in front
+    assert not one.put_off(seconds(10))
+    assert one.underway
+
+
+def test_who_is_hindered_though_under_way_lets_others_go_first_for_a_while():
+    one = under_way(100.0)
+    one.put_off(0)
+    while not one.hinder(seconds(5)):
+        assert one.underway
+    assert not one.underway
+    assert not one.put_off(seconds(5))
+    assert one.put_off(seconds(5) + HINDERED_WAIT)
 
 
 @pytest.mark.parametrize(("step_m", "hindered"), [(0.0, True), (0.02, True), (0.2, False)])
