@@ -5,9 +5,13 @@
 
 from typing import Any
 
+from rmr.compiled import prefer
+
 __version__ = "0.1.0"
 
 __all__ = ["ActionFailed", "action"]
+
+prefer()
 
 
 def __getattr__(name: str) -> Any:

@@ -8,6 +8,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterator
 from random import Random
+from typing import ClassVar
 
 
 def stream(name: str) -> Random:
@@ -41,9 +42,9 @@ class Choices:
 
     __slots__ = ("state",)
 
-    GAMMA = 0x9E3779B97F4A7C15
-    MULTIPLIERS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
-    MASK = (1 << 64) - 1
+    GAMMA: ClassVar = 0x9E3779B97F4A7C15
+    MULTIPLIERS: ClassVar = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+    MASK: ClassVar = (1 << 64) - 1
 
     def __init__(self, name: str) -> None:
         """The stream called `name`, for example ``"7/robot3/vm"``."""

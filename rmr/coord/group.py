@@ -110,7 +110,8 @@ class Group:
 
     def _finish(self, now: Instant, phase: Phase) -> None:
         c = self.context
-        c.next_job, following = None, c.next_job
+        following = c.next_job
+        c.next_job = None
         if c.job is None:
             return
         self._begin_input(now)

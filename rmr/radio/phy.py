@@ -19,7 +19,7 @@ every process, and the simulator, decides alike.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from math import comb, exp, inf, log10
 from typing import NamedTuple
@@ -77,6 +77,9 @@ class Bursts:
         if not 0.0 <= self.loss <= 1.0:
             raise ValueError(f"loss {self.loss} in bad times: write a probability, 0 to 1")
 
+    def __reduce__(self) -> tuple[type["Bursts"], tuple[object, ...]]:
+        return Bursts, (self.good, self.bad, self.loss)  # pickled so, as nothing can be assigned to a frozen one
+
 
 @dataclass(frozen=True, slots=True)
 class RadioConfig:
@@ -105,6 +108,9 @@ class RadioConfig:
             raise ValueError(f"loss {self.loss}: write a probability, 0 to 1")
         if not 0.0 <= self.shadowing_db <= 30.0:
             raise ValueError(f"shadowing {self.shadowing_db}: write a deviation of 0 to 30 dB")
+
+    def __reduce__(self) -> tuple[type["RadioConfig"], tuple[object, ...]]:
+        return RadioConfig, tuple(getattr(self, field.name) for field in fields(self))
 
 
 class Channel(NamedTuple):

@@ -83,7 +83,7 @@ def test_what_a_script_names_loads_next_to_nothing_so_that_ctrl_c_finds_it_prepa
     code = f"import sys; before = set(sys.modules); import {module}; print(*set(sys.modules) - before)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     foreign = {name for name in loaded if name.split(".")[0] not in sys.stdlib_module_names}
-    assert foreign == {"rmr", "rmr.entry", module, module.split(".")[0]}
+    assert foreign == {"rmr", "rmr.compiled", "rmr.entry", module, module.split(".")[0]}
 
 
 @pytest.mark.parametrize("script", SCRIPTS)

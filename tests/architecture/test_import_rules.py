@@ -7,7 +7,8 @@ import pytest
 from source_tree import Module, modules, own_module, reachable
 
 MAY_IMPORT: dict[str, set[str]] = {
-    "rmr": {"rmr.node"},
+    "rmr": {"rmr.compiled", "rmr.node"},
+    "rmr.compiled": set(),
     "rmr.base": set(),
     "rmr.bytecode": {"rmr.base"},
     "rmr.lang": {"rmr.base", "rmr.bytecode"},
@@ -43,6 +44,7 @@ OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_worl
 """The world as a process."""
 
 LIBRARIES: dict[str, set[str]] = {
+    "rmr.compiled": {"mypyc", "setuptools"},
     "rmr.lang": {"lark"},
     "rmr.columns": {"numpy"},
     "rmr.radio": {"cryptography", "numpy"},

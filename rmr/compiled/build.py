@@ -1,0 +1,178 @@
+"""`make fast`: compile the modules in which a robot spends its time, with mypyc, into ``build/compiled``.
+
+The sources stay as they are and say everything: mypyc reads the types that mypy checks, calls methods directly and
+keeps numbers unboxed, and results are the same to the bit. What is made is found by `rmr.compiled` and is all or
+nothing: it is put in its place when it is whole, and used as long as no source has changed.
+"""
+
+import os
+import shlex
+import shutil
+import sys
+import sysconfig
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from rmr.compiled import FOLDER, INDEX, modules_in, state
+
+ROOT = FOLDER.parents[1]
+ROOTS = {"rmr": "rmr", "world/rmr_world": "rmr_world", "world/rmr_sim": "rmr_sim"}
+"""Where the packages lie that are compiled in part."""
+HOT = (
+    "rmr/base/*.py",
+    "rmr/coord/*.py",
+    "rmr/node/*.py",
+    "rmr/node/motion/*.py",
+    "rmr/radio/*.py",
+    "world/rmr_sim/robot.py",
+    "world/rmr_sim/simulation.py",
+    "world/rmr_world/physics.py",
+    "world/rmr_world/sensors.py",
+)
+INTERPRETED = {
+    "rmr/base/ids.py": "loaded by commands that need nothing else",
+    "rmr/base/mistake.py": "the same",
+    "rmr/base/record.py": "makes classes at run time",
+    "rmr/base/values.py": "its classes are strings and ints",
+    "rmr/node/userfile.py": "runs once, on a user's file",
+}
+"""What HOT names and is not compiled, and why."""
+OPTIONS = ROOT / "pyproject.toml"
+GROUP = "rmr_compiled"
+"""All are parts of one library: `rmr_compiled__mypyc`."""
+EXACT = ["-ffp-contract=off"] if os.name == "posix" else []
+"""A product and a sum are rounded one by one, as Python does, also on machines that can round them together."""
+FAILED = 1
+USAGE = 2
+
+
+class UncompiledError(Exception):
+    """What the compilers have to say against a source."""
+
+
+class UnableError(Exception):
+    """This machine cannot compile: what is missing, and what to do about it."""
+
+
+def main() -> int:
+    """Compile what is not up to date; with ``--if-possible`` go on where the machine cannot."""
+    os.chdir(ROOT)
+    shown = FOLDER.relative_to(ROOT)
+    if modules_in(FOLDER):
+        print(f"{shown} is up to date")
+        return 0
+    try:
+        look_for_a_compiler()
+    except UnableError as reason:
+        print(f"make fast: {reason}; all works interpreted as well, at less than half of the speed", file=sys.stderr)
+        return 0 if sys.argv[1:] == ["--if-possible"] else USAGE
+    print(f"compiling {len(hot())} modules into {shown}; this takes a minute or two", flush=True)
+    try:
+        compile_into(FOLDER)
+    except UncompiledError as why:
+        print(why, file=sys.stderr)
+        return FAILED
+    return 0
+
+
+def look_for_a_compiler() -> None:
+    """Raise UnableError unless there are sources, a C compiler and Python's headers."""
+    if not OPTIONS.exists():
+        raise UnableError(f"{ROOT} holds no sources: compile in a clone of the repository")
+    [command, *_] = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
+    if shutil.which(command) is None:
+        raise UnableError(f"there is no C compiler {command}: install one, or name yours in CC")
+    headers = Path(sysconfig.get_paths()["include"])
+    if not (headers / "Python.h").exists():
+        raise UnableError(f"{headers} has no Python.h: install Python's development files")
+
+
+def hot() -> list[str]:
+    """Return the sources that are compiled, relative to the root."""
+    found = [path.relative_to(ROOT).as_posix() for pattern in HOT for path in sorted(ROOT.glob(pattern))]
+    return [path for path in found if not path.endswith("__init__.py") and path not in INTERPRETED]
+
+
+def compile_into(folder: Path) -> None:
+    """Compile the hot modules into `folder`. What stands there is replaced when all is done. Raises UncompiledError."""
+    states = {path: state(path) for path in _sources()}
+    being_made = folder.with_name(folder.name + ".new")
+    shutil.rmtree(being_made, ignore_errors=True)
+    _build(hot(), being_made)
+    _write_index(being_made, states)
+    shutil.rmtree(folder, ignore_errors=True)
+    being_made.rename(folder)
+
+
+def _sources() -> Iterator[Path]:
+    """All that the compiled modules may know of: types, constants and functions of any module; what to do with them."""
+    yield from (OPTIONS, Path(__file__))
+    for root in ROOTS:
+        yield from sorted((ROOT / root).rglob("*.py"))
+
+
+def _build(sources: list[str], into: Path) -> None:
+    from mypyc.build import mypycify  # noqa: PLC0415 - a second, and not needed where all is up to date
+    from setuptools import Distribution  # noqa: PLC0415
+    from setuptools.command.build_ext import build_ext  # noqa: PLC0415
+    from setuptools.errors import CompileError  # noqa: PLC0415
+
+    class OnAllCores(build_ext):
+        def build_extensions(self) -> None:
+            self.compiler.compile = _side_by_side(self.compiler.compile)
+            super().build_extensions()
+
+    scratch = into.with_name(into.name + ".c")
+    said = StringIO()  # mypyc warns of what it compiles less well, which is no news to whoever only wants it done
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            extensions = mypycify(
+                ["--config-file", str(OPTIONS), *sources],
+                opt_level="1",  # 3 makes nothing faster and takes half as long again
+                debug_level="0",
+                multi_file=True,
+                target_dir=str(scratch),
+                group_name=GROUP,
+            )
+    except SystemExit as end:
+        raise UncompiledError(said.getvalue()) from end
+    for extension in extensions:
+        extension.extra_compile_args += EXACT
+    build = OnAllCores(Distribution({"name": "rmr", "ext_modules": extensions}))
+    build.build_lib, build.build_temp = str(into), str(scratch)
+    build.ensure_finalized()
+    try:
+        build.run()
+    except CompileError as error:
+        raise UncompiledError(str(error)) from error
+    shutil.rmtree(scratch)
+
+
+def _side_by_side(compile_all: Callable[..., list[str]]) -> Callable[..., list[str]]:
+    """Return a `compile` of a compiler of setuptools that compiles one file a core at a time."""
+
+    def compile_each(sources: list[str], **options: Any) -> list[str]:
+        with ThreadPoolExecutor(os.cpu_count()) as cores:
+            return [made for each in cores.map(lambda one: compile_all([one], **options), sources) for made in each]
+
+    return compile_each
+
+
+def _write_index(folder: Path, states: dict[Path, str]) -> None:
+    compiled = {OPTIONS: f"{GROUP}__mypyc"} | {ROOT / path: _module(path) for path in hot()}
+    lines = [f"{was}\t{compiled.get(path, '')}\t{path}" for path, was in states.items()]
+    (folder / INDEX).write_text("\n".join([sys.implementation.cache_tag, *lines, ""]))
+
+
+def _module(path: str) -> str:
+    """Return the name of the module at `path`."""
+    [root] = [root for root in ROOTS if path.startswith(f"{root}/")]
+    return ".".join([ROOTS[root], *path[len(root) + 1 : -len(".py")].split("/")])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

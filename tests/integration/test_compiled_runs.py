@@ -1,0 +1,79 @@
+"""The compiled form gives what the sources give: reports, traces and final poses, to the bit."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from rmr.compiled import build, modules_in
+
+RUNS = """
+import hashlib, json, sys
+from pathlib import Path
+from rmr.base import geometry
+from rmr_sim.run import Options, load, report_of
+
+def run(lab, seed, chaos):
+    simulation = load(Path(lab), Options(chaos=chaos)).simulation(seed)
+    report = report_of(simulation, simulation.run())
+    poses = [repr(simulation.world.pose(robot.robot)) for robot in simulation.robots]
+    whole = json.dumps([report, simulation.trace(), poses], sort_keys=True, default=str)
+    return {"lab": lab, "seed": seed, "time_s": report["time_s"], "all": hashlib.sha256(whole.encode()).hexdigest()}
+
+print(json.dumps({"file": geometry.__file__, "runs": [run(*each) for each in json.loads(sys.argv[1])]}))
+"""
+LABS = [
+    ("deploy/labs/testbed", 1, False),
+    ("deploy/labs/corridor", 2, False),
+    ("deploy/labs/twoway", 1, False),
+    ("deploy/labs/formation", 1, False),
+    ("deploy/labs/testbed", 3, True),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The modules, compiled into a folder of their own."""
+    os.chdir(build.ROOT)
+    build.look_for_a_compiler()
+    folder = tmp_path_factory.mktemp("fast") / "compiled"
+    build.compile_into(folder)
+    return folder
+
+
+def runs(folder):
+    answer = subprocess.run(
+        [sys.executable, "-c", RUNS, json.dumps(LABS)],
+        env={**os.environ, "RMR_COMPILED": str(folder)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(answer.stdout)
+
+
+@pytest.mark.timeout(550)
+def test_compiled_and_interpreted_runs_are_the_same_to_the_bit(folder):
+    assert len(modules_in(folder)) == len(build.hot()) + 1
+    compiled, interpreted = runs(folder), runs("")
+    assert compiled["file"].startswith(str(folder))
+    assert interpreted["file"].endswith("geometry.py")
+    assert compiled["runs"] == interpreted["runs"]
+
+
+@pytest.mark.timeout(550)
+def test_compiled_values_go_from_process_to_process(folder):
+    command = ["contention", "--senders", "3", "--seconds", "2", "--seeds", "4", "--json"]
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", "from rmr.cli import main; main()", "radio", *command, "--jobs", jobs],
+            env={**os.environ, "RMR_COMPILED": str(folder)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for jobs in ("1", "2")
+    }
+    assert len(outputs) == 1

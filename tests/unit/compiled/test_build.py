@@ -1,0 +1,30 @@
+"""Claims about `make fast` where it cannot do what it is asked for."""
+
+import pytest
+
+from rmr.compiled import build
+
+
+@pytest.fixture
+def stale(monkeypatch, tmp_path):
+    """Nothing is compiled yet, and nothing will be."""
+    monkeypatch.setattr(build, "FOLDER", build.ROOT / "build" / "no-such-folder")
+    monkeypatch.setattr(build, "compile_into", lambda _: pytest.fail("nothing can be compiled here"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(("arguments", "code"), [([], 2), (["--if-possible"], 0)])
+def test_without_a_c_compiler_it_is_said_what_to_do(stale, monkeypatch, capsys, arguments, code):
+    monkeypatch.setenv("CC", "no-such-compiler --fast")
+    monkeypatch.setattr("sys.argv", ["build", *arguments])
+    assert build.main() == code
+    told = capsys.readouterr()
+    assert "there is no C compiler no-such-compiler: install one, or name yours in CC" in told.err
+    assert "all works interpreted as well" in told.err
+
+
+def test_what_is_not_compiled_exists_and_what_is_compiled_is_named_once():
+    hot = build.hot()
+    assert len(set(hot)) == len(hot)
+    assert all((build.ROOT / path).exists() for path in build.INTERPRETED)
+    assert not set(hot) & set(build.INTERPRETED)
