@@ -52,6 +52,8 @@ PARKED_SPARE_M = 0.02
 """A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
 SPARE_FROM_M = 0.05
 """Nearer than this it is shifted by less: its direction is hardly more than noise."""
+JUMP_M = 0.1
+"""A place that is estimated is not corrected by more than this between two updates."""
 NEAR_M = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
@@ -76,7 +78,18 @@ class Known(NamedTuple):
 class Hearing:
     """The others, as one robot has heard of them."""
 
-    __slots__ = ("_moving", "_parked", "_shape", "_silent", "doubts_at", "fresh", "listens", "order", "stands")
+    __slots__ = (
+        "_moving",
+        "_parked",
+        "_shape",
+        "_silent",
+        "_silent_from",
+        "doubts_at",
+        "fresh",
+        "listens",
+        "order",
+        "stands",
+    )
 
     def __init__(self, shape: RobotShape, robots: int = 1) -> None:
         """`robots`: how many there are, by which the time between two hellos goes."""
@@ -84,6 +97,8 @@ class Hearing:
         self._moving = period_max(robots, parked=False)
         self._parked = period_max(robots, parked=True)
         self._silent: list[Known] = []
+        self._silent_from: Instant = 0
+        """Before this none of those can be near; 0: to be looked at."""
         self.fresh: list[Known] = []
         """Those near that are not silent."""
         self.order = order_key(0, 0)
@@ -97,7 +112,7 @@ class Hearing:
 
     def update(self, pose: Pose, known: Sequence[Known]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
-        self._silent = [other for other in known if other.silent]
+        self._silent, self._silent_from = [other for other in known if other.silent], 0
         self.fresh = [
             other
             for other in known
@@ -173,7 +188,11 @@ class Hearing:
         doubts = now > self.doubts_at
         if not doubts and not self._silent:
             return False
-        near = [other for other in self._silent if self._reaches(now, other, pose)]
+        near: list[Known] = []
+        if now >= self._silent_from and self._silent:
+            near = [other for other in self._silent if self._reaches(now, other, pose)]
+            if not near:
+                self._silent_from = self._reach_from(now, pose)
         if doubts:
             near += [other for other in self.fresh if self._doubts(now, other, pose)]
         return len(near) > 0 and not self._in_view(now, pose, seen, near)
@@ -194,6 +213,16 @@ class Hearing:
         way = 0.5 * speed * STOP_S
         x, y = pose.x + way * math.cos(pose.theta), pose.y + way * math.sin(pose.theta)
         return math.hypot(other.place.x - x, other.place.y - y) < touch + speed * STOP_S
+
+    def _reach_from(self, now: Instant, pose: Pose) -> Instant:
+        """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
+        speed, (x, y, _) = self._shape.speed, pose
+        touch = 2.0 * self._shape.radius + MARGIN_M + 1.5 * speed * STOP_S + JUMP_M
+        gap = min(
+            math.hypot(other.place.x - x, other.place.y - y) - speed * in_seconds(now - other.at)
+            for other in self._silent
+        )
+        return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
     def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[Known]) -> bool:
         """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""

@@ -119,13 +119,12 @@ class Navigator:
         """
         mine = self.hearing.order = order_key(rank, self.robot)
         self._standing.update(now, others)
-        stands = self._standing.points
-        first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
-        follower = self._follower
-        if follower is None or not first or (follower.route.gate_m is not None and not self._gate.cleared):
+        follower, stands = self._follower, self._standing.points
+        if follower is None or (follower.route.gate_m is not None and not self._gate.cleared):
             self._share = 1.0
-        else:
-            self._share = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
+            return
+        first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
+        self._share = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
 
     def face(self, now: Instant, theta: float) -> None:  # noqa: ARG002
         """Turn in place to the heading `theta`, radians."""

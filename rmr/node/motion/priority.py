@@ -81,9 +81,11 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
 
     When none does, the one that keeps the greatest distance.
     """
-    here = route.point(s)
+    here, speed = route.point(s), shape.speed
     keep = 2.0 * shape.radius + KEEP_M
-    tracks = [_track(now, other, shape.speed) for other in others if _may_meet(now, other, here, shape.speed, keep)]
+    reach = keep + (2.0 * HORIZON_S + in_seconds(AGE_MAX)) * speed
+    near = [other for other in others if abs(other.pose.x - here.x) <= reach and abs(other.pose.y - here.y) <= reach]
+    tracks = [_track(now, other, speed) for other in near if _may_meet(now, other, here, speed, keep)]
     if not tracks:
         return 1.0
     best, best_share = -math.inf, 1.0
