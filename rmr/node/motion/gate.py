@@ -6,7 +6,10 @@ loses nothing, one whose gate stays closed stops with its front before the point
 and adapts its speed, rather than wait before the entry where others pass.
 """
 
+from collections.abc import Iterable
+
 from rmr.base.arena import RobotShape
+from rmr.base.geometry import Point, distance
 from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.follow import BRAKE, braking_speed
 from rmr.node.motion.route import Route
@@ -20,7 +23,10 @@ EARLY_S = 0.25
 EARLY_SHARE = 0.1
 """Likewise, as a share of the time that is left."""
 MOUTH_S = 2.0
-"""A robot that has stood so long without its turn in a mouth by which others come out drives out of their way."""
+"""A robot that has stood so long without its turn in a mouth by which others come out, or before one that stands there,
+drives out of their way."""
+MEETS_RADII = 3.0
+"""It is before one whose centre is nearer than this: that one has no room to turn past it."""
 SLOWEST_MPS = 0.02
 PUT_OFF_S = 5.0
 """A robot under way stands where it is while its slot is later than it can be there by more than this: it has been put
@@ -96,14 +102,24 @@ class Gate:
             return min(speed, stop)
         return min(speed, stop, max(SLOWEST_MPS, to_line / left))
 
-    def blocks(self, now: Instant, route: Route, s: float) -> bool:
-        """Return whether the robot has stood for `MOUTH_S` where others come out, nearer than where it may wait."""
-        clear = self.room(route) - MARGIN_M
-        if route.room_m <= 0.0 or route.within or self.opened or self.passed or (route.gate_m or 0.0) - s > clear:
+    def blocks(self, now: Instant, route: Route, s: float, standing: Iterable[Point] = ()) -> bool:
+        """Return whether the robot has stood for `MOUTH_S` where others come out, nearer than where it may wait.
+
+        Or right before one of those that are `standing` there: it cannot get out.
+        """
+        if route.room_m <= 0.0 or route.within or self.opened or self.passed or not self._meets(route, s, standing):
             self._in_mouth_since = None
             return False
         self._in_mouth_since = now if self._in_mouth_since is None else self._in_mouth_since
         return in_seconds(now - self._in_mouth_since) > MOUTH_S
+
+    def _meets(self, route: Route, s: float, standing: Iterable[Point]) -> bool:
+        """Return whether the robot is in the mouth without its turn, or before one of those `standing` in it."""
+        gate, room = route.gate_m or 0.0, self.room(route)
+        if gate - s <= room - MARGIN_M:
+            return True
+        here, mouth, near = route.point(s), route.point(gate), MEETS_RADII * self.shape.radius
+        return any(distance(*here, *other) < near and distance(*mouth, *other) < room for other in standing)
 
     def room(self, route: Route) -> float:
         """Return how far from the mouth the centre of a robot that waits is, metres."""

@@ -168,7 +168,8 @@ class Navigator:
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
             return self._turn(pose) if self._aside is None else STILL
-        if self._gate.blocks(now, follower.route, follower.s) and self._leave_mouth(now, pose, follower.route):
+        route, standing = follower.route, self._standing.points.values()
+        if self._gate.blocks(now, route, follower.s, standing) and self._leave_mouth(now, pose, route):
             return STILL
         if now < self._back_until and not wait:
             return back(self.arena, pose, [*seen, *self.hearing.around(now, pose, seen)])

@@ -85,3 +85,19 @@ def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within
     job = Job(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
     inside = Turn(job, b"e", 0, None, phase=Phase.INSIDE, entered_at=now)
     assert gets_nowhere(now, inside, navigator) is walks, "others wait for a turn that is not used"
+
+
+@pytest.mark.parametrize("seen", [Pose(1.91, 0.69, -1.3), Pose(1.86, 0.86, -2.1)])
+def test_who_waits_for_its_turn_makes_room_for_one_that_is_stuck_between_it_and_the_mouth(seen: Pose):
+    at, now = Pose(2.01, 0.79, 2.8), 0
+    waits = Navigator(ARENA, 8)
+    waits.go(now, at, Point(0.15, 1.35), through_gate=True)
+    waits.gate(seconds(60), opened=False)
+    while now < seconds(4) and not waits.aside:
+        now += seconds(1 / 60)
+        waits.update_moving(now, 7, [Heard(4, seen, GOAL, 2, now)])
+        waits.step(now, at, 0.003, [], bumped=False)
+    assert waits.aside
+    assert not waits.passed_gate
+    assert waits.route is not None
+    assert math.dist(waits.route.points[-1], seen[:2]) > 3.0 * RADIUS

@@ -69,6 +69,18 @@ def test_who_stands_where_others_come_out_is_in_their_way_until_it_may_enter():
         assert not gate.blocks(seconds(6), route, 0.0)
 
 
+def test_who_waits_right_before_one_that_stands_in_the_mouth_is_in_its_way():
+    route = through(Point(2.07, 0.69), LEFT)
+    for stands, blocks in (
+        (Point(1.91, 0.69), True),  # it has come out and has no room to turn
+        (Point(1.83, 0.90), False),  # it passes aside
+        (Point(2.20, 0.80), False),  # it waits, too
+    ):
+        gate = Gate(TWOWAY.shape, holding=False)
+        assert not gate.blocks(0, route, 0.0, [stands])  # that one may be just about to drive on
+        assert gate.blocks(seconds(3), route, 0.0, [stands]) is blocks
+
+
 def test_out_of_the_mouth_there_is_room_aside_even_next_to_one_that_waits():
     mouth, other = MOUTHS[1], Point(1.97, 0.99)
     spot = aside(TWOWAY, Point(1.81, 0.76), LEFT, [other], Pose(*mouth, math.pi), 0.27)
