@@ -18,15 +18,18 @@ from rmr.coord.values import BANS_MAX, RECORDS_MAX
 
 
 def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None:
-    """Ask who leads, from `first` on (default: after a short random wait)."""
+    """Ask who leads, from `first` on (default: after a short random wait, or after one who was heard to ask before)."""
     c.become(Role.ASKING)
     c.asks = 0
     c.asked = None
-    c.asked_by.clear()
+    c.asked_by = {robot: job for robot, job in c.asked_by.items() if now - job.time < c.values.yield_wait}
     c.no_acks = 0
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
-    c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
+    if first is None and c.asked_by:
+        _let_go_first(c, now, min(c.asked_by, key=lambda robot: (c.asked_by[robot].asked, robot)))
+    else:
+        c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
 
 
 def on_ask_timer(c: Context, now: Instant) -> bool:
@@ -49,15 +52,17 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
 
     Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
     """
-    if c.role is Role.ASKING:
-        if len(c.asked_by) < RECORDS_MAX:
-            c.asked_by[source] = job
-        if c.asked is None or (job.asked, source) < (c.asked, c.robot):
-            _let_go_first(c, now, source)
-        return c.asks > 0 and len(c.asked_by) >= c.peers()
-    if c.role is Role.FOLLOWING and c.fresh(now):
-        relay_soon(c, now + c.values.relay_wait)
-    return False
+    if c.role is Role.FOLLOWING:
+        if c.fresh(now):
+            relay_soon(c, now + c.values.relay_wait)
+        return False
+    if source in c.asked_by or len(c.asked_by) < RECORDS_MAX:
+        c.asked_by[source] = job
+    if c.role is not Role.ASKING:
+        return False
+    if c.asked is None or (job.asked, source) < (c.asked, c.robot):
+        _let_go_first(c, now, source)
+    return c.asks > 0 and len(c.asked_by) >= c.peers()
 
 
 def _let_go_first(c: Context, now: Instant, asker: int) -> None:

@@ -367,10 +367,9 @@ def _task(line: Line, now: Instant, grace: Duration) -> Task:
     release = max(line.release, now + line.approach)
     if line.start is not None:
         release = min(release, max(line.release, line.start))
-    deadline = line.deadline + grace
-    if line.start is None or line.start + line.duration > deadline:
-        deadline = line.deadline
-    return Task(line.robot, release, line.duration, deadline, line.headway, line.way, line.joined)
+    if line.start is None or line.start + line.duration > line.deadline + grace:
+        grace = 0
+    return Task(line.robot, release, line.duration, line.deadline, line.headway, line.way, line.joined, grace)
 
 
 def _entry(line: Line) -> Entry:

@@ -38,6 +38,8 @@ class Task(NamedTuple):
     way: int
     joined: Instant = 0
     """When the leader heard of it first."""
+    grace: Duration = 0
+    """So much later it still counts as on time, but for the order of deadlines: that is taken for jobs truly on time."""
 
 
 class Placed(NamedTuple):
@@ -129,12 +131,15 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
     if rules.order is Order.FCFS:
         return sorted(tasks, key=by_arrival)
     jobs = sorted(tasks, key=by_deadline)
-    if rules.order is not Order.OURS or on_time(jobs, place(jobs, standing, rules)) == len(jobs):
-        return jobs
-    problem = problem_of(jobs, standing, rules)
-    best = fill(problem, search(problem)[2])
     index = {task.robot: i for i, task in enumerate(jobs)}
-    kept = _with_new(problem, [index[robot] for robot in old if robot in index], best)
+    known = [index[robot] for robot in old if robot in index]
+    whole = on_time(jobs, place(jobs, standing, rules)) == len(jobs)
+    if rules.order is not Order.OURS or (whole and len(known) < len(jobs)):
+        return jobs
+    jobs = [task._replace(deadline=task.deadline + task.grace) for task in jobs]
+    problem = problem_of(jobs, standing, rules)
+    best = range(len(jobs)) if whole else fill(problem, search(problem)[2])
+    kept = _with_new(problem, known, best)
     return _steady([jobs[i] for i in best], [jobs[i] for i in kept], standing, rules)
 
 
