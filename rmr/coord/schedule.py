@@ -7,7 +7,8 @@ order that keeps most jobs on time is looked for, then the earliest end, then th
 (deadline, robot): exactly for up to `EXACT_MAX` jobs, by the better of a beam and insertion beyond
 (`rmr.coord.search`). Late jobs go, by (deadline, robot), where they delay nobody that is on time, most often last.
 
-An order that is known already is kept, with what is new put in, unless that costs a job or a headway.
+An order that is known already is kept, with what is new put in, unless that costs a job or a headway: robots are under
+way in it. It gives way to that of deadlines only where somebody is new.
 """
 
 from collections.abc import Sequence
@@ -39,7 +40,7 @@ class Task(NamedTuple):
     joined: Instant = 0
     """When the leader heard of it first."""
     grace: Duration = 0
-    """So much later it still counts as on time, but for the order of deadlines: that is taken for jobs truly on time."""
+    """So much later it still counts as on time, but not where the order of deadlines is to keep all on time."""
 
 
 class Placed(NamedTuple):

@@ -107,13 +107,13 @@ class Driver:
         """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
         navigator, hearing = self.navigator, self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
-        if now < self._heed_at and now <= hearing.doubts_at:
+        listened = hearing.listens and not self.listens(now, peers)
+        if now < self._heed_at and now <= hearing.doubts_at and not listened:
             return
         if now >= self._heed_at:
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank(), peers.driving(now))
         hearing.update(pose, peers.heard_of(now, pose))
-        self.listens(now, peers)
 
     def listens(self, now: Instant, peers: Peers) -> bool:
         """Return whether the robot stands until it has heard where all others are, or has had long enough to."""

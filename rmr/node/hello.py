@@ -16,7 +16,7 @@ PARKED_APART: Duration = milliseconds(20)
 """Per robot of the roster a period is so long, between its least and its greatest: many robots share one air, and those
 that stand leave it to those that drive. At the longest period a robot of which two hellos in a row are lost while it
 moves, or one while it is parked, is not yet taken for silent (`motion.hearing`)."""
-FIRST_AFTER: Duration = milliseconds(150)
+FIRST_AFTER: Duration = milliseconds(60)
 FIRST_SPREAD: Duration = milliseconds(20)
 """The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
 EAGER: Duration = milliseconds(500)
@@ -39,6 +39,7 @@ class HelloClock:
         self._robots = robots
         self._moving_period = _period(robots, parked=False)
         self._parked_period = _period(robots, parked=True)
+        self._waiting_period = min(max(PERIOD_MOVING, PARKED_APART * robots), self._parked_period)
         self._eager_period = min(max(PERIOD_EAGER, MOVING_APART * robots), self._moving_period)
         self._eager_until: Instant = 0
         self.due: Instant = NEVER
@@ -62,9 +63,11 @@ class HelloClock:
             self.parked, self._back = parked, back
             self.soon(now)
 
-    def rewind(self, now: Instant) -> None:
-        """Plan the hello after the one that is said now."""
-        period = self._parked_period if self.parked else self._moving_period
+    def rewind(self, now: Instant, *, waits: bool = False) -> None:
+        """Plan the hello after the one that is said now by a robot that stands for good, or `waits` for its turn."""
+        period = self._moving_period
+        if self.parked:
+            period = self._waiting_period if waits else self._parked_period
         if now < self._eager_until:
             period = self._eager_period
         self.due = now + round(period * self._rng.uniform(1.0 - SPREAD, 1.0 + SPREAD))

@@ -83,7 +83,7 @@ class Talk:
     def wake(self, now: Instant) -> None:
         """Say what is due."""
         if self._hello is not None and now >= self._hello.due:
-            self._hello.rewind(now)
+            self._hello.rewind(now, waits=self._node.turns.current is not None)
             self._say_hello(parked=self._hello.parked)
         if now >= self.exchange.next_wake:
             self.exchange.wake(now)

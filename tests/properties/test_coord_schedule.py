@@ -106,6 +106,30 @@ def test_the_order_of_deadlines_is_taken_where_it_keeps_all_on_time(jobs: list[T
         assert order_jobs(jobs, [], RULES) == by_deadline
 
 
+def under_way() -> tuple[Task, Task]:
+    """Return one that can be there soon and has time, and one that takes longer and has none."""
+    near = Task(1, 1000 * MS, 3000 * MS, 20_000 * MS, 950 * MS, 0)
+    return near, Task(2, 4000 * MS, 3000 * MS, 7300 * MS, 950 * MS, 0)
+
+
+def test_an_order_that_robots_are_under_way_in_stays_though_that_of_deadlines_keeps_all_on_time_too() -> None:
+    near, far = under_way()
+    assert order_jobs([near, far], [], RULES, [1, 2]) == [near, far]
+    assert order_jobs([near, far], [], RULES, []) == [far, near]
+    assert order_jobs([near, far], [], RULES, [1]) == [far, near], "one of them is new"
+    assert order_jobs([near._replace(deadline=4500 * MS), far], [], RULES, [2, 1])[0].robot == 1, "it costs a job"
+
+
+def test_grace_keeps_a_slot_in_the_order_and_makes_no_order_of_deadlines_of_late_jobs() -> None:
+    near, far = under_way()
+    late = far._replace(deadline=6900 * MS)
+    urgent = near._replace(deadline=12_000 * MS)
+    assert order_jobs([urgent, late], [], RULES, []) == [urgent, late], "it is late anyway"
+    spared = late._replace(grace=400 * MS)
+    assert [task.robot for task in order_jobs([urgent, spared], [], RULES, [])] == [1, 2], "the end is earlier"
+    assert [task.robot for task in order_jobs([urgent, spared], [], RULES, [2, 1])] == [1, 2], "by more than a headway"
+
+
 @settings(max_examples=40, deadline=None)
 @given(tasks(26, ways=2))
 def test_every_job_is_ordered_once_and_no_fewer_meet_their_deadlines_than_first_come(jobs: list[Task]) -> None:

@@ -230,6 +230,28 @@ def test_who_lets_an_earlier_asker_go_first_does_not_lead_though_all_ask() -> No
     assert not leads_when_all_have_asked(earlier=PEERS + 1)
 
 
+def told(robot: Robot, to: int) -> list[int]:
+    """Return when `robot` told `to` its job."""
+    return [at for at, message, destination in robot.sent if isinstance(message, Job) and destination == to]
+
+
+def test_who_has_heard_another_ask_before_its_job_begins_lets_it_go_first() -> None:
+    robot = Robot()
+    robot.hear(question(asked=NOW - ms(9)), source=5).hear(question(asked=NOW - ms(3)), source=4)
+    robot.now = NOW + ms(100)
+    robot.job().run(NOW + ms(400))
+    assert len(told(robot, 5)) == 1, "the one that asked first"
+    assert [to for _, message, to in robot.sent if isinstance(message, Job)] == [5]
+
+
+def test_who_has_heard_another_ask_long_ago_asks_itself() -> None:
+    robot = Robot().hear(question(asked=NOW - ms(9)), source=5)
+    robot.now = NOW + ms(600)
+    robot.job().run(NOW + ms(1000))
+    assert told(robot, 5) == []
+    assert [to for _, message, to in robot.sent if isinstance(message, Job)][:2] == [None, None]
+
+
 def test_who_has_heard_but_a_part_of_a_new_leaders_schedule_tells_it_the_job() -> None:
     robot = Robot().job()
     robot.hear(sched(*(entry(r) for r in range(10, 20)), part=2, parts=5)).run(NOW + ms(400))
