@@ -135,7 +135,7 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
     index = {task.robot: i for i, task in enumerate(jobs)}
     known = [index[robot] for robot in old if robot in index]
     whole = on_time(jobs, place(jobs, standing, rules)) == len(jobs)
-    if rules.order is not Order.OURS or (whole and len(known) < len(jobs)):
+    if rules.order is not Order.OURS or not jobs or (whole and len(known) < len(jobs)):
         return jobs
     jobs = [task._replace(deadline=task.deadline + task.grace) for task in jobs]
     problem = problem_of(jobs, standing, rules)

@@ -106,6 +106,10 @@ def test_the_order_of_deadlines_is_taken_where_it_keeps_all_on_time(jobs: list[T
         assert order_jobs(jobs, [], RULES) == by_deadline
 
 
+def test_no_jobs_are_in_no_order_even_by_one_that_was_known() -> None:
+    assert order_jobs([], [], RULES, [1, 2]) == []
+
+
 def under_way() -> tuple[Task, Task]:
     """Return one that can be there soon and has time, and one that takes longer and has none."""
     near = Task(1, 1000 * MS, 3000 * MS, 20_000 * MS, 950 * MS, 0)
