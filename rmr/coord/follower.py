@@ -201,9 +201,10 @@ def tell(c: Context, now: Instant) -> None:
 def _suspect_later(c: Context) -> None:
     """The leader is suspected when it is silent for long; the next in the list moves first, the unlisted last."""
     values, held = c.values, c.held
-    listed_robots = [robot for robot in held.coming() if robot != held.term.leader]
-    unlisted = c.robot not in listed_robots
-    rank = len(listed_robots) if unlisted else listed_robots.index(c.robot)
+    coming, leader = held.coming(), held.term.leader
+    unlisted = c.robot == leader or c.robot not in coming
+    before = coming if unlisted else coming[: coming.index(c.robot)]
+    rank = len(before) - before.count(leader)
     wait = values.lease if held.resigned else values.suspicion
     spread = c.spread(c.unlisted()) if unlisted else 0
     c.set(Timer.SUSPECT, held.issued + wait + rank * values.stagger + spread)

@@ -110,9 +110,10 @@ class Held:
 
         A job that has moved is listed by the part that it left until that is heard anew: the newer one is right.
         """
-        found = None
+        found: tuple[Sched, int, Entry] | None = None
+        job = robot, trigger
         for number, part in self.parts.items():
-            position = self._extracts[number].at.get((robot, trigger))
+            position = self._extracts[number].at.get(job)
             if position is not None and (found is None or part.issued > found[0].issued):
                 found = part, self._first_rank(part) + position, part.entries[position]
         return found

@@ -127,7 +127,9 @@ class Peers:
         old, dead = peer.hello, at - peer.hello_at > DEAD
         peer.hello, peer.hello_at, peer.driving = hello, at, driving
         if hello.parked and self._standing is not None and robot in self._standing:
-            self._standing[robot], self._parked = Point(hello.x, hello.y), None
+            place = Point(hello.x, hello.y)
+            if place != self._standing[robot]:
+                self._standing[robot], self._parked = place, None
         elif hello.parked or (old is not None and (old.parked or dead)):
             self._standing = None
         else:
