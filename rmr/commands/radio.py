@@ -2,7 +2,6 @@
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import math
-import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -303,46 +302,20 @@ def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -
         return
     from multiprocessing import get_context
 
+    from rmr.entry.workers import interrupted_later
+
     context = get_context("spawn")
     begun = context.Semaphore(0)
     with ExitStack() as stack:
-        with _interrupted_later():
-            pool = stack.enter_context(context.Pool(jobs, _end_with_parent, (begun,)))
+        with interrupted_later():
+            pool = stack.enter_context(context.Pool(jobs, _begin, (begun,)))
             for _ in range(jobs):
                 begun.acquire(timeout=START_S)  # a process that is ended while it begins says so
         yield pool.imap(trial, seeds)
 
 
-@contextmanager
-def _interrupted_later() -> Iterator[None]:
-    """Put Ctrl-C off until this is over. Processes that are started meanwhile never get it: the parent ends them."""
-    from multiprocessing import resource_tracker
+def _begin(begun: "Semaphore") -> None:
+    from rmr.entry.workers import end_with_parent
 
-    came: list[int] = []
-    resource_tracker.ensure_running()  # first: starting it unblocks the signal
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which is inherited; other threads take it as it comes
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        signal.signal(signal.SIGINT, before)
-    if came:
-        raise KeyboardInterrupt
-
-
-def _end_with_parent(begun: "Semaphore") -> None:
-    """End this process when its parent has, however that ended: nobody takes its results."""
-    import os
-    from multiprocessing import parent_process
-    from threading import Thread
-
-    parent = parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    Thread(target=follow, daemon=True).start()
+    end_with_parent()
     begun.release()

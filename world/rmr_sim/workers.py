@@ -5,17 +5,15 @@ takes its place. None outlives the sweep, however that ends: they never get Ctrl
 and each follows its parent.
 """
 
-import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import partial
-from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from threading import Thread
 
+from rmr.entry.workers import end_with_parent, interrupted_later
 from rmr_sim.interruption import Interruption
 from rmr_sim.run import Options, load
 from rmr_sim.trial import Result, lost, run_seed
@@ -57,7 +55,7 @@ class _Worker:
     def __init__(self, path: Path, options: Options) -> None:
         context = get_context("spawn")
         self.results, theirs = context.Pipe()
-        with _interrupted_later():
+        with interrupted_later():
             self._process: BaseProcess = context.Process(target=_work, args=(theirs, path, options), daemon=True)
             self._process.start()
         theirs.close()  # so that the end of the process ends the pipe
@@ -90,7 +88,7 @@ class _Worker:
 
 def _work(results: Connection, path: Path, options: Options) -> None:
     """Run the seeds that come until no more do."""
-    _end_with_parent()
+    end_with_parent()
     run = _runner(path, options)
     while True:
         try:
@@ -106,26 +104,3 @@ def _runner(path: Path, options: Options) -> Callable[[int], Result]:
         return partial(run_seed, load(path, options))
     except (LabError, ProgramError, OSError) as error:
         return partial(lost, error=str(error))
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent has, however that ended: nobody takes its results."""
-    parent = parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(1)
-
-    Thread(target=follow, daemon=True).start()
-
-
-@contextmanager
-def _interrupted_later() -> Iterator[None]:
-    """Put Ctrl-C off until this is over; a process that is started meanwhile never gets it."""
-    resource_tracker.ensure_running()  # first: starting it unblocks the signal
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which is inherited
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

@@ -1,0 +1,36 @@
+"""Processes that share the work of a command: they end with it, and Ctrl-C is the command's alone to handle."""
+
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import parent_process, resource_tracker
+from threading import Thread
+
+
+def end_with_parent() -> None:
+    """End this process when its parent has, however that ended: nobody takes its results."""
+    parent = parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=follow, daemon=True).start()
+
+
+@contextmanager
+def interrupted_later() -> Iterator[None]:
+    """Put Ctrl-C off until this is over. Processes that are started meanwhile never get it."""
+    came: list[int] = []
+    resource_tracker.ensure_running()  # first: starting it unblocks the signal
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which is inherited; other threads take it as it comes
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, before)
+    if came:
+        signal.raise_signal(signal.SIGINT)
