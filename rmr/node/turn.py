@@ -54,6 +54,12 @@ APPROACH_MIN: Duration = milliseconds(20)
 """... and is farther away than this even at the gate: a time that is past when it is told says nothing new."""
 SLIDES_M = 0.1
 """Nearer to where it was it has got nowhere: a little way back and the return from it do not count."""
+PRESS_AFTER: Duration = seconds(2)
+"""A robot that has stood so long in the mouth, where nobody gets past it, is put off, too, ..."""
+PRESS_NEAR: Duration = seconds(2)
+"""... unless its slot is as near as this."""
+IN_MOUTH_M = 0.02
+"""Nearer to the mouth than two radii and this a robot keeps others out."""
 OFF_ROUTE_M = 0.15
 """A robot farther than this from the way through the bottleneck is not on it."""
 
@@ -113,6 +119,8 @@ class Turn:
     """Where the robot was when it first put off its release without having got anywhere since ..."""
     stood_since: Instant = 0
     """... and when; later, if a slot has been of no use since."""
+    mouth_since: Instant | None = None
+    """Since when the robot has stood in the mouth without its turn."""
     underway: bool = False
     """The robot has set out and was put off then: others would have to pass it, so it goes first, the nearest first."""
     told: Duration = 0
@@ -135,7 +143,7 @@ class Turn:
 
     def hinder(self, now: Instant) -> bool:
         """Note a slot that was of no use; return whether the leader must be told that the robot goes behind others."""
-        self.hindered, self.stood_since = self.hindered + 1, now
+        self.hindered, self.stood_since, self.mouth_since = self.hindered + 1, now, None
         often = self.hindered - HINDERED_MAX
         if often < 0:
             return False
@@ -155,6 +163,22 @@ class Turn:
         if not told:
             self.underway, self.told, self.release = True, self.approach, max(ready, now + APPROACH_MIN)
         return not told
+
+    def press(self, now: Instant, in_mouth: bool) -> bool:
+        """Note whether the robot stands `in_mouth`; return whether the leader must be told that it has for too long.
+
+        Those that go first by the order would wait for it to leave, and it for them.
+        """
+        if not in_mouth:
+            self.mouth_since = None
+            return False
+        self.mouth_since = now if self.mouth_since is None else self.mouth_since
+        is_next = self.phase is Phase.SLOTTED and self.start < now + PRESS_NEAR
+        if self.underway or is_next or now - self.mouth_since < PRESS_AFTER:
+            return False
+        self.underway, self.told = True, self.approach
+        self.release = now + max(self.approach, APPROACH_MIN)
+        return True
 
     def slide(self, now: Instant, release: Instant, pose: Pose | None) -> bool:
         """Note that the robot will be at the gate later than it has said; return whether it gets nowhere."""
@@ -191,6 +215,15 @@ def gets_nowhere(now: Instant, turn: Turn, navigator: Navigator) -> bool:
         return not turn.within
     stands = route is not None and route.gate_m is not None and not route.within and not navigator.passed_gate
     return stands and not turn.within and now - turn.entered_at > GIVE_BACK
+
+
+def in_mouth(navigator: Navigator) -> bool:
+    """Return whether the robot is so near to the mouth, out of which nobody comes, that it keeps others from it."""
+    route = navigator.route
+    if route is None or route.gate_m is None or route.within or route.room_m > 0.0 or navigator.aside:
+        return False
+    s = route.length_m - navigator.remaining_m
+    return route.gate_m - 2.0 * navigator.arena.shape.radius - IN_MOUTH_M < s < route.clear_m
 
 
 def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:

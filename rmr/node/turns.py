@@ -45,6 +45,7 @@ from rmr.node.turn import (
     clear_of_bottleneck,
     gets_nowhere,
     goal_of,
+    in_mouth,
     is_beyond,
     keep,
     passage_of,
@@ -218,8 +219,10 @@ class Turns:
             self._ask_again(now, turn, turn.job, turn.goal)
             return
         estimate(self._node, now, turn)
-        release = now + turn.approach
-        if turn.phase is Phase.SLOTTED and release <= turn.start + READY:
+        release, navigator = now + turn.approach, self._navigator
+        if navigator is not None and turn.press(now, in_mouth(navigator)):
+            self._tell(now, turn)
+        elif turn.phase is Phase.SLOTTED and release <= turn.start + READY:
             if turn.put_off(now):
                 self._tell(now, turn)
         elif release > turn.release + REVISE_FROM:

@@ -10,14 +10,17 @@ from rmr.base.time import seconds
 from rmr.base.values import Robot
 from rmr.node.actions import Running
 from rmr.node.motion.gate import PUT_OFF_S
+from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import (
     APPROACHES,
     HINDERED_MAX,
     HINDERED_WAIT,
     HINDERED_WAIT_MAX,
+    PRESS_AFTER,
     SLIDES_MAX,
     Phase,
     Turn,
+    in_mouth,
     stands_within,
 )
 from rmr.vm.job import Job
@@ -88,6 +91,48 @@ def test_who_is_hindered_though_under_way_lets_others_go_first_for_a_while():
     assert not one.underway
     assert not one.put_off(seconds(5))
     assert one.put_off(seconds(5) + HINDERED_WAIT)
+
+
+def test_who_stands_in_the_mouth_for_long_is_under_way_and_says_so_once():
+    one = turn()
+    one.start, step = seconds(60), seconds(0.5)
+    told = [one.press(step * k, in_mouth=True) for k in range(8)]
+    assert told == [step * k == PRESS_AFTER for k in range(8)]
+    assert one.underway
+    assert one.release == PRESS_AFTER + one.approach
+
+
+def test_nobody_presses_whose_slot_is_near_or_who_has_left_the_mouth_or_had_a_slot_of_no_use():
+    one = turn()
+    one.start = seconds(3)
+    assert not one.press(0, in_mouth=True)
+    assert not one.press(seconds(2.5), in_mouth=True)
+    one.phase = Phase.ASKING
+    assert not one.press(seconds(3), in_mouth=False)
+    assert not one.press(seconds(3.5), in_mouth=True)
+    one.hinder(seconds(5))
+    assert not one.press(seconds(5.5), in_mouth=True)
+    assert one.press(seconds(5.5) + PRESS_AFTER, in_mouth=True)
+
+
+@pytest.mark.parametrize(
+    ("lab", "goal", "place", "keeps_out"),
+    [
+        ("testbed", "exit", Point(0.42, 0.8), True),
+        ("testbed", "exit", Point(0.5, 0.84), True),  # in the corner beside the mouth
+        ("testbed", "exit", Point(0.33, 0.75), False),
+        ("testbed", "exit", Point(0.4, 0.95), False),
+        ("twoway", "right", Point(1.1, 0.75), False),  # others may come out: it makes room instead
+    ],
+)
+def test_the_mouth_is_where_nobody_gets_past_a_robot(lab, goal, place, keeps_out):
+    arena = load_lab(LABS / lab).arena
+    area = arena.area(goal)
+    assert area is not None
+    navigator = Navigator(arena, 1)
+    assert not in_mouth(navigator)
+    assert navigator.go(0, Pose(place.x, place.y, 0.0), area.places[0], through_gate=True)
+    assert in_mouth(navigator) is keeps_out
 
 
 @pytest.mark.parametrize(("step_m", "hindered"), [(0.0, True), (0.02, True), (0.2, False)])
