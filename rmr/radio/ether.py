@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,13 @@ _WORD = 4294967296.0
 _ORDER = attrgetter("order")
 
 
+_Kind = TypeVar("_Kind", bound=np.generic)
+
+
+def _grown(array: NDArray[_Kind], room: int) -> NDArray[_Kind]:
+    return np.concatenate([array, np.zeros(room - len(array), dtype=array.dtype)])
+
+
 class Tallies:
     """What befell the frames for each station, by index."""
 
@@ -72,9 +79,9 @@ class Tallies:
 
     def grow(self, room: int) -> None:
         """Make room for `room` stations."""
-        for name in self.__slots__:
-            old = getattr(self, name)
-            setattr(self, name, np.concatenate([old, np.zeros(room - len(old), dtype=old.dtype)]))
+        counts = (self.received, self.collided, self.deaf, self.dropped)
+        self.received, self.collided, self.deaf, self.dropped = (_grown(each, room) for each in counts)
+        self.bulk = _grown(self.bulk, room)
 
     def note(self, at: Places, lost: Truths, cause: Causes) -> None:
         """Count the frame that is `lost` to some of the stations `at`."""

@@ -4,10 +4,14 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from rmr.compiled import build, modules_in
+
+sys.path.append(str(Path(__file__).parents[1] / "bench"))
+from crowds import flood
 
 RUNS = """
 import hashlib, json, sys
@@ -43,9 +47,15 @@ def folder(tmp_path_factory):
     return folder
 
 
-def runs(folder):
+@pytest.fixture(scope="module")
+def labs(tmp_path_factory):
+    """Few robots that drive, with and without faults, and a hundred that talk."""
+    return [*LABS, (str(flood(tmp_path_factory.mktemp("flood"), 100)), 1, False)]
+
+
+def runs(folder, labs):
     answer = subprocess.run(
-        [sys.executable, "-c", RUNS, json.dumps(LABS)],
+        [sys.executable, "-c", RUNS, json.dumps(labs)],
         env={**os.environ, "RMR_COMPILED": str(folder)},
         capture_output=True,
         text=True,
@@ -55,9 +65,9 @@ def runs(folder):
 
 
 @pytest.mark.timeout(550)
-def test_compiled_and_interpreted_runs_are_the_same_to_the_bit(folder):
+def test_compiled_and_interpreted_runs_are_the_same_to_the_bit(folder, labs):
     assert len(modules_in(folder)) == len(build.hot()) + 1
-    compiled, interpreted = runs(folder), runs("")
+    compiled, interpreted = runs(folder, labs), runs("", labs)
     assert compiled["file"].startswith(str(folder))
     assert interpreted["file"].endswith("geometry.py")
     assert compiled["runs"] == interpreted["runs"]
