@@ -4,13 +4,15 @@
 
 Six robots in the corridor and on the test-bed, with all checkers, a hundred that queue for a door, a hundred that all
 drive across each other's ways, and a thousand without bodies (`crowds`). Each run has a process of its own; the labs
-take turns, so that a machine that is busy for a while is so for all of them. The median of the rounds counts. Reading
-the lab is not part of a run; it is told beside it. A robot's memory is what reading the lab and running it add to the
-process, by its greatest resident set, divided by the robots.
+take turns, so that a machine that is busy for a while is so for all of them. The median of the rounds counts. What
+`make fast` makes is measured, and the sources as they are beside it. Reading the lab is not part of a run; it is told
+beside it. A robot's memory is what reading the lab and running it add to the process, by its greatest resident set,
+divided by the robots.
 """
 
 import argparse
 import json
+import os
 import resource
 import statistics
 import subprocess
@@ -25,8 +27,14 @@ from hosts import machine
 from page import add_options, figure_rows, keep, table
 from run import LABS
 
+from rmr.compiled import FOLDER, modules_in
+
 ROUNDS = 3
 HUNDRED, THOUSAND = 100, 1000
+FORMS = {"compiled": str(FOLDER), "interpreted": ""}
+"""What RMR_COMPILED says of each."""
+COMPILED_ALONE = ("hall",)
+"""Interpreted it takes minutes."""
 TARGETS = {"corridor": 40.0, "testbed": 40.0, "hall": 3.0, "crossing": 3.0, "flood": 10.0}
 """Lab time over processor time, at least."""
 NAMES = {
@@ -59,21 +67,26 @@ def _resident_kb() -> int:
 
 
 def taken(labs: dict[str, Path], rounds: int) -> list[dict[str, Any]]:
-    """Return the figures of all labs: each runs `rounds` times, in turn with the others."""
-    results: dict[str, list[dict[str, float]]] = {name: [] for name in labs}
+    """Return the figures of all labs: each runs `rounds` times, in turn with the others, compiled and interpreted."""
+    results: dict[tuple[str, str], list[dict[str, float]]] = {}
     for seed in range(1, rounds + 1):
         for name, lab in labs.items():
-            words = [sys.executable, __file__, "--lab", str(lab), "--seed", str(seed)]
-            answer = subprocess.run(words, capture_output=True, text=True, check=True)
-            results[name].append(json.loads(answer.stdout))
+            for form in FORMS if name not in COMPILED_ALONE else ["compiled"]:
+                words = [sys.executable, __file__, "--lab", str(lab), "--seed", str(seed)]
+                environment = {**os.environ, "RMR_COMPILED": FORMS[form]}
+                answer = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
+                results.setdefault((name, form), []).append(json.loads(answer.stdout))
     figures = []
-    for name, runs in results.items():
+    for (name, form), runs in results.items():
         speed, load, memory = (statistics.median(run[key] for run in runs) for key in ("speed", "load_s", "robot_kb"))
+        if form == "interpreted":
+            figures.append(_figure(f"{NAMES[name]}: the same, interpreted", speed, "x"))
+            continue
         target = TARGETS[name]
         figures += [
-            _figure(f"{NAMES[name]}: lab time over processor time", speed, "x", target, speed >= target),
             _figure(f"{NAMES[name]}: reading the lab", load, "s"),
             _figure(f"{NAMES[name]}: memory of a robot", memory, "kB"),
+            _figure(f"{NAMES[name]}: lab time over processor time", speed, "x", target, speed >= target),
         ]
     return figures
 
@@ -92,6 +105,8 @@ def main() -> int:
     if options.lab is not None:
         print(json.dumps(taken_here(options.lab, options.seed)))
         return 0
+    if not modules_in(FOLDER):
+        parser.error("nothing is compiled, or sources have changed since: make fast")
     with tempfile.TemporaryDirectory() as folder:
         labs = {
             "corridor": LABS / "corridor",
