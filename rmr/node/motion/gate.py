@@ -78,10 +78,20 @@ class Gate:
         """Take in the robot's progress."""
         if route.gate_m is None:
             return
-        if s > self.stop_m(route) + 0.02:
+        if s > self._entry_m(route) + 0.02:
             self.passed = True
         if self.passed and (arrived or s >= route.clear_m):
             self.cleared = True
+
+    def _entry_m(self, route: Route) -> float:
+        """Return from where on the robot drives through.
+
+        Without its turn, if there is room to wait and to make way: once its hull is inside, as one that was pushed in.
+        Else one that begins in that room, where it may not wait, would go in for a step to and fro.
+        """
+        if self.opened or route.within or route.room_m <= 0.0 or route.gate_m is None:
+            return self.stop_m(route)
+        return route.gate_m + self.shape.radius
 
     def limit(self, now: Instant, route: Route, s: float) -> float:
         """Return the speed that the gate allows at arc length `s`, m/s."""

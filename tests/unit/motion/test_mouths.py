@@ -69,6 +69,24 @@ def test_who_stands_where_others_come_out_is_in_their_way_until_it_may_enter():
         assert not gate.blocks(seconds(6), route, 0.0)
 
 
+@pytest.mark.parametrize(("opened", "passes"), [(False, False), (True, True)])
+def test_a_step_to_and_fro_in_the_room_before_the_mouth_is_no_entry_without_a_turn(opened: bool, passes: bool):
+    route = through(Point(1.93, 0.97), LEFT)  # a robot that stepped aside, nearer to the mouth than where it may wait
+    gate = Gate(TWOWAY.shape, holding=False)
+    gate.opened = opened
+    gate.locate(route, 0.03, arrived=False)
+    assert gate.passed is passes
+    assert gate.limit(0, route, 0.03) == (TWOWAY.shape.speed if passes else 0.0)
+
+
+def test_who_is_in_the_bottleneck_without_a_turn_drives_out():
+    route = through(Point(1.93, 0.97), LEFT)
+    gate = Gate(TWOWAY.shape, holding=False)
+    assert route.gate_m is not None
+    gate.locate(route, route.gate_m + RADIUS + 0.03, arrived=False)
+    assert gate.passed
+
+
 def test_who_waits_right_before_one_that_stands_in_the_mouth_is_in_its_way():
     route = through(Point(2.07, 0.69), LEFT)
     for stands, blocks in (
