@@ -6,7 +6,6 @@ hashed with SHA-512 by `random.Random`), and drawing from one stream never distu
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator
 from random import Random
 from typing import ClassVar
 
@@ -16,21 +15,29 @@ def stream(name: str) -> Random:
     return Random(name)
 
 
-def normals(rng: Random) -> Callable[[], float]:
-    """Return a function that draws standard normal numbers: those of `rng.gauss(0.0, 1.0)`, in half of its time.
+class Normals:
+    """Draws standard normal numbers when called: those of `rng.gauss(0.0, 1.0)`, in half of its time.
 
     Between them `rng` may be asked for other numbers, but not for `gauss`.
     """
-    return _normals(rng.random).__next__
 
+    __slots__ = ("_another", "_random", "_second")
 
-def _normals(random: Callable[[], float]) -> Iterator[float]:
-    cos, sin, log, sqrt, tau = math.cos, math.sin, math.log, math.sqrt, math.tau
-    while True:
-        angle = random() * tau
-        away = sqrt(-2.0 * log(1.0 - random()))
-        yield cos(angle) * away
-        yield sin(angle) * away
+    def __init__(self, rng: Random) -> None:
+        self._random = rng.random
+        self._second = 0.0
+        self._another = False
+
+    def __call__(self) -> float:
+        """Return the next one. They are made in pairs (Box and Muller, 1958)."""
+        if self._another:
+            self._another = False
+            return self._second
+        angle = self._random() * math.tau
+        away = math.sqrt(-2.0 * math.log(1.0 - self._random()))
+        self._second = math.sin(angle) * away
+        self._another = True
+        return math.cos(angle) * away
 
 
 class Choices:

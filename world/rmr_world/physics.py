@@ -18,7 +18,7 @@ import pymunk
 
 from rmr.base.arena import Disc
 from rmr.base.geometry import STILL, Pose, Twist
-from rmr.base.streams import normals, stream
+from rmr.base.streams import Normals, stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
 from rmr.node.ports import SeenBody, Sensed
 from rmr_world.lab import Lab
@@ -86,8 +86,8 @@ class _Robot:
     def __init__(self, robot: int, pose: Pose, body: pymunk.Body, seed: int, sensors: Sensors) -> None:
         self.id = robot
         self.body = body
-        self.slip = normals(stream(f"{seed}/robot{robot}/wheels"))
-        self.view = normals(stream(f"{seed}/robot{robot}/view"))
+        self.slip = Normals(stream(f"{seed}/robot{robot}/wheels"))
+        self.view = Normals(stream(f"{seed}/robot{robot}/view"))
         self.sensors = sensors
         self.x, self.y, self.theta = pose
         self.cos, self.sin = math.cos(pose.theta), math.sin(pose.theta)

@@ -13,7 +13,7 @@ import math
 from random import Random
 
 from rmr.base.geometry import Point
-from rmr.base.streams import normals
+from rmr.base.streams import Normals
 from rmr.base.time import NEVER, NS_PER_S, Instant
 
 TRACK_M = 0.1
@@ -55,7 +55,7 @@ class Sensors:
 
     def __init__(self, rng: Random, beacons: tuple[Point, ...], rate: float, sigma: float, dropout: float) -> None:
         self.beacons = beacons
-        self._normal = normal = normals(rng)
+        self._normal = normal = Normals(rng)
         self._random = rng.random
         self._left_scale = 1.0 + normal() * ENCODER_SCALE_SIGMA
         self._right_scale = 1.0 + normal() * ENCODER_SCALE_SIGMA
