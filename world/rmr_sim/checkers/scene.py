@@ -73,14 +73,23 @@ class Scene:
         return any(one.robot == robot and one.fault == "restarted" and one.at >= since for one in self._befell())
 
     def held_up(self, robot: int, since: Instant, until: Instant) -> Instant:
-        """Return until when `robot` was stopped, slow or dead at some time from `since` to `until`; else 0."""
-        ends = [
-            NEVER if one.fault == "killed" else one.until
-            for one in self._befell()
-            if one.robot == robot and one.at <= until
-            and (one.fault == "killed" or (one.fault in {"stalled", "slowed"} and one.until >= since))
-        ]  # fmt: skip
-        return max(ends, default=0)
+        """Return until when `robot` was stopped, slow or dead at some time from `since` to `until`; else 0.
+
+        What begins before the last of it is over goes on with it; a restart ends all.
+        """
+        end: Instant = 0
+        for one in self._befell():
+            if one.robot != robot:
+                continue
+            if one.fault == "restarted":
+                end = min(end, one.at)
+            elif one.at > max(until, end):
+                break
+            elif one.fault == "killed":
+                end = NEVER
+            elif one.fault in {"stalled", "slowed"}:
+                end = max(end, one.until)
+        return end if end >= since else 0
 
     def _befell(self) -> list[Befell]:
         return [one for one in self.simulation.befallen if isinstance(one, Befell)]
