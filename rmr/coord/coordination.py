@@ -14,7 +14,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.context import Context, Outbox, OwnJob
 from rmr.coord.events import CoordEvent, JobRequest, Send
 from rmr.coord.group import Group
-from rmr.coord.messages import EVENT_OCTETS, MessageError, decode
+from rmr.coord.messages import EVENT_OCTETS, Beacon, Kind, MessageError, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.values import EVENTS_MAX, IN_FLIGHT_MAX, WAY_MAX, Values
 
@@ -81,6 +81,19 @@ class Coordination:
         self._group(message.event).receive(now, message, source)
         self._settle()
         return True
+
+    def overhear(self, now: Instant, payload: bytes) -> bool:
+        """Take in a frame that changes nothing but what is known of a robot that passes; else return False."""
+        if not payload or payload[0] != Kind.BEACON:
+            return False
+        try:
+            beacon = _decoded(payload, self._values.payload_max)
+        except MessageError:
+            return False
+        group = self._groups.get(beacon.event)
+        if group is None or not isinstance(beacon, Beacon) or beacon.time > now + self._values.future:
+            return False
+        return group.overhear(now, beacon)
 
     def confirmed(self, now: Instant, handle: int, status: str) -> None:
         """The outcome of a unicast: ``ok``, ``no_ack`` or ``access_failure``. Unknown handles are ignored."""

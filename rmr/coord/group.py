@@ -162,6 +162,16 @@ class Group:
             self._on_path(message)
         c.awake = now
 
+    def overhear(self, now: Instant, beacon: Beacon) -> bool:
+        """Take in a beacon by which a robot that neither leads nor passes has nothing to do; else return False."""
+        c = self.context
+        passes = c.passage in (Passage.CLAIMING, Passage.INSIDE)
+        if beacon.phase is Phase.CLAIM or passes or c.role is Role.LEADING or c.witnessed == beacon.who:
+            return False
+        self._on_beacon(now, beacon)
+        c.awake = now
+        return True
+
     def _on_beacon(self, now: Instant, beacon: Beacon) -> None:
         c = self.context
         c.counter = max(c.counter, beacon.term.counter)

@@ -15,11 +15,6 @@ if TYPE_CHECKING:
     from rmr.node.node import Node
 
 
-ASKS_FIRST_MAX = 20
-"""Robots of a roster that ask for turns while they still listen for the places of the others. Of more of them the first
-hellos take longer (of fifty 2.8 s) than agreeing on slots, and nobody could keep one who has to stand."""
-
-
 def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
     """Work out approach, inside and way of `turn`; False while the robot does not know where it is, or has to stand."""
     driver = node.driver
@@ -50,9 +45,8 @@ def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
 
 
 def _has_to_listen(node: "Node", now: Instant) -> bool:
-    """Return whether the robot is one of a crowd and stands until it has heard where all others are."""
-    crowd = len(node.config.roster) > ASKS_FIRST_MAX
-    return crowd and node.driver is not None and node.driver.listens(now, node.peers)
+    """Return whether the robot stands until it has heard where all others are: few have heard each other sooner."""
+    return node.config.crowded and node.driver is not None and node.driver.listens(now, node.peers)
 
 
 def finds_itself_within(node: "Node", turn: Turn, slack_m: float = 0.0) -> bool:

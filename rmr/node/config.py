@@ -23,6 +23,9 @@ LISTEN: Duration = milliseconds(1200)
 LISTEN_FOR_ALL: Duration = seconds(10)
 """Where all can hear each other, until it has heard where each of the others is, at first too, but no longer than this:
 who is silent then is not there, and no cut of the radio is counted on to last longer."""
+CROWD_FROM = 21
+"""A roster of so many robots is a crowd. Of more of them the first hellos take longer (of fifty 2.8 s) than agreeing on
+slots, and each frame is heard by so many that to call them all costs more than all else."""
 IN_RANGE_DB = 6.0
 """Received so much above the sensitivity a robot is surely heard."""
 
@@ -54,6 +57,11 @@ class NodeConfig:
     """The constants of coordination; how much a frame holds is the link's to say."""
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
+
+    @property
+    def crowded(self) -> bool:
+        """Whether the robot is one of a crowd."""
+        return len(self.roster) >= CROWD_FROM
 
     @property
     def listens(self) -> Duration:

@@ -68,6 +68,10 @@ class CoordLink:
         """Hand the core a frame of another robot."""
         self._core.receive(now, payload, source)
 
+    def overhear(self, now: Instant, payload: bytes) -> bool:
+        """Hand the core a frame of which it needs no call; return whether it is one."""
+        return self._core.overhear(now, payload)
+
     def awaits(self, outcome: Confirmed) -> bool:
         """Return whether the outcome is that of a frame of the core's."""
         return outcome.handle in self._handles

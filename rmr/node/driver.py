@@ -15,7 +15,7 @@ from rmr.base.values import Symbol
 from rmr.node.approach import Approach
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
-from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, standing_at
+from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
 from rmr.node.ports import Body, SeenBody
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.wire import Hello
@@ -56,7 +56,7 @@ class Driver:
         self._body = body
         self._bodies: tuple[SeenBody, ...] = ()
         self._bumped = False
-        self._areas = [(area, (Symbol(area.name),)) for area in arena.areas]
+        self._areas = [(area, (Symbol(area.name),), extent(area)) for area in arena.areas]
         self._stated_pose: Pose | None = None
         self._stated_place: Point | None = None
         """The pose and the place of which the facts tell."""
@@ -146,8 +146,10 @@ class Driver:
         if senses.used("pose"):
             senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
         arrived = []
-        for area, args in self._areas:
+        for area, args, (x0, y0, x1, y1) in self._areas:
             was = senses.holds("at", args)
+            if not was and not (x0 <= pose.x <= x1 and y0 <= pose.y <= y1):
+                continue
             if standing_at(area, pose, self.place if self.place in area.places else None, was):
                 if self.place in area.places:
                     self._home = self.place

@@ -160,7 +160,16 @@ class Node:
 
         In a crowd nearly all that is heard are hellos that change nothing but where a robot is known to be.
         """
-        return self._started and not self._meets and now - self.now <= SLEPT and self.talk.overhear(now, frame)
+        if not self._started or self._meets or now - self.now > SLEPT:
+            return False
+        return self.talk.overhear(now, frame) or (self.config.crowded and self._overhear_passing(now, frame))
+
+    def _overhear_passing(self, now: Instant, frame: Received) -> bool:
+        """Take in what a robot in the bottleneck says, which all of a crowd hear and hardly any has to do with."""
+        if frame.source not in self.peers.known or not self._coordination.overhear(now, frame.payload):
+            return False
+        self.peers.heard(now, frame.source, frame.rssi_dbm)
+        return True
 
     def awaits(self, outcome: Confirmed) -> bool:
         """Return whether `outcome` matters here: else it need not be handed over. That of no broadcast does."""

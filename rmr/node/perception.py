@@ -197,6 +197,14 @@ class Peers:
         ]
 
 
+def extent(area: Area) -> tuple[float, float, float, float]:
+    """Return x0, y0, x1, y1 of a rectangle beyond which nobody stands in `area`: there most robots are."""
+    if area.box is not None:
+        return area.box
+    xs, ys = [x for x, _ in area.places], [y for _, y in area.places]
+    return min(xs) - AT_LEAVE_M, min(ys) - AT_LEAVE_M, max(xs) + AT_LEAVE_M, max(ys) + AT_LEAVE_M
+
+
 def standing_at(area: Area, pose: Pose, own_place: Point | None, was: bool) -> bool:
     """Return whether a robot at `pose` stands in `area`.
 

@@ -1,0 +1,88 @@
+"""What those who pass say is taken in without a call by whoever has nothing to do with it, and only by those."""
+
+from collections.abc import Callable
+from random import Random
+
+import pytest
+from coord_harness import EVENT, ms
+
+from rmr.coord.coordination import Coordination, JobRequest
+from rmr.coord.messages import Beacon, Job, Message, Phase, Term, encode
+from rmr.coord.states import Passage
+
+LED = Term(1, 2)
+
+
+def beacon(phase: Phase, who: int = 3) -> Beacon:
+    """Return what robot 3, or `who`, says at 5 s."""
+    return Beacon(EVENT, ms(5000), LED, who, 0, phase, 0, ms(4500), ms(7500))
+
+
+def core() -> Coordination:
+    """Return a core that knows the event, as one does that has heard somebody pass."""
+    made = Coordination(1, Random(1), 5)
+    made.receive(ms(4900), encode(beacon(Phase.IN)._replace(time=ms(4900))), 3)
+    return made
+
+
+def waits(made: Coordination) -> None:
+    made.trigger(ms(4950), JobRequest(EVENT, ms(4950), ms(9000), ms(3000), ms(60_000), ms(1000), 0))
+
+
+def leads(made: Coordination) -> None:
+    waits(made)
+    now = ms(4950)
+    while not any("Leadership" in type(news).__name__ for news in made.drain()):
+        now = max(now + 1, made.next_wake)
+        made.wake(now)
+
+
+@pytest.mark.parametrize("phase", [Phase.IN, Phase.OUT, Phase.YIELD])
+@pytest.mark.parametrize("state", [lambda _: None, waits])
+def test_who_stands_by_or_waits_overhears_what_changes_and_is_due_no_sooner(
+    phase: Phase, state: Callable[[Coordination], None]
+) -> None:
+    overhears, is_called = core(), core()
+    for made in (overhears, is_called):
+        state(made)
+        made.drain()
+    wake = overhears.next_wake
+    assert overhears.overhear(ms(5000), encode(beacon(phase)))
+    is_called.receive(ms(5000), encode(beacon(phase)), 3)
+    known = [made._groups[EVENT].context.fence.records for made in (overhears, is_called)]
+    assert {who: record.beacon for who, record in known[0].items()} == {
+        who: record.beacon for who, record in known[1].items()
+    }
+    assert not overhears.has_news
+    assert overhears.next_wake == wake == is_called.next_wake
+
+
+def test_who_leads_is_called_for_all_that_is_said() -> None:
+    made = core()
+    leads(made)
+    assert not made.overhear(ms(9000), encode(beacon(Phase.OUT)))
+
+
+def test_who_passes_itself_is_called_for_all_that_is_said() -> None:
+    made = core()
+    waits(made)
+    made._groups[EVENT].context.passage = Passage.CLAIMING
+    assert not made.overhear(ms(5000), encode(beacon(Phase.IN)))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        beacon(Phase.CLAIM),
+        Job(EVENT, ms(5000), LED, 0, 0, ms(9000), ms(3000), ms(60_000), ms(1000), 0, None),
+        beacon(Phase.IN)._replace(event=b"other!"),
+        beacon(Phase.IN)._replace(time=ms(6000)),
+    ],
+)
+def test_claims_jobs_and_what_is_not_understood_wait_for_a_call(message: Message) -> None:
+    assert not core().overhear(ms(5000), encode(message))
+
+
+def test_octets_that_are_no_frame_are_not_overheard() -> None:
+    frame = encode(beacon(Phase.IN))
+    assert not any(core().overhear(ms(5000), octets) for octets in (b"", frame[:-1], frame[:1], b"\x00"))
