@@ -5,7 +5,16 @@ import math
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist
 from rmr.base.time import seconds
-from rmr.node.motion.avoid import MEMORY_S, StandOff, Watch, limit_twist, safe_speed
+from rmr.node.motion.avoid import (
+    BACK_S,
+    EARLY_PATIENCE,
+    MEMORY_S,
+    StandOff,
+    Watch,
+    limit_twist,
+    safe_speed,
+    way_back_s,
+)
 from rmr.node.motion.hearing import Known
 from rmr.node.ports import SeenBody
 
@@ -150,6 +159,27 @@ def test_turning_to_the_way_out_of_a_stand_off_is_no_standing_before_another():
     assert not stand_off.blocked(seconds(1.7), turning, turning)
     assert not stand_off.blocked(seconds(1.8), wish, stopped)  # patience begins anew
     assert stand_off.blocked(seconds(2.6), wish, stopped)
+
+
+def test_before_the_own_slot_patience_lasts_longer_for_standing_is_in_order():
+    wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
+    for more, after_s in ((0, 0.8), (EARLY_PATIENCE, 3.8)):
+        stand_off = StandOff(robot=0)
+        assert not stand_off.blocked(0, wish, stopped, more)
+        assert not stand_off.blocked(seconds(after_s - 0.2), wish, stopped, more)
+        assert stand_off.blocked(seconds(after_s), wish, stopped, more)
+
+
+def test_where_there_is_no_way_around_the_way_back_is_twice_as_long():
+    assert [way_back_s(tries, True, None) for tries in (1, 2, 3)] == [BACK_S, BACK_S, 2.0 * BACK_S]
+    assert way_back_s(1, False, None) == 2.0 * BACK_S
+
+
+def test_head_to_head_in_a_bottleneck_one_way_gives_way_ever_farther_and_the_other_stays():
+    ways = [way_back_s(tries, False, 1) for tries in range(1, 9)]
+    assert ways == sorted(ways)
+    assert ways[0] < ways[3] < ways[-1] == ways[-2]
+    assert {way_back_s(tries, False, 0) for tries in range(1, 9)} == {0.0}
 
 
 def test_robots_differ_in_patience():
