@@ -311,7 +311,8 @@ class Navigator:
         route, queue = self.route, self._queue
         if route is None or route.gate_m is None or self._gate.passed or queue.overtakes:
             return False
-        waits = queue.waits(now, self.arena, Point(self._pose.x, self._pose.y), self._parked, self._gate.opens_at)
+        opens_at = now - 1 if self._gate.opened else self._gate.opens_at
+        waits = queue.waits(now, self.arena, Point(self._pose.x, self._pose.y), self._parked, opens_at)
         self._replan_due = self._replan_due or queue.overtakes
         return waits
 

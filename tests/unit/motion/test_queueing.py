@@ -3,8 +3,9 @@
 import bench
 import pytest
 
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant, seconds
+from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.queueing import OVERTAKE, REACH_M, Queueing
 
 ARENA = bench.corridor()
@@ -51,3 +52,16 @@ def test_one_that_leaves_in_between_is_waited_for_anew():
     assert waits(queue, OPENS + seconds(3.1), FIRST)
     waits(queue, OPENS + OVERTAKE + seconds(0.2), FIRST)
     assert not queue.overtakes
+
+
+def test_who_may_enter_drives_around_one_that_still_stands_before_it():
+    navigator, now = Navigator(ARENA, 1), 0
+    at = Pose(SECOND.x, SECOND.y, 0.0)
+    navigator.go(now, at, Point(2.6, 1.35), parked=[FIRST], through_gate=True)
+    navigator.gate(None, opened=True)
+    left_at = None
+    while now < 2 * OVERTAKE and left_at is None:
+        now += seconds(1 / 60)
+        twist = navigator.step(now, at, 0.003, [], bumped=False)
+        left_at = now if twist.v > 0.0 else None
+    assert left_at == pytest.approx(OVERTAKE, abs=seconds(0.1))
