@@ -5,6 +5,7 @@ import pytest
 
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant, seconds
+from rmr.node.motion.follow import STILL
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.queueing import OVERTAKE, REACH_M, Queueing
 
@@ -63,5 +64,5 @@ def test_who_may_enter_drives_around_one_that_still_stands_before_it():
     while now < 2 * OVERTAKE and left_at is None:
         now += seconds(1 / 60)
         twist = navigator.step(now, at, 0.003, [], bumped=False)
-        left_at = now if twist.v > 0.0 else None
+        left_at = None if twist == STILL else now
     assert left_at == pytest.approx(OVERTAKE, abs=seconds(0.1))
