@@ -101,3 +101,15 @@ def test_who_waits_for_its_turn_makes_room_for_one_that_is_stuck_between_it_and_
     assert not waits.passed_gate
     assert waits.route is not None
     assert math.dist(waits.route.points[-1], seen[:2]) > 3.0 * RADIUS
+
+
+def test_who_is_inside_with_its_turn_waits_for_nobody_that_stands_in_the_mouth_behind_it():
+    at, now = Pose(1.698, 0.744, -2.99), 0
+    inside = Navigator(ARENA, 6)
+    inside.go(now, at, Point(1.05, 1.35), parked=[Point(1.861, 0.799)], through_gate=True)
+    inside.gate(None, opened=True)
+    speed = 0.0
+    while now < seconds(1):
+        now += seconds(1 / 60)
+        speed = inside.step(now, at, 0.003, [], bumped=False).v
+    assert speed > 0.1
