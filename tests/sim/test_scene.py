@@ -19,9 +19,7 @@ def held_up(folder, since, until, *befallen):
     return found if found == NEVER else found / 1e9
 
 
-@pytest.mark.parametrize(
-    ("since", "until", "end"), [(0, 1, 0), (1, 2, 5), (3, 3, 5), (5, 6, 5), (5.1, 9, 0)], ids=str
-)
+@pytest.mark.parametrize(("since", "until", "end"), [(0, 1, 0), (1, 2, 5), (3, 3, 5), (5, 6, 5), (5.1, 9, 0)], ids=str)
 def test_a_robot_is_held_up_from_the_fault_until_its_end(tmp_path, since, until, end):
     assert held_up(tmp_path, since, until, (2, "stalled", 5)) == end
 

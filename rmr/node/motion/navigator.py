@@ -309,9 +309,8 @@ class Navigator:
     def _queued(self, now: Instant) -> bool:
         """Return whether a robot that goes first still stands on the route before the gate."""
         route, queue = self.route, self._queue
-        at_gate = route is None or (route.gate_m or 0.0) < self.arena.shape.radius  # nobody has room before it
-        if at_gate or self._gate.passed or queue.overtakes:
-            return False
+        if route is None or (route.gate_m or 0.0) < self.arena.shape.radius or self._gate.passed or queue.overtakes:
+            return False  # where the gate is so near, nobody has room before it
         opens_at = now - 1 if self._gate.opened else self._gate.opens_at
         waits = queue.waits(now, self.arena, Point(self._pose.x, self._pose.y), self._parked, opens_at)
         self._replan_due = self._replan_due or queue.overtakes
