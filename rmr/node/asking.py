@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rmr.base.time import Instant
 from rmr.coord.events import JobRequest
 from rmr.coord.values import EXCLUSIVE_WAY
-from rmr.node.turn import Turn, stands_within
+from rmr.node.turn import Turn, stands_in_way, stands_within
 
 if TYPE_CHECKING:
     from rmr.node.node import Node
@@ -34,6 +34,7 @@ def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
     if turn.gated:
         turn.approach, turn.inside, turn.way, turn.after, within = found
         turn.within = within or stands_within(node.arena, turn.goal, pose)
+        turn.in_way = stands_in_way(node.arena, turn.goal, pose)
         turn.headway = driver.approach.headway(turn.goal, turn.way)
         if not turn.requested and not turn.within and _has_to_listen(node, now):
             turn.revised_at = now

@@ -92,6 +92,8 @@ class Turn:
     inside: Duration = UNKNOWN_INSIDE
     within: bool = False
     """Whether the robot was inside the bottleneck when it asked."""
+    in_way: bool = False
+    """Whether it stood then where others come out: it begins to drive at once, so that it can make room."""
     after: Duration = 0
     """From leaving to the goal: the robot must be out of the bottleneck so much before its deadline."""
     headway: Duration = UNKNOWN_INSIDE
@@ -191,7 +193,7 @@ class Turn:
         """Return whether the action that serves the job may begin."""
         if self.phase in (Phase.INSIDE, Phase.LEFT) or self.job.finish is not None:
             return True
-        return self.gated and self.phase is Phase.SLOTTED and now >= self._leaves_at
+        return self.gated and self.phase is Phase.SLOTTED and (self.in_way or now >= self._leaves_at)
 
     @property
     def _leaves_at(self) -> Instant:
@@ -254,6 +256,12 @@ def stands_within(arena: Arena, goal: Area, pose: Pose, slack_m: float = 0.0) ->
     radius = arena.shape.radius
     near = distance(*way.point(s), pose.x, pose.y) < OFF_ROUTE_M
     return near and way.gate_m + radius - slack_m < s < way.clear_m - radius + slack_m
+
+
+def stands_in_way(arena: Arena, goal: Area, pose: Pose) -> bool:
+    """Return whether a robot at `pose` stands at a mouth by which others come out, nearer than where it may wait."""
+    way = passage_to(arena, goal.places[0])
+    return way is not None and way.room_m > 0.0 and stands_within(arena, goal, pose, arena.shape.radius + way.room_m)
 
 
 @lru_cache(maxsize=64)

@@ -21,6 +21,7 @@ from rmr.node.turn import (
     Phase,
     Turn,
     in_mouth,
+    stands_in_way,
     stands_within,
 )
 from rmr.vm.job import Job
@@ -166,3 +167,24 @@ def test_who_stands_in_the_bottleneck_knows_it_whatever_it_is_about_to_do(lab, g
     assert area is not None
     for theta in (0.0, math.pi / 2, math.pi):
         assert stands_within(arena, area, Pose(place.x, place.y, theta)) is within
+
+
+@pytest.mark.parametrize(("x", "in_way"), [(1.83, True), (1.93, True), (2.1, False), (1.6, True)])
+def test_who_begins_where_others_come_out_by_a_mouth_is_in_their_way(x, in_way):
+    arena = load_lab(LABS / "twoway").arena
+    assert stands_in_way(arena, arena.area("left"), Pose(x, 0.77, -2.8)) is in_way
+
+
+def test_nobody_comes_out_by_the_mouth_of_a_one_way_bottleneck():
+    arena = load_lab(LABS / "testbed").arena
+    assert not any(stands_in_way(arena, arena.area("exit"), Pose(0.02 * k, 0.75, 0.0)) for k in range(1, 30))
+
+
+def test_who_stands_in_the_way_sets_out_before_its_slot_is_near():
+    one = turn()
+    one.gated, one.start = True, seconds(60)
+    assert not one.released(seconds(1))
+    one.in_way = True
+    assert one.released(seconds(1))
+    one.phase = Phase.ASKING
+    assert not one.released(seconds(1)), "nobody sets out without a slot"
