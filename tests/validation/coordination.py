@@ -207,9 +207,13 @@ def discovery(
 
 
 def _discover(seed: int, members: int, config: RadioConfig, values: Values) -> dict[str, float]:
-    model = group(seed, members + 1, config, values=values)
+    model = OnAir(seed, members + 1, config, values)
+    leader, *others = model.ids
+    model.trigger(0, leader, deadline=ms(60_000))
     model.hushed = True
-    assert model.run_until(lambda: model.first is not None, LIMIT), "nobody has led"
+    assert model.run_until(lambda: model.tally.frames["SCHED"] > 0, LIMIT), "nobody has led"
+    for place, robot in enumerate(others, start=1):  # while the announcement is on the air: who asks before is known
+        model.trigger(model.now, robot, deadline=ms(60_000 + 4000 * place))
     first, begun = model.first, model.now
     assert first is not None
     model.tally.take()
