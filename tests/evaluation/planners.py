@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import NamedTuple
 
 from rmr.node.motion import astar
@@ -59,7 +58,7 @@ def cuts(floor: Floor, cells: Sequence[int]) -> bool:
 
 
 def ours(floor: Floor) -> list[int] | None:
-    return astar.search(SimpleNamespace(stride=floor.stride), floor.blocked, floor.start, floor.goal)[0]  # type: ignore
+    return astar.search(floor.stride, floor.blocked, floor.start, floor.goal)[0]
 
 
 def by_skimage(floor: Floor) -> Search:

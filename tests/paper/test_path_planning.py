@@ -45,7 +45,7 @@ def test_iv_d_3_grids_are_connected_when_they_differ_by_at_most_one_in_x_and_y()
 
 def test_iv_d_3_an_edge_costs_1_and_a_diagonal_root_2_and_the_path_is_of_least_cost():
     blocked = bytearray(clear < 0.0 for clear in GRID.clear)
-    cells, _ = search(GRID, blocked, GRID.index_at(3, 2), GRID.index_at(13, 6))
+    cells, _ = search(GRID.stride, blocked, GRID.index_at(3, 2), GRID.index_at(13, 6))
     assert cells is not None
     spots = [GRID.cell_at(c) for c in cells]
     cost = sum(math.dist(a, b) for a, b in pairwise(spots))
@@ -58,7 +58,7 @@ def test_iv_d_3_the_euclidean_heuristic_never_overestimates():
     for index in range(0, len(blocked), 7):
         if blocked[index]:
             continue
-        cells, _ = search(GRID, blocked, index, goal)
+        cells, _ = search(GRID.stride, blocked, index, goal)
         if cells is None:
             continue
         spots = [GRID.cell_at(c) for c in cells]
@@ -68,7 +68,7 @@ def test_iv_d_3_the_euclidean_heuristic_never_overestimates():
 
 def test_iv_d_3_the_search_is_best_first_and_expands_fewer_grids_than_there_are():
     blocked = bytearray(clear < 0.1 for clear in GRID.clear)
-    _, expansions = search(GRID, blocked, GRID.index(0.2, 0.75), GRID.index(1.2, 0.75))
+    _, expansions = search(GRID.stride, blocked, GRID.index(0.2, 0.75), GRID.index(1.2, 0.75))
     assert expansions < sum(1 for b in blocked if not b) / 4
 
 

@@ -53,9 +53,11 @@ class Plan:
         return sum(distance(*a, *b) for a, b in zip(self.points, self.points[1:], strict=False))
 
 
-def search(grid: Grid, blocked: bytearray, start: int, goal: int) -> tuple[list[int] | None, int]:
-    """Return the cells of a least-cost path (None: no way) and the number of expansions."""
-    stride = grid.stride
+def search(stride: int, blocked: bytearray, start: int, goal: int) -> tuple[list[int] | None, int]:
+    """Return the cells of a least-cost path (None: no way) and the number of expansions.
+
+    Cells are indices into `blocked`, whose rows are `stride` long and which has a blocked border.
+    """
     root2 = math.sqrt(2.0)
     moves = tuple((dr * stride + dc, root2 if dc and dr else 1.0, dc, dr * stride) for dc, dr in STEPS)
     goal_row, goal_column = divmod(goal, stride)
@@ -169,7 +171,7 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     last = _snap(grid, blocked, goal)
     if first is None or last is None or any(math.hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
         return None
-    cells, expansions = search(grid, blocked, first, last)
+    cells, expansions = search(grid.stride, blocked, first, last)
     if cells is None:
         return None
     floor = Floor(arena, discs, start, goal, margin_m)

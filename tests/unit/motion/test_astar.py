@@ -52,7 +52,7 @@ def test_a_path_costs_what_uniform_cost_search_finds_on_random_floors():
         blocked = bytearray(1 if c < 0 or rng.random() < 0.3 else 0 for c in grid.clear)
         free = [i for i, b in enumerate(blocked) if not b]
         start, goal = rng.choice(free), rng.choice(free)
-        cells, expansions = search(grid, blocked, start, goal)
+        cells, expansions = search(grid.stride, blocked, start, goal)
         best = dijkstra(grid, blocked, start, goal)
         assert (cells is None) == math.isinf(best)
         assert expansions <= len(free)
@@ -69,7 +69,7 @@ def test_no_step_cuts_a_blocked_corner():
     for _ in range(20):
         blocked = bytearray(1 if c < 0 or rng.random() < 0.3 else 0 for c in grid.clear)
         free = [i for i, b in enumerate(blocked) if not b]
-        cells, _ = search(grid, blocked, rng.choice(free), rng.choice(free))
+        cells, _ = search(grid.stride, blocked, rng.choice(free), rng.choice(free))
         for a, b in zip(cells or (), (cells or ())[1:], strict=False):
             (ac, ar), (bc, br) = grid.cell_at(a), grid.cell_at(b)
             assert not blocked[grid.index_at(ac, br)]
