@@ -18,18 +18,15 @@ from rmr.coord.values import BANS_MAX, RECORDS_MAX
 
 
 def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None:
-    """Ask who leads, from `first` on (default: after a short random wait, or after one who was heard to ask before)."""
+    """Ask who leads, from `first` on (default: after a short random wait)."""
     c.become(Role.ASKING)
     c.asks = 0
     c.asked = None
-    c.asked_by = {robot: job for robot, job in c.asked_by.items() if now - job.time < c.values.yield_wait}
+    c.asked_by.clear()
     c.no_acks = 0
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
-    if first is None and c.asked_by:
-        _let_go_first(c, now, min(c.asked_by, key=lambda robot: (c.asked_by[robot].asked, robot)))
-    else:
-        c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
+    c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
 
 
 def on_ask_timer(c: Context, now: Instant) -> bool:
@@ -52,24 +49,25 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
 
     Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
     """
-    if c.role is Role.FOLLOWING:
-        if c.fresh(now):
-            relay_soon(c, now + c.values.relay_wait)
-        return False
-    if source in c.asked_by or len(c.asked_by) < RECORDS_MAX:
-        c.asked_by[source] = job
-    if c.role is not Role.ASKING:
-        return False
-    if c.asked is None or (job.asked, source) < (c.asked, c.robot):
-        _let_go_first(c, now, source)
-    return c.asks > 0 and len(c.asked_by) >= c.peers()
+    if c.role is Role.ASKING:
+        if source in c.asked_by or len(c.asked_by) < RECORDS_MAX:
+            c.asked_by[source] = job
+        if c.asked is None or (job.asked, source) < (c.asked, c.robot):
+            _let_go_first(c, now, source, job)
+        return c.asks > 0 and len(c.asked_by) >= c.peers()
+    if c.role is Role.FOLLOWING and c.fresh(now):
+        relay_soon(c, now + c.values.relay_wait)
+    return False
 
 
-def _let_go_first(c: Context, now: Instant, asker: int) -> None:
-    """Ask again only if `asker` has not led by then, and tell it the own job: it need not ask on once it has all."""
-    c.asks, c.asker = 0, asker
+def _let_go_first(c: Context, now: Instant, asker: int, job: Job) -> None:
+    """Ask again only if `asker` has not led by then, and tell it the own job, once: it waits for no more than that."""
+    c.asks = 0
     c.set(Timer.ASK, now + c.values.yield_wait + c.spread(c.peers(), c.values.yield_jitter))
-    c.sooner(Timer.JOIN, now + c.spread(c.peers()))
+    first = c.asked_by.get(c.asker)
+    if first is None or (job.asked, asker) < (first.asked, c.asker):
+        c.asker = asker
+        c.sooner(Timer.JOIN, now + c.spread(c.peers()))
 
 
 def relay_soon(c: Context, now: Instant) -> None:

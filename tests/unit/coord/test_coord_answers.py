@@ -235,19 +235,10 @@ def told(robot: Robot, to: int) -> list[int]:
     return [at for at, message, destination in robot.sent if isinstance(message, Job) and destination == to]
 
 
-def test_who_has_heard_another_ask_before_its_job_begins_lets_it_go_first() -> None:
-    robot = Robot()
-    robot.hear(question(asked=NOW - ms(9)), source=5).hear(question(asked=NOW - ms(3)), source=4)
-    robot.now = NOW + ms(100)
-    robot.job().run(NOW + ms(400))
-    assert len(told(robot, 5)) == 1, "the one that asked first"
-    assert [to for _, message, to in robot.sent if isinstance(message, Job)] == [5]
-
-
-def test_who_has_heard_another_ask_long_ago_asks_itself() -> None:
+def test_who_has_heard_another_ask_before_its_job_begins_asks_itself() -> None:
     robot = Robot().hear(question(asked=NOW - ms(9)), source=5)
-    robot.now = NOW + ms(600)
-    robot.job().run(NOW + ms(1000))
+    robot.now = NOW + ms(100)
+    robot.job().run(NOW + ms(500))
     assert told(robot, 5) == []
     assert [to for _, message, to in robot.sent if isinstance(message, Job)][:2] == [None, None]
 
