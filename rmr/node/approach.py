@@ -10,7 +10,7 @@ from itertools import pairwise
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.gridpath import GridPath
-from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.base.time import Duration, milliseconds, seconds
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.grid import grid_of
@@ -34,12 +34,12 @@ class Approach:
         self._navigator = navigator
         self._made: tuple[Point, Point, Estimate] | None = None
 
-    def estimate(self, now: Instant, pose: Pose, goal: Point) -> Estimate | None:
+    def estimate(self, pose: Pose, goal: Point) -> Estimate | None:
         """Return what the way to `goal` will take from now on; None when there is no way."""
         navigator = self._navigator
         route = navigator.route
         if route is not None and route.gate_m is not None and self._made is not None:
-            return self._made[2]._replace(approach=navigator.eta_gate(now))
+            return self._made[2]._replace(approach=navigator.eta_gate())
         origin, rest = pose, 0
         if navigator.status == "moving" and route is not None:
             end = route.points[-1]

@@ -27,7 +27,7 @@ def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
     pose = driver.localiser.pose
     if pose is None:
         return False
-    found = driver.approach.estimate(now, pose, turn.goal.places[0])
+    found = driver.approach.estimate(pose, turn.goal.places[0])
     if found is None:
         return True
     turn.gated = found.inside > 0

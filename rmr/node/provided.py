@@ -174,7 +174,7 @@ async def face(robot: NodeHandle, degrees: float) -> None:
     """Turn to a heading, degrees counter-clockwise from the x axis."""
     navigator = robot.node.motion
     await _located(robot)
-    navigator.face(robot.node.now, math.radians(math.fmod(degrees, 360.0)))
+    navigator.face(math.radians(math.fmod(degrees, 360.0)))
     await Pause(condition=lambda: navigator.status == "arrived")
 
 

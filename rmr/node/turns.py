@@ -288,7 +288,7 @@ class Turns:
         elif clear_of_bottleneck(turn, navigator, driver.localiser.pose):
             self._leave(now, turn)
         else:
-            end = now + max(navigator.eta_clear(now), EXTEND_BEFORE)
+            end = now + max(navigator.eta_clear(), EXTEND_BEFORE)
             if abs(end - turn.end) > REVISE_FROM:
                 self._until(now, turn, end)
 

@@ -126,7 +126,7 @@ class Navigator:
         first = [other for other in others if other.robot not in stands and order_key(other.rank, other.robot) < mine]
         self._share = share_of_speed(now, follower.route, follower.s, self.arena.shape, first)
 
-    def face(self, now: Instant, theta: float) -> None:  # noqa: ARG002
+    def face(self, theta: float) -> None:
         """Turn in place to the heading `theta`, radians."""
         self._clear()
         self._face, self.status = theta, "moving"
@@ -360,9 +360,9 @@ class Navigator:
             return False
         way = self._gate.line_m(follower.route) - follower.s
         # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
-        return way <= in_seconds(within) * self.arena.shape.speed and self.eta_gate(0) <= within
+        return way <= in_seconds(within) * self.arena.shape.speed and self.eta_gate() <= within
 
-    def eta_gate(self, now: Instant) -> Duration:  # noqa: ARG002
+    def eta_gate(self) -> Duration:
         """Return how long the robot needs at least to the gate's line; 0 when passed or without a gate."""
         follower = self._follower
         if follower is None or follower.route.gate_m is None or self._gate.passed:
@@ -370,7 +370,7 @@ class Navigator:
         way = self._gate.line_m(follower.route) - follower.s
         return 0 if way <= 0.0 else time_left(self.arena.shape, follower, self._pose, way, self._v)
 
-    def eta_clear(self, now: Instant) -> Duration:  # noqa: ARG002
+    def eta_clear(self) -> Duration:
         """Return how long the robot needs at least until it is clear; 0 when it is or without a gate."""
         follower = self._follower
         if follower is None or follower.route.gate_m is None or self._gate.cleared:

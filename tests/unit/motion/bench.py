@@ -226,7 +226,7 @@ class Stream:
             assert ok, f"robot {body.robot} finds no way"
             if self.shared is None:
                 self.shared = body.nav.plan_shared(body.estimate, self.goals[body.robot])
-            release = max(bench.time + self.LEAD_S, bench.time + in_seconds(body.nav.eta_gate(bench.now)))
+            release = max(bench.time + self.LEAD_S, bench.time + in_seconds(body.nav.eta_gate()))
             last = max(release, last + self.headway_s)
             self.slots[body.robot] = last
 
@@ -276,7 +276,7 @@ class Stream:
         if robot in self.entered:
             return
         start = self.slots[robot]
-        ready = in_seconds(body.nav.eta_gate(bench.now)) < self.ENTRY_WINDOW_S
+        ready = in_seconds(body.nav.eta_gate()) < self.ENTRY_WINDOW_S
         if start <= bench.time and ready:
             self.entered[robot] = bench.time
         elif bench.time > start + self.ENTRY_WINDOW_S:
