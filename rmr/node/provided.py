@@ -63,18 +63,21 @@ async def _drive(
 ) -> None:
     """Drive to `goal` until the drive is `idle`.
 
-    Raises ActionFailed when there has been no way, or the goal has been `taken`, for too long.
+    Raises ActionFailed when there has been no way, or the goal has been `taken`, for too long; before its turn that is
+    longer by as much for each other robot, for those that go first may be in its way until then.
     """
     node = robot.node
+    turn = robot.turn if gated else None
     navigator = node.motion
     await _located(robot)
-    node.depart(goal, final_heading=final_heading, turn=robot.turn if gated else None)
+    node.depart(goal, final_heading=final_heading, turn=turn)
     blocked_since: Instant | None = None
     looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None or taken() or idle())
     while navigator.status != "arrived" and not idle():
         if navigator.status == "blocked" or taken():
             blocked_since = blocked_since or node.now
-            if node.now - blocked_since > seconds(STUCK_S):
+            robots = len(node.config.roster) if turn is not None and turn.waits else 1
+            if node.now - blocked_since > seconds(STUCK_S) * robots:
                 raise ActionFailed("no way there")
         else:
             blocked_since = None

@@ -139,6 +139,11 @@ class Turn:
         return self.serving[0] if self.serving else None
 
     @property
+    def waits(self) -> bool:
+        """Whether the robot may not enter yet."""
+        return self.phase in (Phase.ASKING, Phase.SLOTTED)
+
+    @property
     def deadline(self) -> Instant:
         """By when the robot wants to be out of the bottleneck, as the leader is told."""
         return self.job.deadline - self.after if self.behind is None else self.behind
@@ -219,13 +224,16 @@ def gets_nowhere(now: Instant, turn: Turn, navigator: Navigator) -> bool:
     return stands and not turn.within and now - turn.entered_at > GIVE_BACK
 
 
-def in_mouth(navigator: Navigator) -> bool:
+def in_mouth(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:
     """Return whether the robot is so near to the mouth, out of which nobody comes, that it keeps others from it."""
-    route = navigator.route
-    if route is None or route.gate_m is None or route.within or route.room_m > 0.0 or navigator.aside:
+    route, near = navigator.route, 2.0 * navigator.arena.shape.radius + IN_MOUTH_M
+    if route is None:  # it stands and waits
+        way = None if turn.goal is None else passage_to(navigator.arena, turn.goal.places[0])
+        one_sided = way is not None and way.room_m <= 0.0 and turn.gated
+        return one_sided and pose is not None and distance(*navigator.arena.mouths[0], pose.x, pose.y) < near
+    if route.gate_m is None or route.within or route.room_m > 0.0 or navigator.aside:
         return False
-    s = route.length_m - navigator.remaining_m
-    return route.gate_m - 2.0 * navigator.arena.shape.radius - IN_MOUTH_M < s < route.clear_m
+    return route.gate_m - near < route.length_m - navigator.remaining_m < route.clear_m
 
 
 def clear_of_bottleneck(turn: Turn, navigator: Navigator, pose: Pose | None) -> bool:

@@ -220,7 +220,7 @@ class Turns:
             return
         estimate(self._node, now, turn)
         release, navigator = now + turn.approach, self._navigator
-        if navigator is not None and turn.press(now, in_mouth(navigator)):
+        if navigator is not None and turn.press(now, in_mouth(turn, navigator, self._node.percept().pose)):
             self._tell(now, turn)
         elif turn.phase is Phase.SLOTTED and release <= turn.start + READY:
             if turn.put_off(now):

@@ -1,11 +1,18 @@
 """What actions leave behind: effects that handlers name, failures that are broadcast, places that are taken."""
 
+from pathlib import Path
+
 import pytest
 from lab_maker import small_lab, traced
 
+from rmr.base.geometry import Point
+from rmr.base.time import seconds
 from rmr.node.course import bound_for
 from rmr_sim.run import prepare
 
+TESTBED = Path(__file__).parents[2] / "deploy" / "labs" / "testbed"
+WALL = [Point(0.3, 0.07 + 0.1 * k) for k in range(15)]
+"""As if robots stood side by side from one end of the entry to the other."""
 EFFECT = 'from rmr import action\n\n@action("act", effect="{}")\nasync def act(robot, *args): pass\n'
 
 
@@ -143,3 +150,16 @@ def test_a_drive_to_where_nobody_can_stand_fails_in_its_time_and_touches_nothing
     (ended,) = traced(simulation, "action_ended")
     assert ended["failure"] == "no way there"
     assert simulation.world.collisions == 0
+
+
+@pytest.mark.parametrize(("barred_s", "fails"), [(30, False), (45, True)])
+def test_who_waits_for_its_turn_gives_a_drive_up_later_for_those_before_it_may_bar_the_way(
+    monkeypatch, barred_s, fails
+):
+    simulation = prepare(TESTBED, robots=2, seed=1)
+    heard = simulation.robots[0].node.peers
+    monkeypatch.setattr(heard, "parked", lambda now: WALL if now < seconds(barred_s) else ())
+    assert simulation.run() is not fails
+    ended = [(entry["action"], entry["failure"]) for entry in traced(simulation, "action_ended") if entry["robot"] == 1]
+    assert (("moveto(@1, exit)", "no way there") in ended) is fails
+    assert fails or simulation.time_s > barred_s

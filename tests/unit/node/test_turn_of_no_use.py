@@ -130,10 +130,12 @@ def test_the_mouth_is_where_nobody_gets_past_a_robot(lab, goal, place, keeps_out
     arena = load_lab(LABS / lab).arena
     area = arena.area(goal)
     assert area is not None
-    navigator = Navigator(arena, 1)
-    assert not in_mouth(navigator)
-    assert navigator.go(0, Pose(place.x, place.y, 0.0), area.places[0], through_gate=True)
-    assert in_mouth(navigator) is keeps_out
+    navigator, one, pose = Navigator(arena, 1), turn(), Pose(place.x, place.y, 0.0)
+    one.goal, one.gated = area, True
+    assert not in_mouth(one, navigator, None), "it does not know where it is"
+    assert in_mouth(one, navigator, pose) is keeps_out, "it has not set out"
+    assert navigator.go(0, pose, area.places[0], through_gate=True)
+    assert in_mouth(one, navigator, pose) is keeps_out
 
 
 @pytest.mark.parametrize(("step_m", "hindered"), [(0.0, True), (0.02, True), (0.2, False)])
