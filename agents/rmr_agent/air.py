@@ -5,6 +5,9 @@ the ring around its own cell (`rmr.radio.cells`). It listens from its first samp
 where it is, but neither does it transmit, so nobody can answer it. As all that a session declares and publishes
 reaches the router in order, whoever hears a robot has been told before where that robot listens.
 
+All that is on the air may wait until a robot looks anyway, but for what it must acknowledge: of that the robot whom it
+is for is told once more, at once, on a key of its own. To wake the others for it would cost each of them a look.
+
 When the cell changes, what is new is declared first and what is left is withdrawn afterwards; keys of both rings are
 not touched, so nothing on them is missed or comes twice. Publishers of cells that have been left go with the ring,
 so a robot that crosses the whole floor holds nine at most.
@@ -18,6 +21,8 @@ from rmr.bus.line import Handler
 from rmr.bus.session import Bus
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Cell, Grid
+from rmr.radio.frame import DataFrame
+from rmr.radio.intake import decoded
 
 
 class LocalAir:
@@ -32,10 +37,12 @@ class LocalAir:
         self._withdraw: dict[Cell, Callable[[], None]] = {}
 
     def publish(self, announcement: Announcement) -> None:
-        """Tell all robots whom it may concern."""
+        """Tell all robots whom it may concern, and call the one that must answer."""
         cell = self._grid.cell_of(announcement.x, announcement.y)
-        kind = wire.Handshake if announcement.pressing else wire.Air
-        self._bus.publish(self._keys.radio(*cell), kind(announcement))
+        self._bus.publish(self._keys.radio(*cell), wire.Air(announcement))
+        frame = decoded(announcement.psdu)
+        if isinstance(frame, DataFrame) and frame.wants_ack:
+            self._bus.publish(self._keys.call(frame.destination), wire.Handshake(announcement))
 
     def move(self, x: float, y: float) -> None:
         """Listen to what can be heard at (x, y), metres."""

@@ -24,7 +24,8 @@ async def live(robots: Sequence[int], connect: str, lab: str | None, carried: Ca
         return
     bus = opening.result()
     buses = [bus, *map(bus.seat, robots[1:])]
-    crew = [HostedRobot(robot, seat, connect, lab, carried, ending) for robot, seat in zip(robots, buses, strict=True)]
+    seated = zip(robots, buses, strict=True)
+    crew = [HostedRobot(robot, robots[0], seat, connect, lab, carried, ending) for robot, seat in seated]
     lives = asyncio.gather(*(robot.run() for robot in crew))
     asking = asyncio.ensure_future(_pass_on(ending, crew))
     try:

@@ -43,7 +43,15 @@ TURNS_MAX = 4
 """Calls of the node in one go: what it sends may come due at once. More wait for the event loop's next round."""
 
 
-def node_config(robot: int, known: wire.Map, program: Program, epoch: int) -> NodeConfig:
+def phase_of(first: int, roster: tuple[int, ...]) -> Duration:
+    """Return when in the lab's frames those of a process begin whose first robot is `first`.
+
+    Processes have their frames one after the other; the robots of one have them together, so that it wakes once.
+    """
+    return FRAME * sum(robot < first for robot in roster) // len(roster)
+
+
+def node_config(robot: int, known: wire.Map, program: Program, epoch: int, phase: Duration = 0) -> NodeConfig:
     """Return the node's configuration from what the world tells. Raises RefusedError if it does not fit the program."""
     finish = None
     if known.finish is not None:
@@ -63,6 +71,7 @@ def node_config(robot: int, known: wire.Map, program: Program, epoch: int) -> No
         facts=tuple(_fitted(program, *fact) for fact in known.facts if fact[1] in {None, robot}),
         finish=finish,
         epoch=epoch,
+        phase=phase,
     )
 
 

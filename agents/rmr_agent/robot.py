@@ -26,7 +26,7 @@ from rmr.node.report import progress, robot_report
 from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, floor_grid, make_station, node_config
+from rmr_agent.life import Life, Sender, floor_grid, make_station, node_config, phase_of
 from rmr_agent.secured import make_security
 
 SAY_AGAIN_S = 5.0
@@ -75,8 +75,12 @@ class Carried(NamedTuple):
 class HostedRobot:
     """One robot of the process, with a seat of its own on the bus."""
 
-    def __init__(self, robot: int, bus: Bus, connect: str, lab: str | None, carried: Carried, ending: Ending) -> None:
+    def __init__(
+        self, robot: int, first: int, bus: Bus, connect: str, lab: str | None, carried: Carried, ending: Ending
+    ) -> None:
+        """`first` is the first robot of the process."""
         self._robot = robot
+        self._first = first
         self._connect = connect
         self._carried = carried
         self._ending = ending
@@ -163,6 +167,7 @@ class HostedRobot:
     def _listen(self) -> None:
         """Subscribe to all but the air, once: what is declared is declared again after a loss of the connection."""
         bus, keys = self._bus, self._keys
+        bus.subscribe(keys.call(self._robot), self._on_air)
         bus.subscribe(keys.sense(self._robot), self._on_sense)
         bus.subscribe(keys.clock, self._on_clock)
         bus.subscribe(keys.disturbances, self._on_disturbances)
@@ -180,7 +185,8 @@ class HostedRobot:
             log.info("another run has begun; robot %d starts anew", self._robot)
         try:
             loaded, handlers, key = self._carried
-            config = node_config(self._robot, known, loaded.program, known.lives)
+            phase = phase_of(self._first, known.roster)
+            config = node_config(self._robot, known, loaded.program, known.lives, phase)
             security = make_security(self._robot, known, envelope.run, key)
             station = make_station(config, known.radio, security)
             send = Sender(

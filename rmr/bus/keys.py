@@ -1,6 +1,7 @@
 """The key space of one lab on the bus: one table, from which publishers, subscribers and docs derive.
 
     rmr/{lab}/radio/{cx}/{cy}     announcements of radio frames, by the cell of the floor that they come from
+    rmr/{lab}/call/{id}           announcements of frames that this robot must acknowledge
     rmr/{lab}/body/{id}/sense     world -> robot: what its sensors say
     rmr/{lab}/body/{id}/act       robot -> world: its wheel command
     rmr/{lab}/clock               world: asked for lab time, and tells when lab time starts, stops or jumps
@@ -44,6 +45,10 @@ class Keys:
     def radio(self, cell_x: int, cell_y: int) -> str:
         """Return the key of a cell of the floor (`rmr.radio.cells`)."""
         return f"rmr/{self.lab}/radio/{cell_x}/{cell_y}"
+
+    def call(self, robot: int) -> str:
+        """Return the key on which a robot is told at once of a frame that it must answer."""
+        return f"rmr/{self.lab}/call/{robot}"
 
     def sense(self, robot: int) -> str:
         """Return the key of a robot's sensor samples."""

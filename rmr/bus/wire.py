@@ -63,13 +63,13 @@ WISHES = ("list", "add", "clear")
 
 
 class Air(NamedTuple):
-    """A radio frame that begins, and that nobody need answer."""
+    """A radio frame that begins."""
 
     announcement: Announcement
 
 
 class Handshake(NamedTuple):
-    """A radio frame that begins and wants an acknowledgement, or is one: its receiver has milliseconds."""
+    """A radio frame that begins and wants an acknowledgement, told once more to its receiver, who has milliseconds."""
 
     announcement: Announcement
 

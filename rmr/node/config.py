@@ -47,6 +47,8 @@ class NodeConfig:
     """Predicate and patterns (without the owner) of the fact that ends the robot's part."""
     epoch: int = 0
     """How often the robot was started before; tells its messages from those of an earlier life."""
+    phase: Duration = 0
+    """How much later than the lab's its frames begin: hosts that share a machine spread theirs."""
     trace: Level = Level.NOTES
     """How much the robot notes for whoever watches it."""
     engine: Engine = Engine.GENERATED

@@ -4,6 +4,9 @@ Lab time is cut into frames of 1/60 s. In each frame the tasks run in the order 
 frame's time is used up, what is left is skipped until the next frame, lowest priority first, and counted. A
 call between two frames (a frame of the radio has arrived, a deadline is due) runs only the tasks that react to
 input. The executive reads no clock: the host says how much time the call has used.
+
+Where many robots share a few cores their frames begin one after the other, each at its own phase of the 1/60 s, as in
+time division: else all would want the cores at the same instant, and the last would wait for all others.
 """
 
 from collections.abc import Callable
@@ -29,11 +32,12 @@ class Task:
 class Executive:
     """Runs a table of tasks frame by frame."""
 
-    def __init__(self, tasks: list[Task], spent: Callable[[], Duration] | None) -> None:
-        """`spent` is None in virtual time, which no task uses up."""
+    def __init__(self, tasks: list[Task], spent: Callable[[], Duration] | None, phase: Duration = 0) -> None:
+        """`spent` is None in virtual time, which no task uses up; each frame begins `phase` after the lab's."""
         self.tasks = tasks
         self._between = [task for task in tasks if not task.periodic]
         self._spent = spent
+        self._phase = phase
         self._frame = -1
         self.frame_ends: Instant = 0
         """When the next frame begins."""
@@ -53,7 +57,7 @@ class Executive:
         tasks = self._between
         if now >= self.frame_ends:
             tasks = self.tasks
-            self._begin(tick_index(now))
+            self._begin(tick_index(now - self._phase))
         spent = self._spent
         if spent is None:
             for task in tasks:
@@ -70,7 +74,7 @@ class Executive:
         if self._due:
             self.frames_due += frame - self._frame
             self.frames_late += frame - self._frame - 1
-        self._frame, self.frame_ends = frame, tick_start(frame + 1)
+        self._frame, self.frame_ends = frame, tick_start(frame + 1) + self._phase
 
     def next_frame(self, busy: bool) -> Instant | None:
         """Return when the next frame must begin, or None when nothing periodic goes on."""

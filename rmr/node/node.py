@@ -94,6 +94,7 @@ class Node:
                 Task("telemetry", self._telemetry, periodic=True),
             ],
             ports.spent,
+            config.phase,
         )
         self._started = False
         self._meets = self.senses.used("neighbor") or self.senses.used("range")

@@ -57,6 +57,13 @@ def test_the_finish_pattern_arrives_with_its_anonymous_parts():
     assert node_config(1, known(), PROGRAM, 0).finish is None
 
 
+def test_processes_have_their_frames_one_after_the_other_and_the_robots_of_one_together():
+    roster = (7, 3, 90, 12)
+    assert sorted(lives.phase_of(first, roster) for first in roster) == [lives.FRAME * k // 4 for k in range(4)]
+    assert lives.phase_of(8, roster) == lives.phase_of(12, roster), "the lab may have no robot 8"
+    assert node_config(2, known(), PROGRAM, 0, lives.phase_of(2, (1, 2))).phase == lives.FRAME // 2
+
+
 @pytest.mark.parametrize("setting", [{"exponent": "3"}, {"tx_power_dbm": float("nan")}])
 def test_a_radio_by_which_the_floor_has_no_cells_is_refused(setting):
     config = node_config(1, known(), PROGRAM, 0)

@@ -188,6 +188,28 @@ def test_one_outside_the_ring_is_told_nothing_and_nobody_loses_anything_by_comin
     on_a_star(scene, clients=3)
 
 
+def test_of_a_frame_that_wants_an_acknowledgement_only_its_receiver_is_told_at_once():
+    async def scene(_router, one, two, three):
+        sender, receiver, other = (Robot(bus, n + 1, (0.1 * n, 0.0)) for n, bus in enumerate((one, two, three)))
+        called = []
+        for robot in (receiver, other):
+            robot.bus.subscribe(KEYS.call(robot.address), lambda key, message: called.append((key, message.body)))
+        await met(sender, receiver, other)
+        sender.say()
+        sender.link.transmit(b"7", receiver.address, 1)
+        sender.advance(sender.now + 20 * MS)
+        await sender.tell(receiver, other)
+        assert {(key, type(body)) for key, body in called} == {(KEYS.call(2), wire.Handshake)}
+        transmissions = [body.announcement for _, body in called]
+        assert [frame.attempt for frame in transmissions] == list(range(len(called))), "it is repeated: nobody answers"
+        told = [(1, transmissions[0].sequence - 1), *[(1, frame.sequence) for frame in transmissions]]
+        assert receiver.heard == [frame for frame in other.heard if frame[0] == 1] == told, "all hear it, once"
+        assert receiver.received == [0, 7]
+        assert (two.losses.lost, two.losses.repeated) == (0, 0)
+
+    on_a_star(scene, clients=3)
+
+
 def test_one_who_crosses_many_cells_holds_the_keys_of_one_ring():
     async def scene(_router, one):
         before = len(one._line._topics)

@@ -14,6 +14,7 @@ def all_keys(keys):
         keys.radio(0, 0),
         keys.radio(-1, 2),
         keys.radio(CELL_MAX, -CELL_MAX),
+        keys.call(4),
         keys.sense(4),
         keys.act(65533),
         keys.acts,

@@ -73,6 +73,7 @@ def bus_keys():
     keys = Keys("LAB")
     return {
         keys.radio(0, 0).replace("/0/0", "/CX/CY"),
+        keys.call("ID"),
         keys.sense(0).replace("/0/", "/ID/"),
         keys.act(0).replace("/0/", "/ID/"),
         keys.clock,

@@ -5,7 +5,7 @@ from rmr.node.executive import Executive, Task
 
 
 class Bench:
-    def __init__(self, costs_ms: dict[str, int]) -> None:
+    def __init__(self, costs_ms: dict[str, int], phase: int = 0) -> None:
         self.ran: list[str] = []
         self.spent = 0
         self.costs = costs_ms
@@ -16,6 +16,7 @@ class Bench:
                 Task("telemetry", self._task("telemetry"), periodic=True),
             ],
             lambda: self.spent,
+            phase,
         )
 
     def _task(self, name: str):
@@ -56,3 +57,17 @@ def test_frames_that_the_host_lets_pass_are_counted_only_while_the_robot_is_busy
     assert bench.executive.next_frame(busy=False) is None
     bench.tick(tick_start(60))
     assert bench.executive.frames_late == 2
+
+
+def test_frames_with_a_phase_are_as_long_as_the_labs_and_begin_so_much_later():
+    phase = milliseconds(5)
+    bench = Bench({}, phase)
+    assert bench.tick(0) == ["motor", "radio", "telemetry"], "the first call begins a frame, whenever it comes"
+    assert bench.tick(phase - 1) == ["radio"]
+    assert bench.tick(phase) == ["motor", "radio", "telemetry"]
+    assert bench.executive.next_frame(busy=True) == tick_start(1) + phase
+    bench.tick(tick_start(2) + phase - 1)
+    assert bench.executive.frames_late == 0, "within the frame is in time"
+    assert bench.executive.next_frame(busy=True) == tick_start(2) + phase
+    bench.tick(tick_start(3) + phase)
+    assert bench.executive.frames_late == 1
