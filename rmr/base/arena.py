@@ -6,7 +6,7 @@ the physics and the planner are built from the same value.
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.geometry import Point, distance, point_segment_distance
 
@@ -14,7 +14,7 @@ Extent = tuple[float, float, float, float]
 """The least x and y of an obstacle, and the greatest."""
 
 
-ROUNDING_M = 1e-9
+ROUNDING_M: Final = 1e-9
 """More than arithmetic may take from a distance: obstacles whose box is farther away than this are not looked at."""
 
 
@@ -141,7 +141,7 @@ class Arena:
         return max(0.0, nearest)
 
 
-NOWHERE = Arena(1.0, 1.0, 0.05)
+NOWHERE: Final = Arena(1.0, 1.0, 0.05)
 """The arena of robots without bodies: a floor that nobody stands on."""
 
 

@@ -1,7 +1,7 @@
 """Plane geometry: metres, radians, x to the right, y up, angles counter-clockwise from the x axis."""
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 
 class Point(NamedTuple):
@@ -26,7 +26,7 @@ class Twist(NamedTuple):
     w: float
 
 
-STILL = Twist(0.0, 0.0)
+STILL: Final = Twist(0.0, 0.0)
 
 
 def wrap(angle: float) -> float:

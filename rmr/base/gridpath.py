@@ -1,8 +1,9 @@
 """A path over the grid: a first cell and steps to one of the eight neighbours, three bits each (paper IV.D)."""
 
 from dataclasses import dataclass
+from typing import Final
 
-STEPS: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+STEPS: Final[tuple[tuple[int, int], ...]] = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 """Step code 0..7: column and row difference, counter-clockwise from east."""
 
 

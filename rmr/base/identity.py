@@ -6,9 +6,9 @@ program itself is no key: comparing and hashing it means to walk all of it.
 
 from collections import deque
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
-REMEMBERED_MAX = 8
+REMEMBERED_MAX: Final = 8
 """Objects remembered; a process seldom has to do with more than two programs at a time."""
 
 K = TypeVar("K")

@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Sequence
+from typing import Final
 
 from rmr.base.values import ROBOT_ID_MAX
 
-_RANGE = re.compile(r"([0-9]{1,6})(?:-([0-9]{1,6}))?", re.ASCII)
-_SHOWN_MAX = 40
+_RANGE: Final = re.compile(r"([0-9]{1,6})(?:-([0-9]{1,6}))?", re.ASCII)
+_SHOWN_MAX: Final = 40
 """Characters of a wrong value that a message repeats."""
 
 

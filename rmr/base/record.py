@@ -9,7 +9,7 @@ assignment: that nobody assigns again is held by the type checker alone. The fun
 from collections.abc import Callable
 from dataclasses import MISSING, Field, dataclass, fields
 from operator import attrgetter
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, Final, TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
@@ -20,7 +20,7 @@ class _Pattern:
 
 
 [_PATTERN] = fields(_Pattern)
-_FIELDS = "__dataclass_fields__"
+_FIELDS: Final = "__dataclass_fields__"
 """Where dataclasses keep what is known about their fields."""
 
 

@@ -5,21 +5,23 @@ handed `now`. The robots' executive divides lab time into frames of 1/60 s (pape
 at ``k * 10**9 // 60``, so that frames never drift against whole seconds.
 """
 
+from typing import Final
+
 Instant = int
 """A point of lab time in nanoseconds."""
 
 Duration = int
 """A length of time in nanoseconds."""
 
-NS_PER_S = 1_000_000_000
-NS_PER_MS = 1_000_000
-NS_PER_US = 1_000
+NS_PER_S: Final = 1_000_000_000
+NS_PER_MS: Final = 1_000_000
+NS_PER_US: Final = 1_000
 
-TICK_HZ = 60
-TICK_S = 1.0 / TICK_HZ
+TICK_HZ: Final = 60
+TICK_S: Final = 1.0 / TICK_HZ
 
-NEVER: Instant = 1 << 62
-"""Later than any instant of any run."""
+NEVER: Final[Instant] = (1 << 62) - 1
+"""Later than any instant of any run; the greatest int that compiled code holds without an object."""
 
 
 def seconds(value: float) -> Duration:

@@ -6,11 +6,12 @@ and hashing them costs what it costs for str and int; the checker keeps the type
 """
 
 from collections.abc import Iterable
+from typing import Final
 
-INT_MIN = -(1 << 63)
-INT_MAX = (1 << 63) - 1
+INT_MIN: Final = -(1 << 63)
+INT_MAX: Final = (1 << 63) - 1
 
-ROBOT_ID_MAX = 65533
+ROBOT_ID_MAX: Final = 65533
 """Robot ids are 16-bit short addresses of 802.15.4; 0xFFFE and 0xFFFF are reserved by the standard."""
 
 

@@ -8,6 +8,7 @@ frames all the same and keep its newest schedule and beacons, so that they know 
 from collections.abc import Callable
 from functools import lru_cache
 from random import Random
+from typing import Final
 
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Duration, Instant
@@ -20,7 +21,7 @@ from rmr.coord.values import EVENTS_MAX, IN_FLIGHT_MAX, WAY_MAX, Values
 
 __all__ = ["Coordination", "JobRequest"]
 
-_KIND_LAST = 0x0F
+_KIND_LAST: Final = 0x0F
 
 _decoded = lru_cache(maxsize=256)(decode)
 """`decode`, remembered: in virtual time many robots hear the same octets."""

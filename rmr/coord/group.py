@@ -7,6 +7,7 @@ any input a leader that has issued nothing for a lease stops leading: it must ha
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Final
 
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Duration, Instant
@@ -16,7 +17,7 @@ from rmr.coord.events import JobRequest, LeaderChanged, PathReceived
 from rmr.coord.messages import NOBODY, Beacon, Job, Message, PathPart, Phase, Sched
 from rmr.coord.states import Passage, Role
 
-_PATH_WAYS_MAX = 16
+_PATH_WAYS_MAX: Final = 16
 
 
 class Group:
@@ -329,7 +330,7 @@ class Group:
             c.send(record.beacon, now)
 
 
-_TIMERS: tuple[Callable[[Group, Instant], None], ...] = (
+_TIMERS: Final[tuple[Callable[[Group, Instant], None], ...]] = (
     Group._poll,
     lambda group, now: passage.on_beacon(group.context, now),
     Group._ask,

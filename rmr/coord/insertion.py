@@ -6,11 +6,12 @@ more. The best of the four orders is taken. `_Profile` judges a place in O(1), s
 """
 
 from collections.abc import Sequence
+from typing import Final
 
 from rmr.base.time import NEVER, Instant
 from rmr.coord.search import Found, Problem
 
-KEYS_MAX = 50
+KEYS_MAX: Final = 50
 """Of more jobs only the order by deadline is tried: a leader must not stand still for longer than a tenth of a second.
 """
 

@@ -10,6 +10,8 @@ changed in them can wait, for who is not near its slot may not enter under any p
 robots pass, and not as all that pass later are shifted.
 """
 
+from typing import Final
+
 from rmr.base.gridpath import GridPath
 from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
@@ -33,7 +35,7 @@ from rmr.coord.messages import (
 from rmr.coord.states import Role
 from rmr.coord.values import MS, PAYLOAD_MAX
 
-_WHOLE_PARTS = 2
+_WHOLE_PARTS: Final = 2
 """Schedules of more parts than this are not sent whole each time."""
 
 

@@ -12,6 +12,7 @@ done keep their line until all before them are done too; then `passed` counts th
 
 import math
 from collections.abc import Iterable
+from typing import Final
 
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
@@ -19,7 +20,7 @@ from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max
 from rmr.coord.schedule import Placed, Rules, Task, order_jobs, place
 from rmr.coord.values import JOBS_MAX, Values
 
-_VOID = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
+_VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 
 
 class Line:

@@ -14,28 +14,28 @@ A decoder believes nothing: a wrong length, an unknown kind or phase, or a part 
 import struct
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.values import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
 
-ENTRIES_MAX = 10
+ENTRIES_MAX: Final = 10
 """Entries of one SCHED frame: 24 + 9 x 10 = 114 octets. Where frames are shorter, `entries_max`."""
-PARTS_MAX = 15
+PARTS_MAX: Final = 15
 """Parts of one schedule: four bits."""
-STEPS_MAX = 242
+STEPS_MAX: Final = 242
 """Steps of one PATH frame: three bits each in 91 octets. Where frames are shorter, `steps_max`."""
-EVENT_OCTETS = 6
-NOBODY = 0xFFFF
+EVENT_OCTETS: Final = 6
+NOBODY: Final = 0xFFFF
 """No robot: the broadcast address is nobody's own."""
 
-_U16 = 0xFFFF
-_U32 = 0xFFFFFFFF
-_NO_START = 0x7FFF
-_UNDERWAY = 0x10
+_U16: Final = 0xFFFF
+_U32: Final = 0xFFFFFFFF
+_NO_START: Final = 0x7FFF
+_UNDERWAY: Final = 0x10
 """Above the way in its octet."""
-_START_MAX = 0x7FFE
-_TRIGGER_SLACK = 16
+_START_MAX: Final = 0x7FFE
+_TRIGGER_SLACK: Final = 16
 """Grid units by which a trigger may lie after the schedule that lists it (clock errors, consecutive triggers)."""
 
 
@@ -80,7 +80,7 @@ class Term(NamedTuple):
         return (self.counter, -self.leader) > (other.counter, -other.leader)
 
 
-NO_TERM = Term(0, NOBODY)
+NO_TERM: Final = Term(0, NOBODY)
 
 
 class Job(NamedTuple):
@@ -164,18 +164,18 @@ class PathPart(NamedTuple):
 
 Message = Job | Sched | Beacon | PathPart
 
-_HEADER = struct.Struct(">B6sIHH")
-_JOB = struct.Struct(">IIHHIBBh")
-_SCHED = struct.Struct(">BHHHBB")
-_ENTRY = struct.Struct(">HHhHB")
-_BEACON = struct.Struct(">HIBIH")
-_PATH = struct.Struct(">BBHHHH")
+_HEADER: Final = struct.Struct(">B6sIHH")
+_JOB: Final = struct.Struct(">IIHHIBBh")
+_SCHED: Final = struct.Struct(">BHHHBB")
+_ENTRY: Final = struct.Struct(">HHhHB")
+_BEACON: Final = struct.Struct(">HIBIH")
+_PATH: Final = struct.Struct(">BBHHHH")
 
-JOB_OCTETS = _HEADER.size + _JOB.size
-SCHED_OCTETS = _HEADER.size + _SCHED.size
-ENTRY_OCTETS = _ENTRY.size
-BEACON_OCTETS = _HEADER.size + _BEACON.size
-PATH_OCTETS = _HEADER.size + _PATH.size
+JOB_OCTETS: Final = _HEADER.size + _JOB.size
+SCHED_OCTETS: Final = _HEADER.size + _SCHED.size
+ENTRY_OCTETS: Final = _ENTRY.size
+BEACON_OCTETS: Final = _HEADER.size + _BEACON.size
+PATH_OCTETS: Final = _HEADER.size + _PATH.size
 
 
 def entries_max(payload_max: int) -> int:
@@ -234,8 +234,8 @@ def _split(octet: int, allowed: frozenset[int]) -> tuple[int, Phase]:
     return octet >> 4, Phase(octet & 15)
 
 
-_BEACON_PHASES = frozenset((Phase.CLAIM, Phase.IN, Phase.YIELD, Phase.OUT, Phase.GONE))
-_ENTRY_PHASES = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.PROVISIONAL))
+_BEACON_PHASES: Final = frozenset((Phase.CLAIM, Phase.IN, Phase.YIELD, Phase.OUT, Phase.GONE))
+_ENTRY_PHASES: Final = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.PROVISIONAL))
 
 
 def _encode_job(job: Job) -> bytes:
@@ -383,13 +383,13 @@ def _decode_path(payload: bytes, full: int) -> PathPart:
     return PathPart(event, time * MS, Term(counter, leader), way, part, (column, row), total, offset, steps)
 
 
-_ENCODERS: dict[type, Callable[[Any], bytes]] = {
+_ENCODERS: Final[dict[type, Callable[[Any], bytes]]] = {
     Job: _encode_job,
     Sched: _encode_sched,
     Beacon: _encode_beacon,
     PathPart: _encode_path,
 }
-_DECODERS: dict[int, Callable[[bytes], Message]] = {
+_DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
     int(Kind.JOB): _decode_job,
     int(Kind.SCHED): _decode_sched,
     int(Kind.BEACON): _decode_beacon,

@@ -12,19 +12,19 @@ way in it. It gives way to that of deadlines only where somebody is new.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.insertion import insertion
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
 from rmr.coord.values import GRID, Order, same_way
 
-EXACT_MAX = 11
+EXACT_MAX: Final = 11
 """Jobs ordered exactly: 60 ms at worst where gaps are triangular, and each further one doubles that."""
-BEAM_WORK = 64_000
+BEAM_WORK: Final = 64_000
 """Steps that the beam may take; its width is this over the cube of the number of jobs, so none beyond 40."""
 
-NEW_MAX = 5
+NEW_MAX: Final = 5
 """New jobs that are put into the order so far; with more there is little to be kept."""
 
 

@@ -6,7 +6,7 @@ changes a state only through them, and an entry that is not there is a bug, not 
 """
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 
 class Role(IntEnum):
@@ -37,7 +37,7 @@ class Step(NamedTuple):
     on: str
 
 
-ROLES: tuple[Step, ...] = (
+ROLES: Final[tuple[Step, ...]] = (
     Step(Role.NONE, Role.ASKING, "a job without a fresh schedule"),
     Step(Role.NONE, Role.FOLLOWING, "a job and a fresh schedule"),
     Step(Role.ASKING, Role.FOLLOWING, "a fresh schedule"),
@@ -51,7 +51,7 @@ ROLES: tuple[Step, ...] = (
     Step(Role.LEADING, Role.ASKING, "nothing issued for a lease, and a job"),
 )
 
-PASSAGES: tuple[Step, ...] = (
+PASSAGES: Final[tuple[Step, ...]] = (
     Step(Passage.OUT, Passage.WAITING, "trigger"),
     Step(Passage.WAITING, Passage.CLAIMING, "claim timer, lease valid"),
     Step(Passage.WAITING, Passage.INSIDE, "inside when the job starts"),

@@ -10,34 +10,35 @@ The safety of a schedule rests on relations between them, checked when a `Values
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from rmr.base.time import NS_PER_MS, Duration
 
-MS = NS_PER_MS
+MS: Final = NS_PER_MS
 
-GRID: Duration = 10 * MS
+GRID: Final[Duration] = 10 * MS
 """Slots and triggers lie on this grid: two octets of it reach 10.9 minutes."""
-HEADWAY_UNIT: Duration = 20 * MS
+HEADWAY_UNIT: Final[Duration] = 20 * MS
 """A headway travels in one octet of this unit: up to 5.1 s."""
-WAY_MAX = 15
+WAY_MAX: Final = 15
 """A way (direction of passage) shares an octet with the phase."""
-EXCLUSIVE_WAY = WAY_MAX
+EXCLUSIVE_WAY: Final = WAY_MAX
 """The way of a passage that excludes every other one, those of the same way too."""
-RECORDS_MAX = 128
+RECORDS_MAX: Final = 128
 """Robots remembered per event. More than a group may hold; the oldest of the finished make room first."""
-JOBS_MAX = 100
+JOBS_MAX: Final = 100
 """Jobs that one leader takes at a time; further robots ask again until there is room."""
-EVENTS_MAX = 32
+EVENTS_MAX: Final = 32
 """Events remembered per robot; idle ones make room, oldest first."""
-BANS_MAX = 8
+BANS_MAX: Final = 8
 """Leaders that one robot avoids at a time."""
-OUTPUT_MAX = 1024
+OUTPUT_MAX: Final = 1024
 """Frames and events that wait to be drained, per robot. A host that never drains loses the oldest."""
-IN_FLIGHT_MAX = 64
+IN_FLIGHT_MAX: Final = 64
 """Unicast frames whose outcome is awaited, per robot."""
 
 
-PAYLOAD_MAX = 116
+PAYLOAD_MAX: Final = 116
 """Octets that an IEEE 802.15.4 data frame with short addresses leaves."""
 
 

@@ -14,22 +14,22 @@ import math
 from collections import deque
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from rmr.base.mistake import words
 from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 
-SLEEP_MIN = NS_PER_MS
+SLEEP_MIN: Final = NS_PER_MS
 """Of a handler's sleep: one that sleeps for nothing again and again would keep its host from ever going on."""
-RUNNING_MAX = 1024
+RUNNING_MAX: Final = 1024
 """Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
 
 
-STOPPED = "stopped"
+STOPPED: Final = "stopped"
 """The failure of an action that `stop` has interrupted."""
-TAKEN_OVER = "taken over by a later one"
+TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
 USERS_MISTAKES = (Exception, SystemExit)
 """What a handler may raise, its conditions and its way out too: it fails the action, not the robot."""

@@ -6,6 +6,7 @@ stands) and kept until that place changes; the rest of the drive is added as tim
 
 from functools import lru_cache
 from itertools import pairwise
+from typing import Final
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
@@ -17,13 +18,13 @@ from rmr.node.motion.grid import grid_of
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import leader_route
 
-MOVED_M = 0.05
+MOVED_M: Final = 0.05
 """A cell: a robot that has moved less has the same way."""
-SETTLE: Duration = milliseconds(600)
+SETTLE: Final[Duration] = milliseconds(600)
 """What turning to the queue's heading and setting out again costs."""
-HEADWAY_MARGIN_M = 0.07
+HEADWAY_MARGIN_M: Final = 0.07
 """Two hulls in a row keep this gap when both drive at full speed."""
-ORDER_MARGIN: Duration = milliseconds(350)
+ORDER_MARGIN: Final[Duration] = milliseconds(350)
 """By how much a robot shall be at its place before the next one is at a nearer place."""
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from math import hypot
+from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.time import Duration, Instant, milliseconds, seconds
@@ -18,15 +19,15 @@ GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
 
 
-LISTEN: Duration = milliseconds(1200)
+LISTEN: Final[Duration] = milliseconds(1200)
 """A robot that was started again listens for so long before it drives: two hellos of each that is parked."""
-LISTEN_FOR_ALL: Duration = seconds(10)
+LISTEN_FOR_ALL: Final[Duration] = seconds(10)
 """Where all can hear each other, until it has heard where each of the others is, at first too, but no longer than this:
 who is silent then is not there, and no cut of the radio is counted on to last longer."""
-CROWD_FROM = 21
+CROWD_FROM: Final = 21
 """A roster of so many robots is a crowd. Of more of them the first hellos take longer (of fifty 2.8 s) than agreeing on
 slots, and each frame is heard by so many that to call them all costs more than all else."""
-IN_RANGE_DB = 6.0
+IN_RANGE_DB: Final = 6.0
 """Received so much above the sensitivity a robot is surely heard."""
 
 

@@ -6,13 +6,14 @@ yet waits here.
 
 import heapq
 from collections.abc import Callable
+from typing import Final
 
 from rmr.base.time import Instant
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent, Send
 from rmr.node.ports import Confirmed
 
-UNCONFIRMED_MAX = 256
+UNCONFIRMED_MAX: Final = 256
 """Frames whose outcome the radio still owes; beyond that the oldest are forgotten."""
 
 Transmit = Callable[[bytes, int | None], int]

@@ -5,7 +5,7 @@ planned when the slot nears, once a second at most: in a crowd one robot that is
 it, and a plan costs milliseconds.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
@@ -15,10 +15,10 @@ from rmr.node.turn import Phase, Turn
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-REPLAN_EVERY: Duration = seconds(1)
+REPLAN_EVERY: Final[Duration] = seconds(1)
 """Nothing is lost by a way that leads to another place for so long: a slot stands for longer before it begins, and with
 it the rank."""
-NEARS: Duration = seconds(3)
+NEARS: Final[Duration] = seconds(3)
 """Earlier before its slot the robot keeps the way that it has: to the gate it is the same, and ranks change still."""
 
 

@@ -7,7 +7,7 @@ and fails the step that waits for it: nothing vanishes, and no chain waits for w
 """
 
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol, Value, format_fact
@@ -22,16 +22,16 @@ from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, Go
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-UNDELIVERED = "undelivered"
+UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
 did not get it, `what` is the predicate's name; the last argument may be left out."""
-NO_SUCH_ROBOT = "no such robot"
-_SERIAL_BITS = 56
+NO_SUCH_ROBOT: Final = "no such robot"
+_SERIAL_BITS: Final = 56
 """An action's number on the wire is its serial, and above these bits the sender's start count: a report that was meant
 for an earlier life of the robot must not end an action of this one."""
-ABOUT_JOBS = frozenset({Role.FINISH_AWAITED, Role.FINISH_SEEN})
+ABOUT_JOBS: Final = frozenset({Role.FINISH_AWAITED, Role.FINISH_SEEN})
 """Roles whose index is an assertion's."""
-ITEMS = frozenset({Role.FACT, Role.GOAL, Role.ACTION})
+ITEMS: Final = frozenset({Role.FACT, Role.GOAL, Role.ACTION})
 """Roles of what a program derives; the others are news of it."""
 
 Origin = tuple[int, int]

@@ -6,6 +6,7 @@ another one where somebody else has been faster: places are told in the hellos, 
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import Final
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
@@ -20,18 +21,18 @@ from rmr.node.ports import Body, SeenBody
 from rmr.node.sensedfacts import SensedFacts
 from rmr.node.wire import Hello
 
-ACT_REFRESH: Duration = milliseconds(33)
+ACT_REFRESH: Final[Duration] = milliseconds(33)
 """A moving robot repeats its wheel command at least this often, every other frame; without one for 0.1 s the body
 brakes."""
-HEED_EVERY: Duration = milliseconds(200)
+HEED_EVERY: Final[Duration] = milliseconds(200)
 """How often a driving robot looks at what the others that drive have said."""
-SPOT_GAP_M = 0.06
+SPOT_GAP_M: Final = 0.06
 """Between the hulls of two robots that stand in one box."""
-SPOT_INSET_M = 0.03
+SPOT_INSET_M: Final = 0.03
 """From a spot to the box's edge, so that localisation noise does not put the robot outside."""
-SPOTS_MAX = 64
+SPOTS_MAX: Final = 64
 """Spots of one box that are considered, from its middle outwards."""
-NO_RANK = 1 << 16
+NO_RANK: Final = 1 << 16
 """Robots without a rank come after all that have one."""
 
 

@@ -12,29 +12,29 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from random import Random
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.node import wire
 from rmr.node.wire import Delivery, WireError
 
-RETRY_FIRST: Duration = milliseconds(150)
+RETRY_FIRST: Final[Duration] = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
-RETRY_MAX: Duration = seconds(1)
+RETRY_MAX: Final[Duration] = seconds(1)
 """Some 25 tries in a delivery's time: at 50 % loss both ways 1 in 1000 is given up."""
-TIME_TO_LIVE: Duration = seconds(30)
+TIME_TO_LIVE: Final[Duration] = seconds(30)
 """After that a delivery is given up and reported. It begins when it is first sent; what still waits is given up when
 the other robot has acknowledged nothing for so long."""
-IN_FLIGHT_MAX = 8
+IN_FLIGHT_MAX: Final = 8
 """Deliveries under way to one robot; more wait in order."""
-WAITING_MAX = 10_000
+WAITING_MAX: Final = 10_000
 """Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end. All of
 them, and what is in flight, differ in their sequence numbers."""
-REMEMBERED_MAX = 256
+REMEMBERED_MAX: Final = 256
 """Sequence numbers remembered per sender. A sender starts nothing that is this far ahead of what is under way, so
 that a repeat of the oldest is always known as one."""
-SENDERS_MAX = 1024
-PARTIAL_MAX = 32
+SENDERS_MAX: Final = 1024
+PARTIAL_MAX: Final = 32
 """Deliveries in fragments that may be incomplete at one time."""
 
 
@@ -93,7 +93,7 @@ class Stage(Enum):
     GIVEN_UP = "given up"
 
 
-_STAGES = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: Stage.GIVEN_UP}
+_STAGES: Final = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: Stage.GIVEN_UP}
 
 
 class Progress(NamedTuple):

@@ -11,10 +11,11 @@ time division: else all would want the cores at the same instant, and the last w
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, tick_index, tick_start
 
-FRAME_BUDGET: Duration = NS_PER_S // TICK_HZ
+FRAME_BUDGET: Final[Duration] = NS_PER_S // TICK_HZ
 """A frame's tasks together may use no more than the frame."""
 
 

@@ -4,30 +4,31 @@ Others plan around parked robots and keep off places that are taken. A robot wit
 """
 
 from random import Random
+from typing import Final
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 
-PERIOD_MOVING: Duration = milliseconds(200)
-PERIOD_MOVING_MAX: Duration = milliseconds(350)
-MOVING_APART: Duration = milliseconds(8)
-PERIOD_PARKED: Duration = milliseconds(500)
-PERIOD_PARKED_MAX: Duration = seconds(1)
-PARKED_APART: Duration = milliseconds(20)
+PERIOD_MOVING: Final[Duration] = milliseconds(200)
+PERIOD_MOVING_MAX: Final[Duration] = milliseconds(350)
+MOVING_APART: Final[Duration] = milliseconds(8)
+PERIOD_PARKED: Final[Duration] = milliseconds(500)
+PERIOD_PARKED_MAX: Final[Duration] = seconds(1)
+PARKED_APART: Final[Duration] = milliseconds(20)
 """Per robot of the roster a period is so long, between its least and its greatest: many robots share one air, and those
 that stand leave it to those that drive. At the longest period a robot of which two hellos in a row are lost while it
 moves, or one while it is parked, is not yet taken for silent (`motion.hearing`)."""
-FIRST_AFTER: Duration = milliseconds(60)
-FIRST_SPREAD: Duration = milliseconds(20)
+FIRST_AFTER: Final[Duration] = milliseconds(60)
+FIRST_SPREAD: Final[Duration] = milliseconds(20)
 """The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
-EAGER: Duration = milliseconds(500)
-PERIOD_EAGER: Duration = milliseconds(80)
+EAGER: Final[Duration] = milliseconds(500)
+PERIOD_EAGER: Final[Duration] = milliseconds(80)
 """For so long a robot that begins speaks that often, or as one that moves where that is no more often: the others wait
 until they have heard it, and should not miss their turns where a frame in ten is lost."""
-SPREAD = 0.1
+SPREAD: Final = 0.1
 """Share by which a period is shorter or longer, so that two robots do not speak at once for ever."""
-CHANGE_SPREAD: Duration = milliseconds(20)
+CHANGE_SPREAD: Final[Duration] = milliseconds(20)
 """A change is told within this, where that is enough."""
-ANSWER_SPREAD: Duration = milliseconds(5)
+ANSWER_SPREAD: Final[Duration] = milliseconds(5)
 """Per robot of the roster, enough: what matters to several, as a new schedule does, may change for all at once."""
 
 

@@ -5,7 +5,7 @@ the turns, and everything into the trace. An action that has ended brings its ef
 waits for it, and is reported to the robot that derived it.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
@@ -36,7 +36,7 @@ from rmr.vm.store import Args
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-RESTLESS_CALLS = 60
+RESTLESS_CALLS: Final = 60
 """Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
 
 

@@ -9,7 +9,7 @@ the source language. The host calls `tick` at `next_wake` and whenever the link 
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
@@ -38,11 +38,11 @@ from rmr.node.turn import Phase, Turn
 from rmr.node.turns import Turns
 from rmr.vm.engines import new_machine
 
-ROUNDS_MAX = 64
+ROUNDS_MAX: Final = 64
 """How often one call runs the machine again because actions have ended at once; the rest waits for the next frame."""
-SLEPT: Duration = milliseconds(150)
+SLEPT: Final[Duration] = milliseconds(150)
 """A robot that has not been called for so long was stopped: what it hears then may be as old as its last call."""
-ACTIONS_MAX = 10_000
+ACTIONS_MAX: Final = 10_000
 """Started actions kept for the report; the oldest go first."""
 
 

@@ -8,7 +8,7 @@ for the radio shim and is never read here.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
@@ -20,12 +20,12 @@ from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
 
-AT_LEAVE_M = 0.08
+AT_LEAVE_M: Final = 0.08
 """A robot that is at a place (`AT_ENTER_M`) is so until it is this far: localisation noise does not make it flicker."""
 
-HEARD: Duration = seconds(3)
+HEARD: Final[Duration] = seconds(3)
 """A peer is a neighbor while its last frame is younger; hellos come every 0.2 to 1 s."""
-CLAIM_KNOWN: Duration = seconds(15)
+CLAIM_KNOWN: Final[Duration] = seconds(15)
 """How long a robot that says no more has the place that it took; where it stands it is in the way for ever."""
 
 

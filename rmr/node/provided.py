@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
@@ -15,17 +15,17 @@ from rmr.node.turn import Turn
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-FAILURE_REPEATS = 3
+FAILURE_REPEATS: Final = 3
 """A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
-STUCK_S = 20.0
+STUCK_S: Final = 20.0
 """A drive that has had no way, or a robot that has not known its place, for so long fails."""
-NEAR_M = 1.0
+NEAR_M: Final = 1.0
 """A robot this near to its goal no longer hopes that whoever stands there will have left when it comes."""
-OVERDUE_S = 5.0
+OVERDUE_S: Final = 5.0
 """A straight drive that is so late fails: it does not drive around what is in its way."""
-LAST_S = 1e9
+LAST_S: Final = 1e9
 """No lab runs for so long; what lies beyond is this, so that every number of the program is an instant."""
-CLOSE_M = 0.01
+CLOSE_M: Final = 0.01
 """So much nearer to an obstacle than its radius a robot may seem to stand: localisation is no better."""
 
 
@@ -207,7 +207,7 @@ async def light(robot: NodeHandle, colour: Symbol) -> None:
     robot.node.trace(robot.node.now, "light", colour=str(colour))
 
 
-PROVIDED: dict[str, Handler] = {
+PROVIDED: Final[dict[str, Handler]] = {
     handler.name: handler
     for handler in (
         Handler("moveto", moveto, wheels=True, to_area=True),

@@ -5,6 +5,7 @@ value stands in it, then the names of its predicates and assertions, which are s
 """
 
 from collections.abc import Iterable, Iterator
+from typing import Final
 
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Symbol, Value
@@ -12,7 +13,7 @@ from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Assertion, Atom, Code, Conjunct, Constant, Pattern, Predicate, Program, Rule, Slot
 
-SYMBOLS_MAX = 1 << 16
+SYMBOLS_MAX: Final = 1 << 16
 """A number travels in two octets; symbols beyond travel as text."""
 
 

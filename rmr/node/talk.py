@@ -6,7 +6,7 @@ counted, noted and dropped.
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rmr.base.geometry import Point
 from rmr.base.streams import stream
@@ -37,7 +37,7 @@ def _driving_in(payload: bytes, source: int, at: Instant) -> Heard | None:
     return driving_of(source, _hello_in(payload), at)
 
 
-UNNAMED_FAILURE = "broadcast"
+UNNAMED_FAILURE: Final = "broadcast"
 """The event of a failure broadcast that no missed deadline derived."""
 
 

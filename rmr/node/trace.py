@@ -6,14 +6,14 @@ newest alone. A robot that nobody watches notes nothing, and then notes cost not
 """
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value, format_fact, format_value
 from rmr.bytecode.program import ANY, Kind, Program
 from rmr.vm.failures import rule_place
 
-ENTRIES_MAX = 4096
+ENTRIES_MAX: Final = 4096
 """Entries kept for the host; the oldest half goes first."""
 
 
@@ -38,7 +38,7 @@ class Event(NamedTuple):
     meaning: str
 
 
-EVENTS: dict[str, Event] = {
+EVENTS: Final[dict[str, Event]] = {
     "fired": Event(("rule",), "a rule was applied: its place in the source, or its number in the byte-code"),
     "expression_failed": Event(("where", "reason"), "an expression has no value; what needed it was left out"),
     "bound_reached": Event(("kept", "bound"), "more came than the robot keeps; the rest is dropped; told once"),

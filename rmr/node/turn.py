@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
@@ -26,41 +26,41 @@ if TYPE_CHECKING:
     from rmr.node.driver import Driver
     from rmr.node.node import Node
 
-REVISE_EVERY: Duration = milliseconds(500)
+REVISE_EVERY: Final[Duration] = milliseconds(500)
 """How often a robot that waits looks whether its estimate still fits its slot."""
-EXTEND_BEFORE: Duration = milliseconds(200)
+EXTEND_BEFORE: Final[Duration] = milliseconds(200)
 """An end that comes nearer than this while the action goes on is moved."""
-LEAVE_EARLY: Duration = milliseconds(300)
+LEAVE_EARLY: Final[Duration] = milliseconds(300)
 """An action is released this much before it must be under way to reach the gate on time."""
-UNKNOWN_INSIDE: Duration = seconds(1)
+UNKNOWN_INSIDE: Final[Duration] = seconds(1)
 """How long a turn is expected to last when nothing is known of its action; extended while it lasts longer."""
-EVENTS_KEPT = 32
+EVENTS_KEPT: Final = 32
 """Events of which turns that are over, schedules and paths are kept; the oldest go first."""
-GIVE_BACK: Duration = seconds(4)
+GIVE_BACK: Final[Duration] = seconds(4)
 """A robot that has entered but gets no farther than the gate gives its turn back: somebody stands there who waits for
 his own, and would wait for ever behind one that counts as inside."""
-HINDERED_MAX = 2
+HINDERED_MAX: Final = 2
 """A robot that could not get to the gate for so many slots goes behind all others that are due: who stands in its way
 may be one of them. One slot is missed by chance, as by a stall."""
-HINDERED_WAIT: Duration = seconds(3)
+HINDERED_WAIT: Final[Duration] = seconds(3)
 """So much later it says it will be at the gate then, and twice as much from then on: time for another to pass."""
-HINDERED_WAIT_MAX: Duration = seconds(6)
-SLIDES_MAX: Duration = seconds(4)
+HINDERED_WAIT_MAX: Final[Duration] = seconds(6)
+SLIDES_MAX: Final[Duration] = seconds(4)
 """A robot that puts off its release again and again for so long without getting anywhere is hindered, too: it lets no
 slot pass, but never gets one that stands."""
-APPROACHES: Duration = milliseconds(500)
+APPROACHES: Final[Duration] = milliseconds(500)
 """A robot under way that was put off tells the leader when it has come nearer to the gate, or gone farther, by this."""
-APPROACH_MIN: Duration = milliseconds(20)
+APPROACH_MIN: Final[Duration] = milliseconds(20)
 """... and is farther away than this even at the gate: a time that is past when it is told says nothing new."""
-SLIDES_M = 0.1
+SLIDES_M: Final = 0.1
 """Nearer to where it was it has got nowhere: a little way back and the return from it do not count."""
-PRESS_AFTER: Duration = seconds(2)
+PRESS_AFTER: Final[Duration] = seconds(2)
 """A robot that has stood so long in the mouth, where nobody gets past it, is put off, too, ..."""
-PRESS_NEAR: Duration = seconds(2)
+PRESS_NEAR: Final[Duration] = seconds(2)
 """... unless its slot is as near as this."""
-IN_MOUTH_M = 0.02
+IN_MOUTH_M: Final = 0.02
 """Nearer to the mouth than two radii and this a robot keeps others out."""
-OFF_ROUTE_M = 0.15
+OFF_ROUTE_M: Final = 0.15
 """A robot farther than this from the way through the bottleneck is not on it."""
 
 

@@ -8,7 +8,7 @@ robot is clear.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rmr.base.arena import Area
 from rmr.base.gridpath import GridPath
@@ -55,11 +55,11 @@ from rmr.vm.job import Job
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-READY: Duration = milliseconds(200)
+READY: Final[Duration] = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
-REVISE_FROM: Duration = milliseconds(250)
+REVISE_FROM: Final[Duration] = milliseconds(250)
 """A slot is asked for anew when the robot's own estimate has moved by more than this."""
-TRIGGERS_APART: Duration = milliseconds(10)
+TRIGGERS_APART: Final[Duration] = milliseconds(10)
 """Two triggers of one robot differ by this at least: the grid of instants in frames."""
 
 

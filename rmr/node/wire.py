@@ -10,18 +10,18 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 
-PAYLOAD_OCTETS_MAX = 116
+PAYLOAD_OCTETS_MAX: Final = 116
 """127 octets of PSDU less 9 of header and 2 of FCS (IEEE 802.15.4-2006, 7.2). A secured radio leaves fewer."""
 
-LIST_DEPTH_MAX = 8
+LIST_DEPTH_MAX: Final = 8
 """Deeper lists are refused, so that a malformed frame cannot exhaust the stack."""
 
 
-LENGTH_MAX = 0xFFFF
+LENGTH_MAX: Final = 0xFFFF
 """Octets of a text, items of a list: their number travels in two octets."""
 
 
@@ -61,7 +61,7 @@ class Role(IntEnum):
     """Such a fact was inserted. Index: the assertion; arguments: F's. Number: when."""
 
 
-NUMBERED = frozenset({Role.ACTION, Role.COMPLETED, Role.FAILED, Role.FINISH_AWAITED, Role.FINISH_SEEN})
+NUMBERED: Final = frozenset({Role.ACTION, Role.COMPLETED, Role.FAILED, Role.FINISH_AWAITED, Role.FINISH_SEEN})
 """Roles that carry a number."""
 
 
@@ -98,18 +98,19 @@ class Hello(NamedTuple):
     """Identity of its program, 16 bits."""
 
 
-_HELLO = struct.Struct(">BHhhBbBBhh")
-_FACT = struct.Struct(">BHBH")
-_ACK = struct.Struct(">BBH")
-_FRAGMENT = struct.Struct(">BHBHBB")
-_FAILURE = struct.Struct(">BHB")
-FACT_BODY_OCTETS_MAX = PAYLOAD_OCTETS_MAX - _FACT.size
-PARTS_MAX = 64
+_HELLO: Final = struct.Struct(">BHhhBbBBhh")
+_FACT: Final = struct.Struct(">BHBH")
+_ACK: Final = struct.Struct(">BBH")
+_FRAGMENT: Final = struct.Struct(">BHBHBB")
+_FAILURE: Final = struct.Struct(">BHB")
+FACT_BODY_OCTETS_MAX: Final = PAYLOAD_OCTETS_MAX - _FACT.size
+PARTS_MAX: Final = 64
 """A fact larger than 64 fragments (about 6.9 kB, secured 5.6 kB at least) is refused by the sender."""
 
-_PARKED, _GOAL = 1, 2
-_NO_ASSERTION = 255
-_TURN = 6.283185307179586
+_PARKED: Final = 1
+_GOAL: Final = 2
+_NO_ASSERTION: Final = 255
+_TURN: Final = 6.283185307179586
 
 
 def encode_hello(hello: Hello) -> bytes:

@@ -13,7 +13,7 @@ jam, its outermost robots find some, and those behind them after that.
 import math
 from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
@@ -24,30 +24,30 @@ from rmr.node.motion.grid import MARGIN_M, segment_clearance
 from rmr.node.motion.route import Route, leader_route
 from rmr.node.ports import SeenBody
 
-BACK_MARGIN_M = 0.03
+BACK_MARGIN_M: Final = 0.03
 """Gap to other robots that driving back keeps: it is done blind."""
-AHEAD_M = 0.03
+AHEAD_M: Final = 0.03
 """How far it looks."""
-ASIDE_S: Duration = seconds(4)
+ASIDE_S: Final[Duration] = seconds(4)
 """How long a robot stays aside at most, the way there included."""
-ASIDE_RADII = 4.0
+ASIDE_RADII: Final = 4.0
 """How far aside: two hulls and as much room between them."""
 ANGLES = (-90, -135, -45, 90, 135, 45, 180)
 """Degrees from the way to the goal, to the right first."""
 
 FARTHER = (1.0, 1.5, 2.0, 3.0)
 """Times as far, where there is no room nearer, or nothing has helped so often."""
-DIRECTIONS = 12
+DIRECTIONS: Final = 12
 """Directions in which a walk away from a jam is tried."""
-WALK_LONGER_M = 0.3
+WALK_LONGER_M: Final = 0.3
 """So much longer than straight the way of such a walk may be."""
-STAY_MAX_S = 6.0
+STAY_MAX_S: Final = 6.0
 """How much longer a robot stays away from a jam at most, by chance."""
-WALK_S = 6.0
+WALK_S: Final = 6.0
 """How long a walk away from a jam takes at least until the robot comes back, the way there included."""
-RETREAT_S = 1.6
+RETREAT_S: Final = 1.6
 """Length of the way back of one that is in the bottleneck, times how often it was tried, ..."""
-RETREAT_TRIES_MAX = 4
+RETREAT_TRIES_MAX: Final = 4
 """... at most so many."""
 
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import pairwise
+from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
@@ -30,9 +31,9 @@ from rmr.node.motion.grid import (
     segment_clearance,
 )
 
-SNAP_M = 0.12
+SNAP_M: Final = 0.12
 """How far from start or goal the cell may be that stands for it (S' and T' of the paper)."""
-DOOR_MARGIN_M = 0.015
+DOOR_MARGIN_M: Final = 0.015
 """Margin of the second try, which finds ways through doors too narrow for the usual one."""
 
 

@@ -19,7 +19,7 @@ hand; where there is no way around, a little way back.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist
@@ -28,55 +28,55 @@ from rmr.node.motion.hearing import Known
 from rmr.node.motion.stopping import stopping_speed
 from rmr.node.ports import SeenBody
 
-MISS_MARGIN_M = 0.025
+MISS_MARGIN_M: Final = 0.025
 """Closest approach nearer than two radii and this is dangerous."""
-STOP_GAP_M = 0.02
+STOP_GAP_M: Final = 0.02
 """Gap between hulls at which the robot stands."""
-FOLLOW_GAP_M = 0.03
+FOLLOW_GAP_M: Final = 0.03
 """A robot that follows another keeps at least this gap."""
-TOUCHING_M = 0.005
+TOUCHING_M: Final = 0.005
 """Gap at which nothing but standing still is safe."""
-ABEAM_M = 0.005
+ABEAM_M: Final = 0.005
 """A standing body that going on brings nearer by less than this is abeam ..."""
-ABEAM_GAP_M = 0.02
+ABEAM_GAP_M: Final = 0.02
 """... and if it comes no nearer than this (what is heard of a parked robot is taken to be farther away) ..."""
-ABEAM_MPS = 0.04
+ABEAM_MPS: Final = 0.04
 """... is passed at this speed."""
-SLOPE_PER_S = 2.5
+SLOPE_PER_S: Final = 2.5
 """Speed allowed per metre of gap, 1/s."""
-LATE_SLOPE_PER_S = 6.0
+LATE_SLOPE_PER_S: Final = 6.0
 """Likewise towards a body that gives way."""
-HORIZON_S = 3.0
+HORIZON_S: Final = 3.0
 """A gap that closes later than this is no danger yet."""
-STILL_MPS = 0.03
+STILL_MPS: Final = 0.03
 """A body slower than this stands."""
-CREEPING_MPS = 0.1
+CREEPING_MPS: Final = 0.1
 """A body slower than this may stop at any moment: it manoeuvres."""
-MEMORY_S = 0.8
+MEMORY_S: Final = 0.8
 """How long a body that has left the field of view is remembered."""
-REMEMBERED_MAX = 8
+REMEMBERED_MAX: Final = 8
 """Bodies remembered at once; no more fit around a robot within its view."""
-PATIENCE_S = 0.7
+PATIENCE_S: Final = 0.7
 """Standing before another for longer than this is a stand-off."""
-EARLY_PATIENCE: Duration = seconds(3)
+EARLY_PATIENCE: Final[Duration] = seconds(3)
 """More of it before the own slot: then standing is in order, but who gets no nearer never gets a slot in time."""
-PATIENCE_STEP_S = 0.2
+PATIENCE_STEP_S: Final = 0.2
 """Robots differ in patience by multiples of this, so that not all act at once."""
-BIAS_M = 0.05
+BIAS_M: Final = 0.05
 """How far the detour takes the other to be to the left of where it is."""
-ENDURED: Duration = seconds(8)
+ENDURED: Final[Duration] = seconds(8)
 """A stand-off that has lasted for so long is not dissolved by detours and ways back ..."""
-ENDURED_M = 0.1
+ENDURED_M: Final = 0.1
 """... if the robot is no farther than this from where it began."""
-GHOST_S = 2.5
+GHOST_S: Final = 2.5
 """How long a detour keeps off the place where the other was."""
-BACK_S = 0.4
+BACK_S: Final = 0.4
 """Length of the way back that makes room for a detour; twice as long where there is none."""
-BACK_TRIES_MAX = 5
+BACK_TRIES_MAX: Final = 5
 """Of the robot that gives way inside a bottleneck: each time it goes farther back, at most so many times as far."""
-BACK_MPS = 0.08
+BACK_MPS: Final = 0.08
 """Speed of a way back."""
-NOBODY: Mapping[SeenBody, bool] = MappingProxyType({})
+NOBODY: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
 """No body that has a place in the order."""
 
 

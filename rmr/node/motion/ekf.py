@@ -14,31 +14,32 @@ Two beacons on one line leave two mirrored solutions; `initial_pose` takes the o
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, wrap
 
-TRACK_M = 0.1
+TRACK_M: Final = 0.1
 """Distance between the wheels."""
-SLIP = 0.03
+SLIP: Final = 0.03
 """Sigma of the way, as a share of its square root in metres: 3 % after 1 m."""
-TURN_SLIP = 0.03
+TURN_SLIP: Final = 0.03
 """Likewise of the turn in radians."""
-WANDER = 0.002
+WANDER: Final = 0.002
 """What the position is doubted for each second, whatever the wheels say, metres per square root of a second."""
-GYRO_SIGMA = 0.02
+GYRO_SIGMA: Final = 0.02
 """Noise of the gyro, rad/s."""
-GYRO_SHARE = 0.8
+GYRO_SHARE: Final = 0.8
 """Weight of the gyro against the wheels in the turn."""
-COMPASS_SIGMA = 0.06
+COMPASS_SIGMA: Final = 0.06
 """Noise of the compass, radians; more than its datasheet's 2 degrees, because readings at 60 Hz are not alone."""
-RANGE_SIGMA = 0.007
+RANGE_SIGMA: Final = 0.007
 """Noise of an ultrasonic range, metres."""
-GATE = 4.0
+GATE: Final = 4.0
 """A reading farther off than this many sigmas is an outlier."""
-REJECTED_MAX = 4
+REJECTED_MAX: Final = 4
 """So many outliers of one sensor, less half the good readings between them, mean that the state is wrong."""
-WIDEN_M = 0.03
+WIDEN_M: Final = 0.03
 """By how much the position is doubted then: a robot that was pushed."""
 
 

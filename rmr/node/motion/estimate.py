@@ -1,6 +1,6 @@
 """What a drive would take: the times that a robot asks for a turn with."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Pose
@@ -9,15 +9,15 @@ from rmr.node.motion.follow import PIVOT_END, Follower
 from rmr.node.motion.gate import START_S
 from rmr.node.motion.route import Route
 
-PIVOT_S = 0.1
+PIVOT_S: Final = 0.1
 """What speeding up to turn in place costs against the full rate ..."""
-PIVOT_WAY = 0.3
+PIVOT_WAY: Final = 0.3
 """... from this angle on, radians; for smaller ones in proportion."""
-LATE_S = 0.07
+LATE_S: Final = 0.07
 """A robot may be so much later at the line than its slot begins: it enters within a window, and wants ..."""
-AFTER_S = 0.1
+AFTER_S: Final = 0.1
 """... to be early at its goal by this."""
-AT_ENTER_M = 0.04
+AT_ENTER_M: Final = 0.04
 """A robot is at a place when it is this near to it."""
 
 

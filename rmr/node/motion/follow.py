@@ -6,28 +6,29 @@ speed falls before the end of the path as the square root of the way that is lef
 """
 
 import math
+from typing import Final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import STILL, Pose, Twist, distance, wrap
 from rmr.node.motion.route import Route
 
-LOOK_AHEAD_M = 0.11
+LOOK_AHEAD_M: Final = 0.11
 """Measured best between 0.10 and 0.12: shorter swings, longer cuts corners."""
-BRAKE = 0.5
+BRAKE: Final = 0.5
 """Deceleration that braking counts on, m/s^2; the wheels can do 0.8."""
-TURN_BRAKE = 8.0
+TURN_BRAKE: Final = 8.0
 """Likewise for turning, rad/s^2; the wheels can do 12."""
-PIVOT_BEGIN = 1.0
+PIVOT_BEGIN: Final = 1.0
 """Heading error beyond which the robot turns in place, radians."""
-PIVOT_END = 0.35
+PIVOT_END: Final = 0.35
 """Heading error below which it drives on, radians."""
-ARRIVED_M = 0.008
+ARRIVED_M: Final = 0.008
 """Distance from the goal that counts as there."""
-ABEAM_M = 0.02
+ABEAM_M: Final = 0.02
 """Distance that counts as there when the path has no length left: turning back would cost more than it gains."""
-CREEP = 0.02
+CREEP: Final = 0.02
 """Least speed on the last centimetres, m/s."""
-WINDOW_M = 0.25
+WINDOW_M: Final = 0.25
 """How far ahead on the path the robot's place is looked for."""
 
 

@@ -7,6 +7,7 @@ and adapts its speed, rather than wait before the entry where others pass.
 """
 
 from collections.abc import Iterable
+from typing import Final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, distance
@@ -14,24 +15,24 @@ from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.follow import BRAKE, braking_speed
 from rmr.node.motion.route import Route
 
-MARGIN_M = 0.01
+MARGIN_M: Final = 0.01
 """Between the hull's front and the gate when the robot waits there."""
-START_S = 0.15
+START_S: Final = 0.15
 """What speeding up from standstill costs against full speed, seconds."""
-EARLY_S = 0.25
+EARLY_S: Final = 0.25
 """A robot leaves this much earlier than just in time and makes up for it by driving slower, seconds."""
-EARLY_SHARE = 0.1
+EARLY_SHARE: Final = 0.1
 """Likewise, as a share of the time that is left."""
-MOUTH_S = 2.0
+MOUTH_S: Final = 2.0
 """A robot that has stood so long without its turn in a mouth by which others come out, or before one that stands there,
 drives out of their way."""
-MEETS_RADII = 3.0
+MEETS_RADII: Final = 3.0
 """It is before one whose centre is nearer than this: that one has no room to turn past it."""
-SLOWEST_MPS = 0.02
-PUT_OFF_S = 5.0
+SLOWEST_MPS: Final = 0.02
+PUT_OFF_S: Final = 5.0
 """A robot under way stands where it is while its slot is later than it can be there by more than this: it has been put
 off, and those that go first have to pass it. With less it goes on slowly."""
-AHEAD_S = 3.0
+AHEAD_S: Final = 3.0
 """A robot that still holds for longer than this need not know its way: others will move before it leaves."""
 
 

@@ -12,17 +12,18 @@ edge. What depends on the arena alone is computed once and shared by all robots 
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Final
 
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, point_segment_distance
 
-MARGIN_M = 0.03
+MARGIN_M: Final = 0.03
 """Added to the radius on the way, and to two radii around parked robots."""
-TIGHT_MARGIN_M = 0.005
+TIGHT_MARGIN_M: Final = 0.005
 """Added to the radius (to two radii around parked robots) near start and goal."""
-SAME_PLACE_M = 0.03
+SAME_PLACE_M: Final = 0.03
 """A parked robot that is reported this near to where it was has not moved."""
-RELAXED_M = 0.15
+RELAXED_M: Final = 0.15
 """How near to start or goal the tight margin holds."""
 
 Discs = tuple[tuple[float, float, float], ...]

@@ -25,7 +25,7 @@ the two goes first.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
@@ -34,27 +34,27 @@ from rmr.node.hello import period_max
 from rmr.node.motion.priority import order_key
 from rmr.node.ports import SeenBody
 
-SILENT_MOVING: Duration = milliseconds(1200)
+SILENT_MOVING: Final[Duration] = milliseconds(1200)
 """A robot that drives and has not been heard for so long is silent: five hellos are lost."""
-SILENT_PARKED: Duration = milliseconds(2400)
+SILENT_PARKED: Final[Duration] = milliseconds(2400)
 """Likewise one that is parked, and may have set out."""
-DEAD: Duration = seconds(15)
+DEAD: Final[Duration] = seconds(15)
 """After so long a silence a robot does not move any more: longer than any stall or loss of radio."""
-OVERDUE: Duration = milliseconds(150)
+OVERDUE: Final[Duration] = milliseconds(150)
 """A hello that comes so much later than it may is lost: what hellos wait for the air, and are read later."""
-BEHIND = math.cos(math.radians(120))
+BEHIND: Final = math.cos(math.radians(120))
 """Cosine of the bearing beyond which another robot that comes nearer does so ahead of itself."""
-STOP_S = 0.4
+STOP_S: Final = 0.4
 """What stopping from full speed takes, with the time until the wheels are told."""
-MARGIN_M = 0.03
+MARGIN_M: Final = 0.03
 """For the errors of both robots' places."""
-PARKED_SPARE_M = 0.02
+PARKED_SPARE_M: Final = 0.02
 """A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
-SPARE_FROM_M = 0.05
+SPARE_FROM_M: Final = 0.05
 """Nearer than this it is shifted by less: its direction is hardly more than noise."""
-JUMP_M = 0.1
+JUMP_M: Final = 0.1
 """A place that is estimated is not corrected by more than this between two updates."""
-NEAR_M = 0.5
+NEAR_M: Final = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
 

@@ -10,7 +10,7 @@ first: the route leads over their places, and the robot waits until they have le
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
@@ -28,11 +28,11 @@ from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, off_queue, shared_part
 from rmr.node.ports import SeenBody
 
-RETRY_S = 0.5
+RETRY_S: Final = 0.5
 """Between two tries to find a way when blocked."""
-FACED = 0.03
+FACED: Final = 0.03
 """Heading error that counts as facing, radians."""
-LOST_SIGMA_M = 0.1
+LOST_SIGMA_M: Final = 0.1
 """A robot less sure of its place than this drives at half speed."""
 
 

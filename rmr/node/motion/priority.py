@@ -12,27 +12,27 @@ nobody, or two robots would wait for each other for good; detours go around it, 
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, point_segment_distance
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
-KEEP_M = 0.04
+KEEP_M: Final = 0.04
 """Predicted distance of hulls that is wide enough."""
-HORIZON_S = 4.0
-STEP_S = 0.25
-STEPS = round(HORIZON_S / STEP_S) + 1
-MARGIN_M = 1e-6
+HORIZON_S: Final = 4.0
+STEP_S: Final = 0.25
+STEPS: Final = round(HORIZON_S / STEP_S) + 1
+MARGIN_M: Final = 1e-6
 """For rounding."""
 SHARES = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
-AGE_MAX: Duration = seconds(2)
+AGE_MAX: Final[Duration] = seconds(2)
 """What was heard longer ago says nothing."""
-STOOD: Duration = milliseconds(1500)
+STOOD: Final[Duration] = milliseconds(1500)
 """A robot that has stayed near one place for this long stands, whatever it intends."""
-STOOD_M = 0.1
+STOOD_M: Final = 0.1
 """How near: a little way back and the return from it get a robot nowhere."""
 
 

@@ -1,15 +1,16 @@
 """Waiting behind others in the gate's queue: those that stand before this robot there go first, but not for ever."""
 
 from collections.abc import Sequence
+from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.route import off_queue
 
-REACH_M = 0.3
+REACH_M: Final = 0.3
 """A robot that waits before this one keeps it waiting when it is this near."""
-OVERTAKE: Duration = seconds(4)
+OVERTAKE: Final[Duration] = seconds(4)
 """A robot that still waits so long after this one's slot began has failed: drive around it."""
 
 

@@ -15,6 +15,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, point_segment_distance
@@ -22,19 +23,19 @@ from rmr.base.gridpath import GridPath
 from rmr.node.motion.astar import Floor, plan
 from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 
-GATE_REACH_M = 0.15
+GATE_REACH_M: Final = 0.15
 """A route has a gate if it passes the bottleneck's point within this."""
-EXIT_REACH_M = 0.3
+EXIT_REACH_M: Final = 0.3
 """A route passes the mouth by which it leaves within this: it turns off to its goal there."""
-ROOM_M = 0.05
+ROOM_M: Final = 0.05
 """Before a mouth by which others come out, the one that waits leaves room for a hull and this."""
-VIA_M = 0.05
+VIA_M: Final = 0.05
 """A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
-DETOUR_M = 0.15
+DETOUR_M: Final = 0.15
 """What the way through the bottleneck's very point may cost."""
-TOUCHES_M = 1e-6
+TOUCHES_M: Final = 1e-6
 """Farther from an obstacle than this is not on it."""
-SCAN_M = 0.04
+SCAN_M: Final = 0.04
 """Step of the search for the end of the narrow section."""
 
 

@@ -9,16 +9,17 @@ Speeds matter within some centimetres alone, so robots that follow each other or
 """
 
 import math
+from typing import Final
 
 from rmr.node.ports import SeenBody
 
-BRAKE = 0.7
+BRAKE: Final = 0.7
 """Deceleration that is counted on, m/s^2; the wheels can do 0.8."""
-APART_M = 0.005
+APART_M: Final = 0.005
 """Gap between hulls that is kept."""
-LAG_S = 0.117
+LAG_S: Final = 0.117
 """Wheels go on for 0.1 s after the last command; with the frame in which it is given."""
-NEAR_M = 0.09
+NEAR_M: Final = 0.09
 """A gap wider than this is room enough to stop from full speed, whatever the other does."""
 
 

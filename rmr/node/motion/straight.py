@@ -10,21 +10,22 @@ its speed allows. Other robots are not looked at here: stop-if-dangerous comes a
 """
 
 import math
+from typing import Final
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
 from rmr.node.motion.follow import ARRIVED_M, CREEP, PIVOT_END, braking_speed, turn_towards
 
-RAMP: Duration = milliseconds(500)
+RAMP: Final[Duration] = milliseconds(500)
 """Speeding up and slowing down, all robots alike; from 0.2 m/s it takes 0.4 m/s^2, half of what wheels can do."""
-CATCH_UP_PER_S = 4.0
+CATCH_UP_PER_S: Final = 4.0
 """Speed per metre behind what is due, 1/s; twice as much makes the noise of localisation felt at the wheels."""
-SWING_M = 0.15
+SWING_M: Final = 0.15
 """How far ahead a robot beside its line aims at it."""
-FACED = 0.03
+FACED: Final = 0.03
 """Heading error that counts as facing, radians."""
-ASTRAY_M = 0.04
+ASTRAY_M: Final = 0.04
 """Beside the goal by more than this at the end of its line, a robot is not there."""
 
 
