@@ -85,17 +85,14 @@ class Node:
         self.talk = Talk(self, exchange, digest)
         self.actions = Dispatcher(self)
         self.mind = Mind(self)
-        self.executive = Executive(
-            [
-                Task("motor", self._motor, periodic=True),
-                Task("radio", self._radio, periodic=False),
-                Task("localisation", self._localise, periodic=False),
-                Task("runtime", self._runtime, periodic=False),
-                Task("telemetry", self._telemetry, periodic=True),
-            ],
-            ports.spent,
-            config.phase,
-        )
+        tasks = [
+            Task("motor", self._motor, periodic=True),
+            Task("radio", self._radio, periodic=False),
+            Task("localisation", self._localise, periodic=False),
+            Task("runtime", self._runtime, periodic=False),
+            Task("telemetry", self._telemetry, periodic=True),
+        ]
+        self.executive = Executive(tasks, ports.spent, config.phase)
         self._started = False
         self._meets = self.senses.used("neighbor") or self.senses.used("range")
         self._finish_index = None if config.finish is None else program.index(config.finish[0])
