@@ -197,11 +197,11 @@ class Ether:
         if _awaited(payload):
             self.pending += len(arriving)
             self.carried += len(arriving)
-        arrive = partial(self._arrive, Received(payload, source, unicast, RSSI_DBM, LQI, now), hops, arriving)
-        self._kernel.at(now + self._latency, RADIO, arrive)
+        at = now + self._latency
+        arrive = partial(self._arrive, Received(payload, source, unicast, RSSI_DBM, LQI, at), hops, arriving)
+        self._kernel.at(at, RADIO, arrive)
 
     def _arrive(self, frame: Received, hops: int, receivers: list[int], now: Instant) -> None:
-        frame = frame._replace(stamp=now)
         for robot in receivers:
             self._links[robot].take(now, frame, hops)
         if frame.payload[0] != Kind.FACT_ACK:

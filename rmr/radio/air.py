@@ -7,24 +7,24 @@ goes by the time stamps that they carry.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple, final
 
 from rmr.base.time import NEVER, Instant
 from rmr.radio.frame import ACK_REQUEST, PSDU_MAX
 from rmr.radio.phy import airtime
 
-ACK_ATTEMPT = 0x80
+ACK_ATTEMPT: Final = 0x80
 """Set in `Announcement.attempt` of an acknowledgement, whose low bits repeat the data frame's attempt."""
 
-SEQUENCE_MASK = 0xFFFF_FFFF
+SEQUENCE_MASK: Final = 0xFFFF_FFFF
 
-POWER_MAX_DBM = 100.0
+POWER_MAX_DBM: Final = 100.0
 """Ten megawatts: no robot radiates more, and the milliwatts of some thousand dBm are no number."""
-PLACE_MAX_M = 1e6
+PLACE_MAX_M: Final = 1e6
 """No robot is farther away from the origin."""
 
 
-_NUMBERS = (int, float)
+_NUMBERS: Final = (int, float)
 
 
 class Announcement(NamedTuple):
@@ -79,17 +79,30 @@ class Announcement(NamedTuple):
         return cls(source, sequence, attempt, start, end, float(power_dbm), float(x), float(y), psdu)
 
 
-class Received(NamedTuple):
+@final
+class Received:
     """A data frame that this station received."""
 
-    payload: bytes
-    source: int
-    unicast: bool
-    rssi_dbm: float
-    lqi: int
-    """Link quality, 0..255."""
-    stamp: Instant
-    """Lab time at which its last symbol arrived."""
+    __slots__ = ("lqi", "payload", "rssi_dbm", "source", "stamp", "unicast")
+
+    def __init__(self, payload: bytes, source: int, unicast: bool, rssi_dbm: float, lqi: int, stamp: Instant) -> None:
+        self.payload = payload
+        self.source = source
+        self.unicast = unicast
+        self.rssi_dbm = rssi_dbm
+        self.lqi = lqi
+        """Link quality, 0..255."""
+        self.stamp = stamp
+        """Lab time at which its last symbol arrived."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Received) and self._fields() == other._fields()
+
+    def __repr__(self) -> str:
+        return f"Received{self._fields()}"
+
+    def _fields(self) -> tuple[bytes, int, bool, float, int, Instant]:
+        return self.payload, self.source, self.unicast, self.rssi_dbm, self.lqi, self.stamp
 
 
 class Confirmed(NamedTuple):

@@ -18,26 +18,26 @@ The margin stands at the listener alone: announcements carry the place that they
 
 from dataclasses import dataclass
 from math import floor
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.radio.links import SHADOWING_SIGMAS
 from rmr.radio.phy import LOSS_AT_1_M_DB, RELEVANCE_DB, RadioConfig
 
-HYSTERESIS_M = 0.1
+HYSTERESIS_M: Final = 0.1
 """How far outside its cell a robot keeps it: more than one that stands is pushed about."""
 
-LAG_S = 1.0
+LAG_S: Final = 1.0
 """How old a place may be by which a robot listens: under half a second until a robot that steers no more
 (its process was held up) stands, and as long again for a sample, a declaration and an announcement to cross the bus,
 which take 17, 1 and 1 ms where nothing is held up."""
 
-ROUNDING = 1.0 + 1e-9
+ROUNDING: Final = 1.0 + 1e-9
 """On the range, for logarithms and powers that do not cancel to the last bit."""
 
-RANGE_MAX_M = 1e6
+RANGE_MAX_M: Final = 1e6
 """Announcements come from no farther away than that (`Announcement.from_wire`)."""
 
-CELL_MAX = 1 << 15
+CELL_MAX: Final = 1 << 15
 """Cells beyond it, in each direction, are one: whoever is that far away has neighbours still, and keys have an end."""
 
 

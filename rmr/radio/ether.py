@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from operator import attrgetter
 from random import Random
-from typing import Any, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,9 @@ from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac
 from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, link_quality, mix
 from rmr.radio.security import Security, payload_max
+from rmr.radio.tallies import Tallies
 from rmr.radio.waves import (
-    COLLISION,
-    DEAF,
     NOISE,
-    Causes,
-    Truths,
     Wave,
     channel_busy,
     draws,
@@ -46,64 +43,18 @@ from rmr.radio.waves import (
     verdicts,
 )
 
-REMEMBERED: Duration = 2 * (airtime(PSDU_MAX) + TURNAROUND)
+REMEMBERED: Final[Duration] = 2 * (airtime(PSDU_MAX) + TURNAROUND)
 """How long after its end a wave may still bear on another: on one as long as can be that began before it ended."""
 
-FEW = 12
+FEW: Final = 12
 """Up to so many receivers of a frame are judged one by one, which costs less than the arrays of any number."""
 
-REACH_CELLS = 2
+REACH_CELLS: Final = 2
 """Two frames can meet at a receiver when their transmitters are at most so many cells apart."""
 
-_ACK_AIRTIME = airtime(ACK_OCTETS)
-_WORD = 4294967296.0
-_ORDER = attrgetter("order")
-
-
-_Kind = TypeVar("_Kind", bound=np.generic)
-
-
-def _grown(array: NDArray[_Kind], room: int) -> NDArray[_Kind]:
-    return np.concatenate([array, np.zeros(room - len(array), dtype=array.dtype)])
-
-
-class Tallies:
-    """What befell the frames for each station, by index."""
-
-    __slots__ = ("bulk", "collided", "deaf", "dropped", "received")
-
-    def __init__(self, room: int) -> None:
-        self.received, self.collided, self.deaf, self.dropped = (np.zeros(room, dtype=np.int64) for _ in range(4))
-        self.bulk = np.zeros(room, dtype=np.bool_)
-        """Stations that nobody listens to: their receptions of broadcasts are counted here alone."""
-
-    def grow(self, room: int) -> None:
-        """Make room for `room` stations."""
-        counts = (self.received, self.collided, self.deaf, self.dropped)
-        self.received, self.collided, self.deaf, self.dropped = (_grown(each, room) for each in counts)
-        self.bulk = _grown(self.bulk, room)
-
-    def note(self, at: Places, lost: Truths, cause: Causes) -> None:
-        """Count the frame that is `lost` to some of the stations `at`."""
-        if lost.any():
-            self.collided[at] += lost & (cause == COLLISION)
-            self.deaf[at] += lost & (cause == DEAF)
-            self.dropped[at] += lost & (cause == NOISE)
-
-    def note_one(self, index: int, cause: int) -> None:
-        """Count a frame that is lost to the station `index`."""
-        counts = self.collided if cause == COLLISION else self.deaf if cause == DEAF else self.dropped
-        counts[index] += 1
-
-    def complete(self, index: int, counters: Counters) -> Counters:
-        """Bring `counters` of station `index` up to date and return them."""
-        counters.collided = int(self.collided[index])
-        counters.deaf = int(self.deaf[index])
-        counters.dropped = int(self.dropped[index])
-        if self.bulk[index]:
-            counters.received += int(self.received[index])
-            self.received[index] = 0
-        return counters
+_ACK_AIRTIME: Final = airtime(ACK_OCTETS)
+_WORD: Final = 4294967296.0
+_ORDER: Final = attrgetter("order")
 
 
 class Ether:
@@ -159,7 +110,8 @@ class Ether:
         self.stations.append(station)
         self._by_address[address] = station
         self.listening[index] = True
-        self.tallies.bulk[index] = take is None
+        if take is None:
+            self.tallies.bulk[index] = self.tallies.bulky = True
         return station
 
     def _grow(self) -> None:
@@ -291,14 +243,17 @@ class Ether:
             for index in [index for index in at.tolist() if self._comes_through(wave, index, air)]:
                 self._hand(wave, frame, self.stations[index])
             return
-        indices, lqi = self._come_through(wave, at)
-        bulk = self.tallies.bulk[indices]
-        self.tallies.received[indices] += bulk
-        indices, lqi = indices[~bulk], lqi[~bulk]
-        powers_dbm = wave.power_dbm[indices].tolist()
-        for index, rssi_dbm, quality in zip(indices.tolist(), powers_dbm, lqi.tolist(), strict=True):
+        indices, qualities = self._come_through(wave, at)
+        if self.tallies.bulky:
+            bulk = self.tallies.bulk[indices]
+            self.tallies.received[indices] += bulk
+            indices, qualities = indices[~bulk], qualities[~bulk]
+        hearers: list[int] = indices.tolist()
+        powers_dbm: list[float] = wave.power_dbm[indices].tolist()
+        lqi: list[int] = qualities.astype(np.int64).tolist()
+        for place, index in enumerate(hearers):
             station = self.stations[index]
-            received = station.intake.take(frame, rssi_dbm, int(quality), wave.end)
+            received = station.intake.take(frame, powers_dbm[place], lqi[place], wave.end)
             if received is not None and station.take is not None:
                 station.take(received)
 
@@ -345,15 +300,18 @@ class Ether:
         success, cause = verdicts(wave, self._during(wave), self._channel, at)
         kept = success > 0.0
         loses = self.links.loses
-        if loses or not ((success == 1.0) | ~kept).all():
-            upper, lower = draws(self._mixed_seed, wave.announcement, self.floor.addresses[at])
-            kept = upper < success * _WORD
+        open_ = np.flatnonzero(kept if loses else kept & (success < 1.0))
+        if len(open_):
+            upper, lower = draws(self._mixed_seed, wave.announcement, self.floor.addresses[at[open_]])
+            comes = upper < success[open_] * _WORD
             if loses:
-                lost = kept & (lower < self._losses(wave, at) * _WORD)
-                kept &= ~lost
-                cause[lost] = NOISE
+                lost = comes & (lower < self._losses(wave, at[open_]) * _WORD)
+                comes &= ~lost
+                cause[open_[lost]] = NOISE
+            kept[open_] = comes
         self.tallies.note(at, ~kept, cause)
-        return at[kept], self._quality(wave, at[kept], success[kept])
+        through = at[kept]
+        return through, self._quality(wave, through, success[kept])
 
     def _comes_through(self, wave: Wave, index: int, air: Sequence[Wave]) -> float:
         """Return with what probability `wave` was to come through to the station `index`; 0, and count it, if lost.
@@ -391,7 +349,7 @@ class Ether:
         if not self._channel.capture:
             return np.floor(255.0 * success)
         over_db = wave.power_dbm[places] - self.config.sensitivity_dbm
-        return np.clip(np.rint(over_db * (255.0 / 40.0)), 0.0, 255.0)
+        return np.minimum(np.maximum(np.rint(over_db * (255.0 / 40.0)), 0.0), 255.0)
 
 
 def _by_lock(wave: Wave) -> tuple[Instant, int]:

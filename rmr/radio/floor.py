@@ -7,7 +7,7 @@ What a transmitter reaches is remembered until somebody moves, where links are w
 
 from bisect import insort
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Places = Any
 """An index array, in order, or a slice."""
 
-STATIONS_FIRST = 64
+STATIONS_FIRST: Final = 64
 """Room for so many stations at first; it doubles when it is used up."""
 
 
@@ -40,7 +40,11 @@ class Floor:
     """The stations' places."""
 
     def __init__(self, config: RadioConfig, links: Links) -> None:
-        self._config = config
+        self._near_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB
+        """Power at 1 m and nearer."""
+        self._decibels = 5.0 * config.exponent
+        """What ten times the square of a distance takes."""
+        self._least_dbm = config.sensitivity_dbm - RELEVANCE_DB
         self._links = links
         self._grid = Grid(interference_range_m(config))
         self._cells: list[Cell] = []
@@ -104,11 +108,15 @@ class Floor:
         self._reached.clear()
 
     def _reach(self, index: int, start: Instant) -> Reached:
-        config = self._config
         at = self._within_reach(self._cells[index])
         x, y = self._places[index]
-        square = (self.x[at] - x) ** 2 + (self.y[at] - y) ** 2
-        heard_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB - 5.0 * config.exponent * np.log10(np.maximum(square, 1.0))
+        square, dy = self.x[at] - x, self.y[at] - y
+        square *= square
+        dy *= dy
+        square += dy
+        loss_db = np.log10(np.maximum(square, 1.0, out=square), out=square)
+        loss_db *= self._decibels
+        heard_dbm = np.subtract(self._near_dbm, loss_db, out=loss_db)
         if self._links.fades:
             source = int(self.addresses[index])
             heard_dbm += [self._links.gain_db(source, other, start) for other in self.addresses[at].tolist()]
@@ -116,8 +124,10 @@ class Floor:
         power_dbm.fill(-inf)
         power_dbm[at] = heard_dbm
         power_dbm[index] = -inf
-        powers = 10.0 ** (power_dbm[at] / 10.0)
-        powers *= power_dbm[at] >= config.sensitivity_dbm - RELEVANCE_DB
+        heard_dbm = power_dbm[at]
+        powers = heard_dbm / 10.0
+        np.power(10.0, powers, out=powers)
+        powers *= heard_dbm >= self._least_dbm
         power[at] = powers
         return Reached(at, power_dbm, power)
 

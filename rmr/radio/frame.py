@@ -15,25 +15,25 @@ commands, long addresses) are not spoken here: they are refused as a peer's mist
 """
 
 import binascii
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-BROADCAST = 0xFFFF
+BROADCAST: Final = 0xFFFF
 """The short address that every station answers to."""
 
-PSDU_MAX = 127
+PSDU_MAX: Final = 127
 """aMaxPHYPacketSize."""
-HEADER_OCTETS = 9
-FCS_OCTETS = 2
-PAYLOAD_MAX = PSDU_MAX - HEADER_OCTETS - FCS_OCTETS
-ACK_OCTETS = 5
+HEADER_OCTETS: Final = 9
+FCS_OCTETS: Final = 2
+PAYLOAD_MAX: Final = PSDU_MAX - HEADER_OCTETS - FCS_OCTETS
+ACK_OCTETS: Final = 5
 
-ACK_REQUEST = 0x0020
-_DATA = 0x8841  # type data, PAN id compression, both addresses short, frame version 0
-_ACK = 0x0002
-_SECURED = 0x1008  # security enabled, which demands frame version 1 (7.2.3)
-_DATA_CONTROLS = (_DATA, _DATA | ACK_REQUEST, _DATA | _SECURED, _DATA | _SECURED | ACK_REQUEST)
+ACK_REQUEST: Final = 0x0020
+_DATA: Final = 0x8841  # type data, PAN id compression, both addresses short, frame version 0
+_ACK: Final = 0x0002
+_SECURED: Final = 0x1008  # security enabled, which demands frame version 1 (7.2.3)
+_DATA_CONTROLS: Final = (_DATA, _DATA | ACK_REQUEST, _DATA | _SECURED, _DATA | _SECURED | ACK_REQUEST)
 
-_REVERSED = bytes(int(f"{octet:08b}"[::-1], 2) for octet in range(256))
+_REVERSED: Final = bytes(int(f"{octet:08b}"[::-1], 2) for octet in range(256))
 
 
 class FrameError(ValueError):

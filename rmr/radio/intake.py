@@ -12,15 +12,16 @@ if it is the last frame taken from its source, and within the time of a duplicat
 
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from typing import Final
 
 from rmr.base.time import NS_PER_MS, Duration, Instant
 from rmr.radio.air import Received
 from rmr.radio.frame import BROADCAST, DataFrame, decode
 from rmr.radio.security import Security, SecurityError
 
-DUPLICATE_SOURCES_MAX = 1024
+DUPLICATE_SOURCES_MAX: Final = 1024
 """Sources whose last sequence number is remembered; the one longest silent goes first."""
-DUPLICATE_WINDOW: Duration = 500 * NS_PER_MS
+DUPLICATE_WINDOW: Final[Duration] = 500 * NS_PER_MS
 """A repeat comes within the time of four attempts (170 ms); a sequence number returns after 256 frames."""
 
 decoded = lru_cache(maxsize=256)(decode)
@@ -77,6 +78,16 @@ class Counters:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
+class _Last:
+    """The last frame taken from a source."""
+
+    __slots__ = ("end", "sequence")
+
+    def __init__(self) -> None:
+        self.sequence = 0
+        self.end: Instant = 0
+
+
 class Intake:
     """The receiving side of one station, above the physical layer."""
 
@@ -87,7 +98,7 @@ class Intake:
         self.pan = pan
         self.counters = counters
         self._security = security
-        self._last: dict[int, tuple[int, Instant]] = {}
+        self._last: dict[int, _Last] = {}
 
     def concerns(self, frame: DataFrame) -> bool:
         """Whether `frame` is for this station (7.5.6.2, third level of filtering)."""
@@ -108,8 +119,10 @@ class Intake:
     def _opened(self, frame: DataFrame, end: Instant) -> DataFrame | None:
         """Return `frame` without its security; count what security refuses."""
         if self._security is None:
-            self.counters.unsecured += frame.secured
-            return None if frame.secured else frame
+            if not frame.secured:
+                return frame
+            self.counters.unsecured += 1
+            return None
         try:
             return self._security.open(frame)
         except SecurityError as error:
@@ -119,10 +132,15 @@ class Intake:
 
     def _repeats(self, frame: DataFrame, end: Instant) -> bool:
         """Whether the last frame of this source bore the same sequence number a moment ago."""
-        sequence, since = self._last.get(frame.source, (None, end))
-        return sequence == frame.sequence and end - since < DUPLICATE_WINDOW
+        last = self._last.get(frame.source)
+        return last is not None and last.sequence == frame.sequence and end - last.end < DUPLICATE_WINDOW
 
     def _remember(self, frame: DataFrame, end: Instant) -> None:
-        if self._last.pop(frame.source, None) is None and len(self._last) >= DUPLICATE_SOURCES_MAX:
+        source = frame.source
+        last = self._last.get(source)
+        if last is not None:
+            del self._last[source]  # whoever was heard last stands last
+        elif len(self._last) >= DUPLICATE_SOURCES_MAX:
             del self._last[next(iter(self._last))]
-        self._last[frame.source] = frame.sequence, end
+        self._last[source] = last = last or _Last()
+        last.sequence, last.end = frame.sequence, end

@@ -15,22 +15,22 @@ Losses are independent of each other. What applies to a frame is decided at its 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant
 from rmr.radio.phy import RadioConfig
 
-SHADOWING_SIGMAS = 3.0
+SHADOWING_SIGMAS: Final = 3.0
 """A link's shadowing is cut at so many standard deviations."""
 
-DISTURBANCES_MAX = 256
+DISTURBANCES_MAX: Final = 256
 """Disturbances that one lab may have at a time: each is looked at for every frame that it may concern."""
 
-GROUPS_MAX = 64
+GROUPS_MAX: Final = 64
 """Groups of one disturbance; more parts than that are no partition of a lab's radio."""
 
-CYCLES = 64
+CYCLES: Final = 64
 """A link's bursts are drawn anew after so many mean lengths of good and bad time together: a robot that is
 started late need not follow them from the beginning, and no link keeps more than about 128 changes."""
 

@@ -23,7 +23,7 @@ performs no I/O: `next_wake` says when it wants `fire`, which is told whether th
 from collections import deque
 from enum import Enum
 from random import Random
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, NS_PER_US, Duration, Instant
 from rmr.radio.air import SEQUENCE_MASK, Confirmed
@@ -31,24 +31,24 @@ from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import CCA, TURNAROUND, airtime
 from rmr.radio.security import Security
 
-BACKOFF_PERIOD: Duration = 320 * NS_PER_US
+BACKOFF_PERIOD: Final[Duration] = 320 * NS_PER_US
 """aUnitBackoffPeriod."""
-BE_MIN = 3
+BE_MIN: Final = 3
 """macMinBE."""
-BE_MAX = 5
+BE_MAX: Final = 5
 """macMaxBE."""
-BACKOFFS_MAX = 4
+BACKOFFS_MAX: Final = 4
 """macMaxCSMABackoffs: the fifth busy channel is the last."""
-RETRIES_MAX = 3
+RETRIES_MAX: Final = 3
 """macMaxFrameRetries."""
-ACK_WAIT: Duration = 864 * NS_PER_US
+ACK_WAIT: Final[Duration] = 864 * NS_PER_US
 """macAckWaitDuration."""
-SHORT_FRAME_OCTETS = 18
+SHORT_FRAME_OCTETS: Final = 18
 """aMaxSIFSFrameSize."""
-SHORT_SPACE: Duration = 192 * NS_PER_US
-LONG_SPACE: Duration = 640 * NS_PER_US
+SHORT_SPACE: Final[Duration] = 192 * NS_PER_US
+LONG_SPACE: Final[Duration] = 640 * NS_PER_US
 
-QUEUE_MAX = 64
+QUEUE_MAX: Final = 64
 """Requests that may wait, nearly half a second of full-sized frames. More fail at once, so that a sender who
 offers more than the channel takes learns of it."""
 

@@ -22,42 +22,44 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from math import comb, exp, inf, log10
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.time import NS_PER_S, NS_PER_US, Duration, Instant
 
-BIT: Duration = 4 * NS_PER_US
-SYMBOL: Duration = 16 * NS_PER_US
-OCTET: Duration = 32 * NS_PER_US
-HEADER_OCTETS = 6
+BIT: Final[Duration] = 4 * NS_PER_US
+SYMBOL: Final[Duration] = 16 * NS_PER_US
+OCTET: Final[Duration] = 32 * NS_PER_US
+HEADER_OCTETS: Final = 6
 """Preamble 4, start-of-frame delimiter 1, length 1."""
-SYNCHRONISATION: Duration = 5 * OCTET
+SYNCHRONISATION: Final[Duration] = 5 * OCTET
 """Preamble and delimiter: a receiver has locked when they have passed."""
-TURNAROUND: Duration = 12 * SYMBOL
+TURNAROUND: Final[Duration] = 12 * SYMBOL
 """aTurnaroundTime."""
-CCA: Duration = 8 * SYMBOL
+CCA: Final[Duration] = 8 * SYMBOL
 """Length of a clear channel assessment (6.9.9)."""
 
-LOSS_AT_1_M_DB = 46.6777
-NOISE_BELOW_SENSITIVITY_DB = 0.407
+LOSS_AT_1_M_DB: Final = 46.6777
+NOISE_BELOW_SENSITIVITY_DB: Final = 0.407
 """A frame at the sensitivity is 0.4 dB over the noise (thermal -106.987 dBm against -106.58 dBm)."""
-LOCK_RATIO = 10**-0.5
+LOCK_RATIO: Final[float] = 10**-0.5
 """Least ratio of signal to noise at which a receiver locks: -5 dB."""
-CAPTURE_RATIO = 10**0.3
+CAPTURE_RATIO: Final[float] = 10**0.3
 """Co-channel rejection of real radios: 3 dB."""
-CERTAIN_RATIO = 4.0
+CERTAIN_RATIO: Final = 4.0
 """From 6 dB on the bit error rate is below 1e-16: nothing to compute and nothing to draw."""
 
-BURST_MIN: Duration = 1_000 * NS_PER_US
-BURST_MAX: Duration = 86_400 * NS_PER_S
+BURST_MIN: Final[Duration] = 1_000 * NS_PER_US
+BURST_MAX: Final[Duration] = 86_400 * NS_PER_S
 """Mean lengths of bursts and of the times between them."""
 
-RELEVANCE_DB = 20.0
+RELEVANCE_DB: Final = 20.0
 """A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
-LOCK_HISTORY: Duration = 20_000 * NS_PER_US
+LOCK_HISTORY: Final[Duration] = 20_000 * NS_PER_US
 """How far back locks are followed: over four of the longest frames, by when it no longer matters who held then."""
 
-BER_TERMS = tuple((8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17))
+BER_TERMS: Final = tuple(
+    (8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +150,10 @@ class Verdict(NamedTuple):
 
 Interval = tuple[Instant, Instant]
 
-_DEAF = Verdict(0.0, "deaf")
-_COLLISION = Verdict(0.0, "collision")
-_TOO_WEAK = Verdict(0.0, "noise")
-_CERTAIN = Verdict(1.0, "noise")
+_DEAF: Final = Verdict(0.0, "deaf")
+_COLLISION: Final = Verdict(0.0, "collision")
+_TOO_WEAK: Final = Verdict(0.0, "noise")
+_CERTAIN: Final = Verdict(1.0, "noise")
 
 
 def airtime(octets: int) -> Duration:
@@ -314,7 +316,7 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
     return 0 if quality < 0 else 255 if quality > 255 else quality
 
 
-_MASK = (1 << 64) - 1
+_MASK: Final = (1 << 64) - 1
 
 
 def mix(word: int) -> int:

@@ -22,21 +22,21 @@ of their source.
 """
 
 from enum import IntEnum
-from typing import Literal
+from typing import Final, Literal
 
 from rmr.radio.frame import PAYLOAD_MAX, DataFrame, encode_data, encode_header
 
-KEY_OCTETS = 16
-LIVES_MAX = 256
+KEY_OCTETS: Final = 16
+LIVES_MAX: Final = 256
 """Lives of a robot in one run: the counter's upper octet."""
-FRAMES_MAX = 1 << 24
+FRAMES_MAX: Final = 1 << 24
 """Frames of one life: days at the rate of a busy robot, 16 hours on a channel of its own."""
-AUXILIARY_OCTETS = 5
+AUXILIARY_OCTETS: Final = 5
 """Security control and frame counter (7.6.2)."""
 
-_COUNTER_MAX = 0xFFFF_FFFF
+_COUNTER_MAX: Final = 0xFFFF_FFFF
 """Bears no frame: the standard keeps it for "used up" (7.5.8.2.1)."""
-_EXTENDED_PREFIX = bytes.fromhex("02524d52")
+_EXTENDED_PREFIX: Final = bytes.fromhex("02524d52")
 
 Reason = Literal["forged", "replayed", "unsecured"]
 
@@ -59,8 +59,8 @@ class Level(IntEnum):
         return PAYLOAD_MAX - AUXILIARY_OCTETS - self.code_octets
 
 
-UNSECURED = "none"
-LEVELS: dict[str, Level | None] = {
+UNSECURED: Final = "none"
+LEVELS: Final[dict[str, Level | None]] = {
     UNSECURED: None,
     "enc-mic-32": Level.ENC_MIC_32,
     "enc-mic-64": Level.ENC_MIC_64,

@@ -16,6 +16,7 @@ from bisect import bisect_left, insort
 from collections import deque
 from math import log10
 from random import Random
+from typing import Final
 
 from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
@@ -45,13 +46,13 @@ from rmr.radio.security import Security, payload_max
 
 __all__ = ["Announcement", "Confirmed", "Counters", "RadioConfig", "Received", "Station"]
 
-GRACE_MARGIN: Duration = NS_PER_MS
+GRACE_MARGIN: Final[Duration] = NS_PER_MS
 """Besides twice the grace, how long a process waits for a late acknowledgement."""
-AIR_MAX = 256
+AIR_MAX: Final = 256
 """Transmissions kept; the air of `LOCK_HISTORY` holds a few dozen. The oldest go first."""
-_ACK_AIRTIME = airtime(ACK_OCTETS)
+_ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 
-ASSESSMENTS_MAX = 16
+ASSESSMENTS_MAX: Final = 16
 """Assessments that found the channel clear and are remembered until no announcement can contradict them."""
 
 

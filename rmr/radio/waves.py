@@ -11,7 +11,7 @@ slice for all). Powers are milliwatts; a station out of reach of a wave hears 0.
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +35,27 @@ from rmr.radio.phy import (
 
 Truths = NDArray[np.bool_]
 Causes = NDArray[np.int8]
-NOISE, COLLISION, DEAF = 0, 1, 2
+Words = NDArray[np.uint64]
+NOISE: Final = 0
+COLLISION: Final = 1
+DEAF: Final = 2
+CAUSES: Final = (NOISE, COLLISION, DEAF)
 """What a loss is due to (`phy.Verdict.cause`)."""
 
-_WEIGHTS = np.array([weight for weight, _ in BER_TERMS])
-_SLOPES = np.array([slope for _, slope in BER_TERMS])
-_GAMMA, _ONE, _OTHER = (np.uint64(x) for x in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+_WEIGHTS: Final = np.array([weight for weight, _ in BER_TERMS])
+_SLOPES: Final = np.array([slope for _, slope in BER_TERMS])
+
+
+def _word(number: int) -> Words:
+    """Return 64 bits as numpy takes them up fastest."""
+    return np.array(number, dtype=np.uint64)
+
+
+_GAMMA: Final = _word(0x9E3779B97F4A7C15)
+_FACTORS: Final = _word(0xBF58476D1CE4E5B9), _word(0x94D049BB133111EB)
+_SHIFTS: Final = _word(30), _word(27), _word(31)
+_HALF: Final = _word(32)
+_LOWER: Final = _word(0xFFFFFFFF)
 
 
 class Wave:
@@ -172,7 +187,7 @@ def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
     wave.locks = locks
 
 
-def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: Places) -> tuple[Floats, Causes]:
+def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: NDArray[np.intp]) -> tuple[Floats, Causes]:
     """Return the probability of success and what a loss would be due to, at each of the stations `at`.
 
     `wave` is settled, and `air` holds all that was on the air during it. What `phy.reception` says, for all.
@@ -182,14 +197,12 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: Places) -> t
     others = [o for o in air if o.start < end and o.end > start and o is not wave]
     if others and channel.capture and len(power) == 1:  # of many far away, one receiver hears few
         others = [o for o in others if o.power[at][0] > 0.0]
+    success, cause = np.zeros(len(power)), np.full(len(power), NOISE, dtype=np.int8)
+    near = np.flatnonzero(power >= LOCK_RATIO * channel.noise_mw)
     if others:
-        success, cause = _contended(wave, others, channel, at, power)
+        success[near], cause[near] = _contended(wave, others, channel, at[near], power[near])
     else:
-        success, cause = _certainty(power / channel.noise_mw, end - start), np.zeros(len(power), dtype=np.int8)
-    weak = power < LOCK_RATIO * channel.noise_mw
-    if weak.any():
-        success[weak] = 0.0
-        cause[weak] = NOISE
+        success[near] = _certainty(power[near] / channel.noise_mw, end - start)
     deaf = {o.origin for o in air if o.deafens(start, end) and o is not wave}
     if deaf:
         mute = np.zeros(len(wave.power), dtype=np.bool_)
@@ -274,16 +287,22 @@ def channel_busy(station: int, end: Instant, air: Sequence[Wave], channel: Chann
     return carrier or energy >= channel.busy_mw
 
 
-def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _mixed(words: Words) -> Words:
     words = words + _GAMMA
-    words = (words ^ words >> np.uint64(30)) * _ONE
-    words = (words ^ words >> np.uint64(27)) * _OTHER
-    return words ^ words >> np.uint64(31)
+    words ^= words >> _SHIFTS[0]
+    words *= _FACTORS[0]
+    words ^= words >> _SHIFTS[1]
+    words *= _FACTORS[1]
+    words ^= words >> _SHIFTS[2]
+    return words
 
 
-def draws(mixed_seed: int, announcement: Announcement, receivers: NDArray[np.uint64]) -> tuple[Floats, Floats]:
+def draws(mixed_seed: int, announcement: Announcement, receivers: Words) -> tuple[Floats, Floats]:
     """Return `phy.draw` at the addresses `receivers`, as two numbers of 0 .. 2**32 - 1: its upper and lower half."""
     source, sequence, attempt, *_ = announcement
-    words = np.uint64(mixed_seed) ^ (np.uint64(source << 16) | receivers)
-    words = _mixed(_mixed(words) ^ np.uint64(sequence << 8 | attempt))
-    return (words >> np.uint64(32)).astype(np.float64), (words & np.uint64(0xFFFFFFFF)).astype(np.float64)
+    words = receivers | _word(source << 16)
+    words ^= _word(mixed_seed)
+    words = _mixed(words)
+    words ^= _word(sequence << 8 | attempt)
+    words = _mixed(words)
+    return (words >> _HALF).astype(np.float64), (words & _LOWER).astype(np.float64)

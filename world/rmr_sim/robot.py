@@ -16,7 +16,7 @@ before it counted and did stays in the report.
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
@@ -31,13 +31,13 @@ from rmr_world.deadlines import DIED
 if TYPE_CHECKING:
     from rmr_sim.simulation import Simulation
 
-SAMPLES_MAX = 240
+SAMPLES_MAX: Final = 240
 """Samples that wait for a node that is not called, as in a process; the oldest go first."""
-FRAMES_MAX = 512
+FRAMES_MAX: Final = 512
 """Frames, and outcomes, likewise."""
 
-COUNTED = ("expression_failures", "undelivered", "ticks", "ticks_late", "tasks_skipped")
-LISTED = ("assertions", "actions")
+COUNTED: Final = ("expression_failures", "undelivered", "ticks", "ticks_late", "tasks_skipped")
+LISTED: Final = ("assertions", "actions")
 """Of the report, what is that of all lives together."""
 
 T = TypeVar("T")

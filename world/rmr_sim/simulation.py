@@ -9,7 +9,7 @@ robots that stand still are sampled less often, as in processes. Robots whose pr
 import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.kernel import EVENT, Kernel
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
@@ -34,10 +34,10 @@ from rmr_world.lab import Lab
 from rmr_world.physics import World
 from rmr_world.schema import TICK
 
-IDLE_SAMPLE_TICKS = 6
+IDLE_SAMPLE_TICKS: Final = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
 
-EVENTS_MAX = 200_000
+EVENTS_MAX: Final = 200_000
 """Within one tick: twice as many as a file may begin with. More can only be events that schedule others for ever."""
 
 

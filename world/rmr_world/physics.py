@@ -1,97 +1,84 @@
-"""The physics: robots as round bodies with two wheels on a flat floor, seen from above (pymunk, no gravity).
+"""The physics: robots as round bodies with two wheels on a flat floor, seen from above, without gravity.
 
-The world alone knows where everything is. It is stepped by whoever owns the lab clock, once per tick, and
-advances in equal sub-steps, so that the same commands give the same bits. A wheel command asks for a twist;
-the wheels follow it with bounded acceleration and grip the floor, so the body cannot slide sideways, but it can
-be stopped or pushed, and it slips a little at random. Commands that are old, out of order or not finite are
-dropped and counted: a robot's mistake never stops the world (paper IV.E, V.B.2).
+The world alone knows where everything is. It is stepped by whoever owns the lab clock, once per tick, and advances in
+equal sub-steps, so that the same commands give the same bits. A wheel command asks for a twist; the wheels follow it
+with bounded acceleration and grip the floor, so the body cannot slide sideways, but it can be stopped or pushed, and it
+slips a little at random. Commands that are old, out of order or not finite are dropped and counted: a robot's mistake
+never stops the world (paper IV.E, V.B.2).
 
-Per-tick code works on plain floats and touches pymunk's bodies once each, those of robots that stand and are not
-touched not at all: they have not moved. Readings of a robot are drawn from its own random streams (`sensors`).
+A body that can touch nothing within a tick *rolls*: its velocity is added in each sub-step, as the engine (`engine`)
+would, to the bit. The engine moves all in those ticks alone in which a hull comes near to another one, an obstacle or a
+wall. Robots that stand cost nothing. Readings of a robot are drawn from its own random streams (`sensors`).
 """
 
 import math
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Final
 
-import pymunk
-
-from rmr.base.arena import Disc
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.streams import Normals, stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
 from rmr.node.ports import SeenBody, Sensed
+from rmr_world.engine import Contact, Engine
 from rmr_world.lab import Lab
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors
 
-SUBSTEPS = 2
+SUBSTEPS: Final = 2
 """Per tick; at 0.2 m/s a robot moves 1.7 mm in one, far below its radius."""
-MASS_KG = 0.5
-ACCELERATION = 0.8
+ACCELERATION: Final = 0.8
 """m/s^2, of the wheels."""
-TURN_ACCELERATION = 12.0
+TURN_ACCELERATION: Final = 12.0
 """rad/s^2."""
-SLIP_SIGMA = 0.01
+SLIP_SIGMA: Final = 0.01
 """Of the commanded speed, per tick."""
-TURN_SLIP_SIGMA = 0.02
+TURN_SLIP_SIGMA: Final = 0.02
 """Of the commanded turn rate, per tick."""
-COMMAND_AGE_MAX = 100 * NS_PER_MS
+COMMAND_AGE_MAX: Final = 100 * NS_PER_MS
 """Older commands describe another situation."""
-COMMAND_LEAD_MAX = 100 * NS_PER_MS
+COMMAND_LEAD_MAX: Final = 100 * NS_PER_MS
 """A stamp further in the future is no time of this lab, and would shut out all later commands."""
-WATCHDOG = 100 * NS_PER_MS
+WATCHDOG: Final = 100 * NS_PER_MS
 """Without a command for so long the wheels brake: a robot whose process dies or is held up at full speed goes another
 2 cm until then and 2.5 cm while it brakes. A shorter gap costs nothing, a slightly longer one a little speed."""
-CONTACTS_MAX = 10_000
+CONTACTS_MAX: Final = 10_000
 """Records kept; contacts are counted beyond it."""
+FASTEST: Final = 2.0
+"""No body goes faster than so many times what its wheels can: they slip by hundredths, and only equals push them."""
+SETTLED_TICKS: Final = 3
+"""How long the engine goes on when no hull is near to anything any more: it corrects overlaps in the step that follows
+a contact and remembers it for three. As long it looks at the beginning, for who has been put into a wall."""
 
-_WALL_M = 0.1
-"""Thickness of the walls, outside of the arena."""
-_SLOP_M = 0.0002
-"""How far bodies may overlap in contact (pymunk's own default is 0.1 units)."""
-_DV, _DW = ACCELERATION * TICK_S, TURN_ACCELERATION * TICK_S
+_DV: Final = ACCELERATION * TICK_S
+_DW: Final = TURN_ACCELERATION * TICK_S
 """What the wheels can do in one tick."""
-_STEP_S = TICK_S / SUBSTEPS
-_set = object.__setattr__
-_NARROW = math.radians(59.0)
-"""Sets a body's property, past pymunk's own `__setattr__`, which does the same in twice the time."""
-_ROBOT, _FIXED = 1, 2
-"""Collision types, and categories of shapes (a bit each)."""
-_x = attrgetter("x")
-_OPAQUE = pymunk.ShapeFilter(mask=_FIXED)
-"""What hides a robot from another one."""
-
-
-class Contact(NamedTuple):
-    """The beginning of a contact."""
-
-    at: Instant
-    """Beginning of the tick in which it happened."""
-    robot: int
-    other: int | None
-    """The other robot's id; None: an obstacle or a wall."""
-    x: float
-    """Metres."""
-    y: float
+_STEP_S: Final = TICK_S / SUBSTEPS
+_NARROW: Final = math.radians(59.0)
+_x: Final = attrgetter("x")
 
 
 class _Robot:
     """One robot's body, and what it was last told."""
 
     __slots__ = (
-        "active", "body", "contacts", "cos", "distance_m", "heard", "id", "near", "sensors", "sin", "slip", "stamp",
-        "target", "theta", "v", "view", "vx", "vy", "w", "x", "y",
+        "active", "contacts", "cos", "distance_m", "free_until_m", "goes_vx", "goes_vy", "goes_w", "heard", "id",
+        "near", "rolled", "sensors", "sin", "slip", "stamp", "steered", "target", "theta", "v", "view", "vx", "vy", "w",
+        "x", "y",
     )  # fmt: skip
 
-    def __init__(self, robot: int, pose: Pose, body: pymunk.Body, seed: int, sensors: Sensors) -> None:
+    def __init__(self, robot: int, pose: Pose, seed: int, sensors: Sensors) -> None:
         self.id = robot
-        self.body = body
         self.slip = Normals(stream(f"{seed}/robot{robot}/wheels"))
         self.view = Normals(stream(f"{seed}/robot{robot}/view"))
         self.sensors = sensors
         self.x, self.y, self.theta = pose
         self.cos, self.sin = math.cos(pose.theta), math.sin(pose.theta)
         self.vx = self.vy = self.v = self.w = 0.0
+        self.goes_vx = self.goes_vy = self.goes_w = 0.0
+        """The velocity that the wheels give the body in this tick."""
+        self.steered = False
+        """Whether they give it one."""
+        self.rolled = False
+        """Whether it has moved since the engine was asked last."""
         self.target: Twist = STILL
         self.stamp: Instant = -COMMAND_AGE_MAX
         self.heard: Instant = -WATCHDOG
@@ -99,6 +86,8 @@ class _Robot:
         self.active = False
         """Whether its body may move in this tick."""
         self.distance_m = 0.0
+        self.free_until_m = 0.0
+        """Until it has gone so far it comes to no wall and no obstacle."""
         self.near: list[_Robot] = []
 
 
@@ -107,78 +96,39 @@ class World:
 
     def __init__(self, lab: Lab, seed: int) -> None:
         """Put the lab's robots and obstacles on the floor; `seed` names all streams of chance."""
-        self._shape = lab.arena.shape
+        arena, service = lab.arena, lab.localisation
+        self._shape = shape = arena.shape
+        self._width, self._height = arena.width, arena.height
         self._tick = 0
-        self._space = pymunk.Space()
-        self._space.collision_slop = _SLOP_M
-        self._extents: list[tuple[float, float, float, float]] = []
-        """Left, bottom, right and top of each obstacle."""
-        self._static(lab)
-        self._hulls: dict[pymunk.Shape, _Robot] = {}
+        self._engine = Engine(arena, self._begin, self._separate)
         self._robots: dict[int, _Robot] = {}
         for start in sorted(lab.robots, key=lambda robot: robot.id):
-            self._robots[start.id] = self._robot(lab, seed, start.id, start.pose)
+            rng = stream(f"{seed}/robot{start.id}/sensors")
+            sensors = Sensors(rng, arena.beacons, service.rate, service.sigma, service.dropout)
+            self._robots[start.id] = _Robot(start.id, start.pose, seed, sensors)
+            self._engine.add(start.id, start.pose)
         self._list = list(self._robots.values())
         self._by_x = self._list.copy()
         self._awake: dict[int, _Robot] = {}
         """The robots that have been told to move, or pushed, and do not stand again, by id."""
         self._active: list[_Robot] = []
         """Those whose bodies may move in this tick."""
-        self._in_view_m = self._shape.view_depth + self._shape.radius
+        self._in_view_m = shape.view_depth + shape.radius
+        self._alone_m = shape.radius + FASTEST * shape.speed * TICK_S
+        """A robot whose centre is farther than that from a wall does not touch it in this tick; two, twice as far."""
+        self._asked = SETTLED_TICKS
+        """For how many ticks the engine is asked still."""
+        self._touching = 0
+        """Contacts at present."""
         self.collisions = 0
         """How many contacts of robots with robots, obstacles or walls have begun."""
         self.contacts: list[Contact] = []
         """The first CONTACTS_MAX of them."""
         self.dropped = 0
         """Wheel commands that were too old, out of order or not finite."""
-        self._least_centres = math.inf
-        self._space.on_collision(_ROBOT, _ROBOT, begin=self._begin, separate=self._separate)
-        self._space.on_collision(_ROBOT, _FIXED, begin=self._begin, separate=self._separate)
+        self._least_centres = self._closest = math.inf
+        """The smallest distance of two robots so far, and now."""
         self._pairs()
-
-    def _static(self, lab: Lab) -> None:
-        """Add walls and obstacles."""
-        space, arena = self._space, lab.arena
-        shapes: list[pymunk.Shape] = []
-        for obstacle in arena.obstacles:
-            if isinstance(obstacle, Disc):
-                shapes.append(pymunk.Circle(space.static_body, obstacle.radius, (obstacle.centre.x, obstacle.centre.y)))
-            else:
-                shapes.append(pymunk.Poly(space.static_body, [(x, y) for x, y in obstacle.corners]))
-        w, h, t = arena.width, arena.height, _WALL_M
-        corners = [(-t, -t), (w + t, -t), (w + t, h + t), (-t, h + t)]
-        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
-            shapes.append(pymunk.Segment(space.static_body, a, b, t))
-        for shape in shapes:
-            shape.collision_type = _FIXED
-            shape.friction = 0.3
-            shape.filter = pymunk.ShapeFilter(categories=_FIXED)
-        space.add(*shapes)
-        self._extents = [
-            (bb.left, bb.bottom, bb.right, bb.top) for bb in (shape.bb for shape in shapes[: len(arena.obstacles)])
-        ]
-
-    def _robot(self, lab: Lab, seed: int, robot: int, pose: Pose) -> _Robot:
-        radius = self._shape.radius
-        body = pymunk.Body(MASS_KG, pymunk.moment_for_circle(MASS_KG, 0.0, radius))
-        body.position = (pose.x, pose.y)
-        body.angle = pose.theta
-        hull = pymunk.Circle(body, radius)
-        hull.collision_type = _ROBOT
-        hull.friction = 0.3
-        hull.filter = pymunk.ShapeFilter(categories=_ROBOT)
-        self._space.add(body, hull)
-        localisation = lab.localisation
-        sensors = Sensors(
-            stream(f"{seed}/robot{robot}/sensors"),
-            lab.arena.beacons,
-            localisation.rate,
-            localisation.sigma,
-            localisation.dropout,
-        )
-        state = _Robot(robot, pose, body, seed, sensors)
-        self._hulls[hull] = state
-        return state
 
     # Commands and clock
 
@@ -218,19 +168,57 @@ class World:
         active = self._active
         active.clear()
         for robot in list(self._awake.values()):
-            robot.active = self._steer(robot, now) or robot.contacts > 0
+            robot.steered = self._steer(robot, now)
+            robot.active = robot.steered or robot.contacts > 0
             if robot.active:
                 active.append(robot)
             else:
                 del self._awake[robot.id]
         if not active:
             return
-        step = self._space.step
-        for _ in range(SUBSTEPS):
-            step(_STEP_S)
-        for robot in active:
-            _read(robot)
+        if self._near_something():
+            self._asked = SETTLED_TICKS
+        if self._asked:
+            self._asked -= 1
+            self._ask()
+        else:
+            for robot in active:
+                _roll(robot)
         self._pairs()
+
+    def _near_something(self) -> bool:
+        """Return whether some hull may touch another one, an obstacle or a wall in this tick, or does already."""
+        if self._touching or self._closest <= 2.0 * self._alone_m:
+            return True
+        for robot in self._active:
+            if robot.distance_m >= robot.free_until_m:
+                free_m = self._free_m(robot.x, robot.y) - self._alone_m
+                if free_m <= 0.0:
+                    return True
+                robot.free_until_m = robot.distance_m + free_m
+        return False
+
+    def _free_m(self, x: float, y: float) -> float:
+        """Return how far it is from (x, y) to the nearest wall or box around an obstacle, at least."""
+        free = min(x, y, self._width - x, self._height - y)
+        for left, bottom, right, top in self._engine.extents:
+            free = min(free, max(left - x, x - right, bottom - y, y - top))
+        return free
+
+    def _ask(self) -> None:
+        """Let the engine move all for one tick."""
+        engine = self._engine
+        for robot in self._list:
+            if robot.rolled:
+                engine.place(robot.id, robot.x, robot.y, robot.theta)
+            if robot.rolled or robot.steered:
+                engine.drive(robot.id, robot.goes_vx, robot.goes_vy, robot.goes_w)
+                robot.rolled = False
+        for _ in range(SUBSTEPS):
+            engine.step(_STEP_S)
+        for robot in self._active:
+            x, y, theta = engine.where(robot.id)
+            _moved(robot, x, y, theta)
 
     def _steer(self, robot: _Robot, now: Instant) -> bool:
         """Bring the body's velocity nearer to the commanded twist, as far as the wheels can in one tick.
@@ -251,36 +239,31 @@ class World:
         v = v + dv if target_v > v + dv else v - dv if target_v < v - dv else target_v
         w = w + dw if target_w > w + dw else w - dw if target_w < w - dw else target_w
         heading = robot.theta + 0.5 * w * TICK_S  # the middle of the arc that the wheels roll along in this tick
-        _set(robot.body, "velocity", (v * math.cos(heading), v * math.sin(heading)))
-        _set(robot.body, "angular_velocity", w)
+        robot.goes_vx, robot.goes_vy, robot.goes_w = v * math.cos(heading), v * math.sin(heading), w
         return True
 
     # Contacts and gaps
 
-    def _begin(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:  # noqa: ARG002
+    def _begin(self, ids: list[int], where: tuple[float, float] | None) -> None:
         """Note the beginning of a contact."""
-        robots = self._touching(arbiter)
+        robots = [self._robots[robot] for robot in ids]
         for robot in robots:
             robot.contacts += 1
             if not robot.active:  # it stood, and is pushed
                 robot.active = True
                 self._active.append(robot)
                 self._awake[robot.id] = robot
+        self._touching += 1
         self.collisions += 1
         if len(self.contacts) < CONTACTS_MAX:
-            points = arbiter.contact_point_set.points
-            x, y = points[0].point_a if points else (robots[0].x, robots[0].y)
-            other = robots[1].id if len(robots) > 1 else None
-            self.contacts.append(Contact(self._now(), robots[0].id, other, x, y))
+            x, y = (robots[0].x, robots[0].y) if where is None else where
+            other = ids[1] if len(ids) > 1 else None
+            self.contacts.append(Contact(self._now(), ids[0], other, x, y))
 
-    def _separate(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:  # noqa: ARG002
-        for robot in self._touching(arbiter):
-            robot.contacts -= 1
-
-    def _touching(self, arbiter: pymunk.Arbiter) -> list[_Robot]:
-        """Return the robots in a contact, the lower id first."""
-        found = [robot for shape in arbiter.shapes if (robot := self._hulls.get(shape)) is not None]
-        return sorted(found, key=lambda robot: robot.id)
+    def _separate(self, ids: list[int], _where: tuple[float, float] | None) -> None:
+        self._touching -= 1
+        for robot in ids:
+            self._robots[robot].contacts -= 1
 
     def _now(self) -> Instant:
         return tick_start(self._tick)
@@ -293,24 +276,29 @@ class World:
         order = self._by_x
         order.sort(key=_x)  # from tick to tick they hardly change places
         in_view = self._in_view_m
-        least = self._least_centres
-        reach = max(in_view, least)
-        for after, a in enumerate(order, 1):
+        least, closest = self._least_centres, math.inf
+        wanted = max(in_view, 2.0 * self._alone_m)
+        reach = max(wanted, least)
+        for i in range(len(order)):
+            a = order[i]
             ax, ay = a.x, a.y
-            for b in order[after:]:
+            for j in range(i + 1, len(order)):
+                b = order[j]
                 dx = b.x - ax
                 if dx > reach:
                     break
                 dy = b.y - ay
                 if -reach < dy < reach:
                     centres = math.sqrt(dx * dx + dy * dy)
-                    if centres < least:
-                        least = centres
-                        reach = max(in_view, least)
+                    if centres < closest:
+                        closest = centres
+                        if closest < least:
+                            least = closest
+                            reach = max(wanted, least)
                     if centres <= in_view:
                         a.near.append(b)
                         b.near.append(a)
-        self._least_centres = least
+        self._least_centres, self._closest = least, closest
 
     @property
     def min_gap_m(self) -> float:
@@ -349,10 +337,9 @@ class World:
         """Return whether something stands between the centres of two robots."""
         x0, x1 = (robot.x, other.x) if robot.x < other.x else (other.x, robot.x)
         y0, y1 = (robot.y, other.y) if robot.y < other.y else (other.y, robot.y)
-        for left, bottom, right, top in self._extents:
+        for left, bottom, right, top in self._engine.extents:
             if x0 <= right and x1 >= left and y0 <= top and y1 >= bottom:
-                a, b = (robot.x, robot.y), (other.x, other.y)
-                return self._space.segment_query_first(a, b, 0.0, _OPAQUE) is not None
+                return self._engine.hides((robot.x, robot.y), (other.x, other.y))
         return False
 
     def _bodies(self, robot: _Robot) -> tuple[SeenBody, ...]:
@@ -381,11 +368,18 @@ class World:
         return tuple([body for _, _, body in sorted(seen)]) if seen else ()
 
 
-def _read(robot: _Robot) -> None:
-    """Take the body's state over, and let the encoders count what the wheels rolled."""
-    body = robot.body
-    x, y = body.position
-    theta = body.angle
+def _roll(robot: _Robot) -> None:
+    """Let a body that touches nothing go on for one tick."""
+    x, y, theta = robot.x, robot.y, robot.theta
+    dx, dy, turn = robot.goes_vx * _STEP_S, robot.goes_vy * _STEP_S, robot.goes_w * _STEP_S
+    for _ in range(SUBSTEPS):
+        x, y, theta = x + dx, y + dy, theta + turn
+    robot.rolled = True
+    _moved(robot, x, y, theta)
+
+
+def _moved(robot: _Robot, x: float, y: float, theta: float) -> None:
+    """Take over where a body has got to, and let the encoders count what the wheels rolled."""
     dx, dy, turned = x - robot.x, y - robot.y, theta - robot.theta
     if dx == 0.0 == dy and turned == 0.0:
         robot.vx = robot.vy = robot.v = robot.w = 0.0

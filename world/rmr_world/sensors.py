@@ -11,25 +11,26 @@ is the same whether other robots are there or not, as long as it moves the same 
 
 import math
 from random import Random
+from typing import Final
 
 from rmr.base.geometry import Point
 from rmr.base.streams import Normals
 from rmr.base.time import NEVER, NS_PER_S, Instant
 
-TRACK_M = 0.1
+TRACK_M: Final = 0.1
 """Distance between the wheels."""
-ENCODER_SCALE_SIGMA = 0.005
+ENCODER_SCALE_SIGMA: Final = 0.005
 """Error of a wheel's measured way: tyre wear, fixed per wheel."""
-ENCODER_SLIP_SIGMA = 0.002
+ENCODER_SLIP_SIGMA: Final = 0.002
 """Noise of the way of one wheel, in metres per square root of a metre."""
-GYRO_BIAS_SIGMA = 0.005
+GYRO_BIAS_SIGMA: Final = 0.005
 """rad/s, fixed per robot."""
-GYRO_SIGMA = 0.01
+GYRO_SIGMA: Final = 0.01
 """rad/s."""
-COMPASS_SIGMA = math.radians(2.0)
-BODY_POSITION_SIGMA = 0.002
+COMPASS_SIGMA: Final = math.radians(2.0)
+BODY_POSITION_SIGMA: Final = 0.002
 """Metres, of another robot's position in the field of view."""
-BODY_VELOCITY_SIGMA = 0.005
+BODY_VELOCITY_SIGMA: Final = 0.005
 """m/s."""
 
 
