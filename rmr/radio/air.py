@@ -98,6 +98,9 @@ class Received:
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Received) and self._fields() == other._fields()
 
+    def __hash__(self) -> int:
+        return self.stamp
+
     def __repr__(self) -> str:
         return f"Received{self._fields()}"
 
