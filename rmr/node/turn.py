@@ -269,7 +269,11 @@ def stands_within(arena: Arena, goal: Area, pose: Pose, slack_m: float = 0.0) ->
 def stands_in_way(arena: Arena, goal: Area, pose: Pose) -> bool:
     """Return whether a robot at `pose` stands at a mouth by which others come out, nearer than where it may wait."""
     way = passage_to(arena, goal.places[0])
-    return way is not None and way.room_m > 0.0 and stands_within(arena, goal, pose, arena.shape.radius + way.room_m)
+    if way is None or way.gate_m is None or way.room_m <= 0.0:
+        return False
+    radius = arena.shape.radius
+    beside = distance(*way.point(way.gate_m), pose.x, pose.y) < way.room_m + radius
+    return beside or stands_within(arena, goal, pose, radius)
 
 
 @lru_cache(maxsize=64)

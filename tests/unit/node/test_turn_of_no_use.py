@@ -171,10 +171,23 @@ def test_who_stands_in_the_bottleneck_knows_it_whatever_it_is_about_to_do(lab, g
         assert stands_within(arena, area, Pose(place.x, place.y, theta)) is within
 
 
-@pytest.mark.parametrize(("x", "in_way"), [(1.83, True), (1.93, True), (2.1, False), (1.6, True)])
-def test_who_begins_where_others_come_out_by_a_mouth_is_in_their_way(x, in_way):
+@pytest.mark.parametrize(
+    ("x", "y", "in_way"),
+    [
+        (1.83, 0.77, True),
+        (1.93, 0.77, True),
+        (2.1, 0.77, False),
+        (1.6, 0.77, True),
+        (1.92, 0.65, True),  # beside the mouth, not in front of it
+        (1.95, 0.95, True),
+        (1.95, 1.35, False),
+        (1.2, 0.77, True),  # coming out at the far end
+        (1.08, 0.65, False),
+    ],
+)
+def test_who_begins_where_others_come_out_by_a_mouth_is_in_their_way(x, y, in_way):
     arena = load_lab(LABS / "twoway").arena
-    assert stands_in_way(arena, arena.area("left"), Pose(x, 0.77, -2.8)) is in_way
+    assert stands_in_way(arena, arena.area("left"), Pose(x, y, -2.8)) is in_way
 
 
 def test_nobody_comes_out_by_the_mouth_of_a_one_way_bottleneck():
