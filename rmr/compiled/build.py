@@ -20,10 +20,16 @@ from typing import Any
 from rmr.compiled import FOLDER, INDEX, modules_in, state
 
 ROOT = FOLDER.parents[1]
-ROOTS = {"rmr": "rmr", "world/rmr_world": "rmr_world", "world/rmr_sim": "rmr_sim"}
+ROOTS = {"rmr": "rmr", "agents/rmr_agent": "rmr_agent", "world/rmr_world": "rmr_world", "world/rmr_sim": "rmr_sim"}
 """Where the packages lie that are compiled in part."""
 HOT = (
+    "agents/rmr_agent/clock.py",
+    "agents/rmr_agent/life.py",
+    "agents/rmr_agent/ports.py",
     "rmr/base/*.py",
+    "rmr/bus/checks.py",
+    "rmr/bus/line.py",
+    "rmr/bus/wire.py",
     "rmr/coord/*.py",
     "rmr/node/*.py",
     "rmr/node/motion/*.py",
