@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from rmr.base.time import NEVER, Instant
-from rmr.coord.search import Found, Problem
+from rmr.coord.search import Found, Problem, fill, punctual
 
 KEYS_MAX: Final = 50
 """Of more jobs only the order by deadline is tried: a leader must not stand still for longer than a tenth of a second.
@@ -120,3 +120,22 @@ def _exchange(problem: Problem, order: list[int], profile: _Profile, job: int) -
     if end >= profile.end:
         return order, job
     return [*rest[:place], job, *rest[place:]], order[at]
+
+
+def settle(problem: Problem, kept: Sequence[int]) -> list[int]:
+    """Return an order of all jobs of a crowd, of which those `kept` are on time.
+
+    These go by deadline if all stay on time so and end no later, each other one as early as makes none of them late.
+    Who has little time stands near the gate, as a rule: any other order has robots pass each other where they stand.
+    """
+    number, end, order = punctual(problem, sorted(kept))
+    if -number < len(kept) or end > punctual(problem, kept)[1]:
+        order = tuple(kept)
+    mixed, on_time = list(order), set(order)
+    latest = [at if i in on_time else NEVER for i, at in enumerate(problem.latest)]
+    for job in (i for i in range(len(latest)) if i not in on_time):
+        at = _Profile(problem._replace(latest=latest), mixed).spot(job)[1]
+        mixed.insert(at, job)
+    if -punctual(problem, mixed)[0] < len(order):  # gaps that are not triangular
+        return fill(problem, order)
+    return mixed

@@ -17,8 +17,11 @@ from typing import Final
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
 from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max, on_grid
-from rmr.coord.schedule import Placed, Rules, Task, order_jobs, place
-from rmr.coord.values import JOBS_MAX, Values
+from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, order_jobs, place
+from rmr.coord.values import JOBS_MAX, MS, Values
+
+SETS_OUT: Duration = 500 * MS
+"""A robot may have set out so much before its way to the gate asks for it."""
 
 _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 
@@ -87,6 +90,10 @@ class Line:
         _, self.duration, self.deadline, self.headway, self.way, self.underway = new
         self.release = job.release
         return changed
+
+    def has_set_out(self, now: Instant) -> bool:
+        """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
+        return self.start is not None and self.start - self.approach <= now + SETS_OUT
 
 
 class Ledger:
@@ -254,25 +261,30 @@ class Ledger:
         ]
         opposed = values.window + 2 * values.clock_error + values.clear
         rules = Rules(now + values.lead, opposed, values.order)
-        first = sorted((line for line in movable if line.underway), key=lambda line: (line.approach, line.robot))
-        fixed += self._give(now, first, fixed, rules)
-        rest = [line for line in movable if not line.underway]
-        order = sorted(
-            (line for line in rest if line.start is not None), key=lambda line: (line.start or 0, line.robot)
-        )
-        if reorder or len(order) < len(rest):
-            tasks = [_task(line, now, values.grace) for line in rest]
-            found = order_jobs(tasks, fixed, rules, [line.robot for line in order])
-            order = [self.lines[task.robot] for task in found]
-        self._give(now, order, fixed, rules)
+        crowd = len(movable) > EXACT_MAX
+        first = [line for line in movable if line.underway or (crowd and line.has_set_out(now))]
+        first.sort(key=lambda line: (line.approach if line.underway else (line.start or now) - now, line.robot))
+        ahead = [_task(line, now, values.grace) for line in first]
+        behind = fixed + self._give(ahead, fixed, rules)
+        known = {line.robot for line in first}
+        rest = [line for line in movable if line.robot not in known]
+        tasks = [_task(line, now, values.grace) for line in rest]
+        old = [line.robot for line in sorted(rest, key=lambda line: (line.start or 0, line.robot)) if line.start]
+        if reorder or len(old) < len(rest):
+            tasks = order_jobs(tasks, behind, rules, old)
+        else:
+            tasks.sort(key=lambda task: old.index(task.robot))
+        if crowd:
+            tasks, behind = merge(ahead, tasks, fixed, rules), fixed
+        self._give(tasks, behind, rules)
 
-    def _give(self, now: Instant, order: list[Line], fixed: list[Placed], rules: Rules) -> list[Placed]:
-        """Give slots behind those `fixed` to the lines of `order`, and return these."""
-        tasks = [_task(line, now, self._values.grace) for line in order]
+    def _give(self, tasks: list[Task], fixed: list[Placed], rules: Rules) -> list[Placed]:
+        """Give slots behind those `fixed` to the jobs of `tasks`, in this order, and return these."""
         starts = place(tasks, fixed, rules)
-        for line, start in zip(order, starts, strict=True):
+        for task, start in zip(tasks, starts, strict=True):
+            line = self.lines[task.robot]
             line.start, line.until = start, start + line.duration
-        return [Placed(start, line.duration, line.headway, line.way) for line, start in zip(order, starts, strict=True)]
+        return [Placed(start, task.duration, task.headway, task.way) for task, start in zip(tasks, starts, strict=True)]
 
     def _deal(self, pinned: list[Line]) -> None:
         """Give the free ranks to all that have none for good, in order of their slots."""

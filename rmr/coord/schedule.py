@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant
-from rmr.coord.insertion import insertion
+from rmr.coord.insertion import insertion, settle
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
 from rmr.coord.values import GRID, Order, same_way
 
@@ -101,20 +101,50 @@ class _Front:
         return max(self.start + own, self.paced, max(self.end + own, self.clear) - task.duration)
 
 
+class _Floor:
+    """Everything that has been placed: when further passages may start."""
+
+    def __init__(self, standing: Sequence[Placed], rules: Rules) -> None:
+        self._rules = rules
+        self._fronts: dict[int, _Front] = {}
+        for item in standing:
+            self._fronts.setdefault(item.way, _Front()).add(item.start, item)
+
+    def start(self, task: Task) -> Instant:
+        """Return when `task` may start at the earliest, on the grid."""
+        start = max(self._rules.floor, task.release)
+        for way, front in self._fronts.items():
+            start = max(start, front.frees(task) if same_way(way, task.way) else front.end + self._rules.opposed)
+        return _up(start)
+
+    def add(self, task: Task) -> Instant:
+        """Place `task` as early as it may start, and return when that is."""
+        start = self.start(task)
+        self._fronts.setdefault(task.way, _Front()).add(start, task)
+        return start
+
+
 def place(order: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Instant]:
     """Return the start of each job of `order`, behind everything in `standing`, on the grid."""
-    fronts: dict[int, _Front] = {}
-    for item in standing:
-        fronts.setdefault(item.way, _Front()).add(item.start, item)
-    result = []
-    for task in order:
-        start = max(rules.floor, task.release)
-        for way, front in fronts.items():
-            start = max(start, front.frees(task) if same_way(way, task.way) else front.end + rules.opposed)
-        start = _up(start)
-        fronts.setdefault(task.way, _Front()).add(start, task)
-        result.append(start)
-    return result
+    floor = _Floor(standing, rules)
+    return [floor.add(task) for task in order]
+
+
+def merge(first: Sequence[Task], rest: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
+    """Return both in one order: `first`, and before each of them those of the `rest` that do not hold it up."""
+    floor, left = _Floor(standing, rules), list(rest)
+    order: list[Task] = []
+    for task in first:
+        behind: list[Task] = []
+        for other in left:
+            fits = floor.start(other) + gap(other, task, rules.opposed) <= floor.start(task)
+            if fits:
+                floor.add(other)
+            (order if fits else behind).append(other)
+        floor.add(task)
+        order.append(task)
+        left = behind
+    return order + left
 
 
 def _up(time: int) -> int:
@@ -139,7 +169,7 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
         return jobs
     jobs = [task._replace(deadline=task.deadline + task.grace) for task in jobs]
     problem = problem_of(jobs, standing, rules)
-    best = range(len(jobs)) if whole else fill(problem, search(problem)[2])
+    best = range(len(jobs)) if whole else _with_late(problem, search(problem)[2])
     kept = _with_new(problem, known, best)
     return _steady([jobs[i] for i in best], [jobs[i] for i in kept], standing, rules)
 
@@ -180,6 +210,11 @@ def _search(problem: Problem) -> Found:
     return min(found, punctual(problem, layers(problem, found, width)[2]))
 
 
+def _with_late(problem: Problem, kept: Sequence[int]) -> list[int]:
+    """Return `kept`, who are on time, with the others put in."""
+    return fill(problem, kept) if len(problem.first) <= EXACT_MAX else settle(problem, kept)
+
+
 def _with_new(problem: Problem, old: list[int], best: Sequence[int]) -> list[int]:
     """Return the `old` order with the rest of `best` put in, each where most are on time and the end is earliest."""
     known = set(old)
@@ -187,8 +222,9 @@ def _with_new(problem: Problem, old: list[int], best: Sequence[int]) -> list[int
     if not old or len(new) > NEW_MAX:
         return list(best)
     for job in new:
-        trials = [[*old[:at], job, *old[at:]] for at in range(len(old), -1, -1)]
-        old = min(trials, key=lambda order: _cost(problem, order))
+        by_deadline = sum(other < job for other in old) if len(problem.first) > EXACT_MAX else len(old)
+        places = sorted(range(len(old) + 1), key=lambda at: abs(at - by_deadline))
+        old = min(([*old[:at], job, *old[at:]] for at in places), key=lambda order: _cost(problem, order))
     return old
 
 

@@ -64,6 +64,8 @@ class Driver:
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
         self._heed_at: Instant = 0
+        self.stays_until: Instant = 0
+        """It has told the others that it will not move before."""
         self._began: Instant | None = None
         self._listens = listens
 
@@ -100,7 +102,9 @@ class Driver:
         if navigator.status == "moving":
             self._heed(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
-        twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
+        twist = STILL
+        if now >= self.stays_until:
+            twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 

@@ -1,6 +1,9 @@
 """When a robot says where it stands: every 0.2 to 0.35 s while it moves, 0.5 to 1 s while parked, at once on a change.
 
 Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
+
+In a crowd most robots stand, and each frame is heard by all. Who will stand for a while says that it stays: whoever
+drives by need not hear it again so soon. Those that drive, or are about to, speak as often as so few of them may.
 """
 
 from random import Random
@@ -24,6 +27,10 @@ EAGER: Final[Duration] = milliseconds(500)
 PERIOD_EAGER: Final[Duration] = milliseconds(80)
 """For so long a robot that begins speaks that often, or as one that moves where that is no more often: the others wait
 until they have heard it, and should not miss their turns where a frame in ten is lost."""
+STAYS: Final[Duration] = seconds(3)
+"""Who says that it stays does so for this long: one that is parked in a crowd says three hellos meanwhile."""
+STAYS_SPARE: Final[Duration] = milliseconds(500)
+"""And so much longer, for what it says takes a while to be sent and read."""
 SPREAD: Final = 0.1
 """Share by which a period is shorter or longer, so that two robots do not speak at once for ever."""
 CHANGE_SPREAD: Final[Duration] = milliseconds(20)
@@ -64,10 +71,15 @@ class HelloClock:
             self.parked, self._back = parked, back
             self.soon(now)
 
-    def rewind(self, now: Instant, *, waits: bool = False) -> None:
-        """Plan the hello after the one that is said now by a robot that stands for good, or `waits` for its turn."""
+    def rewind(self, now: Instant, *, waits: bool = False, leaves: bool = False, driving: int | None = None) -> None:
+        """Plan the hello after the one that is said now by a robot that stands for good, or `waits` for its turn.
+
+        In a crowd `driving` robots drive beside this one, and it may be about to drive, too: it `leaves`.
+        """
         period = self._moving_period
-        if self.parked:
+        if driving is not None:
+            period = min(period, max(PERIOD_MOVING, MOVING_APART * (driving + 1)))
+        if self.parked and not leaves:
             period = self._waiting_period if waits else self._parked_period
         if now < self._eager_until:
             period = self._eager_period

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
+from rmr.node.hello import STAYS
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
 from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
@@ -169,11 +170,12 @@ class Peers:
             hello, age = peer.hello, now - peer.hello_at
             if hello is None or age > DEAD:
                 continue
-            silent = age > (SILENT_PARKED if hello.parked else SILENT_MOVING)
+            at = min(now, peer.hello_at + STAYS) if hello.stays else peer.hello_at
+            silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
                 place = Point(hello.x, hello.y)
-                known.append(Known(robot, place, vx, vy, peer.hello_at, hello.parked, silent, hello.rank))
+                known.append(Known(robot, place, vx, vy, at, hello.parked, silent, hello.rank))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:

@@ -16,7 +16,7 @@ from rmr.node import wire
 from rmr.node.course import bound_for, redirect
 from rmr.node.deliveries import Deliveries
 from rmr.node.exchange import Exchange
-from rmr.node.hello import HelloClock
+from rmr.node.hello import STAYS, STAYS_SPARE, HelloClock
 from rmr.node.motion.priority import Heard
 from rmr.node.perception import driving_of
 from rmr.node.ports import Received
@@ -83,8 +83,8 @@ class Talk:
     def wake(self, now: Instant) -> None:
         """Say what is due."""
         if self._hello is not None and now >= self._hello.due:
-            self._hello.rewind(now, waits=self._node.turns.current is not None)
-            self._say_hello(parked=self._hello.parked)
+            self._rewind(now, self._hello)
+            self._say_hello(now, parked=self._hello.parked)
         if now >= self.exchange.next_wake:
             self.exchange.wake(now)
         self.flush(now)
@@ -99,12 +99,31 @@ class Talk:
         if exchange.news:
             self.deliveries.look(now)
 
-    def _say_hello(self, *, parked: bool) -> None:
+    def _rewind(self, now: Instant, clock: HelloClock) -> None:
+        """Plan the next hello."""
+        node, turn = self._node, self._node.turns.current
+        if not node.config.crowded:
+            clock.rewind(now, waits=turn is not None)
+            return
+        leaves = turn is not None and turn.phase is Phase.SLOTTED and not self._stays(now)
+        clock.rewind(now, waits=turn is not None, leaves=leaves, driving=len(node.peers.driving(now)))
+
+    def _stays(self, now: Instant) -> bool:
+        """Return whether the robot, which is parked in a crowd, will stand for a while: it has arrived, or is late."""
+        node, turn = self._node, self._node.turns.current
+        if not node.config.crowded or node.driver is None or node.actions.driving is not None:
+            return False
+        return node.finished() if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
+
+    def _say_hello(self, now: Instant, *, parked: bool) -> None:
         node = self._node
         pose = node.percept().pose
         if pose is not None:
             v = 0.0 if node.driver is None else node.driver.speed
-            hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, bound_for(node), self.digest)
+            stays = parked and self._stays(now)
+            if stays and node.driver is not None:
+                node.driver.stays_until = now + STAYS + STAYS_SPARE
+            hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, bound_for(node), self.digest, stays)
             node.transmit(wire.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:

@@ -52,6 +52,8 @@ APPROACHES: Final[Duration] = milliseconds(500)
 """A robot under way that was put off tells the leader when it has come nearer to the gate, or gone farther, by this."""
 APPROACH_MIN: Final[Duration] = milliseconds(20)
 """... and is farther away than this even at the gate: a time that is past when it is told says nothing new."""
+GOES_ON: Final[Duration] = seconds(1)
+"""So near to the gate a robot of a crowd that misses its slot is not hindered."""
 SLIDES_M: Final = 0.1
 """Nearer to where it was it has got nowhere: a little way back and the return from it do not count."""
 PRESS_AFTER: Final[Duration] = seconds(2)
@@ -158,6 +160,17 @@ class Turn:
         self.release = now + self.approach + min(HINDERED_WAIT << min(often, 1), HINDERED_WAIT_MAX)
         return True
 
+    def go_on(self, now: Instant) -> bool:
+        """Note that one of a crowd has come too late for its slot; return whether the leader must be told.
+
+        Near the gate it is not hindered but late, and the others have to pass it: it goes next.
+        """
+        running = self.action
+        if running is None or running.started is None or self.approach > GOES_ON:
+            return self.hinder(now)
+        self.underway, self.told, self.release = True, self.approach, now + max(self.approach, APPROACH_MIN)
+        return True
+
     def put_off(self, now: Instant) -> bool:
         """Note that the robot has set out and its slot has been put off; return whether the leader must be told."""
         running, ready = self.action, now + self.approach
@@ -199,6 +212,12 @@ class Turn:
         if self.phase in (Phase.INSIDE, Phase.LEFT) or self.job.finish is not None:
             return True
         return self.gated and self.phase is Phase.SLOTTED and (self.in_way or now >= self._leaves_at)
+
+    def leaves_after(self, instant: Instant) -> bool:
+        """Return whether the robot, which stands, has a slot for which it need not set out before `instant`."""
+        running = self.action
+        stands = running is None or running.started is None
+        return self.gated and self.phase is Phase.SLOTTED and stands and not self.in_way and self._leaves_at > instant
 
     @property
     def _leaves_at(self) -> Instant:

@@ -96,6 +96,8 @@ class Hello(NamedTuple):
     """The place it is going to or stands on, metres."""
     digest: int = 0
     """Identity of its program, 16 bits."""
+    stays: bool = False
+    """It will stand for `rmr.node.hello.STAYS` from now on, whatever happens."""
 
 
 _HELLO: Final = struct.Struct(">BHhhBbBBhh")
@@ -109,6 +111,7 @@ PARTS_MAX: Final = 64
 
 _PARKED: Final = 1
 _GOAL: Final = 2
+_STAYS: Final = 4
 _NO_ASSERTION: Final = 255
 _TURN: Final = 6.283185307179586
 
@@ -116,7 +119,7 @@ _TURN: Final = 6.283185307179586
 def encode_hello(hello: Hello) -> bytes:
     """Return the payload of a hello; positions beyond +-327 m are clamped."""
     gx, gy = hello.goal or (0.0, 0.0)
-    flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0)
+    flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0) | (_STAYS if hello.stays else 0)
     heading = round(hello.theta / _TURN * 256) & 0xFF
     x, y, speed = _cm(hello.x), _cm(hello.y), max(-127, min(127, round(hello.v * 100)))
     return _HELLO.pack(Kind.HELLO, hello.digest, x, y, heading, speed, flags, min(hello.rank, 255), _cm(gx), _cm(gy))
@@ -129,7 +132,8 @@ def decode_hello(payload: bytes) -> Hello:
     except struct.error as error:
         raise WireError(f"hello: {error}") from error
     goal = (gx / 100, gy / 100) if flags & _GOAL else None
-    return Hello(x / 100, y / 100, heading / 256 * _TURN, speed / 100, bool(flags & _PARKED), rank, goal, digest)
+    theta, parked, stays = heading / 256 * _TURN, bool(flags & _PARKED), bool(flags & _STAYS)
+    return Hello(x / 100, y / 100, theta, speed / 100, parked, rank, goal, digest, stays)
 
 
 def _cm(metres: float) -> int:
