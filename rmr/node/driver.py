@@ -14,6 +14,7 @@ from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.approach import Approach
+from rmr.node.config import CROWD_FROM
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
@@ -45,7 +46,7 @@ class Driver:
         self.localiser = Localiser(arena)
         self.navigator = Navigator(arena, robot, len(roster))
         self.navigator.hearing.listens = listens > 0
-        self.approach = Approach(self.navigator)
+        self.approach = Approach(self.navigator, len(roster) >= CROWD_FROM)
         self.place: Point | None = None
         """The slot that the robot has taken."""
         self._home: Point | None = None
