@@ -3,7 +3,9 @@
 Slots. A slot nearer than the frozen zone stands: it is neither moved nor its time used for another until its
 owner says OUT or GONE, or that it let this very slot pass. A robot inside, of whatever term, keeps its place
 until it says OUT or is silent for longer than any stall. All others are placed behind those that stand; the
-order of them is made anew only when jobs come, go or change, else they are only shifted.
+order of them is made anew only when jobs come, go or change, else they are only shifted. Who has set out and was put
+off goes first, in a crowd whoever has set out, for the others would have to pass it; there others go before it where
+they do not hold it up.
 
 Ranks. The entries of a schedule stand in order of rank, and a rank is a robot's for good from the frozen zone
 on (exit and queue places go by it). Free ranks are dealt to the others in order of their slots. Jobs that are
@@ -18,7 +20,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
 from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max, on_grid
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, order_jobs, place
-from rmr.coord.values import JOBS_MAX, MS, Values
+from rmr.coord.values import JOBS_MAX, MS, Order, Values
 
 SETS_OUT: Duration = 500 * MS
 """A robot may have set out so much before its way to the gate asks for it."""
@@ -261,22 +263,25 @@ class Ledger:
         ]
         opposed = values.window + 2 * values.clock_error + values.clear
         rules = Rules(now + values.lead, opposed, values.order)
-        crowd = len(movable) > EXACT_MAX
+        crowd = len(movable) > EXACT_MAX and values.order is Order.OURS
         first = [line for line in movable if line.underway or (crowd and line.has_set_out(now))]
         first.sort(key=lambda line: (line.approach if line.underway else (line.start or now) - now, line.robot))
         ahead = [_task(line, now, values.grace) for line in first]
         behind = fixed + self._give(ahead, fixed, rules)
         known = {line.robot for line in first}
-        rest = [line for line in movable if line.robot not in known]
-        tasks = [_task(line, now, values.grace) for line in rest]
-        old = [line.robot for line in sorted(rest, key=lambda line: (line.start or 0, line.robot)) if line.start]
-        if reorder or len(old) < len(rest):
-            tasks = order_jobs(tasks, behind, rules, old)
-        else:
-            tasks.sort(key=lambda task: old.index(task.robot))
+        rest = self._ordered(now, [line for line in movable if line.robot not in known], behind, rules, reorder)
         if crowd:
-            tasks, behind = merge(ahead, tasks, fixed, rules), fixed
-        self._give(tasks, behind, rules)
+            rest, behind = merge(ahead, rest, fixed, rules), fixed
+        self._give(rest, behind, rules)
+
+    def _ordered(self, now: Instant, lines: list[Line], fixed: list[Placed], rules: Rules, reorder: bool) -> list[Task]:
+        """Return the jobs of `lines` in the order in which they go behind those `fixed`."""
+        tasks = {line.robot: _task(line, now, self._values.grace) for line in lines}
+        slotted = [(line.start, line.robot) for line in lines if line.start is not None]
+        old = [robot for _, robot in sorted(slotted)]
+        if reorder or len(old) < len(lines):
+            return order_jobs(list(tasks.values()), fixed, rules, old)
+        return [tasks[robot] for robot in old]
 
     def _give(self, tasks: list[Task], fixed: list[Placed], rules: Rules) -> list[Placed]:
         """Give slots behind those `fixed` to the jobs of `tasks`, in this order, and return these."""

@@ -9,6 +9,9 @@ order that keeps most jobs on time is looked for, then the earliest end, then th
 
 An order that is known already is kept, with what is new put in, unless that costs a job or a headway: robots are under
 way in it. It gives way to that of deadlines only where somebody is new.
+
+More than `EXACT_MAX` robots are a crowd and stand in each other's way: as a rule those that are due first are in front.
+So there all that are on time go by deadline, if that costs nothing, and late ones as early as makes nobody else late.
 """
 
 from collections.abc import Sequence
@@ -101,7 +104,7 @@ class _Front:
         return max(self.start + own, self.paced, max(self.end + own, self.clear) - task.duration)
 
 
-class _Floor:
+class _Chart:
     """Everything that has been placed: when further passages may start."""
 
     def __init__(self, standing: Sequence[Placed], rules: Rules) -> None:
@@ -126,22 +129,22 @@ class _Floor:
 
 def place(order: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Instant]:
     """Return the start of each job of `order`, behind everything in `standing`, on the grid."""
-    floor = _Floor(standing, rules)
-    return [floor.add(task) for task in order]
+    chart = _Chart(standing, rules)
+    return [chart.add(task) for task in order]
 
 
 def merge(first: Sequence[Task], rest: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
     """Return both in one order: `first`, and before each of them those of the `rest` that do not hold it up."""
-    floor, left = _Floor(standing, rules), list(rest)
+    chart, left = _Chart(standing, rules), list(rest)
     order: list[Task] = []
     for task in first:
         behind: list[Task] = []
         for other in left:
-            fits = floor.start(other) + gap(other, task, rules.opposed) <= floor.start(task)
+            fits = chart.start(other) + gap(other, task, rules.opposed) <= chart.start(task)
             if fits:
-                floor.add(other)
+                chart.add(other)
             (order if fits else behind).append(other)
-        floor.add(task)
+        chart.add(task)
         order.append(task)
         left = behind
     return order + left
@@ -216,14 +219,17 @@ def _with_late(problem: Problem, kept: Sequence[int]) -> list[int]:
 
 
 def _with_new(problem: Problem, old: list[int], best: Sequence[int]) -> list[int]:
-    """Return the `old` order with the rest of `best` put in, each where most are on time and the end is earliest."""
+    """Return the `old` order with the rest of `best` put in, each where most are on time and the end is earliest.
+
+    Of such places the last is taken, in a crowd the nearest to that by deadline.
+    """
     known = set(old)
     new = [job for job in best if job not in known]
     if not old or len(new) > NEW_MAX:
         return list(best)
     for job in new:
-        by_deadline = sum(other < job for other in old) if len(problem.first) > EXACT_MAX else len(old)
-        places = sorted(range(len(old) + 1), key=lambda at: abs(at - by_deadline))
+        wanted = sum(other < job for other in old) if len(problem.first) > EXACT_MAX else len(old)
+        places = sorted(range(len(old) + 1), key=lambda at: abs(at - wanted))
         old = min(([*old[:at], job, *old[at:]] for at in places), key=lambda order: _cost(problem, order))
     return old
 

@@ -76,7 +76,7 @@ class Approach:
 
         Hulls keep clear of each other, and where the K-th robot's place is farther than the next one's, the next
         one waits so much longer that robots finish in the order in which they enter. Not where others come out of
-        the bottleneck: there time is what deadlines are missed for, and the order is not by deadline anyway.
+        the bottleneck, nor in a crowd: there time is what deadlines are missed for, and each headway delays many.
         """
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed

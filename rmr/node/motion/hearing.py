@@ -14,6 +14,8 @@ to stop-if-dangerous.
 are overdue are a silence; and a robot that sets out waits for a single one of a parked robot near it, which may have
 set out unheard as well.
 
+*Who says that it stays is not silent meanwhile* (`rmr.node.hello`): in a crowd most robots stand, and speak seldom.
+
 *Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
 it is, or has had long enough to (`rmr.node.config`).
 

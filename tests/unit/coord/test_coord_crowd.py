@@ -1,0 +1,102 @@
+"""A crowd before a door: robots stand in each other's way, so the order is kept close to that of deadlines."""
+
+from itertools import pairwise
+
+from coord_harness import EVENT, ms
+
+from rmr.coord.fence import Fence
+from rmr.coord.ledger import Ledger
+from rmr.coord.messages import Job, Term
+from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
+from rmr.coord.values import GRID, MS, Values
+
+RULES = Rules(floor=600 * MS, opposed=280 * MS)
+COUNT = EXACT_MAX + 9
+HEADWAY_MS = 1000
+
+
+def jobs(count: int = COUNT, late: tuple[int, ...] = ()) -> list[Task]:
+    """Return jobs that come due 1.5 s apart, the first after 5 s; those of the robots `late` cannot be on time."""
+    return [
+        Task(k, 0, 3000 * MS, (500 if k in late else 3500 + 1500 * k) * MS, HEADWAY_MS * MS, 0)
+        for k in range(1, count + 1)
+    ]
+
+
+def robots(order: list[Task]) -> list[int]:
+    return [task.robot for task in order]
+
+
+def met(order: list[Task], rules: Rules = RULES) -> int:
+    return on_time(order, place(order, [], rules))
+
+
+def test_who_is_late_goes_as_early_as_makes_nobody_late_and_all_others_by_deadline() -> None:
+    order = robots(order_jobs(jobs(late=(1, 2)), [], RULES))
+    assert [robot for robot in order if robot > 2] == list(range(3, COUNT + 1))
+    assert met(order_jobs(jobs(late=(1, 2)), [], RULES)) == COUNT - 2
+    assert order.index(1) < 3
+    assert order.index(2) < 3
+    few = robots(order_jobs(jobs(EXACT_MAX, late=(1, 2)), [], RULES))
+    assert few[-2:] == [1, 2], "a few robots get past each other"
+
+
+def test_a_crowd_that_begins_late_is_not_turned_round() -> None:
+    begun = RULES._replace(floor=9000 * MS)
+    order = order_jobs(jobs(), [], begun)
+    late = [
+        task.robot
+        for task, start in zip(order, place(order, [], begun), strict=True)
+        if start + 3000 * MS > task.deadline
+    ]
+    rest = [robot for robot in robots(order) if robot not in late]
+    assert 0 < len(late) < COUNT // 2
+    assert rest == sorted(rest)
+    assert max(abs(k - robot) for k, robot in enumerate(robots(order), 1)) < COUNT // 2
+
+
+def test_who_asks_again_comes_in_by_its_deadline() -> None:
+    late, known = jobs(late=(1,)), list(range(1, COUNT + 1))
+    known.remove(7)
+    order = robots(order_jobs(late, [], RULES, known))
+    assert order.index(6) < order.index(7) < order.index(8)
+
+
+def test_before_one_under_way_go_those_that_do_not_hold_it_up() -> None:
+    rest, far = jobs(5), Task(9, 4000 * MS, 3000 * MS, 0, HEADWAY_MS * MS, 0)
+    order = merge([far], rest, [], RULES)
+    assert robots(order) == [1, 2, 3, 9, 4, 5]
+    assert place(order, [], RULES)[3] == 4000 * MS
+    busy = [Placed(2000 * MS, 3000 * MS, HEADWAY_MS * MS, 0)]
+    assert robots(merge([far], rest, busy, RULES)) == [1, 9, 2, 3, 4, 5]
+    assert merge([], rest, [], RULES) == rest
+
+
+def told(ledger: Ledger, robot: int, now_ms: int, approach_ms: int, deadline_ms: int) -> None:
+    """Let `robot` tell its job at `now_ms`, when it needs `approach_ms` to the gate."""
+    release = ms(now_ms + approach_ms)
+    job = Job(EVENT, ms(now_ms), Term(1, 1), 0, 0, release, ms(3000), ms(deadline_ms), ms(HEADWAY_MS), 0, None, False)
+    ledger.note(ms(now_ms), robot, job, Fence(1, Values()))
+
+
+def order(ledger: Ledger, now_ms: int) -> list[int]:
+    """Plan at `now_ms` and return the robots in the order of their slots."""
+    ledger.open = True
+    ledger.plan(ms(now_ms), True)
+    return sorted(ledger.lines, key=lambda robot: ledger.lines[robot].start or 0)
+
+
+def test_who_has_set_out_keeps_its_place_in_a_crowd_though_another_order_met_one_deadline_more() -> None:
+    for count, first in ((EXACT_MAX - 1, [1, EXACT_MAX]), (COUNT, [1, 2])):
+        ledger = Ledger(99, Values(), 0, 0)
+        for robot in range(1, count + 1):
+            told(ledger, robot, 0, 2500, 6500 + 1000 * robot)
+        assert order(ledger, 10)[:3] == [1, 2, 3]
+        told(ledger, count + 1, 1000, 2500, 6900)
+        assert order(ledger, 1010)[:2] == first
+
+
+def test_slots_of_a_crowd_lie_on_the_grid_a_headway_apart() -> None:
+    starts = place(order_jobs(jobs(late=(1, 2, 5)), [], RULES), [], RULES)
+    assert all(start % GRID == 0 for start in starts)
+    assert all(b - a >= HEADWAY_MS * MS for a, b in pairwise(starts))
