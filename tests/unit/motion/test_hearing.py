@@ -4,9 +4,10 @@ import pytest
 
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
-from rmr.base.time import Instant, milliseconds, seconds
+from rmr.base.time import Instant, in_seconds, milliseconds, seconds
+from rmr.node.hello import STAYS
 from rmr.node.motion.avoid import safe_speed
-from rmr.node.motion.hearing import Hearing, Known
+from rmr.node.motion.hearing import SILENT_PARKED, Hearing, Known
 from rmr.node.motion.priority import order_key
 from rmr.node.perception import Peers
 from rmr.node.ports import SeenBody
@@ -146,3 +147,15 @@ def test_a_peer_is_silent_for_a_while_and_then_dead_where_it_fell(parked: bool) 
     assert [one.silent for one in peers.heard_of(seconds(3), HERE)] == [True]
     assert peers.heard_of(seconds(16), HERE) == []
     assert peers.parked(seconds(16)) == (Point(0.8, 0.5),)
+
+
+def test_who_said_that_it_stays_is_silent_only_so_much_later():
+    silent_s, stays_s = in_seconds(SILENT_PARKED), in_seconds(STAYS)
+    for stays, late_s in ((False, silent_s), (True, silent_s + stays_s)):
+        peers = Peers()
+        peers.heard(0, 2, -50.0)
+        peers.hello(0, 2, Hello(0.8, 0.5, 0.0, 0.0, True, 0, None, stays=stays))
+        for now, silent in ((late_s - 0.1, False), (late_s + 0.1, True)):
+            assert [one.silent for one in peers.heard_of(seconds(now), HERE)] == [silent]
+        near = hearing(*peers.heard_of(STAYS, HERE))
+        assert near.forbids(STAYS, HERE, []) is not stays

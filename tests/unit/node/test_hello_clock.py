@@ -6,17 +6,19 @@ from random import Random
 import pytest
 
 from rmr.base.time import Duration, in_seconds, seconds
-from rmr.node.hello import EAGER, HelloClock
+from rmr.node.hello import EAGER, STAYS, HelloClock
 from rmr.node.motion.hearing import SILENT_MOVING, SILENT_PARKED
 
 
-def periods(robots: int, *, parked: bool, waits: bool = False) -> list[Duration]:
+def periods(
+    robots: int, *, parked: bool, waits: bool = False, leaves: bool = False, driving: int | None = None
+) -> list[Duration]:
     """The times between a hundred hellos."""
     clock = HelloClock(Random(1), robots)
     clock.parked = parked
     found = []
     for _ in range(100):
-        clock.rewind(seconds(5), waits=waits)
+        clock.rewind(seconds(5), waits=waits, leaves=leaves, driving=driving)
         found.append(clock.due - seconds(5))
     return found
 
@@ -73,3 +75,15 @@ def test_a_robot_that_begins_to_drive_back_says_so_at_once() -> None:
     clock.rewind(seconds(3))
     clock.look(seconds(3.01), parked=False, back=True)
     assert clock.due < seconds(3.05)
+
+
+@pytest.mark.parametrize(("driving", "period_s"), [(0, 0.2), (8, 0.2), (29, 0.24), (99, 0.35)])
+def test_in_a_crowd_those_that_drive_speak_as_often_as_so_few_of_them_may(driving: int, period_s: float) -> None:
+    for how in ({"parked": False}, {"parked": True, "waits": True, "leaves": True}):
+        told = [in_seconds(period) for period in periods(100, driving=driving, **how)]
+        assert 0.89 * period_s < min(told)
+        assert max(told) < 1.11 * period_s
+
+
+def test_one_that_stays_says_so_twice_more_before_it_may_leave() -> None:
+    assert 2 * max(periods(1000, parked=True)) < STAYS

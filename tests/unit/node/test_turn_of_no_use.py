@@ -73,6 +73,31 @@ def test_only_who_has_set_out_and_was_put_off_since_says_that_it_is_under_way():
     assert not waits.put_off(0)
 
 
+def test_one_of_a_crowd_that_is_late_near_the_gate_goes_next_and_is_not_hindered():
+    one = under_way(0.0, approach_s=0.5)
+    for k in range(2 * HINDERED_MAX):
+        one.underway = False
+        assert one.go_on(seconds(k))
+        assert one.underway
+        assert one.release == seconds(k + 0.5)
+    assert one.hindered == 0
+    far = under_way(0.0)
+    far.go_on(0)
+    assert far.hindered == 1
+    assert not far.underway
+
+
+def test_who_stands_and_need_not_leave_for_a_while_knows_it():
+    one = under_way(10.0)
+    assert not one.leaves_after(0), "it is under way"
+    one.serving.clear()
+    one.gated = True
+    assert one.leaves_after(seconds(7))
+    assert not one.leaves_after(seconds(8))
+    one.phase = Phase.ASKING
+    assert not one.leaves_after(0)
+
+
 def test_who_is_under_way_says_so_again_only_when_it_is_nearer_or_farther():
     one = under_way(100.0)
     assert one.put_off(0)

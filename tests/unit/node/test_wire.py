@@ -53,12 +53,13 @@ def test_a_failure_names_its_assertion_or_none(assertion, told):
     st.floats(-300, 300), st.floats(-300, 300), st.floats(0, 6.28), st.booleans(), st.integers(0, 255), st.booleans()
 )
 def test_a_hello_keeps_position_to_the_centimetre(x, y, theta, parked, rank, going):
-    hello = Hello(x, y, theta, -0.2, parked, rank, (y, x) if going else None, rank * 257)
+    stays = parked and not going
+    hello = Hello(x, y, theta, -0.2, parked, rank, (y, x) if going else None, rank * 257, stays)
     back = wire.decode_hello(wire.encode_hello(hello))
     assert back.x == pytest.approx(x, abs=0.0051)
     assert back.y == pytest.approx(y, abs=0.0051)
     assert back.v == -0.2
-    assert (back.parked, back.rank, back.digest) == (parked, rank, rank * 257)
+    assert (back.parked, back.rank, back.digest, back.stays) == (parked, rank, rank * 257, stays)
     assert (back.goal is None) is not going
 
 
