@@ -22,7 +22,7 @@ from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, order_jobs, place
 from rmr.coord.values import JOBS_MAX, MS, Order, Values
 
-SETS_OUT: Duration = 500 * MS
+SETS_OUT: Final[Duration] = 500 * MS
 """A robot may have set out so much before its way to the gate asks for it."""
 
 _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
