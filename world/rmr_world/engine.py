@@ -123,8 +123,11 @@ class Engine:
 
     def _touching(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:  # noqa: ARG002
         points = arbiter.contact_point_set.points
-        where = points[0].point_a if points else None
-        self._begin(self._of(arbiter), None if where is None else (where.x, where.y))
+        where = None
+        if points:  # the middle, for which of the two is `a` depends on what else the engine was asked
+            (ax, ay), (bx, by) = points[0].point_a, points[0].point_b
+            where = 0.5 * (ax + bx), 0.5 * (ay + by)
+        self._begin(self._of(arbiter), where)
 
     def _parted(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:  # noqa: ARG002
         self._end(self._of(arbiter), None)
