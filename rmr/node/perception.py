@@ -90,6 +90,8 @@ class Peer:
     rssi_dbm: float
     hello: Hello | None = None
     hello_at: Instant = 0
+    stays_until: Instant = 0
+    """It stands until then; counted from when it said so, however late that was read."""
     driving: Heard | None = None
     """What the hello says of one that drives; None of one that does not, or not made out yet."""
 
@@ -122,11 +124,18 @@ class Peers:
         else:
             peer.heard, peer.rssi_dbm = now, rssi_dbm
 
-    def hello(self, at: Instant, robot: int, hello: Hello, driving: Heard | None = None) -> None:
-        """Note what `robot` said about itself not before `at`; call after `heard`. `driving`: its way, if known."""
+    def hello(
+        self, at: Instant, robot: int, hello: Hello, driving: Heard | None = None, *, said: Instant | None = None
+    ) -> None:
+        """Note what `robot` said about itself not before `at`; call after `heard`. `driving`: its way, if known.
+
+        `said`: when the frame ended, if that is known; it may have waited to be read.
+        """
         peer = self.known[robot]
         old, dead = peer.hello, at - peer.hello_at > DEAD
         peer.hello, peer.hello_at, peer.driving = hello, at, driving
+        if hello.stays:
+            peer.stays_until = (at if said is None else min(at, said)) + STAYS
         if hello.parked and self._standing is not None and robot in self._standing:
             place = Point(hello.x, hello.y)
             if place != self._standing[robot]:
@@ -170,7 +179,7 @@ class Peers:
             hello, age = peer.hello, now - peer.hello_at
             if hello is None or age > DEAD:
                 continue
-            at = min(now, peer.hello_at + STAYS) if hello.stays else peer.hello_at
+            at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)

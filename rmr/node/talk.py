@@ -141,7 +141,7 @@ class Talk:
     def _dispatch(self, now: Instant, frame: Received) -> None:
         match frame.payload[0]:
             case Kind.HELLO:
-                self._met(now, frame.source, _hello_in(frame.payload))
+                self._met(now, frame, _hello_in(frame.payload))
             case Kind.FACT | Kind.FRAGMENT:
                 body = self.exchange.received(frame.payload, frame.source)
                 if body is not None:
@@ -170,16 +170,17 @@ class Talk:
         if hello.digest != self.digest or self._disputes(source, hello):
             return False
         peer.heard, peer.rssi_dbm = now, frame.rssi_dbm
-        peers.hello(now, source, hello, None if hello.parked else _driving_in(payload, source, now))
+        driving = None if hello.parked else _driving_in(payload, source, now)
+        peers.hello(now, source, hello, driving, said=frame.stamp)
         self._tell_parked(now)
         return True
 
-    def _met(self, now: Instant, source: int, hello: Hello) -> None:
-        node = self._node
+    def _met(self, now: Instant, frame: Received, hello: Hello) -> None:
+        node, source = self._node, frame.source
         known = node.peers.known[source].hello
         if hello.digest != self.digest and (known is None or known.digest != hello.digest):
             node.trace(now, "other_program", source=source)
-        node.peers.hello(node.heard_at, source, hello)
+        node.peers.hello(node.heard_at, source, hello, said=frame.stamp)
         if self._disputes(source, hello):
             self._heed(now)
         self._tell_parked(now)

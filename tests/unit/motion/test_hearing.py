@@ -159,3 +159,12 @@ def test_who_said_that_it_stays_is_silent_only_so_much_later():
             assert [one.silent for one in peers.heard_of(seconds(now), HERE)] == [silent]
         near = hearing(*peers.heard_of(STAYS, HERE))
         assert near.forbids(STAYS, HERE, []) is not stays
+
+
+def test_a_promise_to_stay_counts_from_when_it_was_said_however_late_it_was_read():
+    peers, read = Peers(), seconds(2)
+    peers.heard(read, 2, -50.0)
+    peers.hello(read, 2, Hello(0.8, 0.5, 0.0, 0.0, True, 0, None, stays=True), said=0)
+    late_s = in_seconds(STAYS + SILENT_PARKED)
+    assert [one.silent for one in peers.heard_of(seconds(late_s - 0.1), HERE)] == [False]
+    assert [one.silent for one in peers.heard_of(seconds(late_s + 0.1), HERE)] == [True]
