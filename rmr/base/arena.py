@@ -49,8 +49,10 @@ class Polygon:
 
     def contains(self, x: float, y: float) -> bool:
         """Return whether (x, y) lies inside or on the edge."""
-        ax, ay = self.corners[-1]
-        for bx, by in self.corners:
+        a = self.corners[-1]
+        ax, ay = a.x, a.y
+        for b in self.corners:
+            bx, by = b.x, b.y
             if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
                 return False
             ax, ay = bx, by
@@ -115,6 +117,15 @@ class Arena:
     bottleneck: tuple[str, ...] = ()
     """The areas at the mouths of what robots pass one at a time: its entry, or both ends where they come from both."""
     shape: RobotShape = RobotShape()
+    _hash: int = field(init=False, compare=False, repr=False)
+    """Worked out once: what depends on the arena alone is kept by arena."""
+
+    def __post_init__(self) -> None:
+        parts = (self.width, self.height, self.cell, self.obstacles, self.areas, self.beacons, self.bottleneck)
+        object.__setattr__(self, "_hash", hash((parts, self.shape)))
+
+    def __hash__(self) -> int:
+        return self._hash
 
     def area(self, name: str) -> Area | None:
         """Return the area called `name`, or None."""

@@ -1,7 +1,12 @@
 """Plane geometry: metres, radians, x to the right, y up, angles counter-clockwise from the x axis."""
 
 import math
-from typing import Final, NamedTuple
+from collections.abc import Iterator
+from typing import Final, NamedTuple, final
+
+hypot: Final = math.hypot
+"""A constant of its own, for compiled code looks up what belongs to `math` each time."""
+_remainder: Final = math.remainder
 
 
 class Point(NamedTuple):
@@ -11,33 +16,71 @@ class Point(NamedTuple):
     y: float
 
 
-class Pose(NamedTuple):
-    """Where a robot is (metres) and where it faces (radians)."""
+@final
+class Pose:
+    """Where a robot is (metres) and where it faces (radians). It is never changed.
 
-    x: float
-    y: float
-    theta: float
+    Like `Twist` no named tuple: those are made and taken apart by the interpreter, compiled or not.
+    """
+
+    __slots__ = ("theta", "x", "y")
+
+    def __init__(self, x: float, y: float, theta: float) -> None:
+        self.x: Final = x
+        self.y: Final = y
+        self.theta: Final = theta
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.x, self.y, self.theta))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pose) and self.x == other.x and self.y == other.y and self.theta == other.theta
+
+    def __hash__(self) -> int:
+        return hash((self.x, self.y, self.theta))
+
+    def __repr__(self) -> str:
+        return f"Pose(x={self.x!r}, y={self.y!r}, theta={self.theta!r})"
 
 
-class Twist(NamedTuple):
-    """A wheel command: forward speed in m/s, turn rate in rad/s (counter-clockwise)."""
+@final
+class Twist:
+    """A wheel command: forward speed in m/s, turn rate in rad/s (counter-clockwise). It is never changed."""
 
-    v: float
-    w: float
+    __slots__ = ("v", "w")
+
+    def __init__(self, v: float, w: float) -> None:
+        self.v: Final = v
+        self.w: Final = w
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.v, self.w))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Twist) and self.v == other.v and self.w == other.w
+
+    def __hash__(self) -> int:
+        return hash((self.v, self.w))
+
+    def __repr__(self) -> str:
+        return f"Twist(v={self.v!r}, w={self.w!r})"
 
 
+PI: Final = 3.141592653589793
 STILL: Final = Twist(0.0, 0.0)
 
 
 def wrap(angle: float) -> float:
     """Return `angle` in (-pi, pi]."""
-    wrapped = math.remainder(angle, math.tau)
-    return math.pi if wrapped == -math.pi else wrapped
+    if -PI < angle < PI:
+        return angle
+    wrapped: float = _remainder(angle, 2.0 * PI)
+    return PI if wrapped == -PI else wrapped
 
 
 def distance(ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance between (ax, ay) and (bx, by) in metres."""
-    return math.hypot(bx - ax, by - ay)
+    return hypot(bx - ax, by - ay)
 
 
 def point_segment_distance(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
@@ -49,4 +92,4 @@ def point_segment_distance(px: float, py: float, ax: float, ay: float, bx: float
         t = 0.0
     elif t > 1.0:
         t = 1.0
-    return math.hypot(px - ax - t * dx, py - ay - t * dy)
+    return hypot(px - ax - t * dx, py - ay - t * dy)

@@ -94,7 +94,7 @@ class Mind:
 
     def watch_quiescence(self, now: Instant) -> None:
         """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""
-        self._restless = 0 if self._machine.quiescent else self._restless + 1
+        self._restless = self._restless + 1 if self._machine.busy else 0
         if self._restless == RESTLESS_CALLS and not self._told_restless:
             self._told_restless = True
             self._node.trace(now, "restless", firings=self._machine.firings)

@@ -144,14 +144,11 @@ class Node:
         if not self._rewake:
             return
         executive, machine = self.executive, self.machine
-        self.next_wake = min(
-            executive.next_frame(self._busy()) or NEVER,
-            self._coordination.next_wake,
-            executive.frame_ends if machine.busy else machine.due,
-            self.actions.next_wake,
-            self.talk.next_wake,
-            self.turns.next_wake,
-        )
+        wake = min(executive.next_frame(self._busy()) or NEVER, self._coordination.next_wake)
+        wake = min(wake, executive.frame_ends if machine.busy else machine.due)
+        wake = min(wake, self.actions.next_wake)
+        wake = min(wake, self.talk.next_wake)
+        self.next_wake = min(wake, self.turns.next_wake)
 
     def overhear(self, now: Instant, frame: Received) -> bool:
         """Take in `frame` as it arrives, if no task has to look at it; else return False: it is to wait for a call.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from rmr.base.arena import Area, Arena
-from rmr.base.geometry import Point, Pose
+from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
 from rmr.node.hello import STAYS
 from rmr.node.motion.ekf import Ekf, initial_pose
@@ -109,7 +109,8 @@ class Peers:
 
     def __init__(self) -> None:
         self.known: dict[int, Peer] = {}
-        """In order of their ids."""
+        self._ordered = True
+        """Whether those known are in order of their ids."""
         self._standing: dict[int, Point] | None = None
         """Where those stand that do, in order of their ids; None: to be worked out anew."""
         self._standing_until: Instant = 0
@@ -120,9 +121,16 @@ class Peers:
         """Note that a frame of `robot` arrived."""
         peer = self.known.get(robot)
         if peer is None:
-            self.known = dict(sorted([*self.known.items(), (robot, Peer(now, rssi_dbm))]))
+            self.known[robot] = Peer(now, rssi_dbm)
+            self._ordered = False
         else:
             peer.heard, peer.rssi_dbm = now, rssi_dbm
+
+    def in_order(self) -> dict[int, Peer]:
+        """Return those known in order of their ids."""
+        if not self._ordered:
+            self.known, self._ordered = dict(sorted(self.known.items())), True
+        return self.known
 
     def hello(
         self, at: Instant, robot: int, hello: Hello, driving: Heard | None = None, *, said: Instant | None = None
@@ -153,7 +161,7 @@ class Peers:
 
     def neighbors(self, now: Instant) -> list[int]:
         """Return the robots heard within HEARD, in order of their ids."""
-        return [robot for robot, peer in self.known.items() if now - peer.heard <= HEARD]
+        return [robot for robot, peer in self.in_order().items() if now - peer.heard <= HEARD]
 
     def parked(self, now: Instant) -> tuple[Point, ...]:
         """Return where the others stand: those parked, as they last said, and those dead.
@@ -162,7 +170,7 @@ class Peers:
         """
         if self._standing is None or now >= self._standing_until:
             self._standing, self._standing_until, self._parked = {}, NEVER, None
-            for robot, peer in self.known.items():
+            for robot, peer in self.in_order().items():
                 hello = peer.hello
                 if hello is not None and (hello.parked or now - peer.hello_at > DEAD):
                     self._standing[robot] = Point(hello.x, hello.y)
@@ -175,7 +183,7 @@ class Peers:
     def heard_of(self, now: Instant, pose: Pose) -> list[Known]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead."""
         known = []
-        for robot, peer in self.known.items():
+        for robot, peer in self.in_order().items():
             hello, age = peer.hello, now - peer.hello_at
             if hello is None or age > DEAD:
                 continue
@@ -183,14 +191,13 @@ class Peers:
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
                 vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
-                place = Point(hello.x, hello.y)
-                known.append(Known(robot, place, vx, vy, at, hello.parked, silent, hello.rank))
+                known.append(Known(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:
         """Return what the others that drive said last."""
         heard = []
-        for robot, peer in self.known.items():
+        for robot, peer in self.in_order().items():
             if now - peer.hello_at > HEARD:
                 continue
             if peer.driving is None and peer.hello is not None:
@@ -203,7 +210,7 @@ class Peers:
         """Return (robot, hello) of those that have taken a place."""
         return [
             (robot, peer.hello)
-            for robot, peer in self.known.items()
+            for robot, peer in self.in_order().items()
             if peer.hello is not None and peer.hello.goal is not None and now - peer.hello_at <= CLAIM_KNOWN
         ]
 
@@ -227,6 +234,6 @@ def standing_at(area: Area, pose: Pose, own_place: Point | None, was: bool) -> b
         return x0 <= pose.x <= x1 and y0 <= pose.y <= y1
     reach = AT_LEAVE_M if was else AT_ENTER_M
     for x, y in area.places if own_place is None else (own_place,):
-        if abs(x - pose.x) <= reach and math.hypot(x - pose.x, y - pose.y) <= reach:
+        if abs(x - pose.x) <= reach and hypot(x - pose.x, y - pose.y) <= reach:
             return True
     return False

@@ -6,7 +6,7 @@ polls or reads a clock.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, final
 
 from rmr.base.geometry import Twist
 from rmr.base.time import Duration, Instant
@@ -15,38 +15,60 @@ from rmr.radio.air import Confirmed, Received
 __all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed", "Spoken"]
 
 
-class SeenBody(NamedTuple):
-    """Another robot inside the field of view, as a tracking range finder reports it."""
+@final
+class SeenBody:
+    """Another robot inside the field of view, as a tracking range finder reports it. It is never changed.
 
-    x: float
-    """Metres ahead of the robot's centre (robot frame)."""
-    y: float
-    """Metres to the left."""
-    vx: float
-    """Velocity of the other body over the ground, m/s, along the robot's x axis."""
-    vy: float
-    """Likewise along the robot's y axis."""
+    No two are equal: right of way is told of one and the same body.
+    """
+
+    __slots__ = ("vx", "vy", "x", "y")
+
+    def __init__(self, x: float, y: float, vx: float, vy: float) -> None:
+        self.x: Final = x
+        """Metres ahead of the robot's centre (robot frame)."""
+        self.y: Final = y
+        """Metres to the left."""
+        self.vx: Final = vx
+        """Velocity of the other body over the ground, m/s, along the robot's x axis."""
+        self.vy: Final = vy
+        """Likewise along the robot's y axis."""
 
 
-class Sensed(NamedTuple):
-    """One sample of everything that a robot senses."""
+@final
+class Sensed:
+    """One sample of everything that a robot senses. It is never changed."""
 
-    stamp: Instant
-    left_m: float
-    """Way of the left wheel since power-on, metres (odometry, with slip)."""
-    right_m: float
-    gyro: float
-    """Turn rate, rad/s."""
-    compass: float
-    """Heading, radians."""
-    ranges: tuple[tuple[int, float], ...]
-    """(beacon index, metres) for each ultrasonic pulse that arrived since the last sample; mostly empty."""
-    bodies: tuple[SeenBody, ...]
-    """Robots in the field of view."""
-    bumped: bool
-    """Whether the hull touches anything."""
-    truth: tuple[float, float, float]
-    """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
+    __slots__ = ("bodies", "bumped", "compass", "gyro", "left_m", "ranges", "right_m", "stamp", "truth")
+
+    def __init__(
+        self,
+        stamp: Instant,
+        left_m: float,
+        right_m: float,
+        gyro: float,
+        compass: float,
+        ranges: tuple[tuple[int, float], ...],
+        bodies: tuple[SeenBody, ...],
+        bumped: bool,
+        truth: tuple[float, float, float],
+    ) -> None:
+        self.stamp: Final = stamp
+        self.left_m: Final = left_m
+        """Way of the left wheel since power-on, metres (odometry, with slip)."""
+        self.right_m: Final = right_m
+        self.gyro: Final = gyro
+        """Turn rate, rad/s."""
+        self.compass: Final = compass
+        """Heading, radians."""
+        self.ranges: Final = ranges
+        """(beacon index, metres) for each ultrasonic pulse that arrived since the last sample; mostly empty."""
+        self.bodies: Final = bodies
+        """Robots in the field of view."""
+        self.bumped: Final = bumped
+        """Whether the hull touches anything."""
+        self.truth: Final = truth
+        """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
 
 
 class Spoken(NamedTuple):

@@ -58,8 +58,8 @@ async def _drive(
     *,
     final_heading: float | None = None,
     gated: bool = False,
-    taken: Callable[[], bool] = lambda: False,
-    idle: Callable[[], bool] = lambda: False,
+    taken: Callable[[], bool] | None = None,
+    idle: Callable[[], bool] | None = None,
 ) -> None:
     """Drive to `goal` until the drive is `idle`.
 
@@ -72,9 +72,19 @@ async def _drive(
     await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=turn)
     blocked_since: Instant | None = None
-    looks = Pause(condition=lambda: navigator.status != "moving" or blocked_since is not None or taken() or idle())
-    while navigator.status != "arrived" and not idle():
-        if navigator.status == "blocked" or taken():
+
+    def is_taken() -> bool:
+        return taken is not None and taken()
+
+    def is_idle() -> bool:
+        return idle is not None and idle()
+
+    def ends() -> bool:
+        return navigator.status != "moving" or blocked_since is not None or is_taken() or is_idle()
+
+    looks = Pause(condition=ends)
+    while navigator.status != "arrived" and not is_idle():
+        if navigator.status == "blocked" or is_taken():
             blocked_since = blocked_since or node.now
             robots = len(node.config.roster) if turn is not None and turn.waits else 1
             if node.now - blocked_since > seconds(STUCK_S) * robots:
@@ -161,7 +171,8 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
     while not (drive.ended(pose) and node.now >= ends - RAMP):
         if node.now > overdue:
             raise ActionFailed("something is in the straight way there")
-        robot.drive(*drive.steer(node.now, pose))
+        twist = drive.steer(node.now, pose)
+        robot.drive(twist.v, twist.w)
         await Pause(condition=lambda: True)
         pose = node.percept().pose or pose
     if drive.astray(pose):

@@ -5,8 +5,9 @@ counted, noted and dropped.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, final
 
 from rmr.base.geometry import Point
 from rmr.base.streams import stream
@@ -31,10 +32,28 @@ _hello_in = lru_cache(maxsize=256)(wire.decode_hello)
 """`decode_hello`, remembered: in virtual time many robots hear the same octets."""
 
 
-@lru_cache(maxsize=256)
-def _driving_in(payload: bytes, source: int, at: Instant) -> Heard | None:
-    """`driving_of` a hello, remembered: in virtual time many robots hear the same octets at the same instant."""
-    return driving_of(source, _hello_in(payload), at)
+@final
+class _Last:
+    """The hello that anybody has overheard last: in virtual time many robots hear the same one after the other."""
+
+    def __init__(self) -> None:
+        self._payload, self._source, self._at = b"", 0, -1
+        self.driving: Heard | None = None
+        """What it says of a robot that drives."""
+        self._hello: Hello | None = None
+
+    def hello(self, payload: bytes, source: int, at: Instant) -> Hello | None:
+        """Return the hello that `payload` is; None if it is none."""
+        if at != self._at or source != self._source or payload != self._payload:
+            self._payload, self._source, self._at = payload, source, at
+            self._hello = self.driving = None
+            with suppress(WireError):
+                self._hello = _hello_in(payload)
+                self.driving = driving_of(source, self._hello, at)
+        return self._hello
+
+
+_LAST: Final = _Last()
 
 
 UNNAMED_FAILURE: Final = "broadcast"
@@ -163,15 +182,11 @@ class Talk:
         peer = peers.known.get(source)
         if peer is None or peer.hello is None:
             return False
-        try:
-            hello = _hello_in(payload)
-        except WireError:
-            return False
-        if hello.digest != self.digest or self._disputes(source, hello):
+        hello = _LAST.hello(payload, source, now)
+        if hello is None or hello.digest != self.digest or self._disputes(source, hello):
             return False
         peer.heard, peer.rssi_dbm = now, frame.rssi_dbm
-        driving = None if hello.parked else _driving_in(payload, source, now)
-        peers.hello(now, source, hello, driving, said=frame.stamp)
+        peers.hello(now, source, hello, _LAST.driving, said=frame.stamp)
         self._tell_parked(now)
         return True
 

@@ -138,7 +138,7 @@ class World:
         Speed and turn rate are cut to what the wheels can do. Raises KeyError for a robot that is not there.
         """
         state = self._robots[robot]
-        v, w = twist
+        v, w = twist.v, twist.w
         stale = stamp < state.stamp or not -COMMAND_LEAD_MAX <= now - stamp <= COMMAND_AGE_MAX
         if stale or not (math.isfinite(v) and math.isfinite(w)):
             self.dropped += 1
@@ -225,7 +225,7 @@ class World:
 
         Returns False for a robot that stands and shall.
         """
-        target_v, target_w = robot.target
+        target_v, target_w = robot.target.v, robot.target.w
         if now - robot.heard > WATCHDOG:
             target_v = target_w = 0.0
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:

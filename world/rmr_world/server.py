@@ -304,9 +304,11 @@ class WorldServer:
         self._bus.publish(self._keys.disturbances, self._disturbances())
 
     def _publish_sense(self, robot: int) -> None:
-        sensed = self._physics.sense(robot, tick_start(self._tick))
+        s = self._physics.sense(robot, tick_start(self._tick))
         self._seen[robot] = self._physics.pose(robot)
-        self._bus.publish(self._keys.sense(robot), wire.Sense(*sensed))
+        bodies = tuple([(body.x, body.y, body.vx, body.vy) for body in s.bodies])
+        told = wire.Sense(s.stamp, s.left_m, s.right_m, s.gyro, s.compass, s.ranges, bodies, s.bumped, s.truth)
+        self._bus.publish(self._keys.sense(robot), told)
 
     def _publish_truth(self, *, final: bool) -> None:
         physics = self._physics

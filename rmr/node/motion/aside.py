@@ -16,7 +16,7 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import STILL, Point, Pose, Twist, distance
+from rmr.base.geometry import STILL, Point, Pose, Twist, distance, hypot
 from rmr.base.streams import uniform
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.avoid import BACK_MPS
@@ -114,16 +114,16 @@ def for_a_moment(now: Instant) -> Aside:
 
 def _before(mouth: Pose, spot: Point, off_m: float) -> bool:
     """Return whether `spot` is farther than `off_m` from a mouth, on the side from which the mouth is entered."""
-    x, y, theta = mouth
+    x, y, theta = mouth.x, mouth.y, mouth.theta
     ahead = (spot.x - x) * math.cos(theta) + (spot.y - y) * math.sin(theta)
     return ahead < 0.0 and distance(*spot, x, y) > off_m
 
 
 def back(arena: Arena, pose: Pose, around: Sequence[SeenBody]) -> Twist:
     """Return the wheel command that drives straight back, unless something is known to be there."""
-    radius, (x, y, theta) = arena.shape.radius, pose
+    radius, x, y, theta = arena.shape.radius, pose.x, pose.y, pose.theta
     free = arena.clearance(x - math.cos(theta) * AHEAD_M, y - math.sin(theta) * AHEAD_M) > radius and all(
-        math.hypot(body.x + AHEAD_M, body.y) > 2.0 * radius + BACK_MARGIN_M or body.x > 0.0 for body in around
+        hypot(body.x + AHEAD_M, body.y) > 2.0 * radius + BACK_MARGIN_M or body.x > 0.0 for body in around
     )
     return Twist(-BACK_MPS, 0.0) if free else STILL
 

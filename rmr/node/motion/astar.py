@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.gridpath import STEPS, GridPath
 from rmr.node.motion.grid import (
     MARGIN_M,
@@ -61,38 +61,41 @@ def search(stride: int, blocked: bytearray, start: int, goal: int) -> tuple[list
     """
     root2 = math.sqrt(2.0)
     moves = tuple((dr * stride + dc, root2 if dc and dr else 1.0, dc, dr * stride) for dc, dr in STEPS)
-    goal_row, goal_column = divmod(goal, stride)
-    cost = {start: 0.0}
-    parent = {start: start}
-    done = bytearray(len(blocked))
-    row, column = divmod(start, stride)
-    aim = math.hypot(row - goal_row, column - goal_column)
+    walls, done = bytes(blocked), [False] * len(blocked)
+    cost, parent = [math.inf] * len(blocked), [0] * len(blocked)
+    cost[start], parent[start] = 0.0, start
+    aim = _aim(stride, start, goal)
     queue = [(aim, aim, start)]
     expansions = 0
     while queue:
         _, _, here = heappop(queue)
         if done[here]:
             continue
-        done[here] = 1
+        done[here] = True
         expansions += 1
         if here == goal:
             return _trace(parent, goal), expansions
         so_far = cost[here]
         for offset, length, side, up in moves:
             there = here + offset
-            if blocked[there] or done[there] or (length > 1.0 and (blocked[here + side] or blocked[here + up])):
+            if walls[there] or done[there] or (length > 1.0 and (walls[here + side] or walls[here + up])):
                 continue
             way = so_far + length
-            if way < cost.get(there, math.inf):
+            if way < cost[there]:
                 cost[there] = way
                 parent[there] = here
-                row, column = divmod(there, stride)
-                aim = math.hypot(row - goal_row, column - goal_column)
+                aim = _aim(stride, there, goal)
                 heappush(queue, (way + aim, aim, there))
     return None, expansions
 
 
-def _trace(parent: dict[int, int], goal: int) -> list[int]:
+def _aim(stride: int, cell: int, goal: int) -> float:
+    """Return the straight way from `cell` to `goal`, in cells."""
+    rows, columns = cell // stride - goal // stride, cell % stride - goal % stride
+    return math.sqrt(rows * rows + columns * columns)
+
+
+def _trace(parent: Sequence[int], goal: int) -> list[int]:
     cells = [goal]
     while parent[cells[-1]] != cells[-1]:
         cells.append(parent[cells[-1]])
@@ -118,12 +121,13 @@ class Floor:
 
     def sight(self, a: Point, b: Point) -> bool:
         """Return whether a robot can go straight from a to b, with the tight margin near start and goal."""
+        ax, ay, bx, by = a.x, a.y, b.x, b.y
         for x, y, keep in self.discs:
-            if point_segment_distance(x, y, *a, *b) < keep:
+            if point_segment_distance(x, y, ax, ay, bx, by) < keep:
                 return False
         radius = self.arena.shape.radius
         tight, wide = radius + TIGHT_MARGIN_M, radius + self.margin_m
-        length = distance(*a, *b)
+        length = distance(ax, ay, bx, by)
         head = RELAXED_M if a == self.start else 0.0
         tail = RELAXED_M if b == self.goal else 0.0
         if head + tail >= length:
@@ -147,10 +151,11 @@ class Floor:
 
 def _between(a: Point, b: Point, way: float) -> Point:
     """Return the point `way` metres from a towards b."""
-    length = distance(*a, *b)
-    if way <= 0.0 or length <= 0.0:
+    if way <= 0.0:
         return a
-    return Point(a.x + (b.x - a.x) * way / length, a.y + (b.y - a.y) * way / length)
+    ax, ay, bx, by = a.x, a.y, b.x, b.y
+    length = distance(ax, ay, bx, by)
+    return a if length <= 0.0 else Point(ax + (bx - ax) * way / length, ay + (by - ay) * way / length)
 
 
 def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) -> Plan | None:
@@ -170,7 +175,7 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     blocked = blocked_cells(grid, start, goal, discs, arena.shape.radius + margin_m)
     first = _snap(grid, blocked, start)
     last = _snap(grid, blocked, goal)
-    if first is None or last is None or any(math.hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
+    if first is None or last is None or any(hypot(goal.x - x, goal.y - y) < keep for x, y, keep in discs):
         return None
     cells, expansions = search(grid.stride, blocked, first, last)
     if cells is None:

@@ -19,10 +19,10 @@ hand; where there is no way around, a little way back.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, final
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.geometry import Point, Pose, Twist, hypot
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.hearing import Known
 from rmr.node.motion.stopping import stopping_speed
@@ -100,15 +100,16 @@ def safe_speed(v: float, bodies: Sequence[SeenBody], radius: float, first: Mappi
     least = v
     for body in bodies:
         if body.x > 0.0:
-            least = min(least, _limit(v, body, radius, first.get(body)), stopping_speed(v, body, radius))
+            least = min(least, _limit(v, body, radius, first.get(body) if first else None))
+            least = min(least, stopping_speed(v, body, radius))
     return max(0.0, least)
 
 
 def _limit(v: float, body: SeenBody, radius: float, first: bool | None) -> float:
-    x, y, bvx, bvy = body
+    x, y, bvx, bvy = body.x, body.y, body.vx, body.vy
     if x <= 0.0:
         return v
-    away = math.hypot(x, y)
+    away = hypot(x, y)
     rvx = bvx - v
     closing = -(x * rvx + y * bvy)
     gap = away - 2.0 * radius
@@ -118,12 +119,12 @@ def _limit(v: float, body: SeenBody, radius: float, first: bool | None) -> float
         if gap * away > HORIZON_S * closing:
             return v
         t = closing / (rvx * rvx + bvy * bvy)
-        miss = math.hypot(x + rvx * t, y + bvy * t)
+        miss = hypot(x + rvx * t, y + bvy * t)
         if miss >= 2.0 * radius + MISS_MARGIN_M:
             return v
         if _better_gone(body, miss, radius):
             return v
-        if away - miss < ABEAM_M and miss >= 2.0 * radius + ABEAM_GAP_M and math.hypot(bvx, bvy) < STILL_MPS:
+        if away - miss < ABEAM_M and miss >= 2.0 * radius + ABEAM_GAP_M and hypot(bvx, bvy) < STILL_MPS:
             return min(v, ABEAM_MPS)
     if gap <= TOUCHING_M:
         return 0.0
@@ -134,7 +135,7 @@ def _limit(v: float, body: SeenBody, radius: float, first: bool | None) -> float
 
 def _better_gone(body: SeenBody, miss: float, radius: float) -> bool:
     """Return whether going on clears a moving body, and by more than standing still would."""
-    speed = math.hypot(body.vx, body.vy)
+    speed = hypot(body.vx, body.vy)
     if speed < STILL_MPS or miss < 2.0 * radius + TOUCHING_M:
         return False
     return abs(body.x * body.vy - body.y * body.vx) / speed < miss
@@ -150,19 +151,23 @@ def limit_twist(
     return twist if v >= twist.v else Twist(v, twist.w * v / twist.v)
 
 
-class _Seen(NamedTuple):
-    """A body on the floor: where it was and how it moved when last seen."""
+@final
+class _Seen:
+    """A body on the floor: where it was and how it moved when last seen. It is never changed."""
 
-    x: float
-    y: float
-    vx: float
-    vy: float
-    at: Instant
+    __slots__ = ("at", "vx", "vy", "x", "y")
+
+    def __init__(self, x: float, y: float, vx: float, vy: float, at: Instant) -> None:
+        self.x: Final = x
+        self.y: Final = y
+        self.vx: Final = vx
+        self.vy: Final = vy
+        self.at: Final = at
 
     def is_told_of(self, other: Known, radius: float) -> bool:
         """Return whether this is `other`, who has said since where it is."""
         age = in_seconds(other.at - self.at)
-        away = math.hypot(self.x + self.vx * age - other.place.x, self.y + self.vy * age - other.place.y)
+        away = hypot(self.x + self.vx * age - other.x, self.y + self.vy * age - other.y)
         return age > 0.0 and away < radius
 
 
@@ -197,7 +202,7 @@ class Watch:
         for old in self._memory:
             age = in_seconds(now - old.at)
             x, y = old.x + old.vx * age, old.y + old.vy * age
-            if age > MEMORY_S or any(math.hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
+            if age > MEMORY_S or any(hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
                 continue
             if any(old.is_told_of(other, self._shape.radius) for other in heard):
                 continue
@@ -205,14 +210,14 @@ class Watch:
             if not self._in_view(moving):
                 kept.append(old)
                 around.append(moving)
-                if 0.0 < math.hypot(old.vx, old.vy) < CREEPING_MPS:
+                if 0.0 < hypot(old.vx, old.vy) < CREEPING_MPS:
                     around.append(_in_frame(pose, cos, sin, old.x, old.y, 0.0, 0.0))
         self._memory = kept[:REMEMBERED_MAX]
         return around
 
     def _in_view(self, body: SeenBody) -> bool:
         """Return whether the body would surely be seen if it were there."""
-        away = math.hypot(body.x, body.y)
+        away = hypot(body.x, body.y)
         return (
             away < self._shape.view_depth + self._shape.radius - 0.02
             and abs(math.atan2(body.y, body.x)) < 0.5 * self._shape.view_angle - 0.05
@@ -225,7 +230,7 @@ class Watch:
 
 def with_heard(seen: Sequence[Point], heard: Iterable[Point], radius: float) -> list[Point]:
     """Return the places `seen` and those `heard` that are none of them: the view is narrow."""
-    return [*seen, *(p for p in heard if all(math.hypot(p.x - q.x, p.y - q.y) > radius for q in seen))]
+    return [*seen, *(p for p in heard if all(hypot(p.x - q.x, p.y - q.y) > radius for q in seen))]
 
 
 def _in_frame(pose: Pose, cos: float, sin: float, x: float, y: float, vx: float, vy: float) -> SeenBody:
@@ -273,7 +278,7 @@ class StandOff:
         """Remember `places` of others as obstacles of the detour, made wider on the left of the way to each."""
         ghosts = []
         for x, y in places:
-            away = math.hypot(x - pose.x, y - pose.y)
+            away = hypot(x - pose.x, y - pose.y)
             if away > 8.0 * radius or away < 1e-6:
                 continue
             shift = BIAS_M / away
@@ -291,7 +296,7 @@ class StandOff:
 
         Whoever `walks` away and gets stuck again does so at once, elsewhere.
         """
-        if self._at is None or math.hypot(self._at.x - pose.x, self._at.y - pose.y) > ENDURED_M:
+        if self._at is None or hypot(self._at.x - pose.x, self._at.y - pose.y) > ENDURED_M:
             self._at, self._at_since = Point(pose.x, pose.y), now
         if now - self._at_since < ENDURED and not (walks and self.walks):
             return False

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import Point, Pose, wrap
+from rmr.base.geometry import Point, Pose, hypot, wrap
 
 TRACK_M: Final = 0.1
 """Distance between the wheels."""
@@ -118,7 +118,7 @@ class Ekf:
     def range(self, beacon: Point, metres: float) -> bool:
         """Correct by the distance to `beacon`. Returns False when it was an outlier."""
         dx, dy = self.x - beacon.x, self.y - beacon.y
-        away = math.hypot(dx, dy)
+        away = hypot(dx, dy)
         if away < 1e-6:
             return False
         good = self._correct_place(dx / away, dy / away, metres - away, self.range_sigma)
@@ -174,7 +174,7 @@ def initial_pose(ranges: Mapping[int, float], beacons: Sequence[Point], compass:
 
 
 def _meet(a: Point, ra: float, b: Point, rb: float, arena: Arena) -> Point | None:
-    base = math.hypot(b.x - a.x, b.y - a.y)
+    base = hypot(b.x - a.x, b.y - a.y)
     if base < 1e-6:
         return None
     along = (base * base + ra * ra - rb * rb) / (2.0 * base)

@@ -9,7 +9,7 @@ import math
 from typing import Final
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import STILL, Pose, Twist, distance, wrap
+from rmr.base.geometry import STILL, Pose, Twist, distance, hypot, wrap
 from rmr.node.motion.route import Route
 
 LOOK_AHEAD_M: Final = 0.11
@@ -61,7 +61,7 @@ class Follower:
 
     def locate(self, pose: Pose) -> None:
         """Bring progress up to `pose`; it never goes back by more than what braking can undo."""
-        route, (x, y, _) = self.route, pose
+        route, x, y = self.route, pose.x, pose.y
         self.s = route.project(x, y, max(0.0, self.s - 0.02), self.s + WINDOW_M)
         left = route.at_m[-1] - self.s
         if left < 0.05:
@@ -77,9 +77,9 @@ class Follower:
         """Return how far ahead the look-ahead point is along x and y, and how far off the heading."""
         if self._seen is not pose or self._seen_s != self.s:
             self._seen, self._seen_s = pose, self.s
-            (x, y), (at_x, at_y, theta) = self.route.place(self.s + LOOK_AHEAD_M), pose
-            dx, dy = x - at_x, y - at_y
-            self._aim = dx, dy, wrap(math.atan2(dy, dx) - theta)
+            x, y = self.route.place(self.s + LOOK_AHEAD_M)
+            dx, dy = x - pose.x, y - pose.y
+            self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
         return self._aim
 
     def steer(self, pose: Pose, limit: float) -> Twist:
@@ -98,7 +98,7 @@ class Follower:
         left = self.route.at_m[-1] - self.s - 0.002
         if 2.0 * BRAKE * left < v * v:
             v = min(v, max(CREEP, braking_speed(left)))
-        curvature = 2.0 * math.sin(error) / max(0.03, math.hypot(dx, dy))
+        curvature = 2.0 * math.sin(error) / max(0.03, hypot(dx, dy))
         if abs(v * curvature) > shape.turn:
             v = shape.turn / abs(curvature)
         return Twist(v, v * curvature)

@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Final
 
 from rmr.base.arena import Arena, Disc, Obstacle
-from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 
 MARGIN_M: Final = 0.03
 """Added to the radius on the way, and to two radii around parked robots."""
@@ -77,7 +77,7 @@ class Grid:
         for row in range(lo_r, hi_r + 1):
             dy = (row + 0.5) * self.cell - y
             for column in range(lo_c, hi_c + 1):
-                away = math.hypot((column + 0.5) * self.cell - x, dy)
+                away = hypot((column + 0.5) * self.cell - x, dy)
                 if away <= reach_m:
                     found.append((away, (row + 1) * self.stride + column + 1))
         found.sort()
@@ -104,10 +104,10 @@ def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Poi
     discs = []
     for x, y in parked:
         keep = 2.0 * radius + MARGIN_M
-        from_goal = math.hypot(goal.x - x, goal.y - y)
+        from_goal = hypot(goal.x - x, goal.y - y)
         if from_goal < keep:
             keep = max(2.0 * radius + TIGHT_MARGIN_M, from_goal - 1e-6)
-        keep = min(keep, max(0.0, math.hypot(start.x - x, start.y - y) - 1e-6))
+        keep = min(keep, max(0.0, hypot(start.x - x, start.y - y) - 1e-6))
         discs.append((x, y, keep))
     return tuple(discs)
 
@@ -122,7 +122,7 @@ def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     if len(a) != len(b):
         return False
     for p, q in zip(a, b, strict=True):
-        if p is not q and math.hypot(p[0] - q[0], p[1] - q[1]) >= SAME_PLACE_M:
+        if p is not q and hypot(p[0] - q[0], p[1] - q[1]) >= SAME_PLACE_M:
             break
     else:
         return True  # the same robots in the same order, as a rule
@@ -148,9 +148,12 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 
     Where that is `enough_m` or more, `enough_m`: what is farther away need not be looked at.
     """
-    left, right = (a.x, b.x) if a.x < b.x else (b.x, a.x)
-    low, high = (a.y, b.y) if a.y < b.y else (b.y, a.y)
-    least = min(enough_m, left, low, arena.width - right, arena.height - high)
+    ax, ay, bx, by = a.x, a.y, b.x, b.y
+    left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
+    least = min(enough_m, left)
+    least = min(least, low)
+    least = min(least, arena.width - right)
+    least = min(least, arena.height - high)
     for obstacle in arena.obstacles:
         if least <= 0.0:
             return 0.0
@@ -162,22 +165,29 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 
 def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
     """Return the distance of an obstacle from the segment a-b, at most 0 when they meet."""
+    # Bare numbers: this is what most of a plan's time goes by.
+    ax, ay, bx, by = a.x, a.y, b.x, b.y
     if isinstance(obstacle, Disc):
-        return point_segment_distance(*obstacle.centre, *a, *b) - obstacle.radius
-    if obstacle.contains(*a) or obstacle.contains(*b):
+        return point_segment_distance(obstacle.centre.x, obstacle.centre.y, ax, ay, bx, by) - obstacle.radius
+    if obstacle.contains(ax, ay) or obstacle.contains(bx, by):
         return 0.0
-    least, c = math.inf, obstacle.corners[-1]
+    least = math.inf
+    c = obstacle.corners[-1]
+    cx, cy = c.x, c.y
     for d in obstacle.corners:
-        if _crosses(a, b, c, d):
+        dx, dy = d.x, d.y
+        if (
+            _side(ax, ay, bx, by, cx, cy) * _side(ax, ay, bx, by, dx, dy) < 0.0
+            and _side(cx, cy, dx, dy, ax, ay) * _side(cx, cy, dx, dy, bx, by) < 0.0
+        ):
             return 0.0
-        ends = (point_segment_distance(*a, *c, *d), point_segment_distance(*b, *c, *d))
-        least = min(least, point_segment_distance(*d, *a, *b), *ends)
-        c = d
+        least = min(least, point_segment_distance(dx, dy, ax, ay, bx, by))
+        least = min(least, point_segment_distance(ax, ay, cx, cy, dx, dy))
+        least = min(least, point_segment_distance(bx, by, cx, cy, dx, dy))
+        cx, cy = dx, dy
     return least
 
 
-def _crosses(a: Point, b: Point, c: Point, d: Point) -> bool:
-    def side(p: Point, q: Point, r: Point) -> float:
-        return (q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x)
-
-    return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
+def _side(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> float:
+    """Return on which side of the line from p through q the point r lies: the left is positive."""
+    return (qx - px) * (ry - py) - (qy - py) * (rx - px)

@@ -27,10 +27,10 @@ the two goes first.
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, final
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, Pose
+from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.hello import period_max
 from rmr.node.motion.priority import order_key
@@ -60,21 +60,37 @@ NEAR_M: Final = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
 
-class Known(NamedTuple):
-    """What another robot last said about itself."""
+@final
+class Known:
+    """What another robot last said about itself. It is never changed."""
 
-    robot: int
-    place: Point
-    vx: float
-    """m/s over the floor."""
-    vy: float
-    at: Instant
-    parked: bool
-    """It stands and does not intend to drive."""
-    silent: bool
-    """It has not been heard for longer than chance explains."""
-    rank: int = 0
-    """Its place in the order, from 1; 0: none."""
+    __slots__ = ("at", "parked", "rank", "robot", "silent", "vx", "vy", "x", "y")
+
+    def __init__(
+        self,
+        robot: int,
+        x: float,
+        y: float,
+        vx: float,
+        vy: float,
+        at: Instant,
+        parked: bool,
+        silent: bool,
+        rank: int = 0,
+    ) -> None:
+        self.robot: Final = robot
+        self.x: Final = x
+        self.y: Final = y
+        self.vx: Final = vx
+        """m/s over the floor."""
+        self.vy: Final = vy
+        self.at: Final = at
+        self.parked: Final = parked
+        """It stands and does not intend to drive."""
+        self.silent: Final = silent
+        """It has not been heard for longer than chance explains."""
+        self.rank: Final = rank
+        """Its place in the order, from 1; 0: none."""
 
 
 class Hearing:
@@ -116,9 +132,7 @@ class Hearing:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
         self._silent, self._silent_from = [other for other in known if other.silent], 0
         self.fresh = [
-            other
-            for other in known
-            if not other.silent and math.hypot(other.place.x - pose.x, other.place.y - pose.y) < NEAR_M
+            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < NEAR_M
         ]
         self.doubts_at = min((self._doubted_at(other) for other in self.fresh), default=NEVER)
 
@@ -126,8 +140,8 @@ class Hearing:
         """Take in what one of those near says now, before the next update."""
         for index, other in enumerate(self.fresh):
             if other.robot == robot:
-                place, vx, vy = Point(x, y), v * math.cos(theta), v * math.sin(theta)
-                self.fresh[index] = Known(robot, place, vx, vy, at, parked, False, other.rank)
+                vx, vy = v * math.cos(theta), v * math.sin(theta)
+                self.fresh[index] = Known(robot, x, y, vx, vy, at, parked, False, other.rank)
                 break
 
     def _doubted_at(self, other: Known) -> Instant:
@@ -144,23 +158,23 @@ class Hearing:
         heard: list[SeenBody] = []
         if not self.fresh:
             return heard
-        own_x, own_y, theta = pose
-        cos, sin, radius = math.cos(theta), math.sin(theta), self._shape.radius
-        for _, (other_x, other_y), vx, vy, at, parked, _, _ in self.fresh:
-            age = (now - at) / NS_PER_S
-            dx, dy = other_x + vx * age - own_x, other_y + vy * age - own_y
+        own_x, own_y, radius = pose.x, pose.y, self._shape.radius
+        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        for other in self.fresh:
+            parked, vx, vy, age = other.parked, other.vx, other.vy, (now - other.at) / NS_PER_S
+            dx, dy = other.x + vx * age - own_x, other.y + vy * age - own_y
             if parked:
-                spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, math.hypot(dx, dy))
+                spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, hypot(dx, dy))
                 dx, dy = dx * spare, dy * spare
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
             if x <= beyond_m:
                 continue
             if x < 0.0 and not parked:  # who drives off may have stopped since, and nobody sees it
-                was_x, was_y = other_x - own_x, other_y - own_y
-                if math.hypot(was_x, was_y) < math.hypot(x, y):
+                was_x, was_y = other.x - own_x, other.y - own_y
+                if hypot(was_x, was_y) < hypot(x, y):
                     x, y = was_x * cos + was_y * sin, was_y * cos - was_x * sin
             for body in seen:
-                if math.hypot(body.x - x, body.y - y) <= radius:
+                if hypot(body.x - x, body.y - y) <= radius:
                     break
             else:
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
@@ -172,15 +186,15 @@ class Hearing:
         if not bodies:
             return ranked
         cos, sin, radius = math.cos(pose.theta), math.sin(pose.theta), self._shape.radius
-        for robot, (x, y), vx, vy, at, parked, _, rank in self.fresh:
-            if parked or not rank:
+        for other in self.fresh:
+            if other.parked or not other.rank:
                 continue
-            age = (now - at) / NS_PER_S
-            dx, dy = x + vx * age - pose.x, y + vy * age - pose.y
+            age = (now - other.at) / NS_PER_S
+            dx, dy = other.x + other.vx * age - pose.x, other.y + other.vy * age - pose.y
             ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
             for body in bodies:
-                if math.hypot(body.x - ahead, body.y - left) <= radius:
-                    ranked[body] = self.order < order_key(rank, robot)
+                if hypot(body.x - ahead, body.y - left) <= radius:
+                    ranked[body] = self.order < order_key(other.rank, other.robot)
         return ranked
 
     def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
@@ -203,27 +217,24 @@ class Hearing:
         """Return whether one that is near has not been heard when it should have been, and is not behind."""
         if now <= self._doubted_at(other) or not self._reaches(now, other, pose):
             return False
-        dx, dy = other.place.x - pose.x, other.place.y - pose.y
-        return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * math.hypot(dx, dy)
+        dx, dy = other.x - pose.x, other.y - pose.y
+        return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * hypot(dx, dy)
 
     def _reaches(self, now: Instant, other: Known, pose: Pose) -> bool:
         """Return whether `other` may touch the robot before it stands."""
         speed = self._shape.speed
         touch = 2.0 * self._shape.radius + MARGIN_M + speed * in_seconds(now - other.at)
-        if math.hypot(other.place.x - pose.x, other.place.y - pose.y) < touch:
+        if hypot(other.x - pose.x, other.y - pose.y) < touch:
             return True
         way = 0.5 * speed * STOP_S
         x, y = pose.x + way * math.cos(pose.theta), pose.y + way * math.sin(pose.theta)
-        return math.hypot(other.place.x - x, other.place.y - y) < touch + speed * STOP_S
+        return hypot(other.x - x, other.y - y) < touch + speed * STOP_S
 
     def _reach_from(self, now: Instant, pose: Pose) -> Instant:
         """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
-        speed, (x, y, _) = self._shape.speed, pose
+        speed, x, y = self._shape.speed, pose.x, pose.y
         touch = 2.0 * self._shape.radius + MARGIN_M + 1.5 * speed * STOP_S + JUMP_M
-        gap = min(
-            math.hypot(other.place.x - x, other.place.y - y) - speed * in_seconds(now - other.at)
-            for other in self._silent
-        )
+        gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
     def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[Known]) -> bool:
@@ -241,4 +252,4 @@ class Hearing:
 
     def _may_be(self, now: Instant, other: Known, place: Point) -> bool:
         reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * MARGIN_M
-        return math.hypot(other.place.x - place.x, other.place.y - place.y) <= reach
+        return hypot(other.x - place.x, other.y - place.y) <= reach

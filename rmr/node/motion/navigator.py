@@ -154,7 +154,7 @@ class Navigator:
         seen = self._watch.update(now, pose, bodies, self.hearing.fresh)
         wait = self.hearing.forbids(now, pose, bodies)
         if self._driven is not None:
-            return self._safe(now, pose, self._driven._replace(v=0.0) if wait else self._driven, seen)
+            return self._safe(now, pose, Twist(0.0, self._driven.w) if wait else self._driven, seen)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower

@@ -12,10 +12,10 @@ nobody, or two robots would wait for each other for good; detours go around it, 
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final, final
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, Pose, point_segment_distance
+from rmr.base.geometry import Point, Pose, hypot, point_segment_distance
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
@@ -36,16 +36,20 @@ STOOD_M: Final = 0.1
 """How near: a little way back and the return from it get a robot nowhere."""
 
 
-class Heard(NamedTuple):
-    """What another robot that drives said about itself."""
+@final
+class Heard:
+    """What another robot that drives said about itself. It is never changed."""
 
-    robot: int
-    pose: Pose
-    goal: Point | None
-    """Where it drives; None: straight on."""
-    rank: int
-    """Its place in the order, from 1; 0: none, after all ranks."""
-    at: Instant
+    __slots__ = ("at", "goal", "pose", "rank", "robot")
+
+    def __init__(self, robot: int, pose: Pose, goal: Point | None, rank: int, at: Instant) -> None:
+        self.robot: Final = robot
+        self.pose: Final = pose
+        self.goal: Final = goal
+        """Where it drives; None: straight on."""
+        self.rank: Final = rank
+        """Its place in the order, from 1; 0: none, after all ranks."""
+        self.at: Final = at
 
 
 class Standing:
@@ -54,26 +58,30 @@ class Standing:
     __slots__ = ("_since", "points")
 
     def __init__(self) -> None:
-        self._since: dict[int, tuple[Point, Instant]] = {}
+        self._since: dict[int, tuple[float, float, Instant]] = {}
+        """By robot where it came to stay, and when."""
         self.points: dict[int, Point] = {}
         """Where those that stand are, by robot."""
 
     def update(self, now: Instant, others: Sequence[Heard]) -> None:
         """Take in what was heard; robots that are not among `others` are forgotten."""
-        since, points, known = {}, {}, self._since
-        for robot, (x, y, _), _, _, heard_at in others:
+        known = self._since
+        since: dict[int, tuple[float, float, Instant]] = {}
+        points: dict[int, Point] = {}
+        for other in others:
+            robot, x, y, heard_at = other.robot, other.pose.x, other.pose.y, other.at
             held = known.get(robot)
-            if held is None or math.hypot(x - held[0].x, y - held[0].y) > STOOD_M:
-                held = Point(x, y), now
-            elif now - held[1] >= STOOD and now - heard_at <= AGE_MAX:
+            if held is None or hypot(x - held[0], y - held[1]) > STOOD_M:
+                held = x, y, now
+            elif now - held[2] >= STOOD and now - heard_at <= AGE_MAX:
                 points[robot] = Point(x, y)
             since[robot] = held
         self._since, self.points = since, points
 
 
-def order_key(rank: int, robot: int) -> tuple[int, int]:
-    """Return what the right of way goes by: smaller goes first."""
-    return (rank or 1 << 16, robot)
+def order_key(rank: int, robot: int) -> int:
+    """Return what the right of way goes by, rank before robot in one number: smaller goes first."""
+    return ((rank or 1 << 16) << 16) + robot
 
 
 def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, others: Sequence[Heard]) -> float:
@@ -95,7 +103,7 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
             x, y = route.place(s + share * shape.speed * STEP_S * i)
             for track in tracks:
                 other_x, other_y = track[i]
-                away = math.hypot(other_x - x, other_y - y)
+                away = hypot(other_x - x, other_y - y)
                 least = away if away < least else least
         if least >= keep:
             return share
@@ -112,7 +120,7 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
     if now - other.at > AGE_MAX:
         return False
     age = in_seconds(now - other.at)
-    near, (x, y, _) = keep + HORIZON_S * speed, other.pose
+    near, x, y = keep + HORIZON_S * speed, other.pose.x, other.pose.y
     far = near + speed * (age + HORIZON_S)
     if abs(x - here.x) > far or abs(y - here.y) > far:
         return False
@@ -123,7 +131,7 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
 
 def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]]:
     """Return where `other` will be, step by step, as bare numbers."""
-    (x, y, _), (cos, sin, way) = other.pose, _course(other)
+    x, y, (cos, sin, way) = other.pose.x, other.pose.y, _course(other)
     age = in_seconds(now - other.at)
     gone = [min(way, speed * (age + STEP_S * i)) for i in range(STEPS)]
     return [(x + g * cos, y + g * sin) for g in gone]
@@ -131,10 +139,11 @@ def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]
 
 def _course(other: Heard) -> tuple[float, float, float]:
     """Return the direction in which `other` drives, as cosine and sine, and how far, metres."""
-    x, y, theta = other.pose
+    x, y, theta = other.pose.x, other.pose.y, other.pose.theta
     if other.goal is None:
         return math.cos(theta), math.sin(theta), math.inf
-    way = math.hypot(other.goal.x - x, other.goal.y - y)
+    goal_x, goal_y = other.goal.x, other.goal.y
+    way = hypot(goal_x - x, goal_y - y)
     if way > 1e-6:
-        return (other.goal.x - x) / way, (other.goal.y - y) / way, way
+        return (goal_x - x) / way, (goal_y - y) / way, way
     return math.cos(theta), math.sin(theta), way

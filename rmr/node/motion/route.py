@@ -11,14 +11,13 @@ two mouths is entered by either; who waits before one leaves room for those that
 """
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.gridpath import GridPath
 from rmr.node.motion.astar import Floor, plan
 from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
@@ -57,6 +56,13 @@ class Route:
     """Whether it begins in the narrow section: the gate is where it begins."""
     room_m: float = 0.0
     """What a robot that waits before the gate leaves free for those that come out."""
+    xs: tuple[float, ...] = field(init=False, compare=False, repr=False)
+    """The points as bare numbers, for each frame of a moving robot asks for some."""
+    ys: tuple[float, ...] = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "xs", tuple([x for x, _ in self.points]))
+        object.__setattr__(self, "ys", tuple([y for _, y in self.points]))
 
     @property
     def length_m(self) -> float:
@@ -65,17 +71,19 @@ class Route:
 
     def segment(self, s: float) -> int:
         """Return the index of the segment that holds arc length `s`."""
-        i, last = bisect_right(self.at_m, s) - 1, len(self.points) - 2
-        return last if i > last else i if i > 0 else 0
+        at_m, i, last = self.at_m, 0, len(self.at_m) - 2
+        while i < last and at_m[i + 1] <= s:
+            i += 1
+        return i
 
     def point(self, s: float) -> Point:
         """Return the point at arc length `s`, at most the end."""
         return Point(*self.place(s))
 
     def place(self, s: float) -> tuple[float, float]:
-        """Return the point at arc length `s` as bare numbers, for each frame of a moving robot asks for one."""
-        i = self.segment(s)
-        (ax, ay), (bx, by) = self.points[i], self.points[i + 1]
+        """Return the point at arc length `s` as bare numbers."""
+        i, xs, ys = self.segment(s), self.xs, self.ys
+        ax, ay, bx, by = xs[i], ys[i], xs[i + 1], ys[i + 1]
         start, end = self.at_m[i], self.at_m[i + 1]
         t = 0.0 if s <= start else 1.0 if s >= end else (s - start) / (end - start)
         return ax + (bx - ax) * t, ay + (by - ay) * t
@@ -97,20 +105,18 @@ class Route:
     def project(self, x: float, y: float, low: float, high: float) -> float:
         """Return the arc length within [low, high] whose point is nearest to (x, y)."""
         best, best_s = math.inf, low
-        points, at_m = self.points, self.at_m
-        i, last = self.segment(low), len(points) - 1
+        xs, ys, at_m = self.xs, self.ys, self.at_m
+        i, last = self.segment(low), len(at_m) - 1
         while i < last and at_m[i] <= high:
-            ax, ay = points[i]
-            bx, by = points[i + 1]
-            start = at_m[i]
+            ax, ay, start = xs[i], ys[i], at_m[i]
             length = at_m[i + 1] - start
-            dx, dy = bx - ax, by - ay
+            dx, dy = xs[i + 1] - ax, ys[i + 1] - ay
             along = 0.0 if length <= 0.0 else ((x - ax) * dx + (y - ay) * dy) / length
             s = start if along < 0.0 else start + (length if along > length else along)
             s = high if s > high else s
             s = low if s < low else s
             t = 0.0 if length <= 0.0 else (s - start) / length
-            away = math.hypot(x - ax - dx * t, y - ay - dy * t)
+            away = hypot(x - ax - dx * t, y - ay - dy * t)
             if away < best - 1e-12:
                 best, best_s = away, s
             i += 1

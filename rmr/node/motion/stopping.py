@@ -11,6 +11,7 @@ Speeds matter within some centimetres alone, so robots that follow each other or
 import math
 from typing import Final
 
+from rmr.base.geometry import hypot
 from rmr.node.ports import SeenBody
 
 BRAKE: Final = 0.7
@@ -25,11 +26,11 @@ NEAR_M: Final = 0.09
 
 def stopping_speed(v: float, body: SeenBody, radius: float) -> float:
     """Return the greatest speed up to `v` (m/s) from which a robot stops before `body`, should that brake now."""
-    x, y, vx, vy = body
+    x, y, vx, vy = body.x, body.y, body.vx, body.vy
     touch = 2.0 * radius + APART_M
     if x <= 0.0 or x * x + y * y > (touch + NEAR_M) * (touch + NEAR_M):
         return v
-    on = math.hypot(vx, vy) / (2.0 * BRAKE)
+    on = hypot(vx, vy) / (2.0 * BRAKE)
     x, y = x + vx * on, y + vy * on
     if x <= 0.0 or abs(y) >= touch:
         return v

@@ -13,7 +13,7 @@ import math
 from typing import Final
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
+from rmr.base.geometry import STILL, Point, Pose, Twist, hypot, wrap
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
 from rmr.node.motion.follow import ARRIVED_M, CREEP, PIVOT_END, braking_speed, turn_towards
 
@@ -39,7 +39,7 @@ class Straight:
         self._shape = shape
         self._begins = begins
         self._took = max(1, ends - begins)
-        self.length_m = math.hypot(goal.x - start.x, goal.y - start.y)
+        self.length_m = hypot(goal.x - start.x, goal.y - start.y)
         self._heading = math.atan2(goal.y - start.y, goal.x - start.x)
         self._cos, self._sin = math.cos(self._heading), math.sin(self._heading)
 

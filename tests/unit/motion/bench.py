@@ -247,7 +247,7 @@ class Stream:
         for body in self.order:
             pose, rank, parked = body.estimate, self.rank(body), body.nav.parked
             vx, vy = body.v * math.cos(pose.theta), body.v * math.sin(pose.theta)
-            known.append(Known(body.robot, Point(pose.x, pose.y), vx, vy, bench.now, parked, False, rank))
+            known.append(Known(body.robot, pose.x, pose.y, vx, vy, bench.now, parked, False, rank))
             if not parked:
                 driving.append(Heard(body.robot, pose, body.nav.goal, rank, bench.now))
         for body in self.order:

@@ -3,7 +3,7 @@
 import math
 
 from rmr.base.arena import RobotShape
-from rmr.base.geometry import Point, Pose, Twist
+from rmr.base.geometry import Pose, Twist
 from rmr.base.time import seconds
 from rmr.node.motion.avoid import (
     BACK_S,
@@ -125,9 +125,9 @@ def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
 def test_a_remembered_body_is_forgotten_when_its_robot_says_where_it_is():
     aside, later = Pose(0.0, 0.0, math.radians(80)), seconds(0.2)
     for robot_says, remembered in (
-        (Known(2, Point(0.2, 0.03), 0.0, 0.0, later, False, False), 0),
-        (Known(2, Point(0.2, 0.03), 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
-        (Known(3, Point(0.2, 0.18), 0.0, 0.0, later, False, False), 1),  # another one
+        (Known(2, 0.2, 0.03, 0.0, 0.0, later, False, False), 0),
+        (Known(2, 0.2, 0.03, 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
+        (Known(3, 0.2, 0.18, 0.0, 0.0, later, False, False), 1),  # another one
     ):
         watch = Watch(RobotShape())
         watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.2)])

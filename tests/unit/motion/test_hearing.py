@@ -18,9 +18,17 @@ HERE = Pose(0.5, 0.5, 0.0)
 
 
 def known(
-    x: float, y: float, *, robot: int = 2, vy: float = 0.0, at: Instant = 0, parked: bool = False, silent: bool = False
+    x: float,
+    y: float,
+    *,
+    robot: int = 2,
+    vy: float = 0.0,
+    at: Instant = 0,
+    parked: bool = False,
+    silent: bool = False,
+    rank: int = 0,
 ) -> Known:
-    return Known(robot, Point(x, y), 0.0, vy, at, parked, silent)
+    return Known(robot, x, y, 0.0, vy, at, parked, silent, rank)
 
 
 def hearing(*others: Known) -> Hearing:
@@ -67,14 +75,14 @@ def test_who_is_seen_counts_once_and_who_is_far_away_not_at_all() -> None:
 
 
 def test_the_order_says_who_goes_before_those_that_are_seen_or_heard() -> None:
-    made = hearing(*(known(0.7, y, robot=robot)._replace(rank=rank) for robot, y, rank in ((2, 0.3, 1), (3, 0.5, 4))))
+    made = hearing(*(known(0.7, y, robot=robot, rank=rank) for robot, y, rank in ((2, 0.3, 1), (3, 0.5, 4))))
     made.order = order_key(3, 1)
     earlier, later, unknown = SeenBody(0.21, -0.2, 0.0, 0.0), SeenBody(0.2, 0.0, 0.0, 0.0), SeenBody(0.2, 0.2, 0.0, 0.0)
     assert made.goes_before(0, HERE, [earlier, later, unknown]) == {earlier: False, later: True}
 
 
 def test_a_parked_robot_and_one_without_a_rank_are_not_in_the_order() -> None:
-    parked = known(0.7, 0.3, robot=2, parked=True)._replace(rank=1)
+    parked = known(0.7, 0.3, robot=2, parked=True, rank=1)
     made = hearing(parked, known(0.7, 0.5, robot=3))
     assert made.goes_before(0, HERE, made.around(0, HERE, ())) == {}
 

@@ -212,11 +212,11 @@ def test_a_robot_that_does_not_know_where_it_is_drives_slowly():
 
 def test_a_robot_late_in_the_order_gives_way_to_one_it_cannot_see():
     pose = Pose(0.75, 0.3, math.pi / 2)
-    other = Heard(7, Pose(0.4, 0.65, 0.0), Point(1.3, 0.65), 1, 0)
     yielding, first = Navigator(ROOM, 3), Navigator(ROOM, 3)
     for nav, rank in ((yielding, 2), (first, 0)):
         nav.go(0, pose, Point(0.75, 1.3))
-        nav.update_moving(0, rank, [other] if nav is yielding else [other._replace(rank=0)])
+        other = Heard(7, Pose(0.4, 0.65, 0.0), Point(1.3, 0.65), 1 if nav is yielding else 0, 0)
+        nav.update_moving(0, rank, [other])
     assert yielding.step(0, pose, 0.01, (), False).v < 0.15
     assert first.step(0, pose, 0.01, (), False).v == pytest.approx(0.2)
 

@@ -27,7 +27,7 @@ class StandsStill:
         self._scene = scene
         self._look_at: Instant = 0
         world = scene.simulation.world
-        self._where = {robot: world.pose(robot)[:2] for robot in scene.robots}
+        self._where = {robot: (pose.x, pose.y) for robot in scene.robots for pose in [world.pose(robot)]}
         self._got_on: dict[int, Instant] = dict.fromkeys(scene.robots, 0)
         self._used: Newest[bytes, Instant] = Newest()
         """When each event was entered last."""
