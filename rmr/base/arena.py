@@ -122,7 +122,7 @@ class Arena:
 
     def __post_init__(self) -> None:
         parts = (self.width, self.height, self.cell, self.obstacles, self.areas, self.beacons, self.bottleneck)
-        object.__setattr__(self, "_hash", hash((parts, self.shape)))
+        object.__setattr__(self, "_hash", (parts, self.shape).__hash__())
 
     def __hash__(self) -> int:
         return self._hash

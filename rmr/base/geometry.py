@@ -33,11 +33,15 @@ class Pose:
     def __iter__(self) -> Iterator[float]:
         return iter((self.x, self.y, self.theta))
 
+    def __getitem__(self, index: slice) -> tuple[float, ...]:
+        values: tuple[float, ...] = (self.x, self.y, self.theta)
+        return values[index]
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Pose) and self.x == other.x and self.y == other.y and self.theta == other.theta
 
     def __hash__(self) -> int:
-        return hash((self.x, self.y, self.theta))
+        return (self.x, self.y, self.theta).__hash__()
 
     def __repr__(self) -> str:
         return f"Pose(x={self.x!r}, y={self.y!r}, theta={self.theta!r})"
@@ -60,7 +64,7 @@ class Twist:
         return isinstance(other, Twist) and self.v == other.v and self.w == other.w
 
     def __hash__(self) -> int:
-        return hash((self.v, self.w))
+        return (self.v, self.w).__hash__()
 
     def __repr__(self) -> str:
         return f"Twist(v={self.v!r}, w={self.w!r})"

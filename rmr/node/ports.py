@@ -17,10 +17,7 @@ __all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed
 
 @final
 class SeenBody:
-    """Another robot inside the field of view, as a tracking range finder reports it. It is never changed.
-
-    No two are equal: right of way is told of one and the same body.
-    """
+    """Another robot inside the field of view, as a tracking range finder reports it. It is never changed."""
 
     __slots__ = ("vx", "vy", "x", "y")
 
@@ -33,6 +30,15 @@ class SeenBody:
         """Velocity of the other body over the ground, m/s, along the robot's x axis."""
         self.vy: Final = vy
         """Likewise along the robot's y axis."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SeenBody) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return self._values().__hash__()
+
+    def _values(self) -> tuple[float, float, float, float]:
+        return self.x, self.y, self.vx, self.vy
 
 
 @final
@@ -69,6 +75,16 @@ class Sensed:
         """Whether the hull touches anything."""
         self.truth: Final = truth
         """Ground truth for the radio shim alone: x, y in metres, heading. Never visible to the robot's mind."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sensed) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return self._values().__hash__()
+
+    def _values(self) -> tuple[object, ...]:
+        felt = (self.stamp, self.left_m, self.right_m, self.gyro, self.compass, self.ranges)
+        return (*felt, self.bodies, self.bumped, self.truth)
 
 
 class Spoken(NamedTuple):

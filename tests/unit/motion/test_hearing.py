@@ -59,7 +59,7 @@ def test_what_it_says_now_counts_at_once() -> None:
     made.hear(2, 0.6, 0.66, 0.0, 0.0, False, seconds(1))
     first, second = made.around(seconds(1), HERE, ())
     assert (first.x, first.y) == pytest.approx((0.1, 0.3))
-    assert second == pytest.approx((0.1, 0.16, 0.0, 0.0))
+    assert (second.x, second.y, second.vx, second.vy) == pytest.approx((0.1, 0.16, 0.0, 0.0))
     made.hear(4, 0.6, 0.5, 0.0, 0.0, False, seconds(1))
     assert len(made.around(seconds(1), HERE, ())) == 2
 

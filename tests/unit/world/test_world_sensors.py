@@ -83,7 +83,7 @@ def test_odometry_and_gyro_follow_a_drive(tmp_path):
     assert (sample.right_m - sample.left_m) / TRACK_M == pytest.approx(pose.theta, abs=0.08)
     assert sample.gyro == pytest.approx(0.5, abs=0.08)
     assert sample.compass == pytest.approx(pose.theta, abs=math.radians(10))
-    assert sample.truth == pose
+    assert sample.truth == tuple(pose)
 
 
 def test_the_compass_stays_within_half_a_turn(tmp_path):
