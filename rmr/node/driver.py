@@ -119,7 +119,7 @@ class Driver:
         if now >= self._heed_at:
             self._heed_at = now + HEED_EVERY
             navigator.update_moving(now, rank(), peers.driving(now))
-        hearing.update(pose, peers.heard_of(now, pose))
+        hearing.update(pose, peers.heard_of(now, pose, navigator.arena.shape.radius))
 
     def listens(self, now: Instant, peers: Peers) -> bool:
         """Return whether the robot stands until it has heard where all others are, or has had long enough to."""

@@ -29,6 +29,11 @@ HEARD: Final[Duration] = seconds(3)
 CLAIM_KNOWN: Final[Duration] = seconds(15)
 """How long a robot that says no more has the place that it took; where it stands it is in the way for ever."""
 
+MOVED_M: Final = 0.015
+"""Hellos tell centimetres: who is nearer than this to where it was may stand."""
+CLOSE_M: Final = 0.01
+"""Hulls nearer than this as good as touch."""
+
 
 class Percept(NamedTuple):
     """What `robot.sense()` gives to an action."""
@@ -92,6 +97,8 @@ class Peer:
     hello_at: Instant = 0
     stays_until: Instant = 0
     """It stands until then; counted from when it said so, however late that was read."""
+    sets_out: bool = False
+    """It says that it drives, from where it stood when it said hello before."""
     driving: Heard | None = None
     """What the hello says of one that drives; None of one that does not, or not made out yet."""
 
@@ -141,6 +148,7 @@ class Peers:
         """
         peer = self.known[robot]
         old, dead = peer.hello, at - peer.hello_at > DEAD
+        peer.sets_out = old is not None and max(abs(hello.x - old.x), abs(hello.y - old.y)) < MOVED_M
         peer.hello, peer.hello_at, peer.driving = hello, at, driving
         if hello.stays:
             peer.stays_until = (at if said is None else min(at, said)) + STAYS
@@ -180,8 +188,12 @@ class Peers:
             self._parked = tuple(self._standing.values())
         return self._parked
 
-    def heard_of(self, now: Instant, pose: Pose) -> list[Known]:
-        """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead."""
+    def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[Known]:
+        """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead.
+
+        Who sets out with its hull as good as at the robot's, of that `radius`, may not get away: it stands, until it
+        has said that it is elsewhere.
+        """
         known = []
         for robot, peer in self.in_order().items():
             hello, age = peer.hello, now - peer.hello_at
@@ -190,7 +202,9 @@ class Peers:
             at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
             if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
-                vx, vy = hello.v * math.cos(hello.theta), hello.v * math.sin(hello.theta)
+                stands = peer.sets_out and hypot(hello.x - pose.x, hello.y - pose.y) < 2.0 * radius + CLOSE_M
+                v = 0.0 if stands else hello.v
+                vx, vy = v * math.cos(hello.theta), v * math.sin(hello.theta)
                 known.append(Known(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
         return known
 

@@ -136,14 +136,6 @@ class Hearing:
         ]
         self.doubts_at = min((self._doubted_at(other) for other in self.fresh), default=NEVER)
 
-    def hear(self, robot: int, x: float, y: float, theta: float, v: float, parked: bool, at: Instant) -> None:
-        """Take in what one of those near says now, before the next update."""
-        for index, other in enumerate(self.fresh):
-            if other.robot == robot:
-                vx, vy = v * math.cos(theta), v * math.sin(theta)
-                self.fresh[index] = Known(robot, x, y, vx, vy, at, parked, False, other.rank)
-                break
-
     def _doubted_at(self, other: Known) -> Instant:
         """Return from when on one that is near counts as silent."""
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
