@@ -16,7 +16,7 @@ def stream(name: str) -> Random:
 
 
 class Normals:
-    """Draws standard normal numbers when called: those of `rng.gauss(0.0, 1.0)`, in half of its time.
+    """Draws standard normal numbers: those of `rng.gauss(0.0, 1.0)`, in half of its time.
 
     Between them `rng` may be asked for other numbers, but not for `gauss`.
     """
@@ -28,7 +28,7 @@ class Normals:
         self._second = 0.0
         self._another = False
 
-    def __call__(self) -> float:
+    def draw(self) -> float:
         """Return the next one. They are made in pairs (Box and Muller, 1958)."""
         if self._another:
             self._another = False

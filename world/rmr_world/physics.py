@@ -231,9 +231,9 @@ class World:
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:
             return False
         if target_v != 0.0:
-            target_v *= 1.0 + robot.slip() * SLIP_SIGMA
+            target_v *= 1.0 + robot.slip.draw() * SLIP_SIGMA
         if target_w != 0.0:
-            target_w *= 1.0 + robot.slip() * TURN_SLIP_SIGMA
+            target_w *= 1.0 + robot.slip.draw() * TURN_SLIP_SIGMA
         dv, dw = _DV, _DW
         v, w = robot.v, robot.w
         v = v + dv if target_v > v + dv else v - dv if target_v < v - dv else target_v
@@ -359,10 +359,10 @@ class World:
             if self._hidden(robot, other):
                 continue
             body = SeenBody(
-                ahead + normal() * BODY_POSITION_SIGMA,
-                left + normal() * BODY_POSITION_SIGMA,
-                cos * other.vx + sin * other.vy + normal() * BODY_VELOCITY_SIGMA,
-                cos * other.vy - sin * other.vx + normal() * BODY_VELOCITY_SIGMA,
+                ahead + normal.draw() * BODY_POSITION_SIGMA,
+                left + normal.draw() * BODY_POSITION_SIGMA,
+                cos * other.vx + sin * other.vy + normal.draw() * BODY_VELOCITY_SIGMA,
+                cos * other.vy - sin * other.vx + normal.draw() * BODY_VELOCITY_SIGMA,
             )
             seen.append((centres, other.id, body))
         return tuple([body for _, _, body in sorted(seen)]) if seen else ()

@@ -58,9 +58,9 @@ class Sensors:
         self.beacons = beacons
         self._normal = normal = Normals(rng)
         self._random = rng.random
-        self._left_scale = 1.0 + normal() * ENCODER_SCALE_SIGMA
-        self._right_scale = 1.0 + normal() * ENCODER_SCALE_SIGMA
-        self._gyro_bias = normal() * GYRO_BIAS_SIGMA
+        self._left_scale = 1.0 + normal.draw() * ENCODER_SCALE_SIGMA
+        self._right_scale = 1.0 + normal.draw() * ENCODER_SCALE_SIGMA
+        self._gyro_bias = normal.draw() * GYRO_BIAS_SIGMA
         self._period = round(NS_PER_S / rate)
         self._phases = tuple(self._period * index // max(1, len(beacons)) for index in range(len(beacons)))
         self._next_pulse: Instant = 0 if beacons else NEVER
@@ -77,16 +77,16 @@ class Sensors:
         half = 0.5 * TRACK_M * turned
         left, right = way_m - half, way_m + half
         normal = self._normal
-        self.left_m += left * self._left_scale + normal() * ENCODER_SLIP_SIGMA * math.sqrt(abs(left))
-        self.right_m += right * self._right_scale + normal() * ENCODER_SLIP_SIGMA * math.sqrt(abs(right))
+        self.left_m += left * self._left_scale + normal.draw() * ENCODER_SLIP_SIGMA * math.sqrt(abs(left))
+        self.right_m += right * self._right_scale + normal.draw() * ENCODER_SLIP_SIGMA * math.sqrt(abs(right))
 
     def gyro(self, rate: float) -> float:
         """Return a reading of the turn rate `rate`, rad/s."""
-        return rate + self._gyro_bias + self._normal() * GYRO_SIGMA
+        return rate + self._gyro_bias + self._normal.draw() * GYRO_SIGMA
 
     def compass(self, theta: float) -> float:
         """Return a reading of the heading `theta`, radians in [-pi, pi]."""
-        return math.remainder(theta + self._normal() * COMPASS_SIGMA, math.tau)
+        return math.remainder(theta + self._normal.draw() * COMPASS_SIGMA, math.tau)
 
     def ranges(self, now: Instant, x: float, y: float) -> tuple[tuple[int, float], ...]:
         """Return (beacon, metres) for every beacon that sent since the last call and was heard at (x, y)."""
@@ -95,11 +95,13 @@ class Sensors:
         heard = []
         due = self._next_pulse
         self._next_pulse = NEVER
-        for index, (phase, (bx, by)) in enumerate(zip(self._phases, self.beacons, strict=True)):
-            last = now - (now - phase) % self._period  # the latest pulse of this beacon up to now
-            self._next_pulse = min(self._next_pulse, last + self._period)
+        period = self._period
+        for index, phase in enumerate(self._phases):
+            last = now - (now - phase) % period  # the latest pulse of this beacon up to now
+            self._next_pulse = min(self._next_pulse, last + period)
             if last >= due and last >= phase:
-                metres = math.hypot(x - bx, y - by) + self._normal() * self._sigma
+                bx, by = self.beacons[index]
+                metres = math.hypot(x - bx, y - by) + self._normal.draw() * self._sigma
                 if self._random() >= self._dropout and last >= self.silent_until:
                     heard.append((index, max(0.0, metres)))
         return tuple(heard)
