@@ -10,7 +10,7 @@ first: the route leads over their places, and the robot waits until they have le
 """
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
@@ -25,7 +25,7 @@ from rmr.node.motion.grid import discs_around, off_goal, same_places
 from rmr.node.motion.hearing import Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.queueing import Queueing
-from rmr.node.motion.route import Route, follower_route, gated_again, leader_route, off_queue, shared_part
+from rmr.node.motion.route import Order, Route, follower_route, gated_again, leader_route, off_queue, shared_part
 from rmr.node.ports import SeenBody
 
 RETRY_S: Final = 0.5
@@ -34,14 +34,6 @@ FACED: Final = 0.03
 """Heading error that counts as facing, radians."""
 LOST_SIGMA_M: Final = 0.1
 """A robot less sure of its place than this drives at half speed."""
-
-
-class Order(NamedTuple):
-    """What `go` was asked for."""
-
-    goal: Point
-    shared: GridPath | None
-    through_gate: bool
 
 
 class Navigator:
@@ -162,8 +154,7 @@ class Navigator:
             return self._turn(pose)
         follower.locate(pose)
         if self._aside is not None and self._aside.over(now, follower.arrived):
-            found = self._replan(now, pose, keep=True)
-            self._aside = None if found else Aside(self._next_try, stays=True)
+            self._come_back(now, pose)
             return STILL
         self._gate.locate(follower.route, follower.s, follower.arrived)
         if follower.arrived:
@@ -217,15 +208,24 @@ class Navigator:
 
     def _detour(self, now: Instant, pose: Pose) -> None:
         """Leave a stand-off: around the others, a little way back, or far away where nothing else has helped."""
-        stand_off, radius = self._stand_off, self.arena.shape.radius
-        places = with_heard(self._watch.places(now), self._standing.points.values(), radius)
-        stand_off.mark(now, pose, places, radius)
+        stand_off, places = self._stand_off, self._others(now)
+        stand_off.mark(now, pose, places, self.arena.shape.radius)
         if stand_off.endures(now, pose, walks=self._aside is not None) and self._walk_away(now, pose, places):
             return
         if stand_off.tries % 2 == 0 and self._step_aside(now, pose, places):
             return
         found = self._replan(now, pose, keep=True)
         self._back_until = now + seconds(way_back_s(stand_off.tries, found, self._gate.met_by(self.route)))
+
+    def _others(self, now: Instant) -> list[Point]:
+        return with_heard(self._watch.places(now), self._standing.points.values(), self.arena.shape.radius)
+
+    def _come_back(self, now: Instant, pose: Pose) -> None:
+        """Drive to the goal again. Where others bar the way wait, but not for ever: they may stand aside as well."""
+        found = self._replan(now, pose, keep=True)
+        self._aside = None if found else Aside(self._next_try, stays=True)
+        if not found and self._stand_off.endures(now, pose, walks=False):
+            self._walk_away(now, pose, self._others(now))
 
     def _step_aside(self, now: Instant, pose: Pose, places: list[Point]) -> bool:
         """Make room for one that stands on the goal; return whether there is one, and room.
@@ -244,8 +244,8 @@ class Navigator:
         """Drive out of the way of those that come out of the bottleneck; return whether there is room."""
         start, gate = Point(pose.x, pose.y), route.gate_m or 0.0
         mouth = Pose(*route.point(gate), route.heading(gate + 0.01))
-        others = with_heard(self._watch.places(now), self._standing.points.values(), self.arena.shape.radius)
-        out = way_aside(self.arena, start, route.points[-1], self._parked, others, mouth, self._gate.room(route))
+        room, others = self._gate.room(route), self._others(now)
+        out = way_aside(self.arena, start, route.points[-1], self._parked, others, mouth, room)
         return self._go_aside(out, for_a_moment(now))
 
     def _walk_away(self, now: Instant, pose: Pose, places: list[Point]) -> bool:

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
@@ -121,6 +121,14 @@ class Route:
                 best, best_s = away, s
             i += 1
         return best_s
+
+
+class Order(NamedTuple):
+    """A drive that was asked for: where to, along which shared path, and whether through the gate."""
+
+    goal: Point
+    shared: GridPath | None
+    through_gate: bool
 
 
 def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> Route:

@@ -255,7 +255,7 @@ def test_a_robot_steps_aside_for_one_on_its_goal_but_leaves_the_way_through_its_
         for tick in range(round(in_seconds(since) * 60), round(in_seconds(until) * 60)):
             now = tick_start(tick)
             if tick % 12 == 0:
-                navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
+                navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.5), 2, now)])
             navigator.step(now, start, 0.005, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
             found.add((navigator.route.points[-1] == goal, navigator.route.gate_m is not None))
         return found
@@ -264,3 +264,25 @@ def test_a_robot_steps_aside_for_one_on_its_goal_but_leaves_the_way_through_its_
     assert navigator.replans > 3, "it never was in a stand-off"
     assert (False, False) in gates(ENDURED, 2 * ENDURED), "it seeks for ever a way out where there is none"
     assert not navigator.passed_gate
+
+
+def test_who_has_stepped_aside_and_finds_no_way_back_does_not_wait_for_ever():
+    navigator = Navigator(bench.testbed(), 1)
+    start, goal = Pose(0.25, 0.75, 0.0), Point(1.38, 0.36)
+    barred = [Point(0.55, 0.7), Point(0.55, 0.82)]  # by others that stand aside as well, and wait
+
+    def ends(since_s: float, until_s: float) -> set[Point]:
+        found = set()
+        for tick in range(round(since_s * 60), round(until_s * 60)):
+            now = tick_start(tick)
+            if tick % 12 == 0:
+                navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
+            navigator.step(now, start, 0.005, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
+            found.add(navigator.route.points[-1])
+        return found
+
+    navigator.go(0, start, goal)
+    (spot,) = ends(0, 5) - {goal}
+    navigator.update_parked(barred)
+    assert ends(5, in_seconds(ENDURED)) == {spot}
+    assert not ends(in_seconds(ENDURED) + 2, in_seconds(ENDURED) + 3) & {spot, goal}, "it has not walked away"
