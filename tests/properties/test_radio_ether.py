@@ -25,7 +25,9 @@ Log = dict[int, list[Any]]
 
 def rounded(out: Announcement | Received | Confirmed) -> Any:
     """Return `out` with its power as far as a logarithm of one library and of another agree."""
-    return out._replace(rssi_dbm=round(out.rssi_dbm, 9)) if isinstance(out, Received) else out
+    if not isinstance(out, Received):
+        return out
+    return Received(out.payload, out.source, out.unicast, round(out.rssi_dbm, 9), out.lqi, out.stamp)
 
 
 def in_the_ether(

@@ -31,7 +31,7 @@ class Push(Event):
     def callback(self, simulation):
         robot = simulation.world._robots[1]
         robot.y -= 0.2
-        robot.body.position = (robot.x, robot.y)
+        robot.rolled, robot.free_until_m = True, 0.0
 
 
 def crossing(folder, *, cut):
