@@ -55,8 +55,6 @@ class Floor:
         """Length of all arrays."""
         self.x, self.y = np.zeros(self.room), np.zeros(self.room)
         self._places: list[tuple[float, float]] = []
-        self._moved: dict[int, None] = {}
-        """Whose places the arrays do not tell yet."""
         self.addresses = np.zeros(self.room, dtype=np.uint64)
 
     def add(self, address: int, x: float, y: float) -> int:
@@ -78,7 +76,7 @@ class Floor:
         if self._places[index] == (x, y):
             return
         self._places[index] = x, y
-        self._moved[index] = None
+        self.x[index], self.y[index] = x, y
         self._reached.clear()
         was = self._cells[index]
         cell = self._grid.cell_of(x, y, was)
@@ -110,7 +108,6 @@ class Floor:
         self._reached.clear()
 
     def _reach(self, index: int, start: Instant) -> Reached:
-        self._tell_arrays()
         at = self._within_reach(self._cells[index])
         x, y = self._places[index]
         square, dy = self.x[at] - x, self.y[at] - y
@@ -133,14 +130,6 @@ class Floor:
         powers *= heard_dbm >= self._least_dbm
         power[at] = powers
         return Reached(at, power_dbm, power)
-
-    def _tell_arrays(self) -> None:
-        """Bring the arrays of places up to date."""
-        if self._moved:
-            moved = list(self._moved)
-            places = np.array([self._places[index] for index in moved])
-            self.x[moved], self.y[moved] = places[:, 0], places[:, 1]
-            self._moved.clear()
 
     def _within_reach(self, cell: Cell) -> Places:
         """Return the stations that a transmitter in `cell` may reach."""
