@@ -24,7 +24,7 @@ HALL_AROUND_M = 0.36
 HALL_ROOM_M = 0.5
 """From the robots and places of the hall that are next to its door to the door."""
 DOOR_M = 0.3
-HALL_S = 60
+HALL_S = 135
 CROSSING_S = 10
 FLOOD_S = 60
 
