@@ -75,6 +75,7 @@ class Localiser:
         ekf.compass(sample.compass)
         for beacon, metres in sample.ranges:
             ekf.range(self._arena.beacons[beacon], metres)
+        ekf.keep_within(self._arena)
         self.pose = ekf.pose
 
     def _initialise(self, sample: Sensed) -> None:
@@ -83,8 +84,9 @@ class Localiser:
             return
         pose = initial_pose(self._ranges, self._arena.beacons, sample.compass, self._arena)
         if pose is not None:
-            self._ekf = Ekf(pose.x, pose.y, pose.theta)
-            self.pose = self._ekf.pose
+            self._ekf = ekf = Ekf(pose.x, pose.y, pose.theta)
+            ekf.keep_within(self._arena)
+            self.pose = ekf.pose
 
 
 @dataclass(slots=True)

@@ -9,7 +9,8 @@ out, because a 3x3 product in numpy costs ten times more than all of this.
   an outlier and dropped, unless there are many of them: then it is the state that is wrong (the robot was pushed),
   and the covariance is widened so that readings count again.
 
-Two beacons on one line leave two mirrored solutions; `initial_pose` takes the one inside the arena.
+Two beacons on one line leave two mirrored solutions; `initial_pose` takes the one inside the arena, and `keep_within`
+stays on that side.
 """
 
 import math
@@ -84,6 +85,16 @@ class Ekf:
         mean = 0.5 * (self._pxx + self._pyy)
         half = 0.5 * (self._pxx - self._pyy)
         return math.sqrt(mean + math.sqrt(half * half + self._pxy * self._pxy))
+
+    def keep_within(self, arena: Arena) -> None:
+        """Move the estimate to where a hull can be, within the walls of `arena`.
+
+        Beacons stand on walls. On their very line a range tells nothing of the way across it, and beyond it ranges hold
+        the estimate at the mirrored place.
+        """
+        margin = arena.shape.radius
+        self.x = max(margin, min(arena.width - margin, self.x))
+        self.y = max(margin, min(arena.height - margin, self.y))
 
     def predict(self, left_delta_m: float, right_delta_m: float, gyro: float, dt: float) -> None:
         """Move the estimate by what the wheels (metres) and the gyro (rad/s) felt during `dt` seconds."""

@@ -104,6 +104,18 @@ def test_ranges_too_short_to_meet_give_the_nearest_pose_on_the_line():
     assert pose.y == 0.0
 
 
+def test_no_estimate_is_nearer_to_a_wall_than_a_hull_can_be():
+    for x, y, kept in (
+        (0.7, 0.0, (0.7, 0.07)),
+        (0.7, -0.2, (0.7, 0.07)),
+        (1.49, 1.6, (1.43, 1.43)),
+        (0.7, 0.2, (0.7, 0.2)),
+    ):
+        ekf = Ekf(x, y, 0.5)
+        ekf.keep_within(ARENA)
+        assert (ekf.x, ekf.y) == kept
+
+
 def test_a_prediction_costs_microseconds():
     ekf = Ekf(0.5, 0.5, 0.0)
     best = min(timeit.repeat(lambda: ekf.predict(0.003, 0.003, 0.01, DT), number=2000, repeat=5)) / 2000
