@@ -118,7 +118,7 @@ class World:
         """A robot whose centre is farther than that from a wall does not touch it in this tick; two, twice as far."""
         self._asked = SETTLED_TICKS
         """For how many ticks the engine is asked still."""
-        self._touching = 0
+        self.touching = 0
         """Contacts at present."""
         self.collisions = 0
         """How many contacts of robots with robots, obstacles or walls have begun."""
@@ -188,7 +188,7 @@ class World:
 
     def _near_something(self) -> bool:
         """Return whether some hull may touch another one, an obstacle or a wall in this tick, or does already."""
-        if self._touching or self._closest <= 2.0 * self._alone_m:
+        if self.touching or self._closest <= 2.0 * self._alone_m:
             return True
         for robot in self._active:
             if robot.distance_m >= robot.free_until_m:
@@ -253,7 +253,7 @@ class World:
                 robot.active = True
                 self._active.append(robot)
                 self._awake[robot.id] = robot
-        self._touching += 1
+        self.touching += 1
         self.collisions += 1
         if len(self.contacts) < CONTACTS_MAX:
             x, y = (robots[0].x, robots[0].y) if where is None else where
@@ -261,7 +261,7 @@ class World:
             self.contacts.append(Contact(self._now(), ids[0], other, x, y))
 
     def _separate(self, ids: list[int], _where: tuple[float, float] | None) -> None:
-        self._touching -= 1
+        self.touching -= 1
         for robot in ids:
             self._robots[robot].contacts -= 1
 
