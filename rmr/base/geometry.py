@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Final, NamedTuple, final
+from typing import Final, NamedTuple, final, overload
 
 hypot: Final = math.hypot
 """A constant of its own, for compiled code looks up what belongs to `math` each time."""
@@ -20,7 +20,8 @@ class Point(NamedTuple):
 class Pose:
     """Where a robot is (metres) and where it faces (radians). It is never changed.
 
-    Like `Twist` no named tuple: those are made and taken apart by the interpreter, compiled or not.
+    Like `Twist` no named tuple: those are made and taken apart by the interpreter, compiled or not. It can be unpacked,
+    indexed and cut like one; what is asked for often is asked by name, which costs nothing.
     """
 
     __slots__ = ("theta", "x", "y")
@@ -33,7 +34,13 @@ class Pose:
     def __iter__(self) -> Iterator[float]:
         return iter((self.x, self.y, self.theta))
 
-    def __getitem__(self, index: slice) -> tuple[float, ...]:
+    @overload
+    def __getitem__(self, index: int) -> float: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[float, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> float | tuple[float, ...]:
         values: tuple[float, ...] = (self.x, self.y, self.theta)
         return values[index]
 

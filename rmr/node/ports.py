@@ -4,7 +4,7 @@ Inputs are values that the host hands over, outputs are values that it takes awa
 polls or reads a clock.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol, final
 
@@ -17,7 +17,10 @@ __all__ = ["Body", "Confirmed", "Link", "Ports", "Received", "SeenBody", "Sensed
 
 @final
 class SeenBody:
-    """Another robot inside the field of view, as a tracking range finder reports it. It is never changed."""
+    """Another robot inside the field of view, as a tracking range finder reports it. It is never changed.
+
+    Like a pose it can be unpacked, for actions that users write.
+    """
 
     __slots__ = ("vx", "vy", "x", "y")
 
@@ -31,11 +34,17 @@ class SeenBody:
         self.vy: Final = vy
         """Likewise along the robot's y axis."""
 
+    def __iter__(self) -> Iterator[float]:
+        return iter(self._values())
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SeenBody) and self._values() == other._values()
 
     def __hash__(self) -> int:
         return self._values().__hash__()
+
+    def __repr__(self) -> str:
+        return f"SeenBody(x={self.x!r}, y={self.y!r}, vx={self.vx!r}, vy={self.vy!r})"
 
     def _values(self) -> tuple[float, float, float, float]:
         return self.x, self.y, self.vx, self.vy
