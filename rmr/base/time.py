@@ -47,8 +47,3 @@ def tick_start(index: int) -> Instant:
 def tick_index(now: Instant) -> int:
     """Return the index of the frame that contains `now`."""
     return ((now + 1) * TICK_HZ - 1) // NS_PER_S
-
-
-def next_tick(now: Instant) -> Instant:
-    """Return the start of the first frame that begins after `now`."""
-    return tick_start(tick_index(now) + 1)

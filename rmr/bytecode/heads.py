@@ -1,4 +1,4 @@
-"""Walks over rule heads: what a rule derives, and what must be matched for each item of it."""
+"""Walks over rules: the items that heads derive, and the bodies and expressions in them."""
 
 from collections.abc import Iterable, Iterator
 
@@ -9,14 +9,6 @@ def items(heads: Iterable[Head]) -> Iterator[Derived]:
     """Yield every fact, goal and action that `heads` derive, in the order of the text."""
     for head in heads:
         yield from _of(head)
-
-
-def readings(rule: Rule) -> Iterator[tuple[Derived, tuple[Conjunct, ...]]]:
-    """Yield every item that a rule derives with all that must hold for it: the body, and the inner one behind it."""
-    for head in rule.head:
-        inner = head.body if isinstance(head, Comprehension | Aggregate) else ()
-        for item in _of(head):
-            yield item, (*rule.body, *inner)
 
 
 def bodies(rule: Rule) -> Iterator[tuple[Conjunct, ...]]:

@@ -1,25 +1,11 @@
-"""Facts that arrive as text: a lab's `facts:` and `finish:`, a file of facts, an `--insert` on the command line.
+"""Facts that arrive as text: a file of facts, an `--insert` on the command line.
 
 Robots carry no parser, so whoever starts them turns text into values with the help of the program that they
 will run.
 """
 
-from collections import Counter
-
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import (
-    ANY,
-    SELF_SLOT,
-    Constant,
-    InitialFact,
-    InitialGoal,
-    Kind,
-    Pattern,
-    Predicate,
-    Program,
-    Slot,
-    Type,
-)
+from rmr.bytecode.program import SELF_SLOT, InitialFact, Kind, Predicate, Program, Slot, Type
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.fold import Folder
 from rmr.lang.names import meant
@@ -66,30 +52,6 @@ def stated(fact: Fact, program: Program) -> InitialFact:
         else:
             raise FactError("a fact has constant arguments, only its owner may be a variable", "E023", argument.span)
     return InitialFact(index, _robot(owner), tuple(args))
-
-
-def parse_pattern(text: str, program: Program) -> InitialGoal:
-    """Return the pattern that `text` spells, such as ``at(R, exit)``.
-
-    A variable matches anything, everywhere the same; the owner's is the robot. Raises FactError.
-    """
-    fact = read_fact(text)
-    index, predicate = _predicate(fact, program)
-    owner, *others = fact.arguments
-    counts = Counter(each.name for each in others if isinstance(each, Variable) and not each.anonymous)
-    slots: dict[str, int] = {}
-    args: list[Pattern] = []
-    for argument, kind in zip(others, predicate.types, strict=True):
-        if not isinstance(argument, Variable):
-            args.append(Constant(_value(argument, kind, predicate)))
-        elif _is_owner(argument, owner):
-            _check_robot(argument, kind, predicate)
-            args.append(Slot(SELF_SLOT))
-        elif counts[argument.name] > 1:
-            args.append(Slot(slots.setdefault(argument.name, len(slots) + 1)))
-        else:
-            args.append(ANY)
-    return InitialGoal(index, _robot(owner), tuple(args))
 
 
 def _predicate(fact: Fact, program: Program) -> tuple[int, Predicate]:

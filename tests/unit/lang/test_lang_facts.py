@@ -2,8 +2,8 @@ import pytest
 from lang_source import CORRIDOR, compiled
 
 from rmr.base.values import Symbol
-from rmr.bytecode.program import ANY, Constant, Slot
-from rmr.lang.facts import FactError, parse_fact, parse_pattern
+from rmr.bytecode.program import Slot
+from rmr.lang.facts import FactError, parse_fact
 
 PROGRAM = compiled(CORRIDOR)
 
@@ -17,12 +17,6 @@ def test_a_fact_is_resolved_and_converted_to_the_programs_types():
 def test_a_variable_owner_is_every_robot_and_a_full_stop_is_allowed():
     assert parse_fact("!due(R, 500ms).", PROGRAM).owner is None
     assert parse_fact(" start(R) ", PROGRAM).args == ()
-
-
-def test_a_pattern_may_have_variables():
-    assert parse_pattern("at(R, exit)", PROGRAM).args == (Constant(Symbol("exit")),)
-    assert parse_pattern("at(@2, _)", PROGRAM).args == (ANY,)
-    assert parse_pattern("due(R, X)", PROGRAM).args == (ANY,)
 
 
 @pytest.mark.parametrize(
@@ -73,14 +67,6 @@ def test_a_mistake_has_the_place_and_the_code_of_the_diagnostic_that_it_would_be
     assert (caught.value.code, caught.value.span.start, caught.value.span.end) == ("E020", 8, 12)
 
 
-def test_variables_that_stand_twice_in_a_pattern_match_the_same():
-    program = compiled("type link(robot, robot, int, int, float). link(R, B, N, M, X) -o 1.")
-    pattern = parse_pattern("link(R, R, X, X, Y)", program)
-    assert (pattern.owner, pattern.args) == (None, (Slot(0), Slot(1), Slot(1), ANY))
-    with pytest.raises(FactError, match="is int, not robot"):
-        parse_pattern("link(R, @1, R, 2, 3)", program)
-
-
 def test_lists_symbols_and_sensed_facts_of_any_kind_may_be_stated():
     text = """
     type route(robot, list area).
@@ -95,7 +81,6 @@ def test_lists_symbols_and_sensed_facts_of_any_kind_may_be_stated():
     assert parse_fact("battery(@2, 1 / 4)", program).args == (0.25,)
     assert parse_fact("at(@2, elsewhere)", program).args == (Symbol("elsewhere"),)
     assert parse_fact("turn(@2, no_such_event, 3)", program).args == (Symbol("no_such_event"), 3)
-    assert parse_pattern("route(R, [exit])", program).args == (Constant((Symbol("exit"),)),)
 
 
 def test_a_misfit_is_shown_what_the_program_has():
