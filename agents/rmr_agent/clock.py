@@ -11,17 +11,17 @@ therefore goes ahead of what it last heard of the world by `AHEAD_MAX` at most a
 """
 
 from collections import deque
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rmr.base.time import Duration, Instant, milliseconds
 
-SAMPLES_MAX = 8
+SAMPLES_MAX: Final = 8
 """Samples among which the fastest is chosen (RFC 5905: the clock filter's eight stages)."""
 
-DRIFT_MAX: Duration = milliseconds(2)
+DRIFT_MAX: Final[Duration] = milliseconds(2)
 """What two clocks may drift apart while a sample stands (16 s at 100 ppm, and some)."""
 
-AHEAD_MAX: Duration = milliseconds(500)
+AHEAD_MAX: Final[Duration] = milliseconds(500)
 """How far a robot goes on without hearing of its world: as long as a body does that gets no command."""
 
 

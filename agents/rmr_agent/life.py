@@ -8,7 +8,7 @@ anyway wakes nobody.
 import asyncio
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from rmr.base import arena
 from rmr.base.streams import stream
@@ -34,12 +34,12 @@ from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.ports import RADIO_GRACE, BusBody, RadioLink
 
-FRAME: Duration = NS_PER_S // TICK_HZ
+FRAME: Final[Duration] = NS_PER_S // TICK_HZ
 
-SLEEP_MAX_S = 1.0
+SLEEP_MAX_S: Final = 1.0
 """The longest sleep: a bound on what a wrong `next_wake` could cost."""
 
-TURNS_MAX = 4
+TURNS_MAX: Final = 4
 """Calls of the node in one go: what it sends may come due at once. More wait for the event loop's next round."""
 
 

@@ -7,6 +7,7 @@ milliseconds late when they arrive, hence the grace.
 
 from collections import deque
 from collections.abc import Callable
+from typing import Final
 
 from rmr.base.geometry import STILL, Twist
 from rmr.base.time import Duration, Instant, milliseconds
@@ -15,17 +16,17 @@ from rmr.node.ports import Confirmed, Received, SeenBody, Sensed
 from rmr.radio.air import Announcement
 from rmr.radio.station import Station
 
-RADIO_GRACE: Duration = milliseconds(4)
+RADIO_GRACE: Final[Duration] = milliseconds(4)
 """How long after a frame's end its reception is decided: announcements cross the bus in 0.3 to 2 ms."""
 
-AHEAD_MAX: Duration = milliseconds(1000)
+AHEAD_MAX: Final[Duration] = milliseconds(1000)
 """Announcements from farther ahead in lab time are dropped: twice what a robot may go ahead of its world. They are of
 another run, as when a world begins anew and some robots have not noticed yet, and would be received in an hour."""
 
-SAMPLES_MAX = 240
+SAMPLES_MAX: Final = 240
 """Sensor samples that wait for the node: four seconds of a moving robot."""
 
-FRAMES_MAX = 512
+FRAMES_MAX: Final = 512
 """Frames and outcomes that wait for the node."""
 
 

@@ -6,16 +6,16 @@ types that are sent (a bool is no number here) and never an infinite or undefine
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.radio.air import Announcement
 from rmr.radio.links import Disturbance
 
-VALUE_DEPTH_MAX = 16
+VALUE_DEPTH_MAX: Final = 16
 """Lists within lists in a fact's arguments."""
 
-PLAIN_DEPTH_MAX = 32
+PLAIN_DEPTH_MAX: Final = 32
 """Lists and records within each other in plain data; reports and arenas have a handful."""
 
 

@@ -10,7 +10,7 @@ import contextlib
 import random
 import threading
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import zenoh
 from zenoh.handlers import Callback
@@ -19,7 +19,7 @@ from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
 
-CLOSE_PATIENCE_S = 1.0
+CLOSE_PATIENCE_S: Final = 1.0
 """How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""
 
 Handler = Callable[[str, wire.Envelope], None]

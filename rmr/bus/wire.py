@@ -11,7 +11,7 @@ Each type is one named tuple and one row of `TABLE`; nothing else lists them.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgpack  # type: ignore[import-untyped]
 
@@ -39,23 +39,23 @@ from rmr.bus.checks import (
 from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
-WORLD_ID = -1
+WORLD_ID: Final = -1
 """The world as a sender."""
 
-OPERATOR_ID = -2
+OPERATOR_ID: Final = -2
 """A person's command as a sender (``rmr up``, ``rmr ps``)."""
 
-MESSAGE_OCTETS_MAX = 1 << 20
+MESSAGE_OCTETS_MAX: Final = 1 << 20
 """The largest message that is read; a map with thousands of obstacles stays well below."""
 
-STATES = ("waiting", "ready", "running", "finished", "stopped", "failed")
+STATES: Final = ("waiting", "ready", "running", "finished", "stopped", "failed")
 """What a `Status` says: waiting for the world; ready to start; the lab clock runs; every wanted fact is held;
 ended in order; ended by an error."""
 
-CLOCK_STATES = ("waiting", "running", "stopped")
+CLOCK_STATES: Final = ("waiting", "running", "stopped")
 """Lab time stands at 0 before the start; runs; stands at the end."""
 
-WISHES = ("list", "add", "clear")
+WISHES: Final = ("list", "add", "clear")
 """About disturbances: only tell; add one; end all that have been added."""
 
 
@@ -256,13 +256,13 @@ class Row(NamedTuple):
     """Whether its receiver may leave it for a moment (`rmr.bus.bridge.PATIENCE`): nothing is decided by it before."""
 
 
-_XYZ = group(number, number, number)
-_FOUR = group(number, number, number, number)
-_SAMPLE = (integer, number, number, number, number, each(group(count, number)), each(_FOUR), flag, _XYZ)
-_FACT = group(text, optional(robot), each(value))
-_PATTERN = group(text, each(optional(value)))
-_HELD = each(disturbance, DISTURBANCES_MAX)
-_LAB = (
+_XYZ: Final = group(number, number, number)
+_FOUR: Final = group(number, number, number, number)
+_SAMPLE: Final = (integer, number, number, number, number, each(group(count, number)), each(_FOUR), flag, _XYZ)
+_FACT: Final = group(text, optional(robot), each(value))
+_PATTERN: Final = group(text, each(optional(value)))
+_HELD: Final = each(disturbance, DISTURBANCES_MAX)
+_LAB: Final = (
     text,
     flag,
     flag,
@@ -276,9 +276,9 @@ _LAB = (
     one_of(CLOCK_STATES),
     _HELD,
 )
-_BODY = group(robot, number, number, number, number)
+_BODY: Final = group(robot, number, number, number, number)
 
-TABLE = (
+TABLE: Final = (
     Row(1, Air, (announcement,), patient=True),
     Row(2, Sense, _SAMPLE, patient=True),
     Row(3, Act, (number, number, integer), patient=True),
@@ -295,9 +295,9 @@ TABLE = (
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 
-_BY_CODE = {row.code: row for row in TABLE}
-_BY_KIND = {row.kind: row for row in TABLE}
-_PATIENT = frozenset(row.code for row in TABLE if row.patient)
+_BY_CODE: Final = {row.code: row for row in TABLE}
+_BY_KIND: Final = {row.kind: row for row in TABLE}
+_PATIENT: Final = frozenset(row.code for row in TABLE if row.patient)
 
 
 class Envelope(NamedTuple):
@@ -340,11 +340,11 @@ def is_patient(data: bytes) -> bool:
     return len(data) > 1 and data[1] in _PATIENT
 
 
-STREAMS_MAX = 4096
+STREAMS_MAX: Final = 4096
 """Streams that a `Losses` keeps apart: more than robots times keys that one process hears."""
 
 
-LOST_MAX = 1 << 53
+LOST_MAX: Final = 1 << 53
 """What `Losses.lost` counts up to: numbers that a peer makes up must not add up to one that no message carries."""
 
 

@@ -62,7 +62,7 @@ PASSAGES: Final[tuple[Step, ...]] = (
     Step(Passage.CLAIMING, Passage.OUT, "withdrawn"),
 )
 
-_ALLOWED = (
+_ALLOWED: Final = (
     frozenset((step.source, step.target) for step in ROLES),
     frozenset((step.source, step.target) for step in PASSAGES),
 )

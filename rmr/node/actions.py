@@ -31,7 +31,7 @@ STOPPED: Final = "stopped"
 """The failure of an action that `stop` has interrupted."""
 TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
-USERS_MISTAKES = (Exception, SystemExit)
+USERS_MISTAKES: Final = (Exception, SystemExit)
 """What a handler may raise, its conditions and its way out too: it fails the action, not the robot."""
 
 

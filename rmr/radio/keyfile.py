@@ -4,13 +4,14 @@ Nothing here, and nothing that reads a key, ever shows any part of it.
 """
 
 from pathlib import Path
+from typing import Final
 
 from rmr.radio.security import KEY_OCTETS
 
-FILE_OCTETS_MAX = 1024
+FILE_OCTETS_MAX: Final = 1024
 """Room for digits in groups and lines; a larger file is something else."""
 
-_DIGITS = frozenset(b"0123456789abcdefABCDEF")
+_DIGITS: Final = frozenset(b"0123456789abcdefABCDEF")
 
 
 class KeyFileError(Exception):

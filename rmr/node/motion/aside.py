@@ -32,10 +32,10 @@ ASIDE_S: Final[Duration] = seconds(4)
 """How long a robot stays aside at most, the way there included."""
 ASIDE_RADII: Final = 4.0
 """How far aside: two hulls and as much room between them."""
-ANGLES = (-90, -135, -45, 90, 135, 45, 180)
+ANGLES: Final = (-90, -135, -45, 90, 135, 45, 180)
 """Degrees from the way to the goal, to the right first."""
 
-FARTHER = (1.0, 1.5, 2.0, 3.0)
+FARTHER: Final = (1.0, 1.5, 2.0, 3.0)
 """Times as far, where there is no room nearer, or nothing has helped so often."""
 DIRECTIONS: Final = 12
 """Directions in which a walk away from a jam is tried."""

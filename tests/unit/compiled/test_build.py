@@ -1,5 +1,7 @@
 """Claims about `make fast` where it cannot do what it is asked for."""
 
+import ast
+
 import pytest
 
 from rmr.compiled import build
@@ -28,3 +30,14 @@ def test_what_is_not_compiled_exists_and_what_is_compiled_is_named_once():
     assert len(set(hot)) == len(hot)
     assert all((build.ROOT / path).exists() for path in build.INTERPRETED)
     assert not set(hot) & set(build.INTERPRETED)
+
+
+@pytest.mark.parametrize("path", build.hot())
+def test_constants_of_what_is_compiled_are_final(path):
+    """Others are looked up by name at each use. What has a name of one letter is a type variable."""
+    for node in ast.parse((build.ROOT / path).read_text("utf-8")).body:
+        names = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        declared = ast.unparse(node.annotation) if isinstance(node, ast.AnnAssign) else ""
+        for name in (name.id for name in names if isinstance(name, ast.Name)):
+            constant = name.isupper() and len(name) > 1
+            assert declared.startswith("Final") or not constant, f"{name} in line {node.lineno}"
