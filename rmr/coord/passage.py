@@ -137,23 +137,31 @@ def _consider_entry(c: Context, now: Instant) -> bool:
     if verdict.lost:
         return miss(c, now)
     may_enter = start <= now < job.lease and job.ready and now >= job.since + values.quiet and verdict.open
-    if may_enter and not _opposed_first(c, start):
+    if may_enter and not _waits_for_listed(c, now, start):
         enter(c, now, cautious=verdict.cautious)
         return False
     c.set(Timer.POLL, min(now + values.poll, start) if now < start else now + values.entry_poll)
     return False
 
 
-def _opposed_first(c: Context, start: Instant) -> bool:
-    """Return whether the schedule has an opposed job of earlier start that has not said OUT."""
+def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
+    """Return whether the schedule has one that goes first, whatever has been heard of it.
+
+    That is an opposed job of earlier start that has not said OUT, or who has been inside for less than the headway.
+    """
     job = c.job
     assert job is not None
-    way = job.request.way
     for part in c.held.parts.values():
         for entry in part.entries:
-            if same_way(entry.way, way) or entry.phase is Phase.OUT or entry.start is None or entry.start >= start:
+            if entry.robot == c.robot or entry.start is None or entry.phase is Phase.OUT:
                 continue
-            if entry.robot != c.robot and not c.fence.is_finished(entry.robot, entry.trigger):
+            if c.fence.is_finished(entry.robot, entry.trigger):
+                continue
+            if same_way(entry.way, job.request.way):
+                first = entry.phase is Phase.IN and now < entry.start + job.request.headway
+            else:
+                first = entry.start < start
+            if first:
                 return True
     return False
 

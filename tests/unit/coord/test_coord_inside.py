@@ -1,6 +1,8 @@
 """A robot that finds itself inside as its job starts, as after a restart."""
 
-from coord_harness import Air, Model, ms
+from coord_harness import EVENT, Air, Model, ms
+
+from rmr.coord.messages import Beacon, decode
 
 
 def passages(loss: float, way: int) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -29,3 +31,25 @@ def test_who_comes_towards_it_waits_until_it_is_out() -> None:
 def test_who_goes_the_same_way_follows_by_a_headway() -> None:
     (start, out), (entry, _) = passages(0.0, 0)
     assert start + ms(950) <= entry < out
+
+
+def test_who_has_not_heard_it_but_the_schedule_that_lists_it_follows_by_a_headway() -> None:
+    model = Model(1, 3)
+    model.trigger(0, 3, deadline=ms(10_000))
+    model.trigger(ms(100), 2, deadline=ms(20_000))
+    model.run_until(lambda: model.now > ms(101) and model.all_slotted(), ms(2000))
+    job = model.minds[2].core.job(EVENT)
+    assert job is not None
+    assert job.slot is not None
+    begins = job.slot[0] - ms(300)  # the slot of 2 stands, it is frozen
+
+    def deaf(source: int, target: int, payload: bytes, now: int) -> bool:
+        return not (source == 1 and target == 2 and isinstance(decode(payload), Beacon))
+
+    model.air.filter = deaf
+    model.trigger(begins, 1, deadline=ms(20_000), inside=True)
+    model.run(begins)
+    assert model.run_until(model.all_served, ms(60_000))
+    starts = {entry.robot: entry.start for entry in model.entries}
+    assert starts[1] == begins
+    assert starts[2] >= begins + ms(950)
