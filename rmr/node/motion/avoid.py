@@ -134,9 +134,12 @@ def _limit(v: float, body: SeenBody, radius: float, first: bool | None) -> float
 
 
 def _better_gone(body: SeenBody, miss: float, radius: float) -> bool:
-    """Return whether going on clears a moving body, and by more than standing still would."""
-    speed = hypot(body.vx, body.vy)
-    if speed < STILL_MPS or miss < 2.0 * radius + TOUCHING_M:
+    """Return whether going on clears a moving body, and by more than standing still would.
+
+    One that creeps may stop: going on must clear it where it is, too.
+    """
+    speed, least = hypot(body.vx, body.vy), 2.0 * radius + TOUCHING_M
+    if speed < STILL_MPS or miss < least or (speed < CREEPING_MPS and abs(body.y) < least):
         return False
     return abs(body.x * body.vy - body.y * body.vx) / speed < miss
 

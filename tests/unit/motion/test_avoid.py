@@ -62,6 +62,10 @@ def test_a_body_that_moves_out_of_the_way_may_stop_in_it():
     assert safe_speed(FULL, [body(0.104, -0.115, vx=0.03, vy=-0.1)], RADIUS) < 0.15
 
 
+def test_a_body_that_creeps_out_of_the_way_may_stop_in_it():
+    assert safe_speed(FULL, [body(0.065, -0.142, vx=-0.011, vy=-0.028)], RADIUS) < 0.03
+
+
 def test_touching_bodies_stop_the_robot_whatever_else_it_sees():
     assert safe_speed(FULL, [body(0.4), body(0.142)], RADIUS) == 0.0
 
