@@ -2,7 +2,8 @@
 
 By deadline, latest start, release and duration in turn each job is put in where all stay on time and the end is
 earliest; else it is exchanged for the one whose removal brings the end forward most; the rejected are tried once
-more. The best of the four orders is taken. `_Profile` judges a place in O(1), so a run takes O(n^2).
+more. The best of the four orders is taken. `_Profile` judges a place in O(1), so a run takes O(n^2). By the same
+profile `settle` puts those that must be late into an order of the others, where robots are so many that none gets past.
 """
 
 from collections.abc import Sequence
@@ -12,8 +13,7 @@ from rmr.base.time import NEVER, Instant
 from rmr.coord.search import Found, Problem, fill, punctual
 
 KEYS_MAX: Final = 50
-"""Of more jobs only the order by deadline is tried: a leader must not stand still for longer than a tenth of a second.
-"""
+"""Of more jobs only the order by deadline is tried: no leader may stand still for longer than a tenth of a second."""
 
 
 class _Profile:
@@ -77,7 +77,7 @@ class _Profile:
 
 
 def insertion(problem: Problem) -> tuple[int, ...]:
-    """Return the best of the four orders that inserting the jobs by four keys gives.
+    """Return the best of the orders that inserting the jobs by four keys gives; of very many that by deadline alone.
 
     All are on time in it if the gaps are triangular.
     """
@@ -123,7 +123,7 @@ def _exchange(problem: Problem, order: list[int], profile: _Profile, job: int) -
 
 
 def settle(problem: Problem, kept: Sequence[int]) -> list[int]:
-    """Return an order of all jobs of a crowd, of which those `kept` are on time.
+    """Return an order of all jobs where there are many, of which those `kept` are on time.
 
     These go by deadline if all stay on time so and end no later, each other one as early as makes none of them late.
     Who has little time stands near the gate, as a rule: any other order has robots pass each other where they stand.

@@ -4,8 +4,8 @@ Slots. A slot nearer than the frozen zone stands: it is neither moved nor its ti
 owner says OUT or GONE, or that it let this very slot pass. A robot inside, of whatever term, keeps its place
 until it says OUT or is silent for longer than any stall. All others are placed behind those that stand; the
 order of them is made anew only when jobs come, go or change, else they are only shifted. Who has set out and was put
-off goes first, in a crowd whoever has set out, for the others would have to pass it; there others go before it where
-they do not hold it up.
+off goes first, for the others would have to pass it; of more than `EXACT_MAX` jobs whoever has set out does, and before
+it those that do not hold it up.
 
 Ranks. The entries of a schedule stand in order of rank, and a rank is a robot's for good from the frozen zone
 on (exit and queue places go by it). Free ranks are dealt to the others in order of their slots. Jobs that are
@@ -263,14 +263,14 @@ class Ledger:
         ]
         opposed = values.window + 2 * values.clock_error + values.clear
         rules = Rules(now + values.lead, opposed, values.order)
-        crowd = len(movable) > EXACT_MAX and values.order is Order.OURS
-        first = [line for line in movable if line.underway or (crowd and line.has_set_out(now))]
+        many = len(movable) > EXACT_MAX and values.order is Order.OURS
+        first = [line for line in movable if line.underway or (many and line.has_set_out(now))]
         first.sort(key=lambda line: (line.approach if line.underway else (line.start or now) - now, line.robot))
         ahead = [_task(line, now, values.grace) for line in first]
         behind = fixed + self._give(ahead, fixed, rules)
         known = {line.robot for line in first}
         rest = self._ordered(now, [line for line in movable if line.robot not in known], behind, rules, reorder)
-        if crowd:
+        if many:
             rest, behind = merge(ahead, rest, fixed, rules), fixed
         self._give(rest, behind, rules)
 

@@ -10,8 +10,8 @@ order that keeps most jobs on time is looked for, then the earliest end, then th
 An order that is known already is kept, with what is new put in, unless that costs a job or a headway: robots are under
 way in it. It gives way to that of deadlines only where somebody is new.
 
-More than `EXACT_MAX` robots are a crowd and stand in each other's way: as a rule those that are due first are in front.
-So there all that are on time go by deadline, if that costs nothing, and late ones as early as makes nobody else late.
+More than `EXACT_MAX` robots stand in each other's way, as a rule with those that are due first in front. So of them all
+that are on time go by deadline, if that costs nothing, and late ones as early as makes nobody else late.
 """
 
 from collections.abc import Sequence
@@ -221,7 +221,7 @@ def _with_late(problem: Problem, kept: Sequence[int]) -> list[int]:
 def _with_new(problem: Problem, old: list[int], best: Sequence[int]) -> list[int]:
     """Return the `old` order with the rest of `best` put in, each where most are on time and the end is earliest.
 
-    Of such places the last is taken, in a crowd the nearest to that by deadline.
+    Of such places the last is taken, of more than `EXACT_MAX` jobs the nearest to that by deadline.
     """
     known = set(old)
     new = [job for job in best if job not in known]

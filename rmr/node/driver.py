@@ -14,7 +14,7 @@ from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
 from rmr.node.approach import Approach
-from rmr.node.config import CROWD_FROM
+from rmr.node.config import NodeConfig
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
 from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
@@ -40,21 +40,22 @@ NO_RANK: Final = 1 << 16
 class Driver:
     """One robot's wheels and senses."""
 
-    def __init__(self, robot: int, roster: Sequence[int], arena: Arena, body: Body, listens: Duration) -> None:
-        """`listens`: for how long at most the robot stands until it has heard of all others of the roster."""
-        self.arena = arena
+    def __init__(self, config: NodeConfig, body: Body) -> None:
+        self.arena = arena = config.arena
         self.localiser = Localiser(arena)
-        self.navigator = Navigator(arena, robot, len(roster))
-        self.navigator.hearing.listens = listens > 0
-        self.approach = Approach(self.navigator, len(roster) >= CROWD_FROM)
+        self.navigator = Navigator(arena, config.robot, len(config.roster))
+        self._listens: Duration = config.listens
+        """For how long at most it stands until it has heard of all others of the roster."""
+        self.navigator.hearing.listens = self._listens > 0
+        self.approach = Approach(self.navigator, config.crowded)
         self.place: Point | None = None
         """The slot that the robot has taken."""
         self._home: Point | None = None
         """The slot in which it has arrived, until it drives elsewhere: pushed out, it goes back."""
         self._chosen: tuple[Area, int, int] | None = None
         """The area, the rank and the place among those that go the same way, by which the place was chosen."""
-        self._robot = robot
-        self._roster = tuple(roster)
+        self._robot = config.robot
+        self._roster = tuple(config.roster)
         self._body = body
         self._bodies: tuple[SeenBody, ...] = ()
         self._bumped = False
@@ -68,7 +69,6 @@ class Driver:
         self.stays_until: Instant = 0
         """It has told the others that it will not move before."""
         self._began: Instant | None = None
-        self._listens = listens
 
     @property
     def moving(self) -> bool:

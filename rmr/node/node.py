@@ -72,7 +72,7 @@ class Node:
         self.driver: Driver | None = None
         """None: a robot without a body."""
         if ports.body is not None:
-            self.driver = Driver(config.robot, tuple(config.roster), config.arena, ports.body, config.listens)
+            self.driver = Driver(config, ports.body)
         room = ports.link.payload_max
         values = replace(config.values, payload_max=room)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1), values)
