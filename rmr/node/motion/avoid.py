@@ -56,6 +56,13 @@ MEMORY_S: Final = 0.8
 """How long a body that has left the field of view is remembered."""
 REMEMBERED_MAX: Final = 8
 """Bodies remembered at once; no more fit around a robot within its view."""
+EDGE_M: Final = 0.02
+EDGE: Final = 0.05
+"""So near to the edge of the field of view, in depth and in radians, a body need not be seen."""
+DRIVES_MPS: Final = 0.02
+"""A robot no faster than this does not drive."""
+KEPT_SHARE: Final = 0.25
+"""One that may drive at no more than this share of what it wants is kept standing."""
 PATIENCE_S: Final = 0.7
 """Standing before another for longer than this is a stand-off."""
 EARLY_PATIENCE: Final[Duration] = seconds(3)
@@ -64,6 +71,8 @@ PATIENCE_STEP_S: Final = 0.2
 """Robots differ in patience by multiples of this, so that not all act at once."""
 BIAS_M: Final = 0.05
 """How far the detour takes the other to be to the left of where it is."""
+AROUND_RADII: Final = 8.0
+"""Others farther away than this have no part in a stand-off."""
 ENDURED: Final[Duration] = seconds(8)
 """A stand-off that has lasted for so long is not dissolved by detours and ways back ..."""
 ENDURED_M: Final = 0.1
@@ -222,8 +231,8 @@ class Watch:
         """Return whether the body would surely be seen if it were there."""
         away = hypot(body.x, body.y)
         return (
-            away < self._shape.view_depth + self._shape.radius - 0.02
-            and abs(math.atan2(body.y, body.x)) < 0.5 * self._shape.view_angle - 0.05
+            away < self._shape.view_depth + self._shape.radius - EDGE_M
+            and abs(math.atan2(body.y, body.x)) < 0.5 * self._shape.view_angle - EDGE
         )
 
     def places(self, now: Instant) -> list[Point]:
@@ -265,8 +274,8 @@ class StandOff:
 
     def blocked(self, now: Instant, wish: Twist, allowed: Twist, more: Duration = 0) -> bool:
         """Note this tick; return whether the patience, and `more`, is over (once per patience)."""
-        if wish.v <= 0.02 or allowed.v > 0.25 * wish.v:
-            if allowed.v > 0.02:
+        if wish.v <= DRIVES_MPS or allowed.v > KEPT_SHARE * wish.v:
+            if allowed.v > DRIVES_MPS:
                 self._since = None
             return False
         if self._since is None:
@@ -282,7 +291,7 @@ class StandOff:
         ghosts = []
         for x, y in places:
             away = hypot(x - pose.x, y - pose.y)
-            if away > 8.0 * radius or away < 1e-6:
+            if away > AROUND_RADII * radius or away < 1e-6:
                 continue
             shift = BIAS_M / away
             ghosts += [Point(x, y), Point(x - (y - pose.y) * shift, y + (x - pose.x) * shift)]

@@ -18,10 +18,20 @@ BRAKE: Final = 0.5
 """Deceleration that braking counts on, m/s^2; the wheels can do 0.8."""
 TURN_BRAKE: Final = 8.0
 """Likewise for turning, rad/s^2; the wheels can do 12."""
+TURN_PER_S: Final = 8.0
+"""Turn rate per radian of heading error, 1/s: what is left of a small one is removed without a jerk."""
 PIVOT_BEGIN: Final = 1.0
 """Heading error beyond which the robot turns in place, radians."""
 PIVOT_END: Final = 0.35
 """Heading error below which it drives on, radians."""
+FACED: Final = 0.03
+"""Heading error that counts as facing, radians."""
+TURNED: Final = 0.05
+"""Heading error that a robot which may not drive leaves as it is, radians."""
+NEARS_M: Final = 0.05
+"""From here on to the path's end it is asked whether the robot is there."""
+END_M: Final = 0.002
+"""A path of which no more is left has no length left: the robot brakes for this place."""
 ARRIVED_M: Final = 0.008
 """Distance from the goal that counts as there."""
 ABEAM_M: Final = 0.02
@@ -29,12 +39,16 @@ ABEAM_M: Final = 0.02
 CREEP: Final = 0.02
 """Least speed on the last centimetres, m/s."""
 WINDOW_M: Final = 0.25
-"""How far ahead on the path the robot's place is looked for."""
+"""How far ahead on the path the robot's place is looked for ..."""
+BACK_M: Final = 0.02
+"""... and how far back: braking undoes no more."""
+AIM_M: Final = 0.03
+"""A look-ahead point nearer than this is steered for as if it were so far: at the path's end it comes close."""
 
 
 def turn_towards(error: float, shape: RobotShape) -> float:
     """Return the turn rate that removes a heading error and stops there, rad/s."""
-    rate = min(shape.turn, math.sqrt(2.0 * TURN_BRAKE * abs(error)), 8.0 * abs(error))
+    rate = min(shape.turn, math.sqrt(2.0 * TURN_BRAKE * abs(error)), TURN_PER_S * abs(error))
     return math.copysign(rate, error)
 
 
@@ -60,13 +74,13 @@ class Follower:
         """The look-ahead point as seen from the pose `_seen`, at the progress `_seen_s`: dx, dy and heading error."""
 
     def locate(self, pose: Pose) -> None:
-        """Bring progress up to `pose`; it never goes back by more than what braking can undo."""
+        """Bring progress up to `pose`; it never goes back by more than `BACK_M`."""
         route, x, y = self.route, pose.x, pose.y
-        self.s = route.project(x, y, max(0.0, self.s - 0.02), self.s + WINDOW_M)
+        self.s = route.project(x, y, max(0.0, self.s - BACK_M), self.s + WINDOW_M)
         left = route.at_m[-1] - self.s
-        if left < 0.05:
+        if left < NEARS_M:
             away = distance(*route.points[-1], x, y)
-            if away < ARRIVED_M or (left < 0.002 and away < ABEAM_M):
+            if away < ARRIVED_M or (left < END_M and away < ABEAM_M):
                 self.arrived = True
 
     def heading_error(self, pose: Pose) -> float:
@@ -94,11 +108,11 @@ class Follower:
         shape = self.shape
         v = min(shape.speed, limit)
         if v <= 0.0:
-            return Twist(0.0, turn_towards(error, shape) if abs(error) > 0.05 else 0.0)
-        left = self.route.at_m[-1] - self.s - 0.002
+            return Twist(0.0, turn_towards(error, shape) if abs(error) > TURNED else 0.0)
+        left = self.route.at_m[-1] - self.s - END_M
         if 2.0 * BRAKE * left < v * v:
             v = min(v, max(CREEP, braking_speed(left)))
-        curvature = 2.0 * math.sin(error) / max(0.03, hypot(dx, dy))
+        curvature = 2.0 * math.sin(error) / max(AIM_M, hypot(dx, dy))
         if abs(v * curvature) > shape.turn:
             v = shape.turn / abs(curvature)
         return Twist(v, v * curvature)

@@ -17,6 +17,8 @@ from rmr.node.motion.route import Route
 
 MARGIN_M: Final = 0.01
 """Between the hull's front and the gate when the robot waits there."""
+PASSED_M: Final = 0.02
+"""A robot this far beyond where it waits has driven on."""
 START_S: Final = 0.15
 """What speeding up from standstill costs against full speed, seconds."""
 EARLY_S: Final = 0.25
@@ -29,6 +31,7 @@ drives out of their way."""
 MEETS_RADII: Final = 3.0
 """It is before one whose centre is nearer than this: that one has no room to turn past it."""
 SLOWEST_MPS: Final = 0.02
+"""Towards a line that is far too near for the time that is left a robot creeps, so that it is known to be under way."""
 PUT_OFF_S: Final = 5.0
 """A robot under way stands where it is while its slot is later than it can be there by more than this: it has been put
 off, and those that go first have to pass it. With less it goes on slowly."""
@@ -79,7 +82,7 @@ class Gate:
         """Take in the robot's progress."""
         if route.gate_m is None:
             return
-        if s > self._entry_m(route) + 0.02:
+        if s > self._entry_m(route) + PASSED_M:
             self.passed = True
         if self.passed and (arrived or s >= route.clear_m):
             self.cleared = True

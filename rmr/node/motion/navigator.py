@@ -19,7 +19,7 @@ from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside
 from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, estimate_of, time_left
-from rmr.node.motion.follow import Follower, turn_towards
+from rmr.node.motion.follow import FACED, Follower, turn_towards
 from rmr.node.motion.gate import Gate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
 from rmr.node.motion.hearing import Hearing
@@ -30,8 +30,6 @@ from rmr.node.ports import SeenBody
 
 RETRY_S: Final = 0.5
 """Between two tries to find a way when blocked."""
-FACED: Final = 0.03
-"""Heading error that counts as facing, radians."""
 LOST_SIGMA_M: Final = 0.1
 """A robot less sure of its place than this drives at half speed."""
 
@@ -242,10 +240,8 @@ class Navigator:
 
     def _leave_mouth(self, now: Instant, pose: Pose, route: Route) -> bool:
         """Drive out of the way of those that come out of the bottleneck; return whether there is room."""
-        start, gate = Point(pose.x, pose.y), route.gate_m or 0.0
-        mouth = Pose(*route.point(gate), route.heading(gate + 0.01))
-        room, others = self._gate.room(route), self._others(now)
-        out = way_aside(self.arena, start, route.points[-1], self._parked, others, mouth, room)
+        start, others, room = Point(pose.x, pose.y), self._others(now), self._gate.room(route)
+        out = way_aside(self.arena, start, route.points[-1], self._parked, others, route.mouth, room)
         return self._go_aside(out, for_a_moment(now))
 
     def _walk_away(self, now: Instant, pose: Pose, places: list[Point]) -> bool:

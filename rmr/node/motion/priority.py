@@ -28,6 +28,8 @@ MARGIN_M: Final = 1e-6
 """For rounding."""
 SHARES: Final = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
+BETTER_M: Final = 0.005
+"""Where none is enough, a lower speed is taken if it keeps the two farther apart by more than this."""
 AGE_MAX: Final[Duration] = seconds(2)
 """What was heard longer ago says nothing."""
 STOOD: Final[Duration] = milliseconds(1500)
@@ -107,7 +109,7 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
                 least = away if away < least else least
         if least >= keep:
             return share
-        if least > best + 0.005:
+        if least > best + BETTER_M:
             best, best_share = least, share
     return best_share
 

@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import Point, distance, hypot, point_segment_distance
+from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.gridpath import GridPath
 from rmr.node.motion.astar import Floor, plan
 from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
@@ -32,6 +32,10 @@ VIA_M: Final = 0.05
 """A route whose gate is nearer than this starts at the bottleneck and needs no point to pass through."""
 DETOUR_M: Final = 0.15
 """What the way through the bottleneck's very point may cost."""
+INTO_M: Final = 0.01
+"""The path's direction so far behind the gate, which may be a corner of it, is that of the way through."""
+GRAZES_M: Final = 0.01
+"""A disc that the path enters by less than this is not in its way: parked robots tell centimetres."""
 TOUCHES_M: Final = 1e-6
 """Farther from an obstacle than this is not on it."""
 SCAN_M: Final = 0.04
@@ -69,6 +73,12 @@ class Route:
         """Return the whole length in metres."""
         return self.at_m[-1]
 
+    @property
+    def mouth(self) -> Pose:
+        """Return the gate, as one who enters by it stands there."""
+        gate = self.gate_m or 0.0
+        return Pose(*self.point(gate), self.heading(gate + INTO_M))
+
     def segment(self, s: float) -> int:
         """Return the index of the segment that holds arc length `s`."""
         at_m, i, last = self.at_m, 0, len(self.at_m) - 2
@@ -100,7 +110,9 @@ class Route:
         rest = (self.point(s), *self.points[i + 1 :])
         (x0, y0), (x1, y1) = map(min, zip(*rest, strict=True)), map(max, zip(*rest, strict=True))
         near = [(x, y, keep) for x, y, keep in discs if x0 - keep < x < x1 + keep and y0 - keep < y < y1 + keep]
-        return any(point_segment_distance(x, y, *a, *b) < keep - 0.01 for a, b in pairwise(rest) for x, y, keep in near)
+        return any(
+            point_segment_distance(x, y, *a, *b) < keep - GRAZES_M for a, b in pairwise(rest) for x, y, keep in near
+        )
 
     def project(self, x: float, y: float, low: float, high: float) -> float:
         """Return the arc length within [low, high] whose point is nearest to (x, y)."""
@@ -148,7 +160,7 @@ def make_route(arena: Arena, points: Sequence[Point], *, through_gate: bool) -> 
     if distance(*route.point(gate), *mouths[way]) > GATE_REACH_M:
         return route
     if len(mouths) == 1:
-        way = way_of(route.heading(gate + 0.01))
+        way = way_of(route.heading(gate + INTO_M))
         return replace(route, gate_m=gate, clear_m=_end_of_narrow(arena, route, gate), way=way)
     if distance(*route.point(passed[1 - way]), *mouths[1 - way]) > EXIT_REACH_M:
         return route

@@ -15,7 +15,7 @@ from typing import Final
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import STILL, Point, Pose, Twist, hypot, wrap
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds
-from rmr.node.motion.follow import ARRIVED_M, CREEP, PIVOT_END, braking_speed, turn_towards
+from rmr.node.motion.follow import ARRIVED_M, CREEP, FACED, PIVOT_END, braking_speed, turn_towards
 
 RAMP: Final[Duration] = milliseconds(500)
 """Speeding up and slowing down, all robots alike; from 0.2 m/s it takes 0.4 m/s^2, half of what wheels can do."""
@@ -23,8 +23,6 @@ CATCH_UP_PER_S: Final = 4.0
 """Speed per metre behind what is due, 1/s; twice as much makes the noise of localisation felt at the wheels."""
 SWING_M: Final = 0.15
 """How far ahead a robot beside its line aims at it."""
-FACED: Final = 0.03
-"""Heading error that counts as facing, radians."""
 ASTRAY_M: Final = 0.04
 """Beside the goal by more than this at the end of its line, a robot is not there."""
 
