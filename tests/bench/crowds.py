@@ -24,9 +24,13 @@ HALL_AROUND_M = 0.36
 HALL_ROOM_M = 0.5
 """From the robots and places of the hall that are next to its door to the door."""
 DOOR_M = 0.3
+"""Width and depth of the door: one robot fits."""
 HALL_S = 135
+"""By then a hundred robots are out of the hall."""
 CROSSING_S = 10
+"""Nearly to the next place and back."""
 FLOOD_S = 60
+"""One wave and the silence behind it: the next one begins a minute later."""
 
 HALL = """\
 // From where they stand to their places, each in its turn.

@@ -14,12 +14,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hosts import machine
 from page import add_options, figure_rows, keep, table
-from run import LABS
+from run import LABS, Figure
 
 from rmr.base.time import TICK_HZ
 from rmr.compiled import FOLDER, modules_in
@@ -39,20 +40,16 @@ def run(options: Sequence[str]) -> dict[str, Any]:
         return report
 
 
-def figures_of(name: str, report: dict[str, Any]) -> list[dict[str, Any]]:
+def figures_of(name: str, report: dict[str, Any]) -> list[Figure]:
     """Return a run's figures."""
     robots = report["robots"].values()
     late, busy = (sum(robot[key] for robot in robots) for key in ("ticks_late", "ticks"))
     share, of_busy = 100 * late / (len(robots) * report["time_s"] * TICK_HZ), 100 * late / max(1, busy)
     return [
-        _figure(f"{name}: late ticks", share, "%", LATE_MAX_PERCENT, share < LATE_MAX_PERCENT),
-        _figure(f"{name}: of those with something to do", of_busy, "%"),
-        _figure(f"{name}: contacts", report["collisions"], ""),
+        Figure(f"{name}: late ticks", share, "%", LATE_MAX_PERCENT),
+        Figure(f"{name}: of those with something to do", of_busy, "%"),
+        Figure(f"{name}: contacts", report["collisions"], ""),
     ]
-
-
-def _figure(name: str, value: float, unit: str, target: float | None = None, met: bool = True) -> dict[str, Any]:
-    return {"name": name, "value": value, "unit": unit, "target": target, "met": met}
 
 
 def _processor() -> list[int]:
@@ -70,15 +67,16 @@ def main() -> int:
     options = parser.parse_args()
     if not modules_in(FOLDER):
         parser.error("nothing is compiled, or sources have changed since: make fast")
-    figures = []
+    figures: list[Figure] = []
     for name, words in RUNS.items():
         before = _processor()
         figures += figures_of(name, run(words))
-        figures.append(_figure(f"{name}: taken by the machine's host", _stolen_percent(before, _processor()), "%"))
-    lines = table(("real processes", "taken", "target", ""), figure_rows(figures))
+        figures.append(Figure(f"{name}: taken by the machine's host", _stolen_percent(before, _processor()), "%"))
+    told = [{**asdict(figure), "met": figure.met} for figure in figures]
+    lines = table(("real processes", "taken", "target", ""), figure_rows(told))
     print("\n".join(lines))
-    keep(options, "processes.json", {"machine": machine(), "figures": figures}, "processes", lines)
-    return 0 if all(figure["met"] for figure in figures) else 1
+    keep(options, "processes.json", {"machine": machine(), "figures": told}, "processes", lines)
+    return 0 if all(figure.met for figure in figures) else 1
 
 
 if __name__ == "__main__":

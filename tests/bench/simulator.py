@@ -19,13 +19,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from crowds import crossing, flood, hall
 from hosts import machine
 from page import add_options, figure_rows, keep, table
-from run import LABS
+from run import LABS, Figure
 
 from rmr.compiled import FOLDER, modules_in
 
@@ -66,7 +66,7 @@ def _resident_kb() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
-def taken(labs: dict[str, Path], rounds: int) -> list[dict[str, Any]]:
+def taken(labs: dict[str, Path], rounds: int) -> list[Figure]:
     """Return the figures of all labs: each runs `rounds` times, in turn with the others, compiled and interpreted."""
     results: dict[tuple[str, str], list[dict[str, float]]] = {}
     for seed in range(1, rounds + 1):
@@ -80,19 +80,14 @@ def taken(labs: dict[str, Path], rounds: int) -> list[dict[str, Any]]:
     for (name, form), runs in results.items():
         speed, load, memory = (statistics.median(run[key] for run in runs) for key in ("speed", "load_s", "robot_kb"))
         if form == "interpreted":
-            figures.append(_figure(f"{NAMES[name]}: the same, interpreted", speed, "x"))
+            figures.append(Figure(f"{NAMES[name]}: the same, interpreted", speed, "x"))
             continue
-        target = TARGETS[name]
         figures += [
-            _figure(f"{NAMES[name]}: reading the lab", load, "s"),
-            _figure(f"{NAMES[name]}: memory of a robot", memory, "kB"),
-            _figure(f"{NAMES[name]}: lab time over processor time", speed, "x", target, speed >= target),
+            Figure(f"{NAMES[name]}: reading the lab", load, "s"),
+            Figure(f"{NAMES[name]}: memory of a robot", memory, "kB"),
+            Figure(f"{NAMES[name]}: lab time over processor time", speed, "x", TARGETS[name], at_least=True),
         ]
     return figures
-
-
-def _figure(name: str, value: float, unit: str, target: float | None = None, met: bool = True) -> dict[str, Any]:
-    return {"name": name, "value": value, "unit": unit, "target": target, "at_least": True, "met": met}
 
 
 def main() -> int:
@@ -116,16 +111,12 @@ def main() -> int:
             "flood": flood(Path(folder), THOUSAND),
         }
         figures = taken(labs, options.rounds)
-    lines = table(("the simulator on one core", "taken", "target", ""), figure_rows(figures))
+    told = [{**asdict(figure), "met": figure.met} for figure in figures]
+    lines = table(("the simulator on one core", "taken", "target", ""), figure_rows(told))
     print("\n".join(lines))
-    keep(
-        options,
-        "simulator.json",
-        {"machine": machine(), "rounds": options.rounds, "figures": figures},
-        "simulator",
-        lines,
-    )
-    return 0 if all(figure["met"] for figure in figures) else 1
+    record = {"machine": machine(), "rounds": options.rounds, "figures": told}
+    keep(options, "simulator.json", record, "simulator", lines)
+    return 0 if all(figure.met for figure in figures) else 1
 
 
 if __name__ == "__main__":
