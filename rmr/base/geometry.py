@@ -78,6 +78,7 @@ class Twist:
 
 
 PI: Final = 3.141592653589793
+"""Spelled out: a number stands in compiled code itself, what `math` has is looked up."""
 STILL: Final = Twist(0.0, 0.0)
 
 

@@ -1,5 +1,7 @@
 """When a robot says where it stands: every 0.2 to 0.35 s while it moves, 0.5 to 1 s while parked, at once on a change.
 
+Among few it speaks sooner while it waits for its turn, and for half a second when it begins.
+
 Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
 
 In a crowd most robots stand, and each frame is heard by all. Who will stand for a while says that it stays: whoever

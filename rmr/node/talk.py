@@ -128,7 +128,7 @@ class Talk:
         clock.rewind(now, waits=turn is not None, leaves=leaves, driving=len(node.peers.driving(now)))
 
     def _stays(self, now: Instant) -> bool:
-        """Return whether the robot, which is parked in a crowd, will stand for a while: it has arrived, or is late."""
+        """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
         node, turn = self._node, self._node.turns.current
         if not node.config.crowded or node.driver is None or node.actions.driving is not None:
             return False
