@@ -6,7 +6,8 @@ floor. Beside them stands scikit-image as it is, with `route_through_array`, whi
 must not: that is a lower bound, and says what keeping off corners costs.
 
 *Time.* Processor time of one search, on the same floors. The others get their floor in the form that they like
-best, and what it takes to make that does not count. None of ours is compiled: a robot process carries no numpy.
+best, and what it takes to make that does not count. Ours is as `make fast` makes it, where that has been done, and
+without numpy, which a robot process does not carry.
 
 *Sharing.* Six robots of the test-bed from random starts plan their ways to the exit: each by A* of its own, or five of
 them along the part of the leader's path that all need (paper IV.D.1). Counted are the cells that A* takes from its
