@@ -1,11 +1,12 @@
 """`rmr sim --seeds`: what a sweep prints, what it keeps, and that it is the same whoever runs it."""
 
 import json
+import os
 
 import pytest
 from test_command import LAB, code_of, tiny
 
-from rmr_sim.arguments import parse
+from rmr_sim.arguments import JOBS_MAX, cores, parse
 from rmr_sim.interruption import Interruption
 from rmr_sim.main import main
 from rmr_sim.run import Options
@@ -135,6 +136,13 @@ def test_one_seed_and_a_range_are_sweeps(tmp_path):
     lab = str(tiny(tmp_path, DONE))
     assert parse([lab, "--seeds", "5"]).seeds == range(5, 6)
     assert parse([lab, "--seeds", "0-99999"]).seeds == range(100_000)
+
+
+def test_a_sweep_takes_all_processors_where_the_system_does_not_tell_which_are_its_own(monkeypatch):
+    assert 1 <= cores() <= JOBS_MAX
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2 * JOBS_MAX)
+    assert cores() == JOBS_MAX
 
 
 def test_a_file_of_actions_that_is_wrong_is_told_once_before_all_runs(tmp_path, capsys):

@@ -94,8 +94,9 @@ def _jobs(text: str) -> int:
 
 
 def cores() -> int:
-    """Return how many processors this process may use."""
-    return min(len(os.sched_getaffinity(0)), JOBS_MAX)
+    """Return how many processors this process may use; where the system does not tell, how many there are."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(usable, JOBS_MAX)
 
 
 def _seeds(text: str) -> range:
