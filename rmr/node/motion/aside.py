@@ -6,8 +6,8 @@ right hand both leave the line between them on different sides. One that waits f
 come out drives out of their way alike.
 
 The last resort is right by construction: in a jam that nothing else has dissolved each robot walks away by chance, ever
-farther, stays there for a time that is another for each, and comes back. As long as there is free floor around the
-jam, its outermost robots find some, and those behind them after that.
+farther, off the others' ways where it can, stays there for a time that is another for each, and comes back. As long as
+there is free floor around the jam, its outermost robots find some, and those behind them after that.
 """
 
 import math
@@ -21,6 +21,7 @@ from rmr.base.streams import uniform
 from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.avoid import BACK_MPS
 from rmr.node.motion.grid import MARGIN_M, segment_clearance
+from rmr.node.motion.priority import Heard
 from rmr.node.motion.route import Route, leader_route
 from rmr.node.ports import SeenBody
 
@@ -41,6 +42,8 @@ DIRECTIONS: Final = 12
 """Directions in which a walk away from a jam is tried."""
 WALK_LONGER_M: Final = 0.3
 """So much longer than straight the way of such a walk may be."""
+WAYS_M: Final = 1.0
+"""Whoever walks away keeps off the ways of others that are no farther."""
 STAY_MAX_S: Final = 6.0
 """How much longer a robot stays away from a jam at most, by chance."""
 WALK_S: Final = 6.0
@@ -136,15 +139,24 @@ def side_of(arena: Arena, place: Point, goal: Point) -> Side:
     return Side.WITHIN if route.within else Side.BEFORE
 
 
-def walk_away(arena: Arena, start: Point, goal: Point, others: Sequence[Point], robot: int, tries: int) -> Route | None:
+def walk_away(
+    arena: Arena,
+    start: Point,
+    goal: Point,
+    others: Sequence[Point],
+    robot: int,
+    tries: int,
+    ways: Sequence[Route] = (),
+) -> Route | None:
     """Return a way from `start` to free floor clear of `others`; None where there is none.
 
     The direction is drawn from the robot's id and the tries; the more `tries`, the farther. It ends on this side of the
-    bottleneck.
+    bottleneck, and off the `ways` that others want to go, if there is such a place.
     """
     radius = arena.shape.radius
     first = uniform("walk", robot, tries) * math.tau
     side = side_of(arena, start, goal)
+    second: Route | None = None
     for times in FARTHER[min(tries, len(FARTHER)) - 1 :: -1]:
         away = times * ASIDE_RADII * radius
         for turn in range(DIRECTIONS):
@@ -152,10 +164,28 @@ def walk_away(arena: Arena, start: Point, goal: Point, others: Sequence[Point], 
             spot = Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle))
             if arena.clearance(*spot) < radius + MARGIN_M or _near(spot, others, radius):
                 continue
+            hinders = any(way.meets(0.0, ((spot.x, spot.y, 2.0 * radius + MARGIN_M),)) for way in ways)
+            if hinders and second is not None:
+                continue
             route = leader_route(arena, start, spot, others, through_gate=False)
-            if route and route.length_m < away + WALK_LONGER_M and side_of(arena, spot, goal) is side:
+            if route is None or route.length_m >= away + WALK_LONGER_M or side_of(arena, spot, goal) is not side:
+                continue
+            if not hinders:
                 return route
-    return None
+            second = route
+    return second
+
+
+def ways_of(arena: Arena, here: Point, others: Sequence[Heard], parked: Sequence[Point]) -> list[Route]:
+    """Return the ways to their goals of those of `others` that drive near `here`, around those `parked`."""
+    ways = []
+    for other in others:
+        at = Point(other.pose.x, other.pose.y)
+        if other.goal is not None and distance(*at, *here) < WAYS_M:
+            way = leader_route(arena, at, other.goal, parked, through_gate=False)
+            if way is not None:
+                ways.append(way)
+    return ways
 
 
 def _near(spot: Point, others: Sequence[Point], radius: float) -> bool:

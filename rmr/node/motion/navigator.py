@@ -16,7 +16,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.gridpath import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
-from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside
+from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside, ways_of
 from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, estimate_of, time_left
 from rmr.node.motion.follow import FACED, Follower, turn_towards
@@ -38,9 +38,9 @@ class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_aside", "_back_until", "_driven", "_face", "_follower", "_gate", "_next_try", "_order", "_parked", "_pose",
-        "_queue", "_replan_due", "_share", "_stand_off", "_standing", "_v", "_watch", "arena", "hearing", "replans",
-        "robot", "status",
+        "_aside", "_back_until", "_driven", "_driving", "_face", "_follower", "_gate", "_next_try", "_order", "_parked",
+        "_pose", "_queue", "_replan_due", "_share", "_stand_off", "_standing", "_v", "_watch", "arena", "hearing",
+        "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1) -> None:
@@ -63,6 +63,8 @@ class Navigator:
         self._share, self._v = 1.0, 0.0
         self._watch = Watch(arena.shape)
         self._stand_off = StandOff(robot)
+        self._driving: Sequence[Heard] = ()
+        """What others that drive said last."""
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
         self.hearing = Hearing(arena.shape, robots)
@@ -108,6 +110,7 @@ class Navigator:
         A few times a second. On a drive without a gate the robot keeps clear of those that go first, seen or not.
         """
         mine = self.hearing.order = order_key(rank, self.robot)
+        self._driving = others
         self._standing.update(now, others)
         follower, stands = self._follower, self._standing.points
         if follower is None or (follower.route.gate_m is not None and not self._gate.cleared):
@@ -252,7 +255,8 @@ class Navigator:
         if side is Side.WITHIN:
             self._back_until = now + retreat(self.robot, tries)
             return self._back_until > now
-        route = walk_away(self.arena, start, goal, (*self._parked, *places), self.robot, tries)
+        ways = ways_of(self.arena, start, self._driving, self._parked)
+        route = walk_away(self.arena, start, goal, (*self._parked, *places), self.robot, tries, ways)
         self._gate.passed = self._gate.passed and (route is None or side is Side.BEYOND)
         return self._go_aside(route, stay(now, self.robot, tries))
 

@@ -10,7 +10,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away
+from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away, ways_of
 from rmr.node.motion.avoid import ENDURED, StandOff
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
@@ -113,3 +113,27 @@ def test_who_is_inside_with_its_turn_waits_for_nobody_that_stands_in_the_mouth_b
         now += seconds(1 / 60)
         speed = inside.step(now, at, 0.003, [], bumped=False).v
     assert speed > 0.1
+
+
+def test_a_walk_away_ends_off_the_ways_of_others_where_it_can():
+    floor = Arena(3.0, 1.5, 0.05, (), ())
+    here, wide = Point(1.5, 0.75), 2.0 * floor.shape.radius
+    other = Heard(2, Pose(1.2, 0.2, 0.0), Point(1.2, 1.3), 0, 0)
+    ways = ways_of(floor, here, [other], ())
+    assert [way.points[-1] for way in ways] == [other.goal]
+    runs = [(robot, tries) for robot in range(1, 9) for tries in (1, 2)]
+    for one, hinders in (((), True), (ways, False)):
+        ends = [walk_away(floor, here, Point(2.8, 0.75), (), robot, tries, one) for robot, tries in runs]
+        assert any(end is not None and abs(end.points[-1].x - 1.2) < wide for end in ends) is hinders
+    turns = [math.radians(degrees) for degrees in range(-120, 121, 15)]
+    walled = [Point(here.x + 0.28 * math.cos(turn), here.y + 0.28 * math.sin(turn)) for turn in turns]
+    only = walk_away(floor, here, Point(2.8, 0.75), walled, 1, 1, ways)
+    assert only is not None
+    assert abs(only.points[-1].x - 1.2) < wide
+
+
+def test_only_those_near_that_say_where_they_go_have_ways():
+    floor, here = Arena(3.0, 1.5, 0.05, (), ()), Point(0.5, 0.75)
+    far = Heard(2, Pose(2.5, 0.2, 0.0), Point(1.2, 1.3), 0, 0)
+    silent = Heard(3, Pose(0.8, 0.2, 0.0), None, 0, 0)
+    assert ways_of(floor, here, [far, silent], ()) == []
