@@ -1,5 +1,6 @@
 """A mistake in a user's Python code, in words: what was raised, and where in the user's own file."""
 
+import os
 import traceback
 
 
@@ -14,6 +15,8 @@ def words(error: BaseException) -> str:
 
 def place(error: BaseException, file: str, otherwise: int | None = None) -> str:
     """Return `file` and the line in it that `error` came through last; `otherwise` is the line where it did not."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+    path = os.path.abspath(file)  # Python makes absolute names of those of the files that it loads
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if os.path.abspath(frame.filename) == path]
     line = lines[-1] if lines else otherwise
     return file if line is None else f"{file}:{line}"

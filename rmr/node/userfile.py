@@ -44,6 +44,8 @@ def run_file(path: Path, name: str) -> ModuleType:
         spec.loader.exec_module(module)
     except SystemExit as error:
         raise UserFileError(f"{path}: calls exit({error.code or 0}) while it is loaded") from error
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise UserFileError(f"{place(error, str(path))}: {words(error)}") from error
     return module

@@ -111,6 +111,8 @@ def test_an_event_without_a_callback_says_what_to_do(tmp_path):
         ("simulation.schedule(self)", "200000 events in one tick: let it schedule the next one for later"),
         ("simulation.schedule(Wrong(simulation.now + 1))", "200000 events in one tick"),
         ("exit(3)", "SystemExit: 3 (<string>:2)"),
+        ("(_ for _ in ()).throw(GeneratorExit)", "GeneratorExit (<string>:2)"),
+        ("simulation.robots.remove(simulation.robots[0])", "AttributeError: 'tuple' object has no attribute 'remove'"),
     ],
 )
 def test_an_event_that_asks_for_what_cannot_be_or_never_ends_is_told(tmp_path, code, complaint):
@@ -135,6 +137,16 @@ def events(lab, seed):
 
 
 SOON = "from rmr_sim.event import Event\ndef events(lab, seed):\n    return [Event('soon')]\n"
+PUT_OFF = """
+from rmr_sim.event import Event
+
+class Later(Event):
+    {}def callback(self, simulation):
+        {}
+
+def events(lab, seed):
+    return [Later(0)]
+"""
 NEVER_INITIALISED = """
 from rmr_sim.event import Event
 
@@ -172,6 +184,8 @@ def test_a_file_of_events_is_asked_for_those_of_the_run(tmp_path):
         ("raise SystemExit(0)\n", "calls exit(0) while it is loaded"),
         ("def events(lab, seed):\n    raise SystemExit(0)\n", "SystemExit: 0"),
         (SOON, "TypeError: 'soon' is no instant"),
+        (PUT_OFF.format("async ", "pass"), "TypeError: callback of Later would not run when it is called: no async"),
+        (PUT_OFF.format("", "yield"), "TypeError: callback of Later would not run"),
         (NEVER_INITIALISED, "TypeError: Mine has no instant: its __init__ must call super().__init__(at)"),
     ],
 )
@@ -221,6 +235,7 @@ def events(lab, seed):
     [
         ("LookupError('lost')", "look", "observer look at 0.200 s: LookupError: lost ({file}:7)"),
         ("SystemExit(3)", "look", "observer look at 0.200 s: SystemExit: 3 ({file}:7)"),
+        ("BaseException", "look", "observer look at 0.200 s: BaseException ({file}:7)"),
         (
             "Unspeakable",
             "look",

@@ -5,6 +5,7 @@ Two steps add an event to a run: subclass `Event` and override `callback`; hand 
 which they were scheduled, before whatever ends on the air then; the tick that begins at that instant comes first.
 """
 
+import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,10 @@ from rmr.base.time import Instant, in_seconds
 
 if TYPE_CHECKING:
     from rmr_sim.simulation import Simulation
+
+
+PUT_OFF = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
+"""What tells functions whose call does nothing by itself."""
 
 
 class EventError(Exception):
@@ -34,9 +39,9 @@ class Event:
         """Have `callback` done. Raises EventError if it raises anything, exit() included."""
         try:
             self.callback(simulation)
-        except EventError:
+        except (EventError, KeyboardInterrupt):
             raise
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
             what = f"event {type(self).__name__}"
             raise EventError(_told(what, simulation.now, self.callback, error)) from error
 
@@ -45,7 +50,9 @@ def observed(observe: Callable[[Instant], None], now: Instant) -> None:
     """Have a user's observer look. Raises EventError if it raises anything, exit() included."""
     try:
         observe(now)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         what = f"observer {getattr(observe, '__qualname__', type(observe).__name__)}"
         raise EventError(_told(what, now, observe, error)) from error
 
@@ -57,6 +64,8 @@ def checked(event: object) -> Event:
     if not hasattr(event, "at"):
         raise TypeError(f"{type(event).__name__} has no instant: its __init__ must call super().__init__(at)")
     instant(event.at)
+    if any(is_put_off(event.callback) for is_put_off in PUT_OFF):
+        raise TypeError(f"callback of {type(event).__name__} would not run when it is called: no async, no yield in it")
     return event
 
 

@@ -100,7 +100,7 @@ class Simulation:
 
     def _robots(
         self, program: Program, digest: int, handlers: Mapping[str, Handler], config: NodeConfig
-    ) -> list[SimulatedRobot]:
+    ) -> tuple[SimulatedRobot, ...]:
         """Return the robots, each with what makes its node anew for each of its lives."""
         facts = _by_robot(config.facts, config.roster)
 
@@ -108,7 +108,7 @@ class Simulation:
             own = replace(config, robot=robot, facts=tuple(facts[robot]))
             return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers, digest)
 
-        return [SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster]
+        return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
     def _config(self, trace: Level, values: Values) -> NodeConfig:
         """Return what all robots are told, as the first one is."""

@@ -28,6 +28,8 @@ def load_events(path: Path | None, lab: Lab, seed: int) -> list[Event]:
             if len(found) == EVENTS_MAX:
                 raise ValueError(f"events returned more than {EVENTS_MAX} events")
             found.append(checked(event))
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise ProgramError(f"{place(error, str(path))}: {words(error)}") from error
     return found

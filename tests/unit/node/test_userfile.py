@@ -43,6 +43,20 @@ def test_a_mistake_of_the_file_is_told_with_its_path_and_line(file, text, messag
         load_actions(file(text))
 
 
+@pytest.mark.parametrize("name", ["acts.py", "../acts.py", "./acts.py"])
+def test_the_line_of_a_mistake_is_told_also_of_a_file_that_is_named_from_where_one_is(file, monkeypatch, name):
+    folder = file("\n\n1 / 0\n").parent
+    (folder / "below").mkdir()
+    monkeypatch.chdir(folder / "below" if name.startswith("..") else folder)
+    with pytest.raises(ActionsError, match=f"^{Path(name)}:3: ZeroDivisionError"):
+        load_actions(Path(name))
+
+
+def test_a_file_that_raises_what_is_no_exception_is_told_as_well(file):
+    with pytest.raises(ActionsError, match=r"acts\.py:2: Own: mine"):
+        load_actions(file("class Own(BaseException): pass\nraise Own('mine')\n"))
+
+
 def test_a_file_that_is_not_there_or_no_python_is_told(tmp_path, file):
     for path in (tmp_path / "none.py", tmp_path, file(BLINK).rename(tmp_path / "acts.txt")):
         with pytest.raises(ActionsError, match="no such Python file"):
