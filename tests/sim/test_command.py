@@ -188,7 +188,7 @@ def test_the_trace_begins_at_the_beginning_however_long_the_run(tmp_path, capsys
 def test_a_disk_that_is_full_is_told_where_results_are_written(tmp_path, capsys):
     lab = tiny(tmp_path, 'type action say(R: robot, T: string) -o done(R).\ngo(R).\ngo(R) -o say(R, "x").\n')
     assert main([str(lab), "--run", str(tmp_path / "a"), "--trace", "/dev/full"]) == 1
-    assert capsys.readouterr().err.splitlines()[-1] == "rmr sim: No space left on device"
+    assert capsys.readouterr().err.splitlines()[-1] == "rmr sim: /dev/full: No space left on device"
 
 
 def test_a_mistake_of_ours_before_the_run_is_told_without_a_traceback(tmp_path, capsys, monkeypatch):

@@ -17,6 +17,18 @@ from rmr_sim.workers import shared
 
 DONE = "done(R).\n"
 NEVER = "idle(R).\nidle(R), done(R) -o 1.\n"
+LOUD = """
+from rmr_sim.event import Event
+
+print("loaded")
+
+class Hello(Event):
+    def callback(self, simulation):
+        print("happened")
+
+def events(lab, seed):
+    return [Hello(0)]
+"""
 LATE = """
 type action wait(R: robot, T: float) -o done(R).
 late: watch(go(R), done(R), 0.5, say(R, "late")).
@@ -125,6 +137,8 @@ def test_a_missed_deadline_is_no_failure_but_tells_under_strict(tmp_path, capsys
         (["--seeds", "1,2"], "seeds such as 1-100"),
         (["--seeds", "1-2", "--jobs", "0"], "a whole number from 1"),
         (["--seeds", "1-2", "--jobs", "65"], "at most 64"),
+        (["--seeds", "1-2", "--jobs", "9" * 5000], "a whole number from 1, of 18 digits at most, not '999"),
+        (["--seed", "9" * 5000], "a whole number from 0, of 18 digits at most, not '999"),
     ],
 )
 def test_wrong_usage_is_told(tmp_path, capsys, words, said):
@@ -143,6 +157,16 @@ def test_a_sweep_takes_all_processors_where_the_system_does_not_tell_which_are_i
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.setattr(os, "cpu_count", lambda: 2 * JOBS_MAX)
     assert cores() == JOBS_MAX
+
+
+@pytest.mark.parametrize("options", [("--seed", "2"), ("--seeds", "1-2", "--jobs", "1"), ("--seeds", "1-2")])
+def test_what_a_users_file_prints_is_kept_apart_from_the_report(tmp_path, capfd, options):
+    (tmp_path / "loud.py").write_text(LOUD)
+    words = [*options, "--json", "--events", str(tmp_path / "loud.py")]
+    assert swept(tmp_path, DONE, *words, lab=LAB.replace("finish: done(R)\n", ""))[0] == 0
+    out, err = capfd.readouterr()
+    assert json.loads(out)["lab"] == "tiny"
+    assert {"loaded", "happened"} <= set(err.split())
 
 
 def test_a_file_of_actions_that_is_wrong_is_told_once_before_all_runs(tmp_path, capsys):

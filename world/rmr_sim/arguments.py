@@ -13,6 +13,8 @@ SEEDS_MAX = 100_000
 """Of one sweep: days of work, and a sweep.json of 30 MB."""
 JOBS_MAX = 64
 """Processes at once; more than any one machine of a lab has use for."""
+WHOLE = "[0-9]{1,18}"
+"""What fits 64 bits; of thousands of digits Python makes no number at all."""
 ORDERS = "who goes first: most deadlines met (ours), earliest deadline, first come, or no coordination (none)"
 
 
@@ -76,14 +78,16 @@ def _share(text: str) -> float:
 
 
 def _natural(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"a whole number from 0, not {text!r}")
-    return int(text)
+    return _whole(text, 0)
 
 
 def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"a whole number from 1, not {text!r}")
+    return _whole(text, 1)
+
+
+def _whole(text: str, least: int) -> int:
+    if re.fullmatch(WHOLE, text) is None or int(text) < least:
+        raise argparse.ArgumentTypeError(f"a whole number from {least}, of 18 digits at most, not {text!r:.40}")
     return int(text)
 
 
@@ -100,9 +104,9 @@ def cores() -> int:
 
 
 def _seeds(text: str) -> range:
-    match = re.fullmatch(r"([0-9]{1,18})(?:-([0-9]{1,18}))?", text)
+    match = re.fullmatch(f"({WHOLE})(?:-({WHOLE}))?", text)
     if match is None:
-        raise argparse.ArgumentTypeError(f"seeds such as 1-100, not {text!r}")
+        raise argparse.ArgumentTypeError(f"seeds such as 1-100, not {text!r:.40}")
     first, last = int(match[1]), int(match[2] or match[1])
     if not first <= last < first + SEEDS_MAX:
         raise argparse.ArgumentTypeError(f"from 1 to {SEEDS_MAX} seeds, the least first, not {text!r}")

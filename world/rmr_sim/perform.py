@@ -1,13 +1,16 @@
-"""What `rmr sim LAB` does: a lab in virtual time, the same for the same seed; one run, or with `--seeds` many."""
+"""What `rmr sim LAB` does: a lab in virtual time, the same for the same seed; one run, or with `--seeds` many.
+
+Standard output is the report's alone: what users' own actions and events print goes to standard error.
+"""
 
 import argparse
 import json
 import sys
 import time
 import traceback
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rmr.base.mistake import words
 from rmr.coord.values import Order
@@ -34,13 +37,20 @@ EXIT_FAILED, EXIT_USAGE, EXIT_INVALID, EXIT_STRICT = 1, 2, 3, 4
 
 def perform(arguments: argparse.Namespace) -> int:
     """Carry out what is asked for; return the exit code. The second Ctrl-C raises KeyboardInterrupt."""
+    out = sys.stdout
+    with redirect_stdout(sys.stderr):
+        return _perform(arguments, out)
+
+
+def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
     folder: Path | None = None
     try:
         loaded = load(arguments.lab, options_of(arguments))
         for text in loaded.warnings:
             print(text, end="", file=sys.stderr)
         folder = make_run_folder(loaded.lab.name, arguments.run)
-        return _run(arguments, loaded, folder) if arguments.seeds is None else _sweep(arguments, loaded, folder)
+        run = _run if arguments.seeds is None else _sweep
+        return run(arguments, loaded, folder, out)
     except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
         return EXIT_INVALID
@@ -73,7 +83,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
     )
 
 
-def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
+def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextIO) -> int:
     """One run."""
     simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
     if arguments.chaos:
@@ -92,7 +102,7 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
         write_trace(trace, arguments.trace)
     for line in [*failures(trace), *violation_lines(report)]:
         print(line, file=sys.stderr)
-    print(to_json(report).rstrip() if arguments.json else table_text(report))
+    print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
     took = f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)"
     print(f"{'interrupted: ' if interruption.came else ''}{took}; the report is {written}", file=sys.stderr)
@@ -121,7 +131,7 @@ def _broke_down(error: Exception, folder: Path | None) -> int:
     return EXIT_FAILED
 
 
-def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
+def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextIO) -> int:
     """Many runs."""
     loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
@@ -132,10 +142,8 @@ def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path) -> int:
     document = sweep.document(command)
     text = json.dumps(document, indent=1, sort_keys=True)
     (folder / SWEEP_FILE).write_text(text + "\n")
-    if arguments.json:
-        print(text)
-    else:
-        print("\n".join([*lines_of(summary_of(sweep.rows), sweep.speed), *failing_lines(sweep.rows, command)]))
+    lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *failing_lines(sweep.rows, command)]
+    print(text if arguments.json else "\n".join(lines), file=out)
     done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; all rows are in {folder / SWEEP_FILE}"
     print(f"{'interrupted: ' if interrupted else ''}{done}", file=sys.stderr)
     codes = [exit_code(row, strict=arguments.strict) for row in sweep.rows]

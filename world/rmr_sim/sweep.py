@@ -99,10 +99,13 @@ def keep(result: Result, folder: Path) -> None:
 
 
 def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
-    """Write what robots noted as JSON lines."""
-    with path.open("w") as file:
-        for entry in entries:
-            file.write(json.dumps(entry) + "\n")
+    """Write what robots noted as JSON lines. Raises OSError, which names the file, when that cannot be done."""
+    try:
+        with path.open("w") as file:
+            for entry in entries:
+                file.write(json.dumps(entry) + "\n")
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 @contextmanager

@@ -5,6 +5,7 @@ takes its place. None outlives the sweep, however that ends: they never get Ctrl
 and each follows its parent.
 """
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -89,6 +90,7 @@ class _Worker:
 def _work(results: Connection, path: Path, options: Options) -> None:
     """Run the seeds that come until no more do."""
     end_with_parent()
+    sys.stdout = sys.stderr  # standard output is the parent's: of what users' files print it has nothing
     run = _runner(path, options)
     while True:
         try:
