@@ -21,7 +21,7 @@ from rmr_world.accepted import Accepted, accepted
 from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
 from rmr_world.document import Document, LabError, Path_
 from rmr_world.faults import deaths, passing, standing
-from rmr_world.lab import KEYED, Fault, Lab, Localisation, RadioSettings, RobotStart
+from rmr_world.lab import KEYED, PROGRAMS, Fault, Lab, Localisation, RadioSettings, RobotStart
 from rmr_world.schema import (
     AreaSpec,
     RadioSpec,
@@ -66,7 +66,7 @@ class _Judge:
         spec = self._spec
         arena = self._arena()
         robots = self._robots(arena)
-        if Path(spec.program).suffix not in {".rmr", ".rbc"}:
+        if Path(spec.program).suffix not in PROGRAMS:
             self._complain(("program",), f"should be a .rmr or .rbc file, not '{spec.program}'")
         self._texts(robots, arena)
         faults, disturbances = self._faults({robot.id for _, robot in robots})
@@ -242,6 +242,8 @@ class _Judge:
             self._complain(("finish",), f"area '{name}' is not defined{near_miss(name, self._area_names)}")
         elif area is not None and area.slotted and len(area.places) < robots:
             self._complain(("finish",), f"area '{name}' has {len(area.places)} slots for {robots} robots")
+        elif area is not None and not area.slotted and area.box is None and robots > 1:
+            self._complain(("finish",), f"area '{name}' is one point for {robots} robots; give it slots, or a box")
 
     def _known(self, path: Path_, robot: int, ids: set[int]) -> None:
         if robot not in ids and "robots" not in self._accepted.cut:

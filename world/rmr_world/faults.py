@@ -5,7 +5,7 @@ to another; all become `rmr.radio.links.Disturbance`. What befalls robots are va
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -78,9 +78,17 @@ def told(lab: Lab) -> list[dict[str, Any]]:
 
 def lines(lab: Lab) -> list[str]:
     """Return what `told` tells as lines that may stand under ``faults:`` in a lab file."""
-    return [
-        "- {" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in fault.items()) + "}" for fault in told(lab)
-    ]
+    return [f"- {_line(fault)}" for fault in told(lab)]
+
+
+def ended(lab: Lab) -> list[str]:
+    """Return the faults that begin when the lab's duration is over, each as it may stand in a lab file."""
+    end_s = in_seconds(lab.duration)
+    return [_line(fault) for fault in told(lab) if (fault["at"] if "at" in fault else fault["from"]) > end_s]
+
+
+def _line(fault: Mapping[str, Any]) -> str:
+    return "{" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in fault.items()) + "}"
 
 
 def _start(fault: Fault | Disturbance) -> Instant:

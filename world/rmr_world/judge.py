@@ -1,12 +1,14 @@
 """A lab and its program before they run: what makes a run senseless, and what a person should know.
 
 The same for `rmr sim`, `rmr up` and `rmr world`: areas and facts must fit the program, robots must have a way to where
-they are to go; deadlines that nothing can meet are told, and the run goes on, for missing them may be its point.
+they are to go; what can hardly be meant and deadlines that nothing can meet are told, and the run goes on, for missing
+them may be its point.
 """
 
 from dataclasses import replace
 
 from rmr_world.document import LabError
+from rmr_world.doubts import doubtful
 from rmr_world.lab import Lab
 from rmr_world.possible import impossible
 from rmr_world.program import LoadedProgram
@@ -19,5 +21,6 @@ def judged(lab: Lab, loaded: LoadedProgram) -> LoadedProgram:
     problems = check_program(lab, loaded.program) or unreachable(lab, loaded.program)
     if problems:
         raise LabError(problems)
-    warnings = [f"{problem}\n" for problem in sorted(impossible(lab, loaded.program))]
+    doubts = [*doubtful(lab, loaded.program), *impossible(lab, loaded.program)]
+    warnings = [f"{problem}\n" for problem in sorted(doubts)]
     return replace(loaded, warnings="".join([loaded.warnings, *warnings]))

@@ -22,6 +22,8 @@ from rmr_world.ranges import LabFact, StatedFact, drawn
 from rmr_world.terms import FinishPattern, parse_fact, parse_finish
 
 LAB_FILE = "lab.yaml"
+PROGRAMS = frozenset({".rmr", ".rbc"})
+"""How the file of a program ends."""
 KEYED = "enc-mic-64"
 """Of a radio of which only the key is given: no luck forges a frame, and 103 octets of payload are left."""
 
@@ -222,7 +224,12 @@ def load_lab(path: Path) -> Lab:
     """
     from rmr_world.checks import build  # noqa: PLC0415  (pydantic loads only where a file is read)
 
-    return build(read(lab_path(path)), lab_path(path))
+    file = lab_path(path)
+    if file.suffix in PROGRAMS:
+        raise LabError(
+            [Problem(str(file), 1, 1, "", "is a program: name the lab file that it stands in, or its folder")]
+        )
+    return build(read(file), file)
 
 
 __all__ = ["Lab", "LabError", "Problem", "load_lab"]

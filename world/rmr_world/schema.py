@@ -21,6 +21,10 @@ from rmr_world.units import ROBOTS_MAX, angle, duration, ids, ids_or_all
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
 ARENA_M_MAX = 1000.0
+RADIUS_M_MIN = 0.001
+"""Of a hull: those of some nanometres have no moment of inertia as the physics reckons."""
+SPEED_MAX = 10.0
+"""Metres per second: 0.17 m in a tick, more than a hull; what is faster passes through others between two ticks."""
 CELLS_MAX = 250_000
 """Of the planning grid."""
 ATTENUATION_DB_MAX = 300.0
@@ -202,8 +206,8 @@ class ViewSpec(_Strict):
 class ShapeSpec(_Strict):
     """What all robots have in common."""
 
-    radius: Positive = 0.07
-    speed: Positive = 0.2
+    radius: Annotated[float, Strict(), Field(ge=RADIUS_M_MIN, le=ARENA_M_MAX)] = 0.07
+    speed: Annotated[float, Strict(), Field(gt=0, le=SPEED_MAX)] = 0.2
     turn: Angle = math.pi
     view: ViewSpec = ViewSpec()
 

@@ -17,6 +17,8 @@ _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(ms|s|min)")
 _UNIT_NS = {"ms": NS_PER_MS, "s": NS_PER_S, "min": 60 * NS_PER_S}
 _ANGLE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\s*(deg|rad)")
 _DURATION_S_MAX = 1e6
+_ANGLE_MAX = 1000.0
+"""Radians: beyond many turns a float says less and less of where one faces."""
 
 
 def duration(value: object) -> Duration:
@@ -35,10 +37,14 @@ def duration(value: object) -> Duration:
 def angle(value: object) -> float:
     """Return radians for ``90deg``, ``1.57rad`` or a number of radians."""
     if isinstance(value, str) and (match := _ANGLE.fullmatch(value)):
-        return math.radians(float(match[1])) if match[2] == "deg" else float(match[1])
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    raise ValueError("should be an angle such as 90deg, or a number of radians")
+        radians = math.radians(float(match[1])) if match[2] == "deg" else float(match[1])
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        radians = float(value)
+    else:
+        raise ValueError("should be an angle such as 90deg, or a number of radians")
+    if not abs(radians) <= _ANGLE_MAX:
+        raise ValueError(f"should be at most {_ANGLE_MAX:.0f} rad")
+    return radians
 
 
 def ids(value: object) -> list[int]:

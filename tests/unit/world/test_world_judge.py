@@ -40,6 +40,7 @@ crossing: assert(crossing(R, D), at(R, yard), D, say(R, "too late")).
 crossing(R, _) -o moveto(R, yard).
 queue(R) -o lineup(R, entry, 1).
 """
+HOME = "type !home(robot, area).\nat(R, A), home(R, A) -o there(R).\n"
 
 
 def room(
@@ -149,6 +150,64 @@ def test_what_begins_later_or_ends_elsewhere_is_left_to_the_report(tmp_path):
     assert told(room(tmp_path, due="1", program=later)) == ([], [])
     elsewhere = PROGRAM.replace("at(R, yard), D", "done(R), D")
     assert told(room(tmp_path, due="1", program=elsewhere)) == ([], [])
+
+
+def test_a_deadline_of_the_labs_own_finish_fact_is_judged_by_where_its_facts_lead(tmp_path):
+    folder = room(tmp_path, due="9", program=PROGRAM.replace("at(R, yard), D", "there(R), D") + HOME)
+    file = folder / "lab.yaml"
+    file.write_text(file.read_text().replace("at(R, yard)", "there(R)").replace('"due(@2', '"home(R, yard)", "due(@2'))
+    words = "warning: robot 1 cannot be at yard within 9 s (crossing): the way alone takes 10.00 s"
+    assert told(folder) == ([], [f"lab.yaml:11:9: facts.0: {words}"])
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "said"),
+    [
+        (
+            "duration: 20s",
+            "duration: 9s",
+            "3:11: duration: warning: nothing can finish within 9 s: the way alone takes 10.00 s",
+        ),
+        (
+            "facts:",
+            "faults: [{at: 21s, kill: 2}, {at: 20s, kill: 1}]\nfacts:",
+            "11:9: faults: warning: {at: 21.0, kill: 2} begins when the duration of 20 s is over",
+        ),
+        (
+            "facts:",
+            "faults: [{from: 25s, to: 30s, loss: 0.5}]\nfacts:",
+            "11:9: faults: warning: {from: 25.0, to: 30.0, loss: 0.5} begins",
+        ),
+        (
+            "facts:",
+            "localisation: {beacons: [[0, 0]]}\nfacts:",
+            "11:25: localisation.beacons: warning: no robot will know where it is, and moveto will never",
+        ),
+        (
+            "facts:",
+            "localisation: {beacons: [[1, 0], [1, 0]]}\nfacts:",
+            "11:25: localisation.beacons: warning: no robot will know",
+        ),
+        (
+            "facts:",
+            "localisation: {dropout: 1.0}\nfacts:",
+            "11:25: localisation.dropout: warning: no robot will know where it is, and moveto will never begin: all",
+        ),
+    ],
+)
+def test_what_can_hardly_be_meant_is_a_warning(tmp_path, written, instead, said):
+    file = room(tmp_path) / "lab.yaml"
+    file.write_text(file.read_text().replace(written, instead))
+    problems, warnings = told(tmp_path)
+    assert problems == []
+    assert len(warnings) == 1
+    assert warnings[0].startswith(f"lab.yaml:{said}")
+
+
+def test_a_program_that_does_not_drive_needs_no_beacons(tmp_path):
+    file = room(tmp_path, program="type !due(robot, float).\nat(R, yard) -o queue(R).\n") / "lab.yaml"
+    file.write_text(file.read_text().replace("facts:", "localisation: {beacons: []}\nfacts:"))
+    assert told(tmp_path) == ([], [])
 
 
 def test_rmr_sim_runs_on_with_an_impossible_deadline_and_its_exit_code_tells(tmp_path, capsys):

@@ -77,6 +77,9 @@ MISTAKES = [
     ("bottleneck: entri\nareas: {entry: {at: [1, 1]}}", "6:13: bottleneck: area 'entri' is not defined; did you mean"),
     ("facts: ['due(@1, 5)', 'due(@2, 5)']", "6:23: facts.1: robot 2 is not in this lab"),
     ("facts: ['due(@1, 5']", "6:9: facts.0: expected ',' or ')', found the end"),
+    ("robot: {radius: 1e-9}", "6:17: robot.radius: should be greater than or equal to 0.001, not 1e-09"),
+    ("robot: {speed: 1e300}", "6:16: robot.speed: should be less than or equal to 10, not 1e+300"),
+    ("robot: {turn: 1e300}", "6:15: robot.turn: should be at most 1000 rad, not 1e+300"),
     ("facts: [3]", "6:9: facts.0: should be a valid string, not 3"),
     ("finish: at(@1, exit)", "6:9: finish: every robot must hold it, so its owner is a variable: at(R, ...)"),
     ("finish: at(R, exit)", "6:9: finish: area 'exit' is not defined"),
@@ -222,6 +225,16 @@ def test_missing_sections_are_named_each(tmp_path):
 def test_more_robots_than_exit_slots_can_never_finish(tmp_path):
     text = ROOM + "  - {id: 2, pose: [1, 1, 0]}\nfinish: at(R, out)\nareas: {out: {slots: [[2, 1]]}}\n"
     assert complaints(tmp_path, text) == ["7:9: finish: area 'out' has 1 slots for 2 robots"]
+    point = text.replace("slots: [[2, 1]]", "at: [2, 1]")
+    said = "area 'out' is one point for 2 robots; give it slots, or a box"
+    assert complaints(tmp_path, point) == [f"7:9: finish: {said}"]
+    lab_of(tmp_path, text.replace("slots: [[2, 1]]", "box: [2, 0.2, 2.5, 1]"))
+
+
+@pytest.mark.parametrize("name", ["corridor.rmr", "corridor.rbc"])
+def test_a_program_in_place_of_a_lab_is_told_what_is_wanted(tmp_path, name):
+    with pytest.raises(LabError, match="is a program: name the lab file that it stands in, or its folder"):
+        load_lab(tmp_path / name)
 
 
 # What is no lab file at all
