@@ -332,7 +332,7 @@ class Node:
         assert self.driver is not None
         self._stirred = True
         gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
-        shared = self.turns.shared.get((turn.event, turn.way)) if turn is not None and gated else None
+        shared = self.turns.leading.shared(turn.event, turn.way) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
         if turn is not None:
             turn.bound, turn.planned_at = None, self.now

@@ -100,7 +100,7 @@ class Peer:
     stays_until: Instant = 0
     """It stands until then; counted from when it said so, however late that was read."""
     sets_out: bool = False
-    """It says that it drives, from where it stood when it said hello before."""
+    """It is where it was when it said hello before: if it says that it drives, it has only set out."""
     driving: Heard | None = None
     """What the hello says of one that drives; None of one that does not, or not made out yet."""
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from rmr.base.arena import Area
-from rmr.base.gridpath import GridPath
 from rmr.base.streams import stable_hash
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Symbol, Value
@@ -31,6 +30,7 @@ from rmr.coord.events import (
 from rmr.coord.values import Order
 from rmr.node.asking import estimate, finds_itself_within, request_of
 from rmr.node.course import keep_course, rank_changed
+from rmr.node.leading import Leading
 from rmr.node.motion.navigator import Navigator
 from rmr.node.turn import (
     EVENTS_KEPT,
@@ -73,11 +73,9 @@ class Turns:
         self._turns: dict[bytes, Turn] = {}
         self.next_wake: Instant = NEVER
         """When `step` has something to do even if nothing happens; at most once a frame."""
-        self.shared: dict[tuple[bytes, int], GridPath] = {}
-        """The leader's path by event and way."""
+        self.leading = Leading(node, coordination, self.name_of)
         self.schedules: dict[bytes, ScheduleChanged] = {}
         """The newest schedule of each event."""
-        self._led_events: dict[bytes, None] = {}
 
     @property
     def _navigator(self) -> Navigator | None:
@@ -312,11 +310,15 @@ class Turns:
         """Take in one event of the coordination core."""
         match event:
             case PathReceived(way=way, path=path):
-                keep(self.shared, (event.event, way), path)
-            case LeadershipBegan():
-                self._led(now, event)
+                self.leading.heard(event.event, way, path)
+            case LeadershipBegan(term=term):
+                self._node.trace(now, "leads", term=term)
+                self.leading.leads(now, event.event, does=True)
+                self._stands(now, event.event)
+                if (turn := self._turns.get(event.event)) is not None:
+                    self.leading.share(now, turn)
             case LeadershipEnded() | LeaderChanged():
-                self._leads(now, event.event, does=False)
+                self.leading.leads(now, event.event, does=False)
                 self._stands(now, event.event)
             case ScheduleChanged():
                 keep(self.schedules, event.event, event)
@@ -368,31 +370,6 @@ class Turns:
             self._open(turn, None, opened=True)
         else:
             self._open(turn, turn.start if turn.phase is Phase.SLOTTED else None, opened=False)
-
-    def _led(self, now: Instant, event: LeadershipBegan) -> None:
-        node = self._node
-        turn = self._turns.get(event.event)
-        node.trace(now, "leads", term=event.term)
-        self._leads(now, event.event, does=True)
-        self._stands(now, event.event)
-        driver = node.driver
-        pose = None if driver is None else driver.localiser.pose
-        if turn is None or turn.goal is None or driver is None or pose is None:
-            return
-        place = driver.place_of(now, turn.goal, turn.rank, turn.place, node.peers)
-        for way, path in driver.approach.shared(pose, place, turn.way).items():
-            keep(self.shared, (turn.event, way), path)
-            self._coordination.offer_path(now, event.event, way, path)
-
-    def _leads(self, now: Instant, event: bytes, *, does: bool) -> None:
-        """State whether the robot leads events of the assertion behind `event`: it may lead one and follow another."""
-        if does:
-            keep(self._led_events, event, None)
-        else:
-            self._led_events.pop(event, None)
-        name = self.name_of(event)
-        if name is not None:
-            self._node.leads(now, name, any(self.name_of(led) == name for led in self._led_events))
 
     def name_of(self, event: bytes) -> Symbol | None:
         """Return the name of the assertion behind `event`."""
