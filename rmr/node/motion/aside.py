@@ -11,7 +11,7 @@ there is free floor around the jam, its outermost robots find some, and those be
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -151,29 +151,38 @@ def walk_away(
     """Return a way from `start` to free floor clear of `others`; None where there is none.
 
     The direction is drawn from the robot's id and the tries; the more `tries`, the farther. It ends on this side of the
-    bottleneck, and off the `ways` that others want to go, if there is such a place.
+    bottleneck, and on as few as can be of the `ways` that others want to go.
     """
     radius = arena.shape.radius
-    first = uniform("walk", robot, tries) * math.tau
     side = side_of(arena, start, goal)
-    second: Route | None = None
-    for times in FARTHER[min(tries, len(FARTHER)) - 1 :: -1]:
+    best: Route | None = None
+    least = len(ways) + 1
+    for spot, away in _around(start, radius, uniform("walk", robot, tries) * math.tau, tries):
+        if arena.clearance(*spot) < radius + MARGIN_M or _near(spot, others, radius):
+            continue
+        hindered = sum(way.meets(0.0, ((spot.x, spot.y, 2.0 * radius + MARGIN_M),)) for way in ways)
+        if hindered >= least:
+            continue
+        route = leader_route(arena, start, spot, others, through_gate=False)
+        if route and route.length_m < away + WALK_LONGER_M and side_of(arena, spot, goal) is side:
+            best, least = route, hindered
+            if not least:
+                break
+    return best
+
+
+def _around(start: Point, radius: float, first: float, tries: int) -> Iterator[tuple[Point, float]]:
+    """Yield the places around `start` that the `tries`-th walk away may end at, each with how far away it is.
+
+    The farthest that so many tries allow come first, then nearer ones, then those that are farther. All directions are
+    tried, from that of the angle `first` on.
+    """
+    ring = min(tries, len(FARTHER))
+    for times in (*FARTHER[ring - 1 :: -1], *FARTHER[ring:]):
         away = times * ASIDE_RADII * radius
         for turn in range(DIRECTIONS):
             angle = first + turn * math.tau / DIRECTIONS
-            spot = Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle))
-            if arena.clearance(*spot) < radius + MARGIN_M or _near(spot, others, radius):
-                continue
-            hinders = any(way.meets(0.0, ((spot.x, spot.y, 2.0 * radius + MARGIN_M),)) for way in ways)
-            if hinders and second is not None:
-                continue
-            route = leader_route(arena, start, spot, others, through_gate=False)
-            if route is None or route.length_m >= away + WALK_LONGER_M or side_of(arena, spot, goal) is not side:
-                continue
-            if not hinders:
-                return route
-            second = route
-    return second
+            yield Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle)), away
 
 
 def ways_of(arena: Arena, here: Point, others: Sequence[Heard], parked: Sequence[Point]) -> list[Route]:

@@ -127,9 +127,19 @@ def test_a_walk_away_ends_off_the_ways_of_others_where_it_can():
         assert any(end is not None and abs(end.points[-1].x - 1.2) < wide for end in ends) is hinders
     turns = [math.radians(degrees) for degrees in range(-120, 121, 15)]
     walled = [Point(here.x + 0.28 * math.cos(turn), here.y + 0.28 * math.sin(turn)) for turn in turns]
-    only = walk_away(floor, here, Point(2.8, 0.75), walled, 1, 1, ways)
-    assert only is not None
-    assert abs(only.points[-1].x - 1.2) < wide
+    farther = walk_away(floor, here, Point(2.8, 0.75), walled, 1, 1, ways)
+    assert farther is not None
+    assert math.dist(farther.points[-1], here) > 0.3
+    assert abs(farther.points[-1].x - 1.2) >= wide
+
+
+def test_a_walk_away_ends_on_a_way_of_others_where_there_is_nothing_else():
+    lane, here = Arena(3.0, 0.3, 0.05, (), ()), Point(1.5, 0.15)
+    ways = ways_of(lane, here, [Heard(2, Pose(0.9, 0.15, 0.0), Point(2.9, 0.15), 0, 0)], ())
+    away = walk_away(lane, here, Point(0.2, 0.15), (), 1, 1, ways)
+    assert ways
+    assert away is not None
+    assert math.dist(away.points[-1], here) > 0.2
 
 
 def test_only_those_near_that_say_where_they_go_have_ways():
