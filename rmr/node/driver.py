@@ -2,6 +2,9 @@
 
 The driver owns localisation and navigator. It takes one of an area's places by the robot's rank in the schedule, and
 another one where somebody else has been faster: places are told in the hellos, and the earlier rank keeps its own.
+
+A body goes on while what it senses waits for a processor. So a robot drives on what it has sensed just now alone: the
+longer its wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s it stands.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,6 +28,12 @@ from rmr.node.wire import Hello
 ACT_REFRESH: Final[Duration] = milliseconds(33)
 """A moving robot repeats its wheel command at least this often, every other frame; without one for 0.1 s the body
 brakes."""
+UNWATCHED: Final[Duration] = milliseconds(50)
+"""For so long after the newest sample the wheels may turn at full speed: 1 cm, which the margins of `motion` cover. In
+virtual time it is a frame, in a process that is called in time two."""
+STALE: Final[Duration] = milliseconds(100)
+"""Older samples describe another situation, as older commands do: the robot stands. A body that stands is sampled that
+often at least, and from when it sets out in each frame."""
 HEED_EVERY: Final[Duration] = milliseconds(200)
 """How often a driving robot looks at what the others that drive have said."""
 SPOT_GAP_M: Final = 0.06
@@ -65,6 +74,10 @@ class Driver:
         """The pose and the place of which the facts tell."""
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
+        self._sensed_at: Instant = 0
+        """When the newest sample was taken."""
+        self._set_out_at: Instant = 0
+        """Since when the wheels are commanded to turn, if they are."""
         self._heed_at: Instant = 0
         self.stays_until: Instant = 0
         """It has told the others that it will not move before."""
@@ -91,7 +104,7 @@ class Driver:
         """Take in the new samples and command the wheels; `rank` tells the robot's own place in the schedule."""
         samples = self._body.sense()
         if samples:
-            self._bodies, self._bumped = samples[-1].bodies, False
+            self._bodies, self._bumped, self._sensed_at = samples[-1].bodies, False, samples[-1].stamp
         for sample in samples:
             self.localiser.feed(sample)
             self._bumped = self._bumped or sample.bumped
@@ -104,8 +117,10 @@ class Driver:
             self._heed(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL
-        if now >= self.stays_until:
+        if now >= self.stays_until and now - self._sensed_at <= STALE:
             twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
+            if self.moving:
+                twist = watched(twist, now - max(self._sensed_at, self._set_out_at))
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 
@@ -138,6 +153,8 @@ class Driver:
             navigator.go(now, pose, home, parked=peers.parked(now))
 
     def _act(self, now: Instant, twist: Twist) -> None:
+        if not self.moving:
+            self._set_out_at = now
         self._twist, self._acted_at = twist, now
         self._body.act(twist, now)
 
@@ -249,6 +266,14 @@ class Driver:
             shared=shared,
             through_gate=gated,
         )
+
+
+def watched(twist: Twist, unwatched: Duration) -> Twist:
+    """Return `twist`, so slow that in a time `unwatched` it leads no farther than at full speed within UNWATCHED."""
+    if unwatched <= UNWATCHED:
+        return twist
+    share = UNWATCHED / unwatched
+    return Twist(share * twist.v, share * twist.w)
 
 
 def nearest_free(

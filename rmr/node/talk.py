@@ -18,6 +18,7 @@ from rmr.node.course import bound_for, redirect
 from rmr.node.deliveries import Deliveries
 from rmr.node.exchange import Exchange
 from rmr.node.hello import STAYS, STAYS_SPARE, HelloClock
+from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
 from rmr.node.perception import driving_of
 from rmr.node.ports import Received
@@ -54,6 +55,11 @@ class _Last:
 
 
 _LAST: Final = _Last()
+
+
+def dated(read: Instant, frame: Received) -> Instant:
+    """Return from when on what a hello says counts that was `read` then: since it was said, if it has waited long."""
+    return read if read - frame.stamp <= OVERDUE else frame.stamp
 
 
 UNNAMED_FAILURE: Final = "broadcast"
@@ -182,11 +188,12 @@ class Talk:
         peer = peers.known.get(source)
         if peer is None or peer.hello is None:
             return False
-        hello = _LAST.hello(payload, source, now)
+        at = dated(now, frame)
+        hello = _LAST.hello(payload, source, at)
         if hello is None or hello.digest != self.digest or self._disputes(source, hello):
             return False
         peer.heard, peer.rssi_dbm = now, frame.rssi_dbm
-        peers.hello(now, source, hello, _LAST.driving, said=frame.stamp)
+        peers.hello(at, source, hello, _LAST.driving, said=frame.stamp)
         self._tell_parked(now)
         return True
 
@@ -195,7 +202,7 @@ class Talk:
         known = node.peers.known[source].hello
         if hello.digest != self.digest and (known is None or known.digest != hello.digest):
             node.trace(now, "other_program", source=source)
-        node.peers.hello(node.heard_at, source, hello, said=frame.stamp)
+        node.peers.hello(dated(node.heard_at, frame), source, hello, said=frame.stamp)
         if self._disputes(source, hello):
             self._heed(now)
         self._tell_parked(now)

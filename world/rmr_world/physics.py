@@ -38,8 +38,9 @@ COMMAND_AGE_MAX: Final = 100 * NS_PER_MS
 COMMAND_LEAD_MAX: Final = 100 * NS_PER_MS
 """A stamp further in the future is no time of this lab, and would shut out all later commands."""
 WATCHDOG: Final = 100 * NS_PER_MS
-"""Without a command for so long the wheels brake: a robot whose process dies or is held up at full speed goes another
-2 cm until then and 2.5 cm while it brakes. A shorter gap costs nothing, a slightly longer one a little speed."""
+"""So long after the last command was decided, however late it has arrived, the wheels brake: a robot whose process dies
+or is held up at full speed goes another 2 cm until then and 2.5 cm while it brakes. A shorter gap costs nothing, a
+slightly longer one a little speed."""
 CONTACTS_MAX: Final = 10_000
 """Records kept; contacts are counted beyond it."""
 FASTEST: Final = 2.0
@@ -60,7 +61,7 @@ class _Robot:
     """One robot's body, and what it was last told."""
 
     __slots__ = (
-        "active", "contacts", "cos", "distance_m", "free_until_m", "goes_vx", "goes_vy", "goes_w", "heard", "id",
+        "active", "contacts", "cos", "decided", "distance_m", "free_until_m", "goes_vx", "goes_vy", "goes_w", "id",
         "near", "rolled", "sensors", "sin", "slip", "stamp", "steered", "target", "theta", "v", "view", "vx", "vy", "w",
         "x", "y",
     )  # fmt: skip
@@ -81,7 +82,8 @@ class _Robot:
         """Whether it has moved since the engine was asked last."""
         self.target: Twist = STILL
         self.stamp: Instant = -COMMAND_AGE_MAX
-        self.heard: Instant = -WATCHDOG
+        self.decided: Instant = -WATCHDOG
+        """When what it was told was decided, as far as that is past."""
         self.contacts = 0
         self.active = False
         """Whether its body may move in this tick."""
@@ -148,7 +150,7 @@ class World:
             twist = Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
         state.target = twist
         state.stamp = stamp
-        state.heard = now
+        state.decided = min(stamp, now)
         self._awake[robot] = state
 
     def silence(self, robot: int, until: Instant) -> None:
@@ -226,7 +228,7 @@ class World:
         Returns False for a robot that stands and shall.
         """
         target_v, target_w = robot.target.v, robot.target.w
-        if now - robot.heard > WATCHDOG:
+        if now - robot.decided > WATCHDOG:
             target_v = target_w = 0.0
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:
             return False

@@ -85,6 +85,18 @@ def test_wheels_brake_a_tenth_of_a_second_after_the_last_command(tmp_path):
     assert 0.02 < stopped - so_far < 0.05
 
 
+def test_a_command_that_comes_late_is_followed_no_longer_than_one_in_time(tmp_path):
+    ways = []
+    for late in (0, 60 * NS_PER_MS):
+        world = world_of(tmp_path, (0.5, 0.5, 0))
+        drive(world, {1: FORWARD}, 1)
+        so_far = world.distance_m(1)
+        world.act(1, FORWARD, NS_PER_S, NS_PER_S + late)
+        world.step(seconds(2.0))
+        ways.append(world.distance_m(1) - so_far)
+    assert ways[0] == ways[1] > 0.02
+
+
 def test_commands_older_than_100_ms_are_dropped_and_counted(tmp_path):
     world = world_of(tmp_path, (0.5, 0.5, 0))
     now = NS_PER_S
