@@ -1,6 +1,7 @@
 """`rmr sim`: what it prints, what it leaves, how it says what is wrong."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -189,6 +190,18 @@ def test_a_disk_that_is_full_is_told_where_results_are_written(tmp_path, capsys)
     lab = tiny(tmp_path, 'type action say(R: robot, T: string) -o done(R).\ngo(R).\ngo(R) -o say(R, "x").\n')
     assert main([str(lab), "--run", str(tmp_path / "a"), "--trace", "/dev/full"]) == 1
     assert capsys.readouterr().err.splitlines()[-1] == "rmr sim: /dev/full: No space left on device"
+
+
+def test_who_closes_the_pipe_has_seen_enough(tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    words = [sys.executable, "-u", "-P", "-m", "rmr_sim.main", str(tiny(tmp_path, "done(R).\n"))]
+    words += ["--run", str(tmp_path / "run")]
+    answer = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert answer.returncode == 1
+    assert "Broken pipe" not in answer.stderr
+    assert (tmp_path / "run" / "report.json").exists()
 
 
 def test_a_mistake_of_ours_before_the_run_is_told_without_a_traceback(tmp_path, capsys, monkeypatch):

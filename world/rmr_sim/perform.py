@@ -57,6 +57,8 @@ def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
     except EventError as error:
         print(f"rmr sim: {error}", file=sys.stderr)
         return EXIT_FAILED
+    except BrokenPipeError:
+        raise  # of the output: it is no mistake to have seen enough
     except (RunFolderError, OSError) as error:
         print(f"rmr sim: {_words_of(error)}", file=sys.stderr)
         return EXIT_USAGE if folder is None else EXIT_FAILED

@@ -1,6 +1,7 @@
 """The options of `rmr-world`."""
 
 import argparse
+import re
 from pathlib import Path
 
 from rmr import __version__
@@ -17,6 +18,12 @@ def _endpoint(text: str) -> str:
 def _count(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) > 0):
         raise argparse.ArgumentTypeError(f"'{text}' is no number of robots")
+    return int(text)
+
+
+def _seed(text: str) -> int:
+    if re.fullmatch("-?[0-9]{1,18}", text) is None:
+        raise argparse.ArgumentTypeError(f"a whole number of 18 digits at most, not {text!r:.40}")
     return int(text)
 
 
@@ -37,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
         "--program", type=Path, metavar="PROG", help="check the lab's facts against this program (.rmr or .rbc)"
     )
     it.add_argument("--robots", type=_count, metavar="N", help="only the first N robots of the lab")
-    it.add_argument("--seed", type=int, metavar="S", help="another seed than the lab file's")
+    it.add_argument("--seed", type=_seed, metavar="S", help="another seed than the lab file's")
     it.add_argument("--when-ready", action="store_true", help="lab time starts when all robots are ready")
     it.add_argument("--log", type=Path, metavar="FILE", help="write a log as JSON lines")
     it.add_argument("--version", action="version", version=f"%(prog)s {__version__}")

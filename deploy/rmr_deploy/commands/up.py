@@ -7,11 +7,14 @@ import click
 
 from rmr import __version__
 
+SEED_MAX = 10**18 - 1
+"""What fits the 64 bits in which robots are told."""
+
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("lab", type=click.Path(exists=True, path_type=Path))
 @click.option("--robots", type=click.IntRange(min=1), metavar="N", help="The first N robots of the lab only.")
-@click.option("--seed", type=click.IntRange(min=0), metavar="S", help="In place of the lab's seed.")
+@click.option("--seed", type=click.IntRange(0, SEED_MAX), metavar="S", help="In place of the lab's seed.")
 @click.option(
     "--actions", type=click.Path(path_type=Path), metavar="FILE.py", help="Handlers of the program's actions."
 )

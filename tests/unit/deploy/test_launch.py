@@ -27,7 +27,7 @@ program: standin.rmr
 duration: 30s
 finish: at(R, exit)
 arena: {size: [3.0, 3.0]}
-areas: {exit: {at: [2.0, 2.0]}}
+areas: {exit: {slots: [[2.0, 2.0], [2.0, 1.5]]}}
 robots: [{id: 1, pose: [0.5, 0.5, 0deg]}, {id: 2, pose: [1.0, 0.5, 0deg]}]
 """
 
