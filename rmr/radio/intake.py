@@ -67,7 +67,8 @@ class Counters:
     blind: int = 0
     """Frames sent into a channel that was not clear, as a late announcement showed afterwards: what lateness costs."""
     overdue: int = 0
-    """Announcements heard, or made, after their reception was due: decided all the same, by their stamps."""
+    """Announcements looked at, or made, after their reception could be decided: decided all the same, by their stamps.
+    Where a robot looks when it wakes anyway, most of those for whose answer nobody waits."""
 
     def add(self, name: str) -> None:
         """Count one of what counter `name` counts."""

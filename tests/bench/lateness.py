@@ -7,6 +7,9 @@ zenoh through a router in another process, once in the ether. In virtual time an
 its first symbol. Between processes one may come later; its reception is decided by the stamps all the same, but who
 assesses the channel meanwhile does not know of it and may transmit at the same time (`frames.late`, `frames.blind`).
 What that does to deliveries is the difference between the two.
+
+A robot leaves what it need not acknowledge until it wakes anyway. Here each announcement wakes its hearers, as only
+those of frames to be acknowledged do there: it is the bus that is measured, not their patience.
 """
 
 import argparse
@@ -77,7 +80,7 @@ class Radio:
         self.bus.subscribe(KEY, self._hear)
         self.station = Station(robot, PAN, SEED, Random(robot), RadioConfig(), RADIO_GRACE)
         self.station.move(*self._place)
-        self._link = RadioLink(self.station, self._now, lambda one: self.bus.publish(KEY, wire.Air(one)))
+        self._link = RadioLink(self.station, self._now, lambda one: self.bus.publish(KEY, wire.Handshake(one)))
         self.heard = 0
 
     def begin(self, begin_ns: int) -> None:
@@ -89,7 +92,7 @@ class Radio:
         return time.monotonic_ns() - self._begin_ns
 
     def _hear(self, _key: str, message: wire.Envelope) -> None:
-        assert isinstance(message.body, wire.Air)
+        assert isinstance(message.body, wire.Handshake)
         self.heard += 1
         self._link.hear(message.body.announcement)
         self._turn()
