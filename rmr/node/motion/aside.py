@@ -11,7 +11,7 @@ there is free floor around the jam, its outermost robots find some, and those be
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -36,7 +36,7 @@ ASIDE_RADII: Final = 4.0
 ANGLES: Final = (-90, -135, -45, 90, 135, 45, 180)
 """Degrees from the way to the goal, to the right first."""
 
-FARTHER: Final = (1.0, 1.5, 2.0, 3.0)
+FARTHER: Final[tuple[float, ...]] = (1.0, 1.5, 2.0, 3.0)
 """Times as far, where there is no room nearer, or nothing has helped so often."""
 DIRECTIONS: Final = 12
 """Directions in which a walk away from a jam is tried."""
@@ -171,18 +171,20 @@ def walk_away(
     return best
 
 
-def _around(start: Point, radius: float, first: float, tries: int) -> Iterator[tuple[Point, float]]:
-    """Yield the places around `start` that the `tries`-th walk away may end at, each with how far away it is.
+def _around(start: Point, radius: float, first: float, tries: int) -> list[tuple[Point, float]]:
+    """Return the places around `start` that the `tries`-th walk away may end at, each with how far away it is.
 
     The farthest that so many tries allow come first, then nearer ones, then those that are farther. All directions are
     tried, from that of the angle `first` on.
     """
     ring = min(tries, len(FARTHER))
+    spots = []
     for times in (*FARTHER[ring - 1 :: -1], *FARTHER[ring:]):
         away = times * ASIDE_RADII * radius
         for turn in range(DIRECTIONS):
             angle = first + turn * math.tau / DIRECTIONS
-            yield Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle)), away
+            spots.append((Point(start.x + away * math.cos(angle), start.y + away * math.sin(angle)), away))
+    return spots
 
 
 def ways_of(arena: Arena, here: Point, others: Sequence[Heard], parked: Sequence[Point]) -> list[Route]:

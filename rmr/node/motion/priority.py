@@ -26,7 +26,7 @@ STEP_S: Final = 0.25
 STEPS: Final = round(HORIZON_S / STEP_S) + 1
 MARGIN_M: Final = 1e-6
 """For rounding."""
-SHARES: Final = (1.0, 0.6, 0.3, 0.0)
+SHARES: Final[tuple[float, ...]] = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
 BETTER_M: Final = 0.005
 """Where none is enough, a lower speed is taken if it keeps the two farther apart by more than this."""
