@@ -201,8 +201,13 @@ class Life:
             self.wake()
 
     def hear(self, announcement: Announcement) -> None:
-        """Take in the announcement of a radio frame: what nobody waits for is decided together with others."""
+        """Take in the announcement of a radio frame: what nobody waits for is decided together with others.
+
+        A robot that does not know its place hears nothing yet: some calls reach it wherever it is.
+        """
         station = self.link.station
+        if self.body.place is None:
+            return
         now = self.link.hear(announcement)
         if station.next_wake < self._wakes or (station.soonest <= now and self._wakes - now > FRAME):
             self.wake()

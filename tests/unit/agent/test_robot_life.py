@@ -12,7 +12,9 @@ from rmr.base.values import Symbol
 from rmr.bus import wire
 from rmr.bytecode.program import ANY, Base, Constant, Kind, Predicate, Program, Type
 from rmr.node.motion.grid import grid_of
-from rmr.radio.phy import Bursts
+from rmr.radio.air import Announcement
+from rmr.radio.frame import DataFrame, encode_data
+from rmr.radio.phy import Bursts, airtime
 from rmr.radio.station import RadioConfig
 from rmr_agent import life as lives
 from rmr_agent.bytecode import Loaded, RefusedError
@@ -220,6 +222,19 @@ def test_a_robot_listens_from_its_first_sample_to_its_end_and_hears_from_there(m
         assert (life.link.station._x, life.link.station._y) == (0.5, 0.5)
         life.end()
         assert life._air.places == [(0.5, 0.5), None]
+
+    live(monkeypatch, scene)
+
+
+def test_a_robot_hears_nothing_before_it_knows_where_it_is(monkeypatch):
+    async def scene(life, clock, node, failures):
+        start(clock)
+        psdu = encode_data(DataFrame(RADIO["pan"], 1, 2, 5, True, b"x"))
+        for sequence, heard in ((1, False), (2, True)):
+            begins = life.now() + NS_PER_S
+            life.hear(Announcement(2, sequence, 0, begins, begins + airtime(len(psdu)), 0.0, 0.0, 0.0, psdu))
+            assert (life.link.station.next_wake < NEVER) is heard
+            life.sense(sample())
 
     live(monkeypatch, scene)
 
