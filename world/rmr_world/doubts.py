@@ -27,7 +27,7 @@ def doubtful(lab: Lab, program: Program) -> list[Problem]:
 def _too_short(lab: Lab) -> Iterator[Problem]:
     duration_s, least_s = in_seconds(lab.duration), bound_s(lab)
     if duration_s < least_s < inf:
-        message = f"warning: nothing can finish within {duration_s:g} s: the way alone takes {least_s:.2f} s"
+        message = f"warning: nothing can finish within {duration_s:g} s: no schedule takes less than {least_s:.2f} s"
         yield problem_at(lab, ("duration",), message)
 
 

@@ -166,7 +166,7 @@ def test_a_deadline_of_the_labs_own_finish_fact_is_judged_by_where_its_facts_lea
         (
             "duration: 20s",
             "duration: 9s",
-            "3:11: duration: warning: nothing can finish within 9 s: the way alone takes 10.00 s",
+            "3:11: duration: warning: nothing can finish within 9 s: no schedule takes less than 10.00 s",
         ),
         (
             "facts:",
