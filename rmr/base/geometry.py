@@ -21,7 +21,7 @@ class Pose:
     """Where a robot is (metres) and where it faces (radians). It is never changed.
 
     Like `Twist` no named tuple: those are made and taken apart by the interpreter, compiled or not. It can be unpacked,
-    indexed and cut like one; what is asked for often is asked by name, which costs nothing.
+    indexed, cut, copied and pickled like one; what is asked for often is asked by name, which costs nothing.
     """
 
     __slots__ = ("theta", "x", "y")
@@ -53,6 +53,9 @@ class Pose:
     def __repr__(self) -> str:
         return f"Pose(x={self.x!r}, y={self.y!r}, theta={self.theta!r})"
 
+    def __reduce__(self) -> tuple[type["Pose"], tuple[float, ...]]:
+        return Pose, (self.x, self.y, self.theta)
+
 
 @final
 class Twist:
@@ -75,6 +78,9 @@ class Twist:
 
     def __repr__(self) -> str:
         return f"Twist(v={self.v!r}, w={self.w!r})"
+
+    def __reduce__(self) -> tuple[type["Twist"], tuple[float, ...]]:
+        return Twist, (self.v, self.w)
 
 
 PI: Final = 3.141592653589793

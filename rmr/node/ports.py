@@ -46,6 +46,9 @@ class SeenBody:
     def __repr__(self) -> str:
         return f"SeenBody(x={self.x!r}, y={self.y!r}, vx={self.vx!r}, vy={self.vy!r})"
 
+    def __reduce__(self) -> tuple[type["SeenBody"], tuple[float, ...]]:
+        return SeenBody, self._values()
+
     def _values(self) -> tuple[float, float, float, float]:
         return self.x, self.y, self.vx, self.vy
 

@@ -1,5 +1,8 @@
 """Poses, twists and bodies in view are read like the tuples that they are not."""
 
+import copy
+import pickle
+
 import pytest
 
 from rmr.base.geometry import Pose, Twist
@@ -24,6 +27,6 @@ def test_twists_and_bodies_in_view_can_be_unpacked():
 
 @pytest.mark.parametrize("value", [Pose(1.0, 2.0, 0.5), Twist(0.1, -0.2), SeenBody(0.3, 0.1, 0.0, 0.2)])
 def test_equal_values_are_equal_and_hash_alike_and_print_what_makes_them(value):
-    again = eval(repr(value))
-    assert (again, hash(again)) == (value, hash(value))
+    for again in (eval(repr(value)), copy.deepcopy(value), pickle.loads(pickle.dumps(value))):
+        assert (again, hash(again)) == (value, hash(value))
     assert value != tuple(value)
