@@ -1,6 +1,7 @@
 """Each checker of a simulated run is silent while its rule holds, and speaks when somebody breaks it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from lab_maker import small_lab
@@ -18,6 +19,7 @@ from rmr.vm import assertions
 from rmr.vm.assertions import Assertions
 from rmr.vm.machine import Machine
 from rmr_sim.checkers.progress import STILL
+from rmr_sim.run import Options, load
 
 EVENT = b"charge"
 VALUES = Values()
@@ -44,6 +46,7 @@ late: watch(go(R), done(R), 0.5, say(R, "late")).
 go(R).
 $go(R) -o wait(R, 2).
 """
+LABS = Path(__file__).parents[2] / "deploy" / "labs"
 
 
 def found(simulation):
@@ -412,6 +415,18 @@ def test_a_robot_that_waits_for_a_time_to_come_does_not_stand_still(tmp_path):
     program = "type action wait(R: robot, T: float) -o done(R).\ngo(R).\ngo(R) -o wait(R, 40)."
     simulation = small_lab(tmp_path, program, finish="done(R)", duration="60s")
     assert simulation.run()
+    assert found(simulation) == []
+
+
+def test_robots_that_wait_for_their_turn_while_others_pass_do_not_stand_still(tmp_path):
+    text = (LABS / "testbed" / "lab.yaml").read_text("utf-8")
+    corner = text.replace("entry: {at: [0.5, 0.75]}", "entry: {at: [0.4, 1.4]}")  # each is inside for long
+    assert corner != text
+    (tmp_path / "lab.yaml").write_text(corner, "utf-8")
+    (tmp_path / "testbed.rmr").write_text((LABS / "testbed" / "testbed.rmr").read_text("utf-8"), "utf-8")
+    simulation = load(tmp_path, Options()).simulation(7)
+    assert simulation.run()
+    assert simulation.time_s > 30.0
     assert found(simulation) == []
 
 

@@ -52,10 +52,11 @@ class StandsStill:
             self._look(robot, now)
         if not busy or not scene.simulation.lab.finish or now < scene.healed_at + STILL:
             return
-        still = [robot for robot in busy if now - self._got_on[robot] > STILL and self._has_to(robot)]
+        long = [robot for robot in busy if now - self._got_on_at(robot) > STILL]
+        still = [robot for robot in long if self._has_to(robot)]
         for robot in still:
             self._tell(now, (robot,), f"robot {robot} has stood still for {in_seconds(STILL):g} s")
-        if not still and all(now - self._got_on[robot] > STILL and not self._waits(robot) for robot in busy):
+        if not still and long == busy and not any(self._waits(robot) for robot in busy):
             words = f"no robot has got on for {in_seconds(STILL):g} s; not finished: {', '.join(map(str, busy))}"
             self._tell(now, tuple(busy), words)
 
@@ -72,13 +73,15 @@ class StandsStill:
             self._where[robot] = (x, y)
             self._got_on[robot] = now
 
+    def _got_on_at(self, robot: int) -> Instant:
+        """Return when the robot got on last, by itself or by others' use of the event for which it waits."""
+        turn = self._scene.node(robot).turns.current
+        return max(self._got_on[robot], 0 if turn is None else self._used.get(turn.event, 0))
+
     def _has_to(self, robot: int) -> bool:
-        """Return whether the robot drives, or waits for a turn that nobody else has had for long."""
+        """Return whether the robot drives, or waits for a turn."""
         node = self._scene.node(robot)
-        turn = node.turns.current
-        if turn is not None:
-            return self._scene.simulation.now - self._used.get(turn.event, 0) > STILL
-        return node.actions.driving is not None
+        return node.turns.current is not None or node.actions.driving is not None
 
     def _waits(self, robot: int) -> bool:
         """Return whether an action lets time pass: it ends by itself."""
