@@ -7,7 +7,10 @@ hashed with SHA-512 by `random.Random`), and drawing from one stream never distu
 import hashlib
 import math
 from random import Random
-from typing import ClassVar
+from typing import ClassVar, Final
+
+SEED_MAX: Final = 10**18 - 1
+"""The greatest seed of a lab; the least is 0. Robots are told it in 64 bits."""
 
 
 def stream(name: str) -> Random:

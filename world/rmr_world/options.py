@@ -1,10 +1,10 @@
 """The options of `rmr-world`."""
 
 import argparse
-import re
 from pathlib import Path
 
 from rmr import __version__
+from rmr.base.streams import SEED_MAX
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
 
 
@@ -22,8 +22,8 @@ def _count(text: str) -> int:
 
 
 def _seed(text: str) -> int:
-    if re.fullmatch("-?[0-9]{1,18}", text) is None:
-        raise argparse.ArgumentTypeError(f"a whole number of 18 digits at most, not {text!r:.40}")
+    if not (text.isascii() and text.isdigit() and len(text) <= len(str(SEED_MAX))):
+        raise argparse.ArgumentTypeError(f"a whole number from 0 to {SEED_MAX}, not {text!r:.40}")
     return int(text)
 
 

@@ -42,7 +42,8 @@ def _cut(value: object) -> bool:
 
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
-Integer = Annotated[int, Strict()]
+Seed = Annotated[int, Strict(), Field(ge=0)]
+"""No greater than `SEED_MAX`: a lab file has no whole numbers of more digits."""
 Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Strict(), Field(ge=0, le=1)]
 Length = Annotated[float, Strict(), Field(gt=0, le=ARENA_M_MAX)]
@@ -256,7 +257,7 @@ class RadioSpec(_Strict):
     loss: Fraction = 0.0
     bursts: BurstsSpec | None = None
     interference: Literal["capture_3db", "awgn"] = "capture_3db"
-    seed: Integer | None = None
+    seed: Seed | None = None
     security: Literal["none", "enc-mic-32", "enc-mic-64", "enc-mic-128"] | None = None
     key_file: Annotated[str, Field(min_length=1, description="Relative to this file.")] | None = None
     links: Annotated[list[LinkSpec], Field(max_length=DISTURBANCES_MAX)] = []
@@ -355,7 +356,7 @@ class LabFile(_Strict):
 
     lab: Annotated[str, Field(pattern=LAB_NAME)] = Field(description="Key prefix on the bus.")
     program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
-    seed: Integer = 0
+    seed: Seed = 0
     duration: Annotated[DurationNs, Field(gt=0)] = 120 * NS_PER_S
     finish: str | None = Field(None, description="A fact that every robot holds in the end: at(R, exit).")
     arena: ArenaSpec

@@ -6,9 +6,7 @@ from pathlib import Path
 import click
 
 from rmr import __version__
-
-SEED_MAX = 10**18 - 1
-"""What fits the 64 bits in which robots are told."""
+from rmr.base.streams import SEED_MAX
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

@@ -22,6 +22,8 @@ MISTAKES = [
     ("lab: twice", "6:1: lab: repeated key; it stands in line 1 already"),
     ("seed: seven", "6:7: seed: should be a valid integer, not 'seven'"),
     ("seed: 1.5", "6:7: seed: should be a valid integer, not 1.5"),
+    ("seed: -7", "6:7: seed: should be greater than or equal to 0"),
+    ("seed: 1000000000000000000", "6:7: seed: should be a valid integer, not 1e+18"),
     ("seed: true", "6:7: seed: should be a valid integer, not True"),
     ("duration: 120 m", "6:11: duration: should be a duration such as 120s, 500ms or 1.5min, not '120 m'"),
     ("duration: -3", "6:11: duration: should be a duration"),
