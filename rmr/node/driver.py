@@ -26,8 +26,8 @@ from rmr.node.sensedfacts import SensedFacts
 from rmr.node.wire import Hello
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
-"""A moving robot repeats its wheel command at least this often, every other frame; without one for 0.1 s the body
-brakes."""
+"""A moving robot repeats its wheel command at least this often, every other frame: the body brakes 0.1 s after the last
+was decided."""
 UNWATCHED: Final[Duration] = milliseconds(50)
 """For so long after the newest sample the wheels may turn at full speed: 1 cm, which the margins of `motion` cover. In
 virtual time it is a frame, in a process that is called in time two."""

@@ -132,7 +132,7 @@ class Body(Protocol):
         """Return the samples since the last call, oldest first."""
 
     def act(self, twist: Twist, stamp: Instant) -> None:
-        """Command the wheels. The body drops commands older than 100 ms and brakes after 0.1 s without one."""
+        """Command the wheels. The body drops commands older than 100 ms and brakes 0.1 s after the last was decided."""
 
 
 @dataclass(frozen=True, slots=True)
