@@ -255,7 +255,7 @@ def test_a_robot_steps_aside_for_one_on_its_goal_but_leaves_the_way_through_its_
         for tick in range(round(in_seconds(since) * 60), round(in_seconds(until) * 60)):
             now = tick_start(tick)
             if tick % 12 == 0:
-                navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.5), 2, now)])
+                navigator.update_moving(now, 1, [Heard(2, Pose(*goal, 3.0), Point(0.25, 0.75), 2, now)])
             navigator.step(now, start, 0.005, [SeenBody(0.17, 0.0, 0.0, 0.0)], bumped=False)
             found.add((navigator.route.points[-1] == goal, navigator.route.gate_m is not None))
         return found
