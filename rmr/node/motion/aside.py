@@ -43,7 +43,9 @@ DIRECTIONS: Final = 12
 WALK_LONGER_M: Final = 0.3
 """So much longer than straight the way of such a walk may be."""
 WAYS_M: Final = 1.0
-"""Whoever walks away keeps off the ways of others that are no farther."""
+"""Whoever walks away keeps off the ways of others that are no farther ..."""
+WAYS_MAX: Final = 8
+"""... of the nearest in a crowd: each way is planned, some 10 ms in a hall."""
 STAY_MAX_S: Final = 6.0
 """How much longer a robot stays away from a jam at most, by chance."""
 WALK_S: Final = 6.0
@@ -188,15 +190,11 @@ def _around(start: Point, radius: float, first: float, tries: int) -> list[tuple
 
 
 def ways_of(arena: Arena, here: Point, others: Sequence[Heard], parked: Sequence[Point]) -> list[Route]:
-    """Return the ways to their goals of those of `others` that drive near `here`, around those `parked`."""
-    ways = []
-    for other in others:
-        at = Point(other.pose.x, other.pose.y)
-        if other.goal is not None and distance(*at, *here) < WAYS_M:
-            way = leader_route(arena, at, other.goal, parked, through_gate=False)
-            if way is not None:
-                ways.append(way)
-    return ways
+    """Return the ways to their goals of those of `others` that drive nearest to `here`, around those `parked`."""
+    trips = [(Point(other.pose.x, other.pose.y), other.goal) for other in others if other.goal is not None]
+    near = sorted((away, at, goal) for at, goal in trips if (away := distance(*at, *here)) < WAYS_M)
+    routes = (leader_route(arena, at, goal, parked, through_gate=False) for _, at, goal in near[:WAYS_MAX])
+    return [route for route in routes if route is not None]
 
 
 def _near(spot: Point, others: Sequence[Point], radius: float) -> bool:

@@ -147,3 +147,10 @@ def test_only_those_near_that_say_where_they_go_have_ways():
     far = Heard(2, Pose(2.5, 0.2, 0.0), Point(1.2, 1.3), 0, 0)
     silent = Heard(3, Pose(0.8, 0.2, 0.0), None, 0, 0)
     assert ways_of(floor, here, [far, silent], ()) == []
+
+
+def test_of_a_crowd_the_ways_of_the_nearest_count():
+    floor, here = Arena(3.0, 1.5, 0.05, (), ()), Point(0.5, 0.75)
+    crowd = [Heard(robot, Pose(1.4 - 0.05 * robot, 0.75, 0.0), Point(2.8, 0.75), 0, 0) for robot in range(1, 13)]
+    ways = ways_of(floor, here, crowd, ())
+    assert [way.points[0].x for way in ways] == [pytest.approx(1.4 - 0.05 * robot) for robot in range(12, 4, -1)]
