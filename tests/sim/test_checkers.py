@@ -418,6 +418,53 @@ def test_a_robot_that_waits_for_a_time_to_come_does_not_stand_still(tmp_path):
     assert found(simulation) == []
 
 
+def test_an_action_that_sleeps_longer_than_the_limit_in_its_turn_is_no_standstill(tmp_path):
+    slow = CHARGER.replace("0.5", "40.0")
+    simulation = small_lab(tmp_path, CHARGE, actions=slow, robots=2, finish="done(R)", duration="120s")
+    assert simulation.run()
+    assert found(simulation) == []
+
+
+def test_an_action_that_sleeps_with_the_wheels_is_no_standstill(tmp_path):
+    parked = CHARGER.replace('"charge"', '"charge", wheels=True').replace("0.5", "40.0")
+    simulation = small_lab(tmp_path, CHARGE, actions=parked, robots=2, finish="done(R)", duration="120s")
+    assert simulation.run()
+    assert found(simulation) == []
+
+
+def test_robots_that_wait_for_a_long_turn_of_a_robot_that_drives_do_not_stand_still(tmp_path):
+    laps = """
+    from rmr import action
+
+    @action("charge", wheels=True)
+    async def charge(robot):
+        robot.drive(0.0, 1.6)  # turn away from the other robot
+        await robot.sleep(0.95)
+        for _ in range(10):
+            for v in (0.2, 0.2, -0.2, -0.2):
+                robot.drive(v, 0.0)
+                await robot.sleep(0.95)
+    """
+    simulation = small_lab(tmp_path, CHARGE, actions=laps, robots=2, finish="done(R)", duration="90s")
+    assert simulation.run()
+    assert found(simulation) == []
+
+
+def test_a_robot_that_polls_with_short_sleeps_and_does_not_move_stands_still(tmp_path):
+    poll = """
+    from rmr import action
+
+    @action("sit", wheels=True)
+    async def sit(robot):
+        while True:
+            await robot.sleep(0.5)
+    """
+    program = "type action sit(R: robot) -o done(R).\ngo(R).\ngo(R) -o sit(R)."
+    simulation = small_lab(tmp_path, program, actions=poll, finish="done(R)", duration="32s")
+    assert not simulation.run()
+    assert found(simulation) == [("stands still", (1,), "robot 1 has stood still for 30 s")]
+
+
 def test_robots_that_wait_for_their_turn_while_others_pass_do_not_stand_still(tmp_path):
     text = (LABS / "testbed" / "lab.yaml").read_text("utf-8")
     corner = text.replace("entry: {at: [0.5, 0.75]}", "entry: {at: [0.4, 1.4]}")  # each is inside for long

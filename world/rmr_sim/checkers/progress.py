@@ -1,15 +1,17 @@
 """Nobody stands still for ever: when all faults are over, whoever has something to do gets on with it.
 
 A robot gets on when it moves away by its own width (to and fro is no progress), when its machine has anything to
-report but a missed deadline, or when others use the event for which it waits.
+report but a missed deadline, while one of its actions sleeps for a second or longer, or when others use the event for
+which it waits: by entering, or by getting on inside.
 A robot that drives, or waits for its turn, and has not got on for `STILL` stands still; so do all robots together when
 none of them has got on for so long, and none waits for a time to come. A lab without a finish fact has nothing to do.
 """
 
 import math
 
-from rmr.base.time import NS_PER_S, Duration, Instant, in_seconds, seconds
+from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
+from rmr.node.turn import Phase
 from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import Scene
@@ -17,7 +19,7 @@ from rmr_sim.checkers.scene import Scene
 STILL: Duration = seconds(30)
 """Longer than a drive that finds no way takes to fail (20 s), and than a silent robot is taken for inside (10 s)."""
 EVERY: Duration = NS_PER_S
-"""How often robots are looked at."""
+"""How often robots are looked at; an action that sleeps for less may be one that polls, and counts as standing."""
 
 
 class StandsStill:
@@ -30,7 +32,7 @@ class StandsStill:
         self._where = {robot: (pose.x, pose.y) for robot in scene.robots for pose in [world.pose(robot)]}
         self._got_on: dict[int, Instant] = dict.fromkeys(scene.robots, 0)
         self._used: Newest[bytes, Instant] = Newest()
-        """When each event was entered last."""
+        """When each event was entered last, or when the robot inside got on last."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
             scene.hear(kind, self._reported)
         scene.hear(Entered, self._entered)
@@ -50,6 +52,7 @@ class StandsStill:
         busy = [robot for robot in scene.robots if scene.alive(robot) and not scene.finished(robot)]
         for robot in busy:
             self._look(robot, now)
+            self._note_use(robot)
         if not busy or not scene.simulation.lab.finish or now < scene.healed_at + STILL:
             return
         long = [robot for robot in busy if now - self._got_on_at(robot) > STILL]
@@ -72,6 +75,15 @@ class StandsStill:
         if math.hypot(x - was_x, y - was_y) > 2.0 * self._scene.simulation.lab.arena.shape.radius:
             self._where[robot] = (x, y)
             self._got_on[robot] = now
+
+        if any(now + EVERY < running.pause.until < NEVER for running in self._scene.node(robot).actions.running):
+            self._got_on[robot] = now
+
+    def _note_use(self, robot: int) -> None:
+        """Count the progress of a robot inside its event as use of the event, for those that wait for their turn."""
+        turn = self._scene.node(robot).turns.current
+        if turn is not None and turn.phase is Phase.INSIDE:
+            self._used[turn.event] = max(self._used.get(turn.event, 0), self._got_on[robot])
 
     def _got_on_at(self, robot: int) -> Instant:
         """Return when the robot got on last, by itself or by others' use of the event for which it waits."""
