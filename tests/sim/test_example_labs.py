@@ -1,0 +1,88 @@
+"""The labs of docs/examples/labs: they are checked without a warning, finish, and survive faults at random."""
+
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from rmr.commands.group import command as main
+from rmr_sim.run import Options, load
+
+LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
+FILES = ["aisles/lab.yaml", "aisles/through.yaml", "charging/lab.yaml", "crossing/lab.yaml"]
+
+
+@cache
+def ran(file, seed, *, chaos=False):
+    """Return the simulation of a lab when it is over, and whether it finished."""
+    actions = LABS / Path(file).parent / "actions.py"
+    options = Options(actions=actions if actions.exists() else None, chaos=chaos)
+    simulation = load(LABS / file, options).simulation(seed)
+    return simulation, simulation.run()
+
+
+def turns_of(simulation, event):
+    """Return the turns of an event, each with its begin, its end and its robot, in order of their begin."""
+    begun, turns = {}, []
+    for entry in simulation.trace():
+        if entry["what"] == "entered" and entry["event"] == event:
+            begun[entry["robot"]] = entry["t"]
+        elif entry["what"] == "left" and entry["event"] == event:
+            turns.append((begun.pop(entry["robot"]), entry["t"], entry["robot"]))
+    return sorted(turns)
+
+
+@pytest.mark.parametrize("program", sorted(LABS.glob("*/*.rmr")), ids=lambda path: path.stem)
+def test_rmr_check_has_no_warning_about_an_example_lab(program):
+    result = CliRunner().invoke(main, ["check", str(program)])
+    assert (result.exit_code, result.output) == (0, "")
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_an_example_lab_is_judged_without_a_warning(file):
+    assert load(LABS / file, Options()).warnings == ()
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_an_example_lab_finishes_without_contact(file):
+    simulation, finished = ran(file, 1)
+    assert finished
+    assert [violation.words for violation in simulation.violations] == []
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_an_example_lab_finishes_after_faults_at_random(file):
+    _, finished = ran(file, 3, chaos=True)
+    assert finished
+
+
+def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
+    simulation, _ = ran("aisles/lab.yaml", 1)
+    for event in ("fetching(north)", "fetching(south)"):
+        turns = turns_of(simulation, event)
+        assert len(turns) == 6
+        assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
+
+
+def test_both_aisles_are_in_use_at_one_time():
+    simulation, _ = ran("aisles/lab.yaml", 1)
+    north, south = (turns_of(simulation, f"fetching({aisle})")[0] for aisle in ("north", "south"))
+    assert north[0] < south[1]
+    assert south[0] < north[1]
+
+
+def test_each_charging_place_has_one_robot_at_a_time():
+    simulation, _ = ran("charging/lab.yaml", 1)
+    for place in ("west", "east"):
+        turns = turns_of(simulation, f"charging({place})")
+        assert len(turns) >= 3
+        assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
+
+
+def test_eight_robots_cross_the_intersection_one_at_a_time():
+    simulation, _ = ran("crossing/lab.yaml", 1)
+    turns = turns_of(simulation, "crossing()")
+    assert len({robot for _, _, robot in turns}) == 8
+    assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
