@@ -41,6 +41,8 @@ def rank_changed(node: "Node", now: Instant, turn: Turn) -> None:
     running = turn.action
     if turn.goal is None or running is None or running.started is None or turn.phase is Phase.INSIDE:
         return
+    if node.driver is None or node.driver.place is None:
+        return  # the action has not taken a place yet
     if turn.goal.slotted and running.handler.to_area:
         redirect(node, now, node.take_place(turn.goal, turn), turn)
 

@@ -212,7 +212,11 @@ class Driver:
         return self._roster.index(self._robot)
 
     def take_place(self, now: Instant, area: Area, rank: int, place: int, peers: Peers) -> Point:
-        """Choose the robot's place in `area` and keep it."""
+        """Choose the robot's place in `area` and keep it. Needs a pose.
+
+        Invariant: a robot that has a place knows where it is, so that it can set out for another one at any time.
+        """
+        assert self.localiser.pose is not None
         point = self.place_of(now, area, rank, place, peers)
         self.place = point if area.slotted or area.box is not None else None
         self._chosen = (area, rank, place)

@@ -108,6 +108,7 @@ async def moveto(robot: NodeHandle, area_name: str) -> None:
     area = robot.node.arena.area(area_name)
     if area is None:
         raise ActionFailed(f"no area is called {area_name}")
+    await _located(robot)  # a place is taken only by a robot with a pose: what others say may send it to another one
     await _drive(robot, robot.node.take_place(area, robot.turn), gated=True)
 
 

@@ -216,6 +216,9 @@ class Talk:
         if running is None:
             return False
         turn = running.turn if isinstance(running.turn, Turn) else None
+        bound = driver.navigator.goal if turn is None or turn.bound is None else turn.bound
+        if bound != driver.place:  # another action has the wheels, such as `face`: it keeps them
+            return False
         outside = turn is not None and turn.phase in (Phase.ASKING, Phase.SLOTTED)
         return driver.disputes(source, hello, outside=outside)
 

@@ -93,15 +93,17 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextI
     if arguments.trace is not None and not _writable(arguments.trace):
         return EXIT_USAGE
     began = time.perf_counter()
-    with Interruption() as interruption:
-        interruption.ends(simulation.stop)
-        finished = simulation.run()
+    try:
+        with Interruption() as interruption:
+            interruption.ends(simulation.stop)
+            finished = simulation.run()
+    finally:  # after a breakdown the trace tells what led to it
+        trace = simulation.trace()
+        if arguments.trace is not None:
+            write_trace(trace, arguments.trace)
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     written = write(report, folder)
-    trace = simulation.trace()
-    if arguments.trace is not None:
-        write_trace(trace, arguments.trace)
     for line in [*failures(trace), *violation_lines(report)]:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
