@@ -1,6 +1,6 @@
 """RMR: one logic program for a whole ensemble of robots, with deadlines that hold.
 
-`from rmr import action, ActionFailed` is what a file of user actions needs; both are loaded on first use.
+`from rmr import action, ActionFailed, RobotHandle` is what a file of user actions needs; all are loaded on first use.
 """
 
 from typing import Any
@@ -9,7 +9,7 @@ from rmr.compiled import prefer
 
 __version__ = "0.1.0"
 
-__all__ = ["ActionFailed", "action"]
+__all__ = ["ActionFailed", "RobotHandle", "action"]
 
 prefer()
 

@@ -3,6 +3,8 @@
 import os
 import traceback
 
+_RMR = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+
 
 def words(error: BaseException) -> str:
     """Return what was raised: its type and text, also where that cannot be had."""
@@ -20,3 +22,35 @@ def place(error: BaseException, file: str, otherwise: int | None = None) -> str:
     lines = [frame.lineno for frame in frames if os.path.abspath(frame.filename) == path]
     line = lines[-1] if lines else otherwise
     return file if line is None else f"{file}:{line}"
+
+
+def place_in(error: BaseException, file: str) -> str:
+    """Return the name of `file`, without its folder, and the line that `error` came through last; empty if none."""
+    path = os.path.abspath(file)
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if _path(frame) == path]
+    return f"{os.path.basename(path)}:{lines[-1]}" if file and lines else ""
+
+
+def frames(error: BaseException, file: str) -> tuple[str, ...]:
+    """Return the traceback of `error` from the first line in `file` on, a line of text for each call, last one last.
+
+    Calls inside rmr itself are left out: they differ between its compiled and its interpreted form. Files have no
+    folders, so that equal runs on two machines give equal texts. Empty if `error` did not come through `file`.
+    """
+    found = traceback.extract_tb(error.__traceback__)
+    path = os.path.abspath(file)
+    first = next((i for i, frame in enumerate(found) if _path(frame) == path), len(found))
+    return tuple(
+        f"{os.path.basename(frame.filename)}:{frame.lineno} in {frame.name}: {frame.line or ''}".rstrip(": ")
+        for frame in found[first:]
+        if _path(frame) == path or not _of_rmr(frame)
+    )
+
+
+def _path(frame: traceback.FrameSummary) -> str:
+    return os.path.abspath(frame.filename)
+
+
+def _of_rmr(frame: traceback.FrameSummary) -> bool:
+    """Return whether a call is inside rmr; its compiled modules tell their sources' names from the project's folder."""
+    return _path(frame).startswith(_RMR + os.sep) or frame.filename.startswith("rmr/")

@@ -44,6 +44,8 @@ INTERPRETED = {
     "rmr/base/mistake.py": "the same",
     "rmr/base/record.py": "makes classes at run time",
     "rmr/base/values.py": "its classes are strings and ints",
+    "rmr/node/handle.py": "a handler meets the same coroutines and classes in both forms",
+    "rmr/node/provided.py": "the same",
     "rmr/node/userfile.py": "runs once, on a user's file",
 }
 """What HOT names and is not compiled, and why."""

@@ -10,19 +10,19 @@ not keep others from the wheels meanwhile; if its slot moves away before it has 
 Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
 
-import math
 from collections import deque
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from rmr.base.mistake import words
-from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
+from rmr.base.mistake import frames, place_in, words
+from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
+from rmr.node.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
 
-SLEEP_MIN: Final = NS_PER_MS
-"""Of a handler's sleep: one that sleeps for nothing again and again would keep its host from ever going on."""
+__all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "Running", "action"]
+
 RUNNING_MAX: Final = 1024
 """Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
 
@@ -31,12 +31,8 @@ STOPPED: Final = "stopped"
 """The failure of an action that `stop` has interrupted."""
 TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
-USERS_MISTAKES: Final = (Exception, SystemExit)
-"""What a handler may raise, its conditions and its way out too: it fails the action, not the robot."""
-
-
-class ActionFailed(Exception):  # noqa: N818 - the name that users raise
-    """Raise it in an action to make the declared `else` effect hold; the reason goes to the trace."""
+NO_LOOP: Final = "no running event loop"
+"""What asyncio says where there is no loop, as in the simulator."""
 
 
 class MissingHandlers(ValueError):  # noqa: N818 - reads as what it is
@@ -102,23 +98,6 @@ def registered() -> dict[str, Handler]:
     return dict(_registered)
 
 
-class Pause:
-    """What an action awaits: an instant, or a condition looked at whenever the robot runs."""
-
-    __slots__ = ("condition", "until")
-
-    def __init__(self, until: Instant = NEVER, condition: Callable[[], bool] | None = None) -> None:
-        self.until = until
-        self.condition = condition
-
-    def __await__(self) -> Generator["Pause", None, None]:
-        yield self
-
-    def over(self, now: Instant) -> bool:
-        """Return whether the action goes on at `now`."""
-        return now >= self.until or (self.condition is not None and self.condition())
-
-
 class Turn(Protocol):
     """What an action needs to know of the turn that it waits for."""
 
@@ -141,9 +120,12 @@ class Running:
     origin: tuple[int, int] | None = None
     """Another robot waits for its end: that robot, and the number by which it knows the action."""
     started: Instant | None = None
-    coroutine: Generator[Pause, None, None] | None = None
+    coroutine: Generator[object, None, None] | None = None
+    """None: it has not begun, or has come to its end by itself. A coroutine that has ended is not touched again."""
     pause: Pause = field(default_factory=lambda: Pause(0))
     over: bool = False
+    raised: tuple[str, ...] = ()
+    """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
 
     def text(self, robot: int) -> str:
         """Return the action in program syntax."""
@@ -238,34 +220,67 @@ class Dispatcher:
         handle = self._host.handle(running)
         self.running.append(running)
         try:
-            running.coroutine = running.handler.run(handle, *running.args).__await__()
-        except USERS_MISTAKES as error:  # a handler with other parameters, or one that is no coroutine
-            self._end(now, running, words(error))
+            begun: object = running.handler.run(handle, *running.args)
+            if not isinstance(begun, Awaitable):
+                raise ActionFailed("its handler is no `async def`")
+            running.coroutine = begun.__await__()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a handler with other parameters, for example
+            self._fail(now, running, error)
             return
         self._resume(now, running)
 
     def _resume(self, now: Instant, running: Running) -> None:
-        """Go on with an action whose pause is over."""
-        assert running.coroutine is not None
+        """Go on with an action whose pause is over.
+
+        Whatever a handler raises, its conditions and its way out too, fails the action and not the robot.
+        """
+        coroutine = running.coroutine
+        assert coroutine is not None
         try:
             if not running.pause.over(now):
                 return
-            pause = next(running.coroutine)
-            if not isinstance(pause, Pause):
-                raise ActionFailed(f"an action awaits robot.sleep and robot.until, not {type(pause).__name__}")
-            running.pause = pause
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # the coroutine is suspended still
+            self._fail(now, running, error)
+            return
+        try:
+            pause = next(coroutine)
         except StopIteration:
+            running.coroutine = None
             self._end(now, running, None)
-        except ActionFailed as failure:
-            self._end(now, running, str(failure) or "failed")
-        except USERS_MISTAKES as error:
-            self._end(now, running, words(error))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            running.coroutine = None
+            self._fail(now, running, error)
+        else:
+            if isinstance(pause, Pause):
+                running.pause = pause
+            else:
+                self._end(now, running, NOT_ASYNCIO.format(_kind_of(pause)))
+
+    def _fail(self, now: Instant, running: Running, error: BaseException) -> None:
+        """End an action by what its handler has raised; all but ActionFailed is a mistake, told with its place."""
+        if isinstance(error, ActionFailed):
+            self._end(now, running, str(error) or "failed")
+            return
+        file = _file_of(running.handler)
+        running.raised = frames(error, file)
+        if isinstance(error, RuntimeError) and str(error) == NO_LOOP:
+            self._end(now, running, NOT_ASYNCIO.format("asyncio"))
+            return
+        where = place_in(error, file)
+        self._end(now, running, f"{words(error)} ({where})" if where else words(error))
 
     def _end(self, now: Instant, running: Running, failure: str | None) -> None:
         self.running.remove(running)
         running.over = True
-        if running.coroutine is not None and failure is not None:
-            failure = _closed(running.coroutine, failure)
+        coroutine, running.coroutine = running.coroutine, None
+        if coroutine is not None and failure is not None:
+            failure = _closed(coroutine, failure)
         if running.handler.wheels:
             self._host.halt()
         self._host.action_ended(now, running, failure)
@@ -291,62 +306,25 @@ class Dispatcher:
                 self._resume(now, running)
 
 
-def _closed(coroutine: Generator[Pause, None, None], failure: str) -> str:
-    """Break off a coroutine; return why it failed, and what went wrong on its way out, if anything did."""
+def _closed(coroutine: Generator[object, None, None], failure: str) -> str:
+    """Break off a suspended coroutine; return why it failed, and what went wrong on its way out, if anything did."""
     try:
         coroutine.close()
-    except USERS_MISTAKES as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         return f"{failure}, then {words(error)}"
     return failure
 
 
-class RobotHandle:
-    """What an action may do: the `robot` of its `async def`."""
+def _file_of(handler: Handler) -> str:
+    """Return the name of the file in which a handler stands; empty if that cannot be known."""
+    code = getattr(handler.run, "__code__", None)
+    return "" if code is None else str(code.co_filename)
 
-    def __init__(self, now: Callable[[], Instant], node: Any, running: Running) -> None:
-        self._now = now
-        self._node = node
-        self._running = running
 
-    @property
-    def id(self) -> int:
-        """The robot's number."""
-        return int(self._node.robot)
-
-    def now(self) -> float:
-        """Return lab time in seconds."""
-        return in_seconds(self._now())
-
-    async def sleep(self, duration_s: float) -> None:
-        """Wait `duration_s` seconds, a millisecond at least."""
-        await Pause(self._now() + max(SLEEP_MIN, seconds(max(0.0, duration_s))))
-
-    async def until(self, condition: Callable[[], bool]) -> None:
-        """Wait until `condition()` is true; it is looked at in each of the robot's frames."""
-        if not condition():
-            await Pause(condition=condition)
-
-    def drive(self, v: float, w: float) -> None:
-        """Drive at `v` m/s, turning at `w` rad/s, until told otherwise. Declare the action with `wheels=True`.
-
-        Raises ValueError for what is no finite number.
-        """
-        if not (math.isfinite(v) and math.isfinite(w)):
-            raise ValueError(f"cannot drive at {v} m/s and {w} rad/s")
-        self._node.motion.drive(float(v), float(w))
-
-    def stop(self) -> None:
-        """Stop the wheels."""
-        self._node.halt()
-
-    def sense(self) -> Any:
-        """Return the newest `rmr.node.perception.Percept`: pose, bodies in view, whether the hull touches anything."""
-        return self._node.percept()
-
-    def insert(self, predicate: str, *args: Value) -> None:
-        """Insert a fact of this robot: ``robot.insert("seen", 3)``. Raises ValueError when it does not fit."""
-        self._node.insert(self._now(), predicate, args)
-
-    def say(self, text: str) -> None:
-        """Write `text` into the robot's trace."""
-        self._node.trace(self._now(), "said", text=str(text))
+def _kind_of(awaited: object) -> str:
+    """Return what an action has awaited in words; a future of asyncio, and its `sleep(0)`, are asyncio's."""
+    if awaited is None or hasattr(awaited, "_asyncio_future_blocking"):
+        return "asyncio"
+    return type(awaited).__name__

@@ -30,7 +30,9 @@ def bound_for(node: "Node") -> Point | None:
     if running is None:
         return node.driver.place
     turn = running.turn
-    return turn.bound if isinstance(turn, Turn) and turn.bound is not None else node.driver.navigator.goal
+    if isinstance(turn, Turn) and turn.bound is not None:
+        return turn.bound
+    return node.driver.navigator.goal or node.driver.place  # an action that has the wheels may stand or turn there
 
 
 def rank_changed(node: "Node", now: Instant, turn: Turn) -> None:

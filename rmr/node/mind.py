@@ -152,6 +152,8 @@ class Mind:
         if failure is None:
             failure = self._handlers_effect(now, running, action)
         node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
+        if running.raised:
+            node.trace(now, "raised", action=running.text(node.robot), traceback=list(running.raised))
         if isinstance(running.turn, Turn):
             running.turn.serving.remove(running)
             node.turns.action_ended(now, running.turn)

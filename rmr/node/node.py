@@ -73,14 +73,13 @@ class Node:
         """None: a robot without a body."""
         if ports.body is not None:
             self.driver = Driver(config, ports.body)
-        room = ports.link.payload_max
-        values = replace(config.values, payload_max=room)
+        values = replace(config.values, payload_max=ports.link.payload_max)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1), values)
         self.turns = Turns(self, core, digest)
         self.core = core
         """The coordination core, for whoever checks a run to look at."""
         self._coordination = CoordLink(core, self.transmit, self._coordinated)
-        exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), room)
+        exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), ports.link.payload_max)
         exchange.tell = self.tell
         self.talk = Talk(self, exchange, digest)
         self.actions = Dispatcher(self)
@@ -104,6 +103,8 @@ class Node:
         self._frames_sent = 0
         self._near: Sequence[tuple[int, float]] | None = None
         """The neighbors that the host offered last."""
+        self.state: dict[str, Any] = {}
+        """What the robot's actions remember (`RobotHandle.state`)."""
         self.action_log: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
         self.finish_at: Instant | None = None
         self.next_wake: Instant = 0
@@ -299,6 +300,17 @@ class Node:
     def handler(self, action: str) -> Handler:
         """Return what carries out an action; the host's own handlers go before the provided ones."""
         return self._handlers.get(action) or PROVIDED[action]
+
+    def provided(self, action: str) -> Handler:
+        """Return what rmr itself carries out an action with, whatever the host's own handlers are."""
+        return PROVIDED[action]
+
+    def drive(self, v: float, w: float) -> None:
+        """Drive by hand, m/s and rad/s; who leaves its place gives it up. Raises ActionFailed without a body."""
+        navigator, driver = self.motion, self.driver
+        if driver is not None and v != 0.0:
+            driver.place = None
+        navigator.drive(v, w)
 
     def halt(self) -> None:
         """Stop the wheels."""

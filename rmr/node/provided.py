@@ -1,4 +1,7 @@
-"""The actions that every robot provides, written as a user would write them."""
+"""The actions that every robot provides, written as a user would write them.
+
+Like `rmr.node.handle` this module is never compiled.
+"""
 
 import math
 from collections.abc import Callable
@@ -7,7 +10,8 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
-from rmr.node.actions import ActionFailed, Handler, Pause, RobotHandle, Running
+from rmr.node.actions import Handler, Running
+from rmr.node.handle import ActionFailed, Pause, RobotHandle
 from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
 from rmr.node.turn import Turn
@@ -32,9 +36,16 @@ CLOSE_M: Final = 0.01
 class NodeHandle(RobotHandle):
     """What rmr's own actions may do beyond a user's."""
 
+    __slots__ = ()
+
     def __init__(self, node: "Node", running: Running) -> None:
         super().__init__(lambda: node.now, node, running)
-        self.node = node
+
+    @property
+    def node(self) -> "Node":
+        """The robot's node."""
+        node: Node = self._node
+        return node
 
     def needless(self) -> bool:
         """Return whether the robot has had a turn since the action was derived, or has let one pass."""
@@ -68,9 +79,19 @@ async def _drive(
     """
     node = robot.node
     turn = robot.turn if gated else None
-    navigator = node.motion
     await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=turn)
+    try:
+        await _under_way(robot, turn, taken, idle)
+    finally:  # a handler of which this is one step may go on
+        node.halt()
+
+
+async def _under_way(
+    robot: NodeHandle, turn: Turn | None, taken: Callable[[], bool] | None, idle: Callable[[], bool] | None
+) -> None:
+    """Wait for the end of a drive that has begun. Raises ActionFailed as `_drive` does."""
+    node, navigator = robot.node, robot.node.motion
     blocked_since: Instant | None = None
 
     def is_taken() -> bool:
@@ -169,13 +190,16 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
         raise ActionFailed("an obstacle is in the straight way there")
     drive = Straight(start, goal, begins, ends, node.arena.shape)
     overdue = max(ends, started + ends - begins) + seconds(OVERDUE_S)
-    while not (drive.ended(pose) and node.now >= ends - RAMP):
-        if node.now > overdue:
-            raise ActionFailed("something is in the straight way there")
-        twist = drive.steer(node.now, pose)
-        robot.drive(twist.v, twist.w)
-        await Pause(condition=lambda: True)
-        pose = node.percept().pose or pose
+    try:
+        while not (drive.ended(pose) and node.now >= ends - RAMP):
+            if node.now > overdue:
+                raise ActionFailed("something is in the straight way there")
+            twist = drive.steer(node.now, pose)
+            robot.drive(twist.v, twist.w)
+            await Pause(condition=lambda: True)
+            pose = node.percept().pose or pose
+    finally:
+        node.halt()
     if drive.astray(pose):
         raise ActionFailed("the robot has missed the point")
 
@@ -190,7 +214,10 @@ async def face(robot: NodeHandle, degrees: float) -> None:
     navigator = robot.node.motion
     await _located(robot)
     navigator.face(math.radians(math.fmod(degrees, 360.0)))
-    await Pause(condition=lambda: navigator.status == "arrived")
+    try:
+        await Pause(condition=lambda: navigator.status == "arrived")
+    finally:
+        robot.node.halt()
 
 
 async def stop(_robot: NodeHandle) -> None:

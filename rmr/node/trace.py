@@ -49,6 +49,9 @@ EVENTS: Final[dict[str, Event]] = {
     "finished": Event((), "the lab's finish fact holds"),
     "action": Event(("action",), "an action has begun"),
     "action_ended": Event(("action", "failure"), "an action is over: why it failed, or null"),
+    "raised": Event(
+        ("action", "traceback"), "its handler raised an exception: a line for each call, the last one last"
+    ),
     "said": Event(("text",), "the action `say`"),
     "light": Event(("colour",), "the action `light`"),
     "at": Event(("area",), "the robot has arrived at an area"),

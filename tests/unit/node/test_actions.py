@@ -1,5 +1,8 @@
 """Actions: the wheels are used by one at a time, turns hold actions back, failures become else effects."""
 
+import asyncio
+from pathlib import Path
+
 import pytest
 
 from rmr.base.time import seconds
@@ -22,6 +25,7 @@ class FakeNode:
         self.ended: list[tuple[str, str | None]] = []
         self.halts = 0
         self.log: list[str] = []
+        self.state: dict[str, object] = {}
         self.dispatcher = Dispatcher(self)
         self.handlers = handlers
         self.serial = 0
@@ -38,11 +42,17 @@ class FakeNode:
     def derive(self, name: str, *args, turn=None) -> None:
         self.serial += 1
         handler = self.handlers[name]
-        self.dispatcher.derive(self.now, Running(self.serial, name, args, handler, turn))
+        self.running = Running(self.serial, name, args, handler, turn)
+        self.dispatcher.derive(self.now, self.running)
 
     def step(self, at_s: float) -> None:
         self.now = seconds(at_s)
         self.dispatcher.step(self.now)
+
+
+def place_of(function, below: int) -> str:
+    """Return the place of the line that is so many lines below the head of `function`."""
+    return f"{Path(__file__).name}:{function.__code__.co_firstlineno + below}"
 
 
 async def drive(robot, duration_s):
@@ -104,7 +114,7 @@ def test_a_mistake_in_a_users_action_fails_the_action_and_not_the_robot():
 
     node = FakeNode(broken=Handler("broken", broken))
     node.derive("broken")
-    assert node.ended == [("broken", "KeyError: 'nothing'")]
+    assert node.ended == [("broken", f"KeyError: 'nothing' ({place_of(broken, 1)})")]
 
 
 def test_a_condition_is_looked_at_whenever_the_robot_runs():
@@ -190,7 +200,7 @@ def test_a_condition_that_raises_fails_its_action_and_not_the_robot():
     node.step(0.5)
     assert node.ended == []
     node.step(1.5)
-    assert node.ended == [("a", "ZeroDivisionError: division by zero")]
+    assert node.ended == [("a", f"ZeroDivisionError: division by zero ({place_of(act, 1)})")]
 
 
 def test_an_action_that_calls_exit_fails_and_the_robot_goes_on():
@@ -199,7 +209,7 @@ def test_an_action_that_calls_exit_fails_and_the_robot_goes_on():
 
     node = FakeNode(a=Handler("a", act))
     node.derive("a")
-    assert node.ended == [("a", "SystemExit: 3")]
+    assert node.ended == [("a", f"SystemExit: 3 ({place_of(act, 1)})")]
 
 
 @pytest.mark.parametrize("v", [float("nan"), float("inf"), "fast"])
@@ -212,3 +222,121 @@ def test_what_is_no_finite_number_never_reaches_the_wheels(v):
     ((_, failure),) = node.ended
     assert failure is not None
     assert "AttributeError" not in failure, "the navigator, which this host has not, is never asked"
+
+
+@pytest.mark.parametrize("raised", [GeneratorExit("out"), type("Own", (BaseException,), {})("mine")])
+def test_an_action_that_raises_what_is_no_exception_fails_and_the_robot_goes_on(raised):
+    async def act(robot):
+        raise raised
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    ((_, failure),) = node.ended
+    assert failure == f"{type(raised).__name__}: {raised} ({place_of(act, 1)})"
+
+
+def test_a_keyboard_interrupt_is_not_the_actions():
+    async def act(robot):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        FakeNode(a=Handler("a", act)).derive("a")
+
+
+class Ended:
+    """An awaitable that tells whether it was touched after its end."""
+
+    def __init__(self) -> None:
+        self.touched = 0
+
+    def __await__(self):
+        return self
+
+    def __next__(self):
+        raise ActionFailed("at once")
+
+    def close(self) -> None:
+        self.touched += 1
+
+
+def test_a_coroutine_that_has_ended_by_itself_is_not_closed():
+    coroutine = Ended()
+    node = FakeNode(a=Handler("a", lambda robot: coroutine))
+    node.derive("a")
+    assert node.ended == [("a", "at once")]
+    assert coroutine.touched == 0
+
+
+def test_a_coroutine_whose_condition_raises_is_closed():
+    out = []
+
+    async def act(robot):
+        try:
+            await Pause(condition=lambda: 1 / 0)
+        finally:
+            out.append("finally")
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    node.step(0.1)
+    assert out == ["finally"]
+
+
+def test_the_traceback_of_a_mistake_begins_in_the_handlers_file():
+    def helper(number):
+        return 1 / number
+
+    async def act(robot):
+        helper(0)
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    assert node.running.raised == (
+        f"{place_of(act, 1)} in act: helper(0)",
+        f"{place_of(helper, 1)} in helper: return 1 / number",
+    )
+
+
+async def sleeps_by_asyncio(robot):
+    await asyncio.sleep(1.0)
+
+
+async def yields_by_asyncio(robot):
+    await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize("looped", [False, True], ids=["simulator", "process"])
+@pytest.mark.parametrize("act", [sleeps_by_asyncio, yields_by_asyncio])
+def test_awaiting_asyncio_fails_with_the_same_hint_with_and_without_an_event_loop(act, looped):
+    node = FakeNode(a=Handler("a", act))
+
+    async def host():
+        node.derive("a")
+
+    if looped:
+        asyncio.run(host())
+    else:
+        node.derive("a")
+    assert node.ended == [
+        ("a", "an action awaits what its robot offers (robot.sleep, robot.until, robot.moveto, ...), not asyncio")
+    ]
+
+
+def test_what_is_set_on_the_handle_is_refused_with_the_place_to_keep_it():
+    async def act(robot):
+        robot.level = 3
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    ((_, failure),) = node.ended
+    assert failure.startswith('AttributeError: robot.level cannot be set: keep it in robot.state["level"]')
+
+
+def test_what_an_action_keeps_in_its_robots_state_is_there_for_the_next_one():
+    async def act(robot):
+        robot.state["times"] = robot.state.get("times", 0) + 1
+
+    node = FakeNode(a=Handler("a", act))
+    node.derive("a")
+    node.derive("a")
+    assert node.state == {"times": 2}
