@@ -7,6 +7,7 @@ byte-code and its actions (3), then the world (waited for). It imports little, s
 import argparse
 import logging
 import sys
+from functools import partial
 
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
@@ -28,13 +29,12 @@ from rmr_agent.robot import Carried
 
 def _load(options: argparse.Namespace) -> Carried:
     loaded = load_program(options.program)
-    handlers = load_handlers(options.actions)
-    check_actions(loaded.program, handlers)
+    check_actions(loaded.program, load_handlers(options.actions))
     try:
         key = None if options.radio_key is None else read_key(options.radio_key)
     except KeyFileError as error:
         raise RefusedError(str(error)) from None
-    return Carried(loaded, handlers, key)
+    return Carried(loaded, partial(load_handlers, options.actions), key)
 
 
 async def _live(options: argparse.Namespace, carried: Carried, ending: Ending) -> None:

@@ -15,6 +15,7 @@ import contextlib
 import logging
 import random
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rmr.bus import wire
@@ -67,7 +68,8 @@ class Carried(NamedTuple):
     """What a robot brings along: all else it is told by its world."""
 
     loaded: Loaded
-    handlers: dict[str, Handler]
+    fresh: Callable[[], dict[str, Handler]]
+    """Returns handlers of their own for each life of each robot: the globals of the user's file are one robot's."""
     key: bytes | None
     """Of the radio; None where the lab's is open."""
 
@@ -184,7 +186,7 @@ class HostedRobot:
             self._life.end()
             log.info("another run has begun; robot %d starts anew", self._robot)
         try:
-            loaded, handlers, key = self._carried
+            loaded, fresh, key = self._carried
             phase = phase_of(self._first, known.roster)
             config = node_config(self._robot, known, loaded.program, known.lives, phase)
             security = make_security(self._robot, known, envelope.run, key)
@@ -193,7 +195,7 @@ class HostedRobot:
                 LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
             )
-            self._life = Life(config, loaded, handlers, station, self._clock, send, self._ending.break_down)
+            self._life = Life(config, loaded, fresh(), station, self._clock, send, self._ending.break_down)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return

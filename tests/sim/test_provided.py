@@ -163,3 +163,109 @@ def test_who_waits_for_its_turn_gives_a_drive_up_later_for_those_before_it_may_b
     ended = [(entry["action"], entry["failure"]) for entry in traced(simulation, "action_ended") if entry["robot"] == 1]
     assert (("moveto(@1, exit)", "no way there") in ended) is fails
     assert fails or simulation.time_s > barred_s
+
+
+COUNTS = """
+from rmr import action
+
+count = 0
+
+@action("act")
+async def act(robot):
+    global count
+    count += 1
+    robot.state["count"] = robot.state.get("count", 0) + 1
+    robot.insert("counted", count, robot.state["count"])
+    await robot.sleep(1.0)
+"""
+
+
+def test_globals_and_state_of_handlers_are_one_robots_until_it_starts_anew(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action act(R: robot) -o acted(R).
+        type counted(robot, int, int).
+        go(R).
+        go(R) -o act(R) then act(R).
+        """,
+        robots=2,
+        actions=COUNTS,
+        duration="6s",
+        faults="[{at: 3s, kill: 2}, {at: 4s, restart: 2}]",
+    )
+    simulation.run()
+    first, second = (robot.node.machine.facts() for robot in simulation.robots)
+    assert first == ["acted(@1)", "acted(@1)", "counted(@1, 1, 1)", "counted(@1, 2, 2)"]
+    assert second == [fact.replace("@1", "@2") for fact in first]
+
+
+STEPS = """
+from rmr import ActionFailed, RobotHandle, action
+
+@action("fetch", wheels=True)
+async def fetch(robot: RobotHandle) -> None:
+    await robot.moveto("box")
+    await robot.face(180.0)
+    await robot.wait(0.5)
+    try:
+        await robot.moveto("nowhere")
+    except ActionFailed as failure:
+        robot.say(str(failure))
+    await robot.goto(0.3, 0.3)
+
+@action("peek")
+async def peek(robot: RobotHandle) -> None:
+    await robot.moveto("box")
+"""
+
+
+def test_a_handler_drives_by_the_provided_actions_step_by_step(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action fetch(R: robot) -o fetched(R).
+        type action peek(R: robot) -o peeked(R) else no(R).
+        go(@1).
+        go(R) -o fetch(R), peek(R).
+        at(R, box) -o was(R, box).
+        """,
+        robots=2,
+        actions=STEPS,
+        finish="",
+        duration="25s",
+    )
+    simulation.run()
+    node = simulation.robots[0].node
+    assert node.machine.facts() == ["fetched(@1)", "no(@1)", "was(@1, box)"]
+    assert [entry["text"] for entry in traced(simulation, "said")] == ["no area is called nowhere"]
+    (peek, fetch) = traced(simulation, "action_ended")
+    assert peek["failure"] == 'robot.moveto drives: declare the handler with @action("peek", wheels=True)'
+    assert fetch["failure"] is None
+    assert node.percept().pose.x == pytest.approx(0.3, abs=0.05)
+    assert bound_for(node) is None, "it has given up the place in the box"
+
+
+def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_the_place(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        """
+        type action moveto(R: robot, A: area) -o came(R).
+        type action face(R: robot, D: float).
+        go(R).
+        go(R) -o moveto(R, box).
+        came(R) -o face(R, 180.0).
+        """,
+        duration="20s",
+    )
+    node, claims = simulation.robots[0].node, set()
+
+    def look(_now):
+        driving = node.actions.driving
+        if driving is not None and driving.name == "face":
+            claims.add(bound_for(node))
+
+    simulation.checkers.append(look)
+    simulation.run()
+    assert claims == {node.driver.place}
+    assert node.driver.place is not None

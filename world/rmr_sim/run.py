@@ -1,11 +1,13 @@
 """From a lab's path to simulations, and from a simulation to its report.
 
 What all runs of a lab have in common is read, compiled and checked once (`load`); each seed then makes a run of its
-own. Nothing of one run reaches another: the user's file of actions is read anew for each, as it may hold state.
+own. Nothing of one run reaches another, and nothing of one robot another robot: the user's file of actions is run anew
+for each life of each robot, as its globals may hold state.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +67,8 @@ class Loaded:
         if self.options.chaos:
             lab = with_chaos(lab, seed)
         values = Values(order=self.options.order, wait=self.options.wait)
-        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values)
+        fresh = partial(load_handlers, program.program, self.options.actions) if self.options.actions else None
+        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values, fresh)
         watch(simulation)
         for event in load_events(self.options.event_file, lab, seed):
             simulation.schedule(event)

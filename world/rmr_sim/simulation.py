@@ -54,8 +54,12 @@ class Simulation:
         trace: Level = Level.NOTES,
         key: bytes | None = None,
         values: Values | None = None,
+        fresh: Callable[[], Mapping[str, Handler]] | None = None,
     ) -> None:
         """`key` is the lab's, where its radio is secured; `values` are those of coordination, where they are others.
+
+        `fresh` returns handlers of their own for each life of each robot, so that the globals of the user's file are
+        one robot's, as in a process; without it all share `handlers`.
 
         Raises `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out.
         """
@@ -85,6 +89,7 @@ class Simulation:
         self._trace: list[dict[str, Any]] = []
         self.frame_end: Instant = 0
         """When the next frame begins."""
+        self._fresh = fresh
         self._bodily = needs_bodies(lab, program, handlers or {})
         self.robots = self._robots(program, digest, handlers or {}, self._config(trace, values or Values()))
         self._calls: list[tuple[Instant, int]] = []
@@ -106,7 +111,9 @@ class Simulation:
 
         def maker(robot: int) -> MakeNode:
             own = replace(config, robot=robot, facts=tuple(facts[robot]))
-            return lambda ports, epoch: Node(replace(own, epoch=epoch), program, ports, handlers, digest)
+            return lambda ports, epoch: Node(
+                replace(own, epoch=epoch), program, ports, handlers if self._fresh is None else self._fresh(), digest
+            )
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
