@@ -4,6 +4,14 @@ Each delivery has (sender, epoch, sequence). The sender repeats it, with back-of
 acknowledges; the receiver acknowledges every copy and hands on only the first. Fragments are acknowledged as
 a whole. A delivery that outlives its time comes back as `Outcome.UNDELIVERED`: nothing vanishes.
 
+Nothing is handed on twice, however late a copy comes. The receiver keeps a window of sequence numbers for the newest
+epoch of each sender, as IPsec does against replay (RFC 4303, section 3.4.3): what is older than the window is a repeat,
+for the sender began the newer ones only when it was done with it. Frames of an older epoch are late ones of a life that
+has ended: nobody waits for their acknowledgement, and they are dropped. Epochs and sequence numbers are compared as
+serial numbers (RFC 1982): of two the newer is less than half the range ahead. An epoch has 8 bits, so a receiver that
+hears nothing through 128 restarts of a sender takes the next lives for old ones; the sender then reports its deliveries
+as undelivered.
+
 It does not know what a fact means and it does not know the radio: frames leave through `outbox`.
 """
 
@@ -31,8 +39,9 @@ WAITING_MAX: Final = 10_000
 """Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end. All of
 them, and what is in flight, differ in their sequence numbers."""
 REMEMBERED_MAX: Final = 256
-"""Sequence numbers remembered per sender. A sender starts nothing that is this far ahead of what is under way, so
-that a repeat of the oldest is always known as one."""
+"""Width of the receiver's window of sequence numbers. A sender starts nothing that is this far ahead of what is under
+way, so that what is under way is in the window."""
+_WINDOW: Final = (1 << REMEMBERED_MAX) - 1
 SENDERS_MAX: Final = 1024
 PARTIAL_MAX: Final = 32
 """Deliveries in fragments that may be incomplete at one time."""
@@ -79,8 +88,33 @@ class _Peer:
 
 @dataclass(slots=True)
 class _Seen:
+    """What has been accepted of one life of a sender."""
+
     epoch: int
-    sequences: OrderedDict[int, None] = field(default_factory=OrderedDict)
+    newest: int
+    """The newest sequence number."""
+    accepted: int = 0
+    """Bit k: number newest - k was accepted."""
+
+    def holds(self, sequence: int) -> bool:
+        """Return whether `sequence` was accepted, or is so old that its sender is done with it."""
+        behind = _ahead(sequence, self.newest, 16)
+        return behind >= REMEMBERED_MAX or (behind >= 0 and bool(self.accepted >> behind & 1))
+
+    def accept(self, sequence: int) -> None:
+        """Take note of `sequence`, which it does not hold."""
+        behind = _ahead(sequence, self.newest, 16)
+        if behind < 0:
+            self.newest = sequence
+            self.accepted = self.accepted << min(-behind, REMEMBERED_MAX) & _WINDOW
+            behind = 0
+        self.accepted |= 1 << behind
+
+
+def _ahead(of: int, number: int, bits: int) -> int:
+    """Return how far `number` is ahead of `of`, negative if it is behind: serial numbers of so many `bits`."""
+    half = 1 << (bits - 1)
+    return ((number - of + half) & ((1 << bits) - 1)) - half
 
 
 class Stage(Enum):
@@ -133,6 +167,8 @@ class Exchange:
         """Payload octets handed to the link, acknowledgements too."""
         self.tell: Callable[[Progress], None] = lambda _: None
         self.duplicates = 0
+        self.late = 0
+        """Frames of a sender's earlier life, dropped."""
         self.foreign = 0
         """Frames of another program, dropped."""
 
@@ -220,7 +256,11 @@ class Exchange:
         if frame.digest != self._digest:
             self.foreign += 1
             return None
-        if self._is_repeat(source, frame):
+        seen = self._seen.get(source)
+        if seen is not None and _ahead(seen.epoch, frame.epoch, 8) < 0:
+            self.late += 1
+            return None
+        if seen is not None and seen.epoch == frame.epoch and seen.holds(frame.sequence):
             self.duplicates += 1
             self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
             return None
@@ -233,17 +273,11 @@ class Exchange:
         self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
         return body
 
-    def _is_repeat(self, source: int, frame: wire.FactFrame) -> bool:
-        seen = self._seen.get(source)
-        return seen is not None and seen.epoch == frame.epoch and frame.sequence in seen.sequences
-
     def _remember(self, source: int, frame: wire.FactFrame) -> None:
         seen = self._seen.get(source)
         if seen is None or seen.epoch != frame.epoch:
-            seen = self._seen[source] = _Seen(frame.epoch)
-        seen.sequences[frame.sequence] = None
-        if len(seen.sequences) > REMEMBERED_MAX:
-            seen.sequences.popitem(last=False)
+            seen = self._seen[source] = _Seen(frame.epoch, frame.sequence)
+        seen.accept(frame.sequence)
         if len(self._seen) > SENDERS_MAX:
             self._seen.popitem(last=False)
 

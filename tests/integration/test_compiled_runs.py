@@ -204,7 +204,8 @@ def test_compiled_and_interpreted_runs_are_the_same_to_the_bit(folder, labs):
         "no `async def`",
     )
     assert [why for why in whys if not any(failure and why in failure for failure in told)] == []
-    assert sum(failure is not None for failure in told) == len(NAMES)  # one more is taken over, and one fails no more
+    well = ("keeps", "catches")
+    assert sum(failure is not None for failure in told) == len(NAMES) - len(well) + 1  # one lineup is taken over
 
 
 @pytest.mark.timeout(550)

@@ -92,6 +92,108 @@ def test_a_restarted_sender_is_not_taken_for_its_earlier_life():
     assert receiver.duplicates == 2
 
 
+def test_a_late_frame_of_an_earlier_life_is_dropped_and_the_newer_one_remembered():
+    receiver = Exchange(1, 0, Random(0))
+    (old,), (new,) = (wire.encode_fact_frames(1, epoch, 0, b"x") for epoch in (0, 1))
+    assert receiver.received(old, 5) == b"x"
+    assert receiver.received(new, 5) == b"x"
+    assert [receiver.received(frame, 5) for frame in (old, new, old, new)] == [None] * 4
+    assert (receiver.late, receiver.duplicates) == (2, 2)
+    acknowledged = [wire.decode_ack(payload)[0] for payload, _ in receiver.outbox]
+    assert acknowledged == [0, 1, 1, 1], "a life that has ended waits for nothing"
+
+
+@pytest.mark.parametrize(("old", "new"), [(255, 0), (250, 3), (0, 127)])
+def test_the_count_of_lives_goes_round(old, new):
+    receiver = Exchange(1, 0, Random(0))
+    (late,), (first,) = (wire.encode_fact_frames(1, epoch, 7, b"x") for epoch in (old, new))
+    assert receiver.received(late, 5) == b"x"
+    assert receiver.received(first, 5) == b"x"
+    assert receiver.received(late, 5) is None
+    assert receiver.received(first, 5) is None
+
+
+@pytest.mark.parametrize("first", [0, 65_400])
+def test_a_copy_that_comes_after_hundreds_of_newer_ones_is_a_repeat(first):
+    receiver = Exchange(1, 0, Random(0))
+    frames = [wire.encode_fact_frames(1, 0, (first + n) & 0xFFFF, b"x")[0] for n in range(4 * REMEMBERED_MAX)]
+    assert [receiver.received(frame, 5) for frame in frames] == [b"x"] * len(frames)
+    assert {receiver.received(frame, 5) for frame in frames} == {None}
+    assert receiver.duplicates == len(frames)
+
+
+class Restarting:
+    """A sender that is restarted again and again, and a receiver that lives throughout.
+
+    The network keeps every frame it has carried: it delivers them in any order, again and again, or never.
+    """
+
+    def __init__(self, seed: int, epoch: int) -> None:
+        self.rng, self.epoch, self.now = Random(seed), epoch, 0
+        self.receiver = Exchange(9, 0, Random(1))
+        self.sender = Exchange(9, epoch, Random(2))
+        self.network: list[bytes] = []
+        self.answers: list[bytes] = []
+        self.arrived: list[bytes] = []
+        self.sent = 0
+
+    def act(self) -> None:
+        rng = self.rng
+        match rng.choices(("send", "carry", "late", "answer", "wait", "restart"), (30, 60, 20, 30, 10, 1))[0]:
+            case "send":
+                self.sent += 1
+                body = self.sent.to_bytes(4, "big") * rng.choice((1, 1, 1, 60))
+                self.sender.send(self.now, 1, FACT, body)
+            case "carry" if self.network:
+                self._deliver(self.network[-rng.randint(1, min(12, len(self.network)))])
+            case "late" if self.network:
+                self._deliver(rng.choice(self.network))
+            case "answer" if self.answers:
+                self.sender.acknowledged(self.now, rng.choice(self.answers[-20:]), 1)
+            case "wait":
+                self.now += seconds(rng.random())
+                self.sender.wake(self.now)
+            case "restart":
+                self.epoch = (self.epoch + 1) & 0xFF
+                self.sender = Exchange(9, self.epoch, Random(2))
+        self.network += [payload for payload, _ in self.sender.outbox]
+        self.sender.outbox.clear()
+
+    def _deliver(self, frame: bytes) -> None:
+        body = self.receiver.received(frame, 1)
+        if body is not None:
+            self.arrived.append(body)
+        self.answers += [payload for payload, _ in self.receiver.outbox]
+        self.receiver.outbox.clear()
+
+    def heal(self) -> None:
+        """Let everything of the present life through, until its sender waits for nothing."""
+        while not self.sender.idle:
+            self.now = max(self.now, self.sender.next_wake)
+            self.sender.wake(self.now)
+            frames, self.sender.outbox[:] = [payload for payload, _ in self.sender.outbox], []
+            self.answers.clear()
+            for frame in frames:
+                self._deliver(frame)
+            for answer in self.answers:
+                self.sender.acknowledged(self.now, answer, 1)
+
+
+@given(st.integers(0, 10**6), st.sampled_from([0, 1, 250]), st.integers(1, 3000))
+def test_no_order_repetition_delay_or_restart_makes_a_fact_arrive_twice(seed, epoch, steps):
+    run = Restarting(seed, epoch)
+    for _ in range(steps):
+        run.act()
+    assert len(set(run.arrived)) == len(run.arrived)
+    before = run.sent
+    for _ in range(2 * IN_FLIGHT_MAX):
+        run.sent += 1
+        run.sender.send(run.now, 1, FACT, run.sent.to_bytes(4, "big"))
+    run.heal()
+    assert len(set(run.arrived)) == len(run.arrived)
+    assert {n.to_bytes(4, "big") for n in range(before + 1, run.sent + 1)} <= set(run.arrived)
+
+
 def test_facts_of_another_program_are_counted_and_dropped():
     pair = Pair(Random(0), digests=(1, 2))
     pair.a.send(0, 1, FACT, b"x")
