@@ -319,6 +319,11 @@ class HostedRobot:
             log.debug("%s", entry.get("what", ""), extra={"data": entry})
             if entry.get("what") == "action_ended" and entry["failure"] not in (None, STOPPED, TAKEN_OVER):
                 self._say_failure(f"action {entry['action']} failed: {entry['failure']}")
+            elif entry.get("what") == "undelivered":
+                what = f"{entry['predicate']} for robot {entry['destination']}"
+                self._say_failure(f"{what} was not delivered: {entry['why']}")
+            elif entry.get("what") == "bound_reached":
+                self._say_failure(f"more than {entry['bound']} {entry['kept']}: the rest is dropped")
             elif entry.get("what") == "finished":
                 log.info("finished at %.1f s of lab time", entry["t"])
             elif entry.get("what") == "deadline_missed":

@@ -19,6 +19,7 @@ from rmr_deploy.plan import INVALID, Plan, RefusedError, Wishes, make_plan
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import make_screen, table
 from rmr_world import report
+from rmr_world.troubles import troubles
 
 FINE, FAILED, NOT_STRICT = 0, 1, 4
 """Exit codes beside those of `plan`."""
@@ -66,6 +67,8 @@ def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
     Console(stderr=as_json, highlight=False).print(table(record))
     where = plan.folder / report.REPORT_FILE
     click.echo(f"{report.summary(record)}\n{outcome.reason}; the report is {where}", err=as_json)
+    for line in troubles(record):
+        click.echo(f"rmr up: {line}", err=True)
     if as_json:
         click.echo(report.to_json(record), nl=False)
 

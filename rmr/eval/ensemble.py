@@ -22,7 +22,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Kind, Program
 from rmr.eval.ether import LATENCY, Ether, Messages, frame_text
 from rmr.eval.given import Given, facts_by_owner, values
-from rmr.eval.report import dropped, entry, outstanding, slowed, undelivered
+from rmr.eval.report import dropped, entry, omitted, outstanding, slowed, undelivered
 from rmr.eval.topology import Topology
 from rmr.node.actions import Handler, RobotHandle
 from rmr.node.config import GivenFact, NodeConfig
@@ -218,7 +218,7 @@ class Ensemble:
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return what is to be said beside the report, by kind."""
-        return undelivered(self), dropped(self), slowed(self)
+        return undelivered(self), dropped(self), slowed(self), omitted(self)
 
     # ---- inside
 

@@ -143,6 +143,14 @@ def dropped(ensemble: "Ensemble") -> Iterator[str]:
             yield f"robot {identity} dropped {count} {what}: more than it keeps (`--trace` says where)"
 
 
+def omitted(ensemble: "Ensemble") -> Iterator[str]:
+    """Yield whose oldest actions the report leaves out."""
+    for identity, robot in ensemble.robots.items():
+        count = robot.node.action_log.omitted
+        if count:
+            yield f"robot {identity}: the report leaves out its {count} oldest actions (`--trace` has all)"
+
+
 def undelivered(ensemble: "Ensemble") -> Iterator[str]:
     """Yield what could not be delivered, each once, and why."""
     topology = ensemble.conditions.topology

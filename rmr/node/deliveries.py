@@ -9,7 +9,7 @@ and fails the step that waits for it: nothing vanishes, and no chain waits for w
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
-from rmr.base.time import Instant
+from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
 from rmr.bytecode.program import Kind
 from rmr.node import wire
@@ -47,6 +47,8 @@ class Deliveries:
         self._symbols = symbols_of(node.program)
         self._life = (node.config.epoch & 0xFF) << _SERIAL_BITS
         self.undelivered = 0
+        self.first_undelivered: tuple[float, str, str] | None = None
+        """When the first one was given up, seconds of lab time, what it was, and why."""
 
     # -- what leaves ------------------------------------------------------------------------------------------
 
@@ -107,6 +109,8 @@ class Deliveries:
         self.undelivered += 1
         name = self._name(delivery)
         text = self._text(delivery, self._node.robot, destination)
+        if self.first_undelivered is None:
+            self.first_undelivered = round(in_seconds(now), 3), text, why
         self._node.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
         if delivery.role in ITEMS:
             self._tell_program(now, destination, name)

@@ -52,6 +52,8 @@ class Mind:
         self._told_restless = False
         self.expression_failures = 0
         """Supposed effects without value."""
+        self.achieved = 0
+        """Goals discharged."""
 
     def run(self, now: Instant) -> None:
         """Let the machine deal with what is due, and what it reports happen."""
@@ -118,6 +120,7 @@ class Mind:
             case JobMissed(job=job):
                 node.trace(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
+                self.achieved += 1
                 node.trace(now, "achieved", goal=goal_text(node.program, predicate, node.robot, args))
             case FactInserted(predicate=predicate, args=args):
                 node.trace(now, "inserted", fact=fact_text(node.program, predicate, node.robot, args))
@@ -151,6 +154,7 @@ class Mind:
         assert action is not None, running.name
         if failure is None:
             failure = self._handlers_effect(now, running, action)
+        node.action_log.end(now, running.text(node.robot), failure)
         node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
         if running.raised:
             node.trace(now, "raised", action=running.text(node.robot), traceback=list(running.raised))

@@ -6,7 +6,6 @@ radio, localisation, runtime system, telemetry. It reads no clock, opens nothing
 the source language. The host calls `tick` at `next_wake` and whenever the link or the body has something new.
 """
 
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -14,12 +13,13 @@ from typing import Any, Final
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.streams import Choices, stream
-from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds
+from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent
 from rmr.node import wire
+from rmr.node.actionlog import ActionLog
 from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.coordlink import CoordLink
@@ -42,8 +42,6 @@ ROUNDS_MAX: Final = 64
 """How often one call runs the machine again because actions have ended at once; the rest waits for the next frame."""
 SLEPT: Final[Duration] = milliseconds(150)
 """A robot that has not been called for so long was stopped: what it hears then may be as old as its last call."""
-ACTIONS_MAX: Final = 10_000
-"""Started actions kept for the report; the oldest go first."""
 
 
 class Node:
@@ -105,7 +103,7 @@ class Node:
         """The neighbors that the host offered last."""
         self.state: dict[str, Any] = {}
         """What the robot's actions remember (`RobotHandle.state`)."""
-        self.action_log: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
+        self.action_log = ActionLog()
         self.finish_at: Instant | None = None
         self.next_wake: Instant = 0
 
@@ -289,7 +287,7 @@ class Node:
 
     def handle(self, running: Running) -> NodeHandle:
         """Return the handle of a starting action, which is noted in the report."""
-        self.action_log.append((round(in_seconds(self.now), 3), running.text(self.robot)))
+        self.action_log.begin(self.now, running.text(self.robot))
         self.trace(self.now, "action", action=running.text(self.robot))
         return NodeHandle(self, running)
 

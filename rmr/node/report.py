@@ -24,16 +24,24 @@ def job_entry(job: Job) -> dict[str, Any]:
 
 def robot_report(node: Node, radio: dict[str, int], restarts: int = 0) -> dict[str, Any]:
     """Return robot's entry of the report; `radio` holds the link's counters."""
+    jobs, goals, log, deliveries = node.machine.jobs, node.machine.goals(), node.action_log, node.talk.deliveries
     return {
         "finish_s": None if node.finish_at is None else round(in_seconds(node.finish_at), 3),
         "distance_m": 0.0 if node.driver is None else round(node.driver.localiser.travelled_m, 3),
-        "assertions": [job_entry(job) for job in node.machine.jobs],
+        "assertions": [job_entry(job) for job in jobs],
+        "assertions_omitted": jobs[0].serial - 1 if jobs else 0,
         "facts": node.machine.facts(),
-        "goals": node.machine.goals(),
-        "actions": [[at, text] for at, text in node.action_log],
+        "goals": goals,
+        "goals_omitted": node.mind.achieved - len(goals["achieved"]),
+        "dropped": node.machine.dropped,
+        "actions": [[at, text] for at, text in log],
+        "actions_omitted": log.omitted,
+        "actions_failed": log.failed,
+        "first_failure": None if log.first_failure is None else list(log.first_failure),
         "restarts": restarts,
         "expression_failures": node.machine.expression_failures + node.mind.expression_failures,
-        "undelivered": node.talk.deliveries.undelivered,
+        "undelivered": deliveries.undelivered,
+        "first_undelivered": None if deliveries.first_undelivered is None else list(deliveries.first_undelivered),
         "frames": radio,
         "ticks": node.executive.frames_due,
         "ticks_late": node.executive.frames_late,

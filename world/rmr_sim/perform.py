@@ -29,6 +29,7 @@ from rmr_world.faults import lines
 from rmr_world.program import ProgramError
 from rmr_world.report import table_text, to_json, write
 from rmr_world.runfolder import RunFolderError, make_run_folder
+from rmr_world.troubles import troubles
 
 FAILURES_MAX = 5
 """Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""
@@ -104,7 +105,7 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextI
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     written = write(report, folder)
-    for line in [*failures(trace), *violation_lines(report)]:
+    for line in [*failures(trace), *violation_lines(report), *troubles(report)]:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0

@@ -36,8 +36,12 @@ SAMPLES_MAX: Final = 240
 FRAMES_MAX: Final = 512
 """Frames, and outcomes, likewise."""
 
-COUNTED: Final = ("expression_failures", "undelivered", "ticks", "ticks_late", "tasks_skipped")
+COUNTED: Final = (
+    "actions_failed", "actions_omitted", "assertions_omitted", "expression_failures", "undelivered", "ticks",
+    "ticks_late", "tasks_skipped",
+)  # fmt: skip
 LISTED: Final = ("assertions", "actions")
+FIRST: Final = ("first_failure", "first_undelivered")
 """Of the report, what is that of all lives together."""
 
 T = TypeVar("T")
@@ -245,6 +249,8 @@ class SimulatedRobot:
             part[name] += sum(past[name] for past in self._past)
         for name in LISTED:
             part[name] = [item for past in (*self._past, part) for item in past[name]]
+        for name in FIRST:
+            part[name] = next((past[name] for past in (*self._past, part) if past[name] is not None), None)
         part["distance_m"] = round(self._simulation.world.distance_m(self.robot), 3)
         return part
 

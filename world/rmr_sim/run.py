@@ -128,4 +128,5 @@ def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
     )
     report["faults"] = told(simulation.lab)
     report["violations"] = [violation.as_dict() for violation in sorted(simulation.violations)]
+    report["violations_omitted"] = simulation.violations_omitted
     return report

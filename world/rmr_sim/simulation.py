@@ -77,6 +77,8 @@ class Simulation:
         """The same for a user's own, called behind them. When one fails, `run` raises EventError."""
         self.violations: list[Violation] = []
         """Rules that did not hold, as those who watch the run have found (`rmr_sim.checkers`)."""
+        self.violations_omitted = 0
+        """How many more did not hold."""
         self.hearers: dict[type, list[Callable[[int, Instant, Any], None]]] = {}
         """By the type of an event, who is told of such: the robot, the instant, the event."""
         self.befallen: list[Befell | Disturbance] = []

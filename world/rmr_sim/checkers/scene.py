@@ -44,6 +44,8 @@ class Scene:
         """Note that a rule did not hold."""
         if len(self.simulation.violations) < VIOLATIONS_MAX:
             self.simulation.violations.append(Violation(at, check, robots, words))
+        else:
+            self.simulation.violations_omitted += 1
 
     # -- robots -----------------------------------------------------------------------------------------------
 

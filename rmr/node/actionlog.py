@@ -1,0 +1,46 @@
+"""What a robot's report says of its actions: those started last, how many there were, how many failed, and why first.
+
+An action that `stop` or a later one of its name has ended has not failed: it is neither counted nor told.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Final
+
+from rmr.base.time import Instant, in_seconds
+from rmr.node.actions import STOPPED, TAKEN_OVER
+
+ACTIONS_MAX: Final = 10_000
+"""Started actions kept for the report; the oldest go first."""
+
+
+class ActionLog:
+    """One robot's actions, as (seconds of lab time, action in program syntax)."""
+
+    def __init__(self) -> None:
+        self._kept: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
+        self.started = 0
+        self.failed = 0
+        self.first_failure: tuple[float, str, str] | None = None
+        """When the first one failed, which, and why."""
+
+    def __iter__(self) -> Iterator[tuple[float, str]]:
+        return iter(self._kept)
+
+    @property
+    def omitted(self) -> int:
+        """How many were started before those that are kept."""
+        return self.started - len(self._kept)
+
+    def begin(self, now: Instant, action: str) -> None:
+        """Take note of an action that begins."""
+        self.started += 1
+        self._kept.append((round(in_seconds(now), 3), action))
+
+    def end(self, now: Instant, action: str, failure: str | None) -> None:
+        """Take note of an action that has ended, and why it failed if it did."""
+        if failure in (None, STOPPED, TAKEN_OVER):
+            return
+        self.failed += 1
+        if self.first_failure is None:
+            self.first_failure = round(in_seconds(now), 3), action, str(failure)

@@ -1,0 +1,64 @@
+"""What went wrong in a run without ending it, in sentences: a run that finished may still have lost something.
+
+Failed actions, what was not delivered, what a robot dropped because a bound was reached, and what the report leaves
+out. The launcher and the simulator print these lines to standard error behind the table.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+TEXT_MAX = 120
+"""Characters of a fact, an action or a reason that are shown."""
+OMITTED = {"actions_omitted": "actions", "assertions_omitted": "jobs", "goals_omitted": "achieved goals"}
+"""Fields of a robot's part, and what they count."""
+
+
+def troubles(report: Mapping[str, Any]) -> list[str]:
+    """Return a line for each kind of trouble that `report` tells of; none when all is well."""
+    parts: Mapping[str, Mapping[str, Any]] = report["robots"]
+    failed = _total(parts, "actions_failed")
+    lines = []
+    if failed:
+        were = "action" if failed == 1 else "actions"
+        started = sum(len(part.get("actions", ())) + part.get("actions_omitted", 0) for part in parts.values())
+        lines.append(f"{failed} {were} failed, of {started} started; the first: {_first(parts, 'first_failure')}")
+    undelivered = _total(parts, "undelivered")
+    if undelivered:
+        lines.append(
+            f"{undelivered} of the facts, goals and actions for other robots not delivered; the first: "
+            f"{_first(parts, 'first_undelivered')}"
+        )
+    return [*lines, *_dropped(parts), *_omitted(parts, report)]
+
+
+def _total(parts: Mapping[str, Mapping[str, Any]], field: str) -> int:
+    return sum(part.get(field, 0) for part in parts.values())
+
+
+def _first(parts: Mapping[str, Mapping[str, Any]], field: str) -> str:
+    """Return the earliest of what robots tell in `field`: [seconds, what, why]."""
+    told = [(part[field][0], int(robot), *part[field][1:]) for robot, part in parts.items() if part.get(field)]
+    if not told:
+        return "not known"
+    at_s, robot, what, why = min(told)
+    return f"robot {robot} at {at_s:.3f} s: {_cut(what)}: {_cut(why)}"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= TEXT_MAX else f"{text[:TEXT_MAX]}..."
+
+
+def _dropped(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for robot, part in parts.items():
+        for what, count in part.get("dropped", {}).items():
+            yield f"robot {robot} dropped {count} {what}: more than it keeps (`bound_reached` in its trace)"
+
+
+def _omitted(parts: Mapping[str, Mapping[str, Any]], report: Mapping[str, Any]) -> Iterator[str]:
+    for field, what in OMITTED.items():
+        count = _total(parts, field)
+        if count:
+            deadlines = ", which `deadlines` does not count" if field == "assertions_omitted" else ""
+            yield f"the report leaves out the {count} oldest {what}{deadlines}"
+    if report.get("violations_omitted"):
+        yield f"the report leaves out {report['violations_omitted']} violations"
