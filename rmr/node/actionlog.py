@@ -15,7 +15,7 @@ ACTIONS_MAX: Final = 10_000
 
 
 class ActionLog:
-    """One robot's actions, as (seconds of lab time, action in program syntax)."""
+    """One robot's actions, as (seconds of lab time, action in program syntax), in the order started."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[float, str]] = deque(maxlen=ACTIONS_MAX)
@@ -26,6 +26,9 @@ class ActionLog:
 
     def __iter__(self) -> Iterator[tuple[float, str]]:
         return iter(self._kept)
+
+    def __getitem__(self, index: int) -> tuple[float, str]:
+        return self._kept[index]
 
     @property
     def omitted(self) -> int:

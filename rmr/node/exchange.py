@@ -260,7 +260,7 @@ class Exchange:
         if seen is not None and _ahead(seen.epoch, frame.epoch, 8) < 0:
             self.late += 1
             return None
-        if seen is not None and seen.epoch == frame.epoch and seen.holds(frame.sequence):
+        if self._is_repeat(source, frame):
             self.duplicates += 1
             self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
             return None
@@ -272,6 +272,10 @@ class Exchange:
         self.tell(Progress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
         self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
         return body
+
+    def _is_repeat(self, source: int, frame: wire.FactFrame) -> bool:
+        seen = self._seen.get(source)
+        return seen is not None and seen.epoch == frame.epoch and seen.holds(frame.sequence)
 
     def _remember(self, source: int, frame: wire.FactFrame) -> None:
         seen = self._seen.get(source)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SLEEP_MIN = NS_PER_MS
 """Of a handler's sleep: one that sleeps for nothing again and again would keep its host from ever going on."""
-NOT_ASYNCIO = "an action awaits what its robot offers (robot.sleep, robot.until, robot.moveto, ...), not {}"
+NOT_ASYNCIO = "an action awaits robot.sleep, robot.until and what else its robot offers, not {}"
 """The failure of an action that awaits something else."""
 
 

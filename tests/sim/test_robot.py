@@ -341,8 +341,8 @@ def test_a_robot_that_is_stopped_inside_the_bottleneck_is_not_reported_clear(tmp
     ("handler", "why"),
     [
         ("async def act(robot, too, many): pass", "positional argument"),
-        ("def act(robot): pass", "AttributeError"),
-        ("async def act(robot): await asyncio.get_running_loop().create_future()", "RuntimeError"),
+        ("def act(robot): pass", "its handler is no `async def`"),
+        ("async def act(robot): await asyncio.get_running_loop().create_future()", "awaits robot.sleep"),
         ("async def act(robot): await other()", "awaits robot.sleep"),
     ],
 )

@@ -318,7 +318,7 @@ def test_awaiting_asyncio_fails_with_the_same_hint_with_and_without_an_event_loo
     else:
         node.derive("a")
     assert node.ended == [
-        ("a", "an action awaits what its robot offers (robot.sleep, robot.until, robot.moveto, ...), not asyncio")
+        ("a", "an action awaits robot.sleep, robot.until and what else its robot offers, not asyncio")
     ]
 
 
