@@ -3,9 +3,12 @@
 `from rmr import action, ActionFailed, RobotHandle` is what a file of user actions needs; all are loaded on first use.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rmr.compiled import prefer
+
+if TYPE_CHECKING:  # so that type checkers know what `__getattr__` returns
+    from rmr.node.actions import ActionFailed, RobotHandle, action
 
 __version__ = "0.1.0"
 
