@@ -135,6 +135,16 @@ class FactRemoved:
 
 
 @record
+class RuleRepeats:
+    """A rule has fired many times for the same facts while no goal was achieved; told once for each rule."""
+
+    rule: int
+    """Index into the program's rules."""
+    firings: int
+    at: Instant
+
+
+@record
 class ExpressionFailed:
     """An expression has no value (``1 / 0``): what needed it was left out."""
 
@@ -150,7 +160,7 @@ class BoundReached:
 
     what: str
     """``facts``, ``lengths`` (of all facts), ``goals``, ``actions``, ``chains``, ``jobs``, ``failures``, ``matches``,
-    ``watches``."""
+    ``rotor`` (the least recent firings), ``watches``."""
     bound: int
     """How many are kept."""
     at: Instant
@@ -169,6 +179,7 @@ VmEvent = (
     | GoalAchieved
     | FactInserted
     | FactRemoved
+    | RuleRepeats
     | ExpressionFailed
     | BoundReached
 )

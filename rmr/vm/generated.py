@@ -16,6 +16,7 @@ from rmr.vm.events import RuleFired
 from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.interpreter import UNRANKED
+from rmr.vm.rotor import ROTOR_MATCHES_MAX
 from rmr.vm.running import Running
 from rmr.vm.unfired import Entry, Valued
 
@@ -76,6 +77,8 @@ class Generated(Running):
             valued = self._derive(plan, entry, now)
         else:
             _, entry, valued = ranked
+        if lowest < UNRANKED and not plan.once:
+            self._goals.fire(now, plan.index, plan.args_of(entry))
         self.firings += 1
         self._events.append(RuleFired(plan.index, now))
         self._take(plan, entry)
@@ -92,7 +95,7 @@ class Generated(Running):
             found = [(goals.nearest(each.index), goals.is_settled(each.index)) for each in self.module.plans]
             self.ranks = [(UNRANKED if rank is None else rank, rank is None or settled) for rank, settled in found]
         nearest, settled = self.ranks[plan.index]
-        if settled:
+        if settled and (nearest == UNRANKED or plan.once or not self._goals.rotor.turns(plan.index)):
             return nearest, None
         if touched or plan.index not in self.searched:
             self.searched[plan.index] = self._search(plan, now, nearest)
@@ -100,18 +103,26 @@ class Generated(Running):
         return (UNRANKED + 1, None) if ranked is None else (ranked[0], ranked)
 
     def _search(self, plan: RulePlan, now: Instant, nearest: int) -> Ranked | None:
-        """Return the match that comes nearest to a goal, the oldest of several."""
+        """Return the match that comes nearest to a goal; of several the least recently fired, then the oldest."""
         self.module.slow(plan.index)
+        rotor = self._goals.rotor
+        turns = not plan.once and rotor.turns(plan.index)
         best: Ranked | None = None
+        best_last = compared = 0
         for entry in self._candidates(plan, now):
             valued = self._derive(plan, entry, now)
             if valued is None:
                 continue
             rank = self._goals.rank(plan.index, valued[1], now)
             rank = UNRANKED if rank is None else rank
+            last = rotor.last(plan.index, plan.args_of(entry)) if turns and rank != UNRANKED else 0
             if best is None or rank < best[0]:
-                best = rank, entry, valued
-            if best[0] <= nearest:
+                best, best_last, compared = (rank, entry, valued), last, 1
+            elif rank == best[0] and compared < ROTOR_MATCHES_MAX:
+                compared += 1
+                if last < best_last:
+                    best, best_last = (rank, entry, valued), last
+            if best[0] <= nearest and (not best_last or compared >= ROTOR_MATCHES_MAX):
                 break
         return best
 

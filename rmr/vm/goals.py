@@ -3,11 +3,11 @@
 A goal is open until its robot inserts a matching fact of any kind, or at once if it holds one; deriving it
 again opens it again. Goals steer the choice among satisfied rules (paper figure 6): a firing that derives an
 open goal has rank 0, one from whose facts k further firings lead to one has rank k (ranks.py), and one from
-which no open goal follows has none. An action that a firing derives counts as its declared effects, as far as
+which no open goal follows has none; of a rule's matches of one rank a rotor takes each in turn (rotor.py). An action that a firing derives counts as its declared effects, as far as
 they are this robot's.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
@@ -17,9 +17,10 @@ from rmr.vm.assertions import goal_text
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.derive import Chain, Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import GoalAchieved
+from rmr.vm.events import GoalAchieved, VmEvent
 from rmr.vm.match import pattern_agrees
 from rmr.vm.ranks import GoalKey, Ranks, goal_key, here
+from rmr.vm.rotor import Rotor
 from rmr.vm.store import Args, Holdings
 
 GOALS_MAX = 1024
@@ -36,9 +37,22 @@ GoalArgs = Patterns
 class Goals:
     """The goals of one robot."""
 
-    __slots__ = ("_achieved", "_count", "_dropped", "_holdings", "_program", "_ranks", "_robot", "open")
+    __slots__ = (
+        "_achieved",
+        "_achievements",
+        "_count",
+        "_dropped",
+        "_holdings",
+        "_program",
+        "_ranks",
+        "_robot",
+        "open",
+        "rotor",
+    )
 
-    def __init__(self, program: Program, robot: Robot, holdings: Holdings, dropped: Dropped) -> None:
+    def __init__(
+        self, program: Program, robot: Robot, holdings: Holdings, events: list[VmEvent], dropped: Dropped
+    ) -> None:
         self._program = program
         self._robot = robot
         self._holdings = holdings
@@ -48,6 +62,9 @@ class Goals:
         self._count = 0
         self._ranks = Ranks(program, robot, self.open)
         self._achieved: list[tuple[str, float]] = []
+        self._achievements = 0
+        self.rotor = Rotor(program, events, dropped)
+        """What decides among matches of the same rank."""
 
     def want(self, now: Instant, predicate: int, args: GoalArgs) -> list[GoalAchieved]:
         """Open a goal, or discharge it at once if a fact holds that matches."""
@@ -73,6 +90,7 @@ class Goals:
         for key in met:
             goal = goals.pop(key)
             self._count -= 1
+            self._achievements += 1
             self._ranks.change(key)
             remember(self._achieved, (self._text(predicate, goal), in_seconds(now)), ACHIEVED_MAX)
             values = tuple([each.value if isinstance(each, Constant) else ANY for each in goal])
@@ -101,6 +119,10 @@ class Goals:
     def rank(self, rule: int, derived: Iterable[Chain], now: Instant) -> int | None:
         """Return how many firings lie between this one and an open goal: 0 if it derives one, None if none follows."""
         return self._ranks.of(rule, (fact for chain in derived for item in chain for fact in self._facts(item, now)))
+
+    def fire(self, now: Instant, rule: int, facts: Sequence[Args]) -> None:
+        """Note that a rule, which consumes and has a rank, fires for a match with these facts."""
+        self.rotor.fire(now, rule, facts, self._achievements)
 
     def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
         """Yield the facts of this robot that an item of a head is or, being an action, brings about."""

@@ -3,8 +3,8 @@
 Satisfied rules are ranked by how near their firing brings an open goal: first those that derive one, then
 those from which one more firing leads there, and so on, last those from which none follows. Among those of
 the best rank one is drawn uniformly (one draw from the robot's stream, and only when there is a choice), or
-the first in the text is taken; of that rule's matches of that rank the oldest facts go first. A rule that
-consumes nothing would be satisfied for ever, so it fires once for each match, and again when the match has
+the first in the text is taken; of that rule's matches of that rank the oldest facts go first, but those behind
+others for whose kept facts it has fired while a goal ranked it (rotor.py). A rule that consumes nothing would be satisfied for ever, so it fires once for each match, and again when the match has
 gone and come back.
 
 A rule is matched again only when a predicate that it mentions has changed since (or a goal to which it may
@@ -28,7 +28,8 @@ from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
 from rmr.vm.match import Env, OnFailure, Search
 from rmr.vm.once import Changing, Growing, Once
-from rmr.vm.store import Fact, Store, is_open
+from rmr.vm.rotor import ROTOR_MATCHES_MAX
+from rmr.vm.store import Args, Fact, Store, is_open
 
 NEVER_FAILING = (Op.LOAD, Op.CONST, Op.INT, Op.EQ, Op.NE)
 """Instructions that have a value whatever they work on."""
@@ -46,12 +47,14 @@ plans_of: ByIdentity[Program, tuple[PlannedRule, ...]] = ByIdentity(
 class Candidate:
     """The match with which a rule would fire."""
 
-    __slots__ = ("derivation", "facts", "rank")
+    __slots__ = ("derivation", "facts", "last", "rank")
 
-    def __init__(self, facts: tuple[Fact, ...], derivation: Derivation, rank: int) -> None:
+    def __init__(self, facts: tuple[Fact, ...], derivation: Derivation, rank: int, last: int) -> None:
         self.facts = facts
         self.derivation = derivation
         self.rank = rank
+        self.last = last
+        """When the rule fired last for the facts that it keeps: 0 never, else the greater the later."""
 
 
 class RuleState:
@@ -139,6 +142,8 @@ class Interpreter:
         assert candidate is not None
         if state.once is not None:
             state.once.fire(candidate.facts)
+        elif candidate.rank != UNRANKED:
+            self._goals.fire(now, state.index, args_of(candidate.facts))
         self._mark(state)
         return state.index, candidate.derivation
 
@@ -163,9 +168,11 @@ class Interpreter:
         return best
 
     def _refresh(self, state: RuleState, now: Instant) -> None:
-        """Look for the match with which a rule would fire: the best rank, then the oldest facts."""
+        """Look for the match with which a rule would fire: the best rank, the least recently fired, the oldest."""
         state.candidate = best = None
         nearest = self._goals.nearest(state.index)
+        turns = nearest is not None and state.once is None and self._goals.rotor.turns(state.index)
+        compared = 0
         env: Env = [self._robot] * state.planned.slots
         failed = partial(self._failures.match, now, state.index)
         for facts in self._matches(state, env, now, partial(failed, len(state.planned.head))):
@@ -174,9 +181,15 @@ class Interpreter:
                 continue
             ranked = self._goals.rank(state.index, derivation.derived, now) if nearest is not None else None
             rank = UNRANKED if ranked is None else ranked
+            last = self._goals.rotor.last(state.index, args_of(facts)) if turns and ranked is not None else 0
             if best is None or rank < best.rank:
-                state.candidate = best = Candidate(tuple(facts), derivation, rank)
-            if nearest is None or best.rank <= nearest:
+                state.candidate = best = Candidate(tuple(facts), derivation, rank, last)
+                compared = 1
+            elif rank == best.rank and compared < ROTOR_MATCHES_MAX:
+                compared += 1
+                if last < best.last:
+                    state.candidate = best = Candidate(tuple(facts), derivation, rank, last)
+            if nearest is None or (best.rank <= nearest and (not best.last or compared >= ROTOR_MATCHES_MAX)):
                 return
 
     def _matches(self, state: RuleState, env: Env, now: Instant, on_failure: OnFailure) -> Iterator[Sequence[Fact]]:
@@ -184,6 +197,11 @@ class Interpreter:
         if state.once is not None:
             return state.once.each(env, now, on_failure)
         return Search(state.planned.steps, self._store, env, now, on_failure).matches()
+
+
+def args_of(facts: Sequence[Fact]) -> list[Args]:
+    """Return the arguments of each fact."""
+    return [fact.args for fact in facts]
 
 
 def mentioned(rule: Rule) -> Iterator[int]:

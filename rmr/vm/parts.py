@@ -62,7 +62,7 @@ class Parts(ABC):
     @property
     def _goals(self) -> Goals:
         if self._any_goals is None:
-            self._any_goals = Goals(self.program, self.robot, self, self._dropped)
+            self._any_goals = Goals(self.program, self.robot, self, self._events, self._dropped)
         return self._any_goals
 
     @property

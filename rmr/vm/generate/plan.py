@@ -10,18 +10,20 @@ and every rule from the moment on when an expression of it has had no value: whi
 order, is part of the result.
 """
 
+from collections.abc import Iterable
 from enum import Enum
+from typing import Any
 
 from rmr.bytecode.conform import fits
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
 from rmr.vm.generate.body import Placed, Slots, positives, slots_of
 from rmr.vm.generate.expressions import condition, expression, narrowed
-from rmr.vm.generate.layout import Table, column, tuple_of
+from rmr.vm.generate.layout import ARGS, Table, column, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.interpreter import uses_now
 from rmr.vm.match import plan_atom
-from rmr.vm.store import is_open
+from rmr.vm.store import Args, is_open
 
 ATOMS_MAX = 8
 """Atoms of one body up to which source is made: Python takes no more than twenty blocks one in another."""
@@ -46,6 +48,7 @@ class RulePlan:
         """The atoms that take a fact, with their places."""
         self.facts = {place: f"f{place}" for place, _ in self.atoms}
         """By place, the variables that hold a match's facts."""
+        self._arities = [tables[atom.predicate].arity for _, atom in self.atoms]
         self.consumed = [place for place, atom in self.atoms if atom.mode is Mode.CONSUME]
         self.once = not self.consumed
         """It consumes nothing and fires once for each match."""
@@ -73,6 +76,10 @@ class RulePlan:
     def may_break(self) -> bool:
         """Whether an expression may have no value, so that the rule is matched anew from then on."""
         return bool(self.failing) or self.valued
+
+    def args_of(self, entry: Iterable[list[Any]]) -> list[Args]:
+        """Return the arguments of each fact of a match."""
+        return [tuple(fact[ARGS : ARGS + arity]) for fact, arity in zip(entry, self._arities, strict=True)]
 
     def names(self) -> list[str]:
         """The fact variables in the order of the atoms."""

@@ -1,0 +1,147 @@
+"""Fairness among the matches of one rule while an open goal ranks it: round-robin over the facts that it keeps.
+
+"The oldest facts go first" alone starves: a robot that looks for a room with a rule ``location(R, A), door(R, A, B) -o
+moveto(R, B)`` goes through the oldest door of each room, and from the second room back, for ever. So of the matches of
+the best rank the one goes first whose kept facts the rule has fired for least recently, or never; the oldest facts
+decide among equals. Each room then sends the robot through its doors in turn: a rotor-router walk, also called Propp
+machine, which visits every edge of a finite strongly connected graph again and again, and each within O(m D) steps
+(m edges, diameter D; Yanovski, Wagner, Bruckstein, "A distributed ant algorithm for efficiently patrolling a network",
+Algorithmica 37, 2003).
+
+Kept facts are the persistent, the sensed and the ``$`` ones. They are compared by value, for a sensed fact comes back
+as another one; a sensed float is a measurement, which hardly ever comes back, and is left out. Consumed facts are left
+out, too: they may count. Rules that consume nothing fire once for each match and starve none of them.
+
+The same memory tells of a program that goes in circles: a rule that has fired again and again for the same facts, the
+consumed ones included, while no goal was achieved.
+"""
+
+from collections import OrderedDict
+from collections.abc import Hashable, Iterator, Sequence
+from typing import NamedTuple
+
+from rmr.base.identity import ByIdentity
+from rmr.base.time import Instant
+from rmr.bytecode.program import Atom, Base, Kind, Mode, Predicate, Program, Rule
+from rmr.bytecode.wire import identity
+from rmr.vm.bounds import Dropped
+from rmr.vm.events import RuleRepeats, VmEvent
+from rmr.vm.store import Args, is_open
+
+ROTOR_MATCHES_MAX = 256
+"""Matches of the best rank that are compared, the oldest ones: more doors than a room has, and few enough to look at
+each at every firing."""
+
+ROTOR_MEMORY_MAX = 100_000
+"""Combinations of kept facts whose last firing is remembered; the least recent is forgotten, as if it had never been."""
+
+REPEATS_TOLD = 20
+"""Firings for the same facts that are told: a walk through a building of some dozen rooms takes fewer."""
+
+Key = tuple[Hashable, ...]
+"""The rule, then the values of each kept fact."""
+
+
+class KeptAtom(NamedTuple):
+    """How a match's kept fact is recognised."""
+
+    place: int
+    """Among the match's facts."""
+    positions: tuple[int, ...]
+    """The arguments that count."""
+    is_open: bool
+    """Values of different kinds may meet."""
+
+
+class RotorPlan(NamedTuple):
+    """What a rule consumes and keeps, as places among the facts of a match."""
+
+    kept: tuple[KeptAtom, ...]
+    consumed: tuple[int, ...]
+
+
+class LastFiring(NamedTuple):
+    """The last firing of a rule for some kept facts."""
+
+    turn: int
+    """Grows from firing to firing."""
+    consumed: tuple[Args, ...]
+    repeats: int
+    """Firings in a row that consumed the same values, with no goal achieved between them."""
+    achieved: int
+    """Goals achieved before."""
+
+
+def _plan(rule: Rule, predicates: Sequence[Predicate]) -> RotorPlan:
+    atoms = [each for each in rule.body if isinstance(each, Atom) and each.mode is not Mode.ABSENT]
+    kept = tuple(
+        KeptAtom(place, _positions(predicates[atom.predicate]), any(map(is_open, predicates[atom.predicate].types)))
+        for place, atom in enumerate(atoms)
+        if atom.mode is not Mode.CONSUME
+    )
+    return RotorPlan(kept, tuple(place for place, atom in enumerate(atoms) if atom.mode is Mode.CONSUME))
+
+
+def _positions(predicate: Predicate) -> tuple[int, ...]:
+    sensed = predicate.kind is Kind.SENSED
+    return tuple(place for place, kind in enumerate(predicate.types) if not (sensed and kind.base is Base.FLOAT))
+
+
+_plans: ByIdentity[Program, tuple[RotorPlan, ...]] = ByIdentity(
+    lambda program: tuple([_plan(rule, program.predicates) for rule in program.rules])
+)
+"""Returns the plans of a program's rules."""
+
+
+class Rotor:
+    """For what kept facts each rule of one robot has fired while a goal ranked it."""
+
+    __slots__ = ("_dropped", "_events", "_last", "_plans", "_told", "_turn", "_turning")
+
+    def __init__(self, program: Program, events: list[VmEvent], dropped: Dropped) -> None:
+        """Report rules that repeat themselves to `events`, each once."""
+        self._plans = _plans(program)
+        self._events = events
+        self._dropped = dropped
+        self._last: OrderedDict[Key, LastFiring] = OrderedDict()
+        """The least recent first."""
+        self._turn = 0
+        self._turning: set[int] = set()
+        """The rules with kept facts that have fired."""
+        self._told: set[int] = set()
+
+    def turns(self, rule: int) -> bool:
+        """Tell whether the last firings of `rule` may decide which of its matches goes first."""
+        return rule in self._turning
+
+    def last(self, rule: int, facts: Sequence[Args]) -> int:
+        """Return when `rule` fired last for the kept ones of a match's facts: 0 never, else the greater the later."""
+        found = self._last.get(self._key(rule, facts))
+        return 0 if found is None else found.turn
+
+    def fire(self, now: Instant, rule: int, facts: Sequence[Args], achieved: int) -> None:
+        """Note that `rule`, which consumes, fires for `facts`; `achieved` goals have been discharged so far."""
+        key, plan = self._key(rule, facts), self._plans[rule]
+        self._turn += 1
+        consumed = tuple([facts[place] for place in plan.consumed])
+        before = self._last.get(key)
+        same = before is not None and before.consumed == consumed and before.achieved == achieved
+        repeats = before.repeats + 1 if before is not None and same else 1
+        self._last[key] = LastFiring(self._turn, consumed, repeats, achieved)
+        self._last.move_to_end(key)
+        if len(self._last) > ROTOR_MEMORY_MAX:
+            self._last.popitem(last=False)
+            self._dropped.add("rotor", ROTOR_MEMORY_MAX, now)
+        if plan.kept:
+            self._turning.add(rule)
+        if repeats >= REPEATS_TOLD and rule not in self._told:
+            self._told.add(rule)
+            self._events.append(RuleRepeats(rule, repeats, now))
+
+    def _key(self, rule: int, facts: Sequence[Args]) -> Key:
+        return (rule, *self._values(rule, facts))
+
+    def _values(self, rule: int, facts: Sequence[Args]) -> Iterator[Hashable]:
+        for place, positions, may_differ in self._plans[rule].kept:
+            args = tuple([facts[place][position] for position in positions])
+            yield identity(args) if may_differ else args
