@@ -1,11 +1,14 @@
 """The machine over again, as naively as can be: all matches by brute force, at every firing, and nothing kept.
 
-It says what rules mean where there are neither goals nor chance: of the satisfied rules the first in the text, of
-its matches the one with the oldest facts. It shares with the machine the value of an expression and nothing else.
+It says what rules mean where there is no chance: of the satisfied rules of the best rank the first in the text; of
+its matches of that rank the one for whose kept facts it has fired least recently while it had a rank, then the one
+with the oldest facts. There is one goal at most, and which rules lead there from farther off is told. It shares with
+the machine the value of an expression and nothing else.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from rmr.base.values import INT_MAX, INT_MIN, Robot, Value
 from rmr.bytecode.arithmetic import NoValue, same
@@ -50,6 +53,25 @@ class Match:
     def key(self) -> tuple[int, ...]:
         return tuple(fact.serial for fact in self.facts)
 
+    @property
+    def kept(self) -> tuple[tuple[int, Args], ...]:
+        return tuple((fact.predicate, fact.args) for fact in self.facts if fact not in self.consumed)
+
+
+UNRANKED = 1 << 30
+
+
+class Firing(NamedTuple):
+    """What may happen next; the least does."""
+
+    rank: int
+    rule: int
+    last: int
+    key: tuple[int, ...]
+    match: Match
+    consumed: list[Fact]
+    derived: list[tuple[Derived, Args]]
+
 
 class StoppedError(Exception):
     """The firing as a whole does not happen."""
@@ -62,6 +84,11 @@ class Naive:
     log: list[tuple[int, Args]] = field(default_factory=list)
     """The actions, in order."""
     firings: int = 0
+    goal: tuple[int, Args] | None = None
+    """A wanted fact; None again once it has been inserted."""
+    leads: dict[int, int] = field(default_factory=dict)
+    """The ranks of rules whose firings do not derive the goal."""
+    _last: dict[tuple[int, object], int] = field(default_factory=dict)
     _serial: int = 0
     _fired: dict[int, set[tuple[int, ...]]] = field(default_factory=dict)
 
@@ -69,6 +96,8 @@ class Naive:
         if self.program.predicates[predicate].kind is Kind.TEMPORARY or not self.holds(predicate, args):
             self._serial += 1
             self.facts.append(Fact(self._serial, predicate, args))
+            if (predicate, args) == self.goal:
+                self.goal = None
 
     def withdraw(self, predicate: int, args: Args) -> None:
         self.facts = [fact for fact in self.facts if (fact.predicate, fact.args) != (predicate, args)]
@@ -77,19 +106,32 @@ class Naive:
         return any(fact.predicate == predicate and fact.args == args for fact in self.facts)
 
     def fire(self) -> bool:
-        """Fire the first satisfied rule; False if none is. Of every rule it is noticed which matches are gone."""
+        """Fire what goes first; False if no rule is satisfied. Of every rule it is noticed which matches are gone."""
         unfired = [self.unfired(index, rule) for index, rule in enumerate(self.program.rules)]
-        for index, rule in enumerate(self.program.rules):
-            for match in unfired[index]:
-                try:
-                    consumed, derived = self.derive(rule, match)
-                except (NoValue, StoppedError):
-                    continue
-                if not match.consumed:
-                    self._fired[index].add(match.key)
-                self.apply(match.consumed + consumed, derived)
-                return True
-        return False
+        possible = [each for index, found in enumerate(unfired) for match in found for each in self.tried(index, match)]
+        if not possible:
+            return False
+        best = min(possible, key=lambda each: each[:4])
+        if not best.match.consumed:
+            self._fired[best.rule].add(best.key)
+        elif best.rank != UNRANKED:
+            self._last[best.rule, best.match.kept] = 1 + max(self._last.values(), default=0)
+        self.apply(best.match.consumed + best.consumed, best.derived)
+        return True
+
+    def tried(self, index: int, match: Match) -> Iterator[Firing]:
+        """What comes of a match: nothing if an expression has no value."""
+        try:
+            consumed, derived = self.derive(self.program.rules[index], match)
+        except (NoValue, StoppedError):
+            return
+        rank = UNRANKED
+        if self.goal is not None:
+            direct = self.goal in [(item.predicate, args) for item, args in derived]
+            rank = 0 if direct else self.leads.get(index, UNRANKED)
+        turns = match.consumed and rank != UNRANKED
+        last = self._last.get((index, match.kept), 0) if turns else 0
+        yield Firing(rank, index, last, match.key, match, consumed, derived)
 
     def unfired(self, index: int, rule: Rule) -> list[Match]:
         found = list(self.matches(rule.body, Match([], {0: Robot(1)}, []), self.facts))

@@ -330,6 +330,8 @@ class HostedRobot:
                 self._say_failure(f"deadline missed: {entry['job']}")
             elif entry.get("what") == "restless":
                 self._say_failure("the program never becomes quiet: some rule is satisfied for ever")
+            elif entry.get("what") == "repeats":
+                self._say_failure(f"a goal stays open: {entry['rule']} fires again and again for the same facts")
             elif entry.get("what") == "other_program":
                 self._say_failure(f"robot {entry['source']} runs another program: neither understands the other")
         life.node.trace_log.clear()

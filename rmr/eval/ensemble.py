@@ -22,7 +22,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Kind, Program
 from rmr.eval.ether import LATENCY, Ether, Messages, frame_text
 from rmr.eval.given import Given, facts_by_owner, values
-from rmr.eval.report import dropped, entry, omitted, outstanding, slowed, undelivered
+from rmr.eval.report import dropped, entry, omitted, outstanding, repeating, slowed, undelivered
 from rmr.eval.topology import Topology
 from rmr.node.actions import Handler, RobotHandle
 from rmr.node.config import GivenFact, NodeConfig
@@ -43,6 +43,8 @@ LOOK_EVERY = 256
 """Calls between two looks at whether the run is to stop, and at how it is getting on."""
 UNDELIVERED_MAX = 64
 """Kinds of things that could not be delivered of which the run keeps the names; the report counts them all."""
+REPEATS_MAX = 64
+"""Rules that repeat themselves of which the run keeps the places."""
 RANGE_M = 1.0
 """What `range(R, B, D)` says of every robot in range: robots without bodies are nowhere."""
 
@@ -114,6 +116,8 @@ class Ensemble:
         """Events from outside that are yet to come."""
         self.undelivered: dict[tuple[int, int, str, str], None] = {}
         """(source, destination, predicate, why) of what could not be delivered."""
+        self.repeats: dict[tuple[int, str], int] = {}
+        """(robot, rule): firings for the same facts, of rules that repeated themselves while a goal stayed open."""
         self._digest = given.digest
         self._sink = sink
         self._stopping = False
@@ -218,7 +222,7 @@ class Ensemble:
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return what is to be said beside the report, by kind."""
-        return undelivered(self), dropped(self), slowed(self), omitted(self)
+        return undelivered(self), dropped(self), repeating(self), slowed(self), omitted(self)
 
     # ---- inside
 
@@ -254,6 +258,8 @@ class Ensemble:
             what = note["what"]
             if what == "fired":
                 hosted.last_rule = note["rule"]
+            elif what == "repeats" and len(self.repeats) < REPEATS_MAX:
+                self.repeats[hosted.robot, note["rule"]] = note["firings"]
             elif what == "undelivered" and len(self.undelivered) < UNDELIVERED_MAX:
                 key = (hosted.robot, note["destination"], note["predicate"], note["why"])
                 self.undelivered[key] = None

@@ -151,6 +151,16 @@ def omitted(ensemble: "Ensemble") -> Iterator[str]:
             yield f"robot {identity}: the report leaves out its {count} oldest actions (`--trace` has all)"
 
 
+def repeating(ensemble: "Ensemble") -> Iterator[str]:
+    """Yield the rules that fired again and again for the same facts, of robots whose goals are still open."""
+    for (identity, rule), firings in ensemble.repeats.items():
+        still = ensemble.robots[identity].node.machine.goals()["open"]
+        if still:
+            more = f" and {len(still) - 1} more" if len(still) > 1 else ""
+            goals = f"goal {still[0]}{more} is open"
+            yield f"robot {identity}: {goals}, and {rule} fired {firings} times for the same facts"
+
+
 def undelivered(ensemble: "Ensemble") -> Iterator[str]:
     """Yield what could not be delivered, each once, and why."""
     topology = ensemble.conditions.topology

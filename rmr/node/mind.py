@@ -29,6 +29,7 @@ from rmr.vm.events import (
     JobMissed,
     JobStarted,
     RuleFired,
+    RuleRepeats,
     VmEvent,
 )
 from rmr.vm.store import Args
@@ -122,12 +123,21 @@ class Mind:
             case GoalAchieved(predicate=predicate, args=args):
                 self.achieved += 1
                 node.trace(now, "achieved", goal=goal_text(node.program, predicate, node.robot, args))
+            case _:
+                self._noted(now, event)
+
+    def _noted(self, now: Instant, event: VmEvent) -> None:
+        """Note what concerns nobody but whoever watches the robot."""
+        node = self._node
+        match event:
             case FactInserted(predicate=predicate, args=args):
                 node.trace(now, "inserted", fact=fact_text(node.program, predicate, node.robot, args))
             case FactRemoved(predicate=predicate, args=args):
                 node.trace(now, "removed", fact=fact_text(node.program, predicate, node.robot, args))
             case ExpressionFailed(where=where, reason=reason):
                 node.trace(now, "expression_failed", where=where, reason=reason)
+            case RuleRepeats(rule=rule, firings=firings):
+                node.trace(now, "repeats", rule=rule_text(node.program, rule), firings=firings)
             case BoundReached(what=what, bound=bound):
                 node.trace(now, "bound_reached", kept=what, bound=bound)
 

@@ -43,6 +43,9 @@ EVENTS: Final[dict[str, Event]] = {
     "expression_failed": Event(("where", "reason"), "an expression has no value; what needed it was left out"),
     "bound_reached": Event(("kept", "bound"), "more came than the robot keeps; the rest is dropped; told once"),
     "restless": Event(("firings",), "the program has had satisfied rules for 60 calls in a row; told once"),
+    "repeats": Event(
+        ("rule", "firings"), "a rule has fired so often for the same facts while no goal was achieved; told once a rule"
+    ),
     "inserted": Event(("fact",), "a fact of the robot now holds; only where facts are traced"),
     "removed": Event(("fact",), "a fact was consumed or withdrawn; only where facts are traced"),
     "achieved": Event(("goal",), "a goal was discharged"),

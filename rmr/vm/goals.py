@@ -1,10 +1,10 @@
 """Goals: what the robot wants to hold (paper III.B).
 
-A goal is open until its robot inserts a matching fact of any kind, or at once if it holds one; deriving it
-again opens it again. Goals steer the choice among satisfied rules (paper figure 6): a firing that derives an
-open goal has rank 0, one from whose facts k further firings lead to one has rank k (ranks.py), and one from
-which no open goal follows has none; of a rule's matches of one rank a rotor takes each in turn (rotor.py). An action that a firing derives counts as its declared effects, as far as
-they are this robot's.
+A goal is open until its robot inserts a matching fact of any kind, or at once if it holds one; deriving it again
+opens it again. Goals steer the choice among satisfied rules (paper figure 6): a firing that derives an open goal has
+rank 0, one from whose facts k further firings lead to one has rank k (ranks.py), and one from which no open goal
+follows has none; of a rule's matches of one rank a rotor takes each in turn (rotor.py). An action that a firing
+derives counts as its declared effects, as far as they are this robot's.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

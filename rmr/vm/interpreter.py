@@ -1,11 +1,11 @@
 """Which rule goes next (paper figure 6, `selectOneRule`), as the paper says it.
 
-Satisfied rules are ranked by how near their firing brings an open goal: first those that derive one, then
-those from which one more firing leads there, and so on, last those from which none follows. Among those of
-the best rank one is drawn uniformly (one draw from the robot's stream, and only when there is a choice), or
-the first in the text is taken; of that rule's matches of that rank the oldest facts go first, but those behind
-others for whose kept facts it has fired while a goal ranked it (rotor.py). A rule that consumes nothing would be satisfied for ever, so it fires once for each match, and again when the match has
-gone and come back.
+Satisfied rules are ranked by how near their firing brings an open goal: first those that derive one, then those from
+which one more firing leads there, and so on, last those from which none follows. Among those of the best rank one is
+drawn uniformly (one draw from the robot's stream, and only when there is a choice), or the first in the text is
+taken; of that rule's matches of that rank the oldest facts go first, but those behind others for whose kept facts it
+has fired while a goal ranked it (rotor.py). A rule that consumes nothing would be satisfied for ever, so it fires
+once for each match, and again when the match has gone and come back.
 
 A rule is matched again only when a predicate that it mentions has changed since (or a goal to which it may
 lead); a quiet machine does nothing.

@@ -33,7 +33,7 @@ ROTOR_MATCHES_MAX = 256
 each at every firing."""
 
 ROTOR_MEMORY_MAX = 100_000
-"""Combinations of kept facts whose last firing is remembered; the least recent is forgotten, as if it had never been."""
+"""Combinations of kept facts whose last firing is remembered; the least recent one is forgotten."""
 
 REPEATS_TOLD = 20
 """Firings for the same facts that are told: a walk through a building of some dozen rooms takes fewer."""

@@ -25,6 +25,7 @@ from rmr.vm.events import (
     JobMissed,
     JobStarted,
     RuleFired,
+    RuleRepeats,
     VmEvent,
 )
 from rmr.vm.job import Job
@@ -149,6 +150,8 @@ class Case:
                 return line if event.origin is None else {**line, "origin": list(event.origin)}
             case ExpressionFailed(where=where):
                 return {"failed": where}
+            case RuleRepeats(rule=rule, firings=firings):
+                return {"repeats": rule, "firings": firings}
             case BoundReached(what=what, bound=bound):
                 return {"bound": what, "most": bound}
             case _:

@@ -94,7 +94,7 @@ def atoms(program: Program) -> list[object]:
 
 
 KINDS_OF_LINE = (
-    *("fired", "inserted", "removed", "sent", "achieved", "action", "failed"),
+    *("fired", "inserted", "removed", "sent", "achieved", "action", "failed", "repeats"),
     *("started", "finished", "missed", "await", "seen", "facts"),
 )
 

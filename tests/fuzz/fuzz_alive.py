@@ -35,6 +35,7 @@ from rmr.bytecode.program import (
 )
 from rmr.vm import interpreter, match, once
 from rmr.vm.derive import PlannedRule
+from rmr.vm.rotor import Rotor
 from rmr.vm.store import Fact, is_open
 
 LOOKS_MAX = 6_000
@@ -100,6 +101,8 @@ def observed(program: Program, state: int) -> Iterator[Alive]:
     alive = Alive(program, state)
     candidates, derive = match.candidates, PlannedRule.derive
     fire, best = once.Changing.fire, interpreter.Interpreter._best
+    last, refresh = Rotor.last, interpreter.Interpreter._refresh
+    turns: list[int] = []
 
     def counted(step, store, env):
         found = candidates(step, store, env)
@@ -121,7 +124,18 @@ def observed(program: Program, state: int) -> Iterator[Alive]:
         alive.tally["first of several"] += len(found) > 1 and self._textual
         return found
 
+    def turned(self, *args):
+        turns.append(last(self, *args))
+        return turns[-1]
+
+    def refreshed(self, state, now):
+        turns.clear()
+        refresh(self, state, now)
+        alive.tally["rotor decided"] += bool(turns and state.candidate and state.candidate.last < turns[0])
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Rotor, "last", turned)
+        patch.setattr(interpreter.Interpreter, "_refresh", refreshed)
         patch.setattr(match, "candidates", counted)
         patch.setattr(PlannedRule, "derive", derived)
         patch.setattr(once.Changing, "fire", noted)

@@ -23,6 +23,9 @@ SMALL = {
     "WATCHES_MAX": 1,
     "RECENT_MAX": 2,
     "MATCHES_MAX": 5,
+    "ROTOR_MATCHES_MAX": 2,
+    "ROTOR_MEMORY_MAX": 2,
+    "REPEATS_TOLD": 2,
 }
 """By name. Not of failures: which are forgotten hangs on how often a match is looked at, an engine's own affair."""
 

@@ -16,6 +16,7 @@ from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
 from rmr.vm.interpreted import Interpreted
 from rmr.vm.interpreter import Interpreter
+from rmr.vm.rotor import Rotor
 
 Patch = pytest.MonkeyPatch
 Break = Callable[[Patch], None]
@@ -96,6 +97,10 @@ def new_facts_are_not_joined(patch: Patch) -> None:
 
 def ranks_are_ignored(patch: Patch) -> None:
     patch.setattr(Goals, "nearest", lambda self, rule: None)
+
+
+def the_oldest_door_again(patch: Patch) -> None:
+    patch.setattr(Rotor, "turns", lambda self, rule: False)
 
 
 def goals_go_unnoticed(patch: Patch) -> None:
@@ -194,6 +199,7 @@ BREAKS: dict[str, Break] = {
         fires_for_each_look,
         new_facts_are_not_joined,
         ranks_are_ignored,
+        the_oldest_door_again,
         goals_go_unnoticed,
         inner_bodies_see_what_was_consumed,
         inner_matches_share_facts,
@@ -216,6 +222,7 @@ SHOWS = {
     "fires_never_again": "rule that fires once with not",
     "goals_go_unnoticed": "rank decided",
     "ranks_are_ignored": "rank decided",
+    "the_oldest_door_again": "rotor decided",
     "the_time_of_the_first_look": "function now",
     "gone_facts_are_not_remembered": "event FinishSeen",
     "stale_rules_in_any_order": "event ExpressionFailed",

@@ -1,13 +1,14 @@
 """The cases of the engines' fuzzer: made from a seed and a number alone, so that each can be repeated.
 
-Most programs are drawn. Some are compiled: every program of the library, the examples and the labs; and some are
-made from either by putting parts of one in the place of parts of another, as long as the verifier accepts it.
+Most programs are drawn, some of them to search for a goal over a map (`fuzz_search`). Some are compiled: every
+program of the library, the examples and the labs; and some are made from either by putting parts of one in the place
+of parts of another, as long as the verifier accepts it.
 """
 
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from fuzz_compare import Case, Difference, Seen, difference, expected
 from fuzz_events import Script
 from fuzz_mutations import parts, restructured
 from fuzz_programs import HOME, Lively
+from fuzz_search import Searching
 from fuzz_shrink import shrunk
 
 from rmr.bytecode.codec import BytecodeError, decode
@@ -35,7 +37,7 @@ SOURCES = sorted(
     ]
 )
 
-KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2]
+KINDS = [*["drawn"] * 17, "compiled", *["mutated"] * 2, *["searching"] * 2]
 BUDGETS = [1, 1, 1, 2, 2, 7, 7, 500]
 """Firings of one run: few, so that events come while rules are still satisfied."""
 
@@ -73,9 +75,9 @@ def made(seed: int, number: int) -> tuple[str, Case]:
     """Return a case with its kind."""
     rng = Random(f"{seed}/{number}")
     kind = rng.choice(KINDS)
-    program = {"drawn": _drawn, "compiled": _compiled, "mutated": _mutated}[kind](rng)
+    program = MAKERS[kind](rng)
     script = Script(program, rng).steps()
-    small = kind == "drawn" and rng.random() < SMALL_BOUNDS
+    small = kind in ("drawn", "searching") and rng.random() < SMALL_BOUNDS
     budget, robot, traced = rng.choice(BUDGETS), rng.choice(ROBOTS), rng.random() < TRACED
     return kind, Case(program, tuple(script), budget, f"{seed}/{number}", robot, small, traced)
 
@@ -109,8 +111,8 @@ def smallest(found: Judged, engine: Engine, wrong: str | None = None) -> tuple[C
     return case, left
 
 
-def _drawn(rng: Random) -> Program:
-    program = Lively(rng.getrandbits(64)).program()
+def _drawn(rng: Random, maker: type[Lively] = Lively) -> Program:
+    program = maker(rng.getrandbits(64)).program()
     wrong = verify(program)
     assert not wrong, wrong
     return program
@@ -133,6 +135,9 @@ def _mutated(rng: Random) -> Program:
         bare = replace(program, goals=tuple([replace(goal, leads=None) for goal in program.goals]))
         return with_leads(bare) if bare.goals and rng.random() < 0.5 else bare
     return one
+
+
+MAKERS = {"drawn": _drawn, "compiled": _compiled, "mutated": _mutated, "searching": partial(_drawn, maker=Searching)}
 
 
 def batch(seed: int, start: int, stop: int, engine: str, wrong: str | None = None) -> tuple[Counter[str], list[Judged]]:

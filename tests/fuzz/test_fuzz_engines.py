@@ -48,10 +48,10 @@ ALIVE = [
     *(where + each for where in ("", "inner ") for each in ("guard", "bind", "join", "same predicate", "constant")),
     *(where + each for where in ("", "inner ") for each in ("anonymous", "open type", "variable twice in an atom")),
     *("many facts of a predicate", "many rules", "body of many atoms", "code of many operations"),
-    *(f"bound of {each}" for each in ["facts", "actions", "chains", "goals"]),
+    *(f"bound of {each}" for each in ["facts", "actions", "chains", "goals", "rotor"]),
     *("comprehension", "steps", "plain head", "body of only not"),
     *("rule that consumes", "rule that fires once", "rule that fires once with not", "match fired again"),
-    *("draw", "first of several", "rank decided", "effect", "step followed", "call refused"),
+    *("draw", "first of several", "rank decided", "rotor decided", "effect", "step followed", "call refused"),
     *(
         f"call {each}"
         for each in ["start", "run", "insert", "withdraw", "want", "derive_action", "complete", "await_finish"]
@@ -61,8 +61,11 @@ ALIVE = [
         f"event {each}"
         for each in ["RuleFired", "FactSent", "GoalSent", "ActionDerived", "GoalAchieved", "ExpressionFailed"]
     ),
-    *(f"event {each}" for each in ["JobStarted", "JobFinished", "JobMissed", "FinishAwaited", "FinishSeen"]),
-    *(f"a program {each}" for each in ("drawn", "compiled", "mutated")),
+    *(
+        f"event {each}"
+        for each in ["JobStarted", "JobFinished", "JobMissed", "FinishAwaited", "FinishSeen", "RuleRepeats"]
+    ),
+    *(f"a program {each}" for each in ("drawn", "compiled", "mutated", "searching")),
 ]
 """What must have been alive in some of the cases."""
 

@@ -13,11 +13,12 @@ from vm_naive import Naive
 
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.opcodes import Op
-from rmr.bytecode.program import Conjunct, Derived, Head, Kind, Operator
+from rmr.bytecode.program import Conjunct, Derived, Head, Kind, Operator, Rule
 from rmr.vm import once
 from rmr.vm.engines import Engine
 from rmr.vm.events import FactInserted, FactRemoved
 from rmr.vm.machine import Machine
+from rmr.vm.rotor import Rotor
 
 FIRINGS_MAX = 40
 FACTS_MAX = 24
@@ -168,6 +169,31 @@ class Triples(Drawn):
         return [*steps, ("run", 0, ())]
 
 
+class Searching(Drawn):
+    """A rule that goes through a map towards a goal that is hard to reach, beside drawn rules that have no rank."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed, consuming=0.2, negative=0.1, inner=0.1)
+        rng, hand = self.rng, self.hand
+        at, seen = hand.temporary("place", INT), hand.temporary("seen", INT)
+        door = rng.choice([hand.persistent, hand.sensed, hand.temporary])("door", INT, INT)
+        take = hand.keep if hand.predicates[door].kind is Kind.TEMPORARY else hand.atom
+        body: list[Conjunct] = [hand.atom(at, V(1)), take(door, V(1), V(2))]
+        rng.shuffle(body)
+        if rng.random() < 0.3:
+            body.append(hand.absent(self.stored[3], V(2)))
+        if rng.random() < 0.3:
+            body.append(hand.keep(seen, V(3)))
+        hand.rules.insert(0, Rule(16, tuple(body), (hand.head(at, V(2)), hand.head(self.out[2], V(1), V(2)))))
+        self.goal = at, (rng.choice([2, 9]),)
+        hand.goal(*[at, *self.goal[1]])
+        self.moves = [at, at, seen, *[door] * 5]
+
+    def script(self) -> list[tuple[str, int, tuple[Value, ...]]]:
+        self.stored += self.moves * 2
+        return super().script()
+
+
 def texts(naive: Naive) -> list[str]:
     """The facts as `Machine.facts` lists them."""
     found = []
@@ -217,7 +243,8 @@ def together(naive: Naive, machines: list[Watched], once_only: bool) -> bool:
 def compare(drawn: Drawn, engines: Sequence[Engine] = tuple(Engine)) -> Machine:
     """Play the script on a machine of each engine and on the naive one; they do the same at every run."""
     program = drawn.hand.program()
-    naive = Naive(program)
+    searching = isinstance(drawn, Searching)
+    naive = Naive(program, goal=drawn.goal, leads={0: 1}) if searching else Naive(program)
     machines = [machine_of(program, engine=engine, firing_budget=1, trace=True) for engine in engines]
     watched = list(map(Watched, machines))
     for machine in machines:
@@ -269,6 +296,25 @@ def test_facts_that_come_between_firings_bring_each_match_once_in_its_order(seed
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(once, "CHUNK", 1 + seed % 3)
         compare(Triples(seed))
+
+
+@settings(deadline=None, max_examples=200)
+@given(seeds)
+def test_a_rule_that_searches_for_a_goal_takes_its_matches_in_turn(seed: int) -> None:
+    compare(Searching(seed))
+
+
+def test_machines_that_do_not_take_matches_in_turn_are_found() -> None:
+    def differs(seed: int) -> bool:
+        try:
+            compare(Searching(seed), [Engine.GENERATED])
+        except AssertionError:
+            return True
+        return False
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Rotor, "turns", lambda self, rule: False)
+        assert sum(map(differs, range(60))) > 5
 
 
 def test_the_random_programs_do_something() -> None:

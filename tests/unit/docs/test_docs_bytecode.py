@@ -18,7 +18,7 @@ from rmr.bytecode.program import Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
 from rmr.lang.compiler import compile_source
 from rmr.lang.provided import type_text
-from rmr.vm import assertions, derive, goals, machine, match, once, underway, watches
+from rmr.vm import assertions, derive, goals, machine, match, once, rotor, underway, watches
 
 PAGE = page("bytecode")
 
@@ -152,6 +152,7 @@ def test_what_a_robot_keeps_is_bounded_as_documented():
         "ordered steps that wait for an action": underway.CHAINS_MAX,
         "jobs that wait for their finish fact": assertions.LIVE_MAX,
         "facts watched for other robots' jobs": watches.WATCHES_MAX,
+        "combinations of kept facts for which a rule with a rank has fired": rotor.ROTOR_MEMORY_MAX,
         "matches, of a rule that consumes nothing, that have not fired": once.MATCHES_MAX,
     }
     assert f"looked at {match.LOOKS_MAX} facts" in " ".join(PAGE.split())
