@@ -17,7 +17,7 @@ consumed ones included, while no goal was achieved.
 """
 
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Sequence
 from typing import NamedTuple
 
 from rmr.base.identity import ByIdentity
@@ -47,8 +47,8 @@ class KeptAtom(NamedTuple):
 
     place: int
     """Among the match's facts."""
-    positions: tuple[int, ...]
-    """The arguments that count."""
+    positions: tuple[int, ...] | None
+    """The arguments that count; None: all."""
     is_open: bool
     """Values of different kinds may meet."""
 
@@ -60,16 +60,19 @@ class RotorPlan(NamedTuple):
     consumed: tuple[int, ...]
 
 
-class LastFiring(NamedTuple):
+class LastFiring:
     """The last firing of a rule for some kept facts."""
 
-    turn: int
-    """Grows from firing to firing."""
-    consumed: tuple[Args, ...]
-    repeats: int
-    """Firings in a row that consumed the same values, with no goal achieved between them."""
-    achieved: int
-    """Goals achieved before."""
+    __slots__ = ("achieved", "consumed", "repeats", "turn")
+
+    def __init__(self) -> None:
+        self.turn = 0
+        """Grows from firing to firing."""
+        self.consumed: list[Args] = []
+        self.repeats = 0
+        """Firings in a row that consumed the same values, with no goal achieved between them."""
+        self.achieved = 0
+        """Goals achieved before."""
 
 
 def _plan(rule: Rule, predicates: Sequence[Predicate]) -> RotorPlan:
@@ -82,9 +85,10 @@ def _plan(rule: Rule, predicates: Sequence[Predicate]) -> RotorPlan:
     return RotorPlan(kept, tuple(place for place, atom in enumerate(atoms) if atom.mode is Mode.CONSUME))
 
 
-def _positions(predicate: Predicate) -> tuple[int, ...]:
-    sensed = predicate.kind is Kind.SENSED
-    return tuple(place for place, kind in enumerate(predicate.types) if not (sensed and kind.base is Base.FLOAT))
+def _positions(predicate: Predicate) -> tuple[int, ...] | None:
+    if predicate.kind is not Kind.SENSED:
+        return None
+    return tuple(place for place, kind in enumerate(predicate.types) if kind.base is not Base.FLOAT)
 
 
 _plans: ByIdentity[Program, tuple[RotorPlan, ...]] = ByIdentity(
@@ -122,26 +126,31 @@ class Rotor:
     def fire(self, now: Instant, rule: int, facts: Sequence[Args], achieved: int) -> None:
         """Note that `rule`, which consumes, fires for `facts`; `achieved` goals have been discharged so far."""
         key, plan = self._key(rule, facts), self._plans[rule]
-        self._turn += 1
-        consumed = tuple([facts[place] for place in plan.consumed])
-        before = self._last.get(key)
-        same = before is not None and before.consumed == consumed and before.achieved == achieved
-        repeats = before.repeats + 1 if before is not None and same else 1
-        self._last[key] = LastFiring(self._turn, consumed, repeats, achieved)
-        self._last.move_to_end(key)
+        found = self._last.get(key)
+        if found is None:
+            found = self._last[key] = LastFiring()
+        else:
+            self._last.move_to_end(key)
+        found.turn = self._turn = self._turn + 1
+        consumed = [facts[place] for place in plan.consumed]
+        if consumed == found.consumed and achieved == found.achieved:
+            found.repeats += 1
+        else:
+            found.consumed, found.achieved, found.repeats = consumed, achieved, 1
         if len(self._last) > ROTOR_MEMORY_MAX:
             self._last.popitem(last=False)
             self._dropped.add("rotor", ROTOR_MEMORY_MAX, now)
         if plan.kept:
             self._turning.add(rule)
-        if repeats >= REPEATS_TOLD and rule not in self._told:
+        if found.repeats >= REPEATS_TOLD and rule not in self._told:
             self._told.add(rule)
-            self._events.append(RuleRepeats(rule, repeats, now))
+            self._events.append(RuleRepeats(rule, found.repeats, now))
 
     def _key(self, rule: int, facts: Sequence[Args]) -> Key:
-        return (rule, *self._values(rule, facts))
-
-    def _values(self, rule: int, facts: Sequence[Args]) -> Iterator[Hashable]:
+        values: list[Hashable] = [rule]
         for place, positions, may_differ in self._plans[rule].kept:
-            args = tuple([facts[place][position] for position in positions])
-            yield identity(args) if may_differ else args
+            args = facts[place]
+            if positions is not None:
+                args = tuple([args[position] for position in positions])
+            values.append(identity(args) if may_differ else args)
+        return tuple(values)

@@ -48,7 +48,7 @@ class RulePlan:
         """The atoms that take a fact, with their places."""
         self.facts = {place: f"f{place}" for place, _ in self.atoms}
         """By place, the variables that hold a match's facts."""
-        self._arities = [tables[atom.predicate].arity for _, atom in self.atoms]
+        self._args = [slice(ARGS, ARGS + tables[atom.predicate].arity) for _, atom in self.atoms]
         self.consumed = [place for place, atom in self.atoms if atom.mode is Mode.CONSUME]
         self.once = not self.consumed
         """It consumes nothing and fires once for each match."""
@@ -79,7 +79,7 @@ class RulePlan:
 
     def args_of(self, entry: Iterable[list[Any]]) -> list[Args]:
         """Return the arguments of each fact of a match."""
-        return [tuple(fact[ARGS : ARGS + arity]) for fact, arity in zip(entry, self._arities, strict=True)]
+        return [tuple(fact[args]) for fact, args in zip(entry, self._args, strict=True)]
 
     def names(self) -> list[str]:
         """The fact variables in the order of the atoms."""
