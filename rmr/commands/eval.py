@@ -20,6 +20,7 @@ from rmr.eval.options import OptionError
 
 if TYPE_CHECKING:
     from rmr.bytecode.program import Program
+    from rmr.eval.deaths import Death
     from rmr.eval.ensemble import Conditions, Sink
     from rmr.eval.given import Given, Wanted
     from rmr.eval.report import Run
@@ -35,10 +36,10 @@ WARNINGS_MAX = 8
 """Warnings of one kind that are shown; thousands of robots may give the same."""
 
 
-def _read_by(read: Callable[[str], object]) -> Callable[[click.Context, click.Parameter, str], object]:
+def _read_by(read: Callable[[Any], object]) -> Callable[[click.Context, click.Parameter, Any], object]:
     """Return the callback of an option whose value `read` reads; a wrong one ends the command with the reason."""
 
-    def convert(ctx: click.Context, param: click.Parameter, value: str) -> object:
+    def convert(ctx: click.Context, param: click.Parameter, value: Any) -> object:
         try:
             return read(value)
         except OptionError as error:
@@ -70,6 +71,12 @@ _duration = _read_by(options.duration)
 @click.option("--edges", metavar="PRED", help="Give each robot A facts !PRED(A, B) for all B in range.")
 @click.option("--facts", metavar="FILE.rmr", type=PATH, help="More initial facts.")
 @click.option("--insert", "inserts", metavar="'T: FACT'", multiple=True, help="A fact from outside at T; repeatable.")
+@click.option(
+    "--kill", "kills", metavar="'T: @ID'", multiple=True, help="Robots that die at T, as @2 or @2,@5; repeatable."
+)
+@click.option(
+    "--restart", "restarts", metavar="'T: @ID'", multiple=True, help="Dead robots that start again at T; repeatable."
+)
 @click.option("--seed", metavar="S", type=click.IntRange(min=0), default=0, show_default=True, help="Of all chance.")
 @click.option(
     "--until", metavar="T", callback=_duration, default="60s", show_default=True, help="Virtual time at most."
@@ -84,7 +91,19 @@ _duration = _read_by(options.duration)
 )
 @click.option("--latency", metavar="T", callback=_duration, default="5ms", show_default=True, help="Of every frame.")
 @click.option(
-    "--action-time", metavar="T", callback=_duration, default="0s", show_default=True, help="Of every action."
+    "--action-time",
+    "times",
+    metavar="[ACTION=]T",
+    multiple=True,
+    callback=_read_by(options.action_times),
+    help="Of every action, or of one: moveto=3s; repeatable. 0 by default; `wait` takes what it says.",
+)
+@click.option(
+    "--fail",
+    "fails",
+    metavar="ACTION[@N]",
+    multiple=True,
+    help="Actions that fail: 'charge', 'charge(@2, _)'; with @N the N-th that begins alone. Repeatable.",
 )
 @click.option("--strategy", type=click.Choice(["random", "textual"]), help="Instead of the program's own order.")
 @click.option(
@@ -104,11 +123,14 @@ def command(
     edges: str | None,
     facts: Path | None,
     inserts: tuple[str, ...],
+    kills: tuple[str, ...],
+    restarts: tuple[str, ...],
     seed: int,
     until: int,
     loss: float,
     latency: int,
-    action_time: int,
+    times: tuple[int, dict[str, int]],
+    fails: tuple[str, ...],
     strategy: str | None,
     engine: str,
     trace: Path | None,
@@ -122,12 +144,15 @@ def command(
     from rmr.eval.given import Wanted
 
     ids = dict.fromkeys(robots)
-    given, shape = _read(Wanted(program, facts, edges, inserts), topology, ids)
+    action_time, action_times = times
+    wanted = Wanted(program, facts, edges, inserts, fails, tuple(action_times))
+    befalls = _deaths(kills, restarts, ids)
+    given, shape = _read(wanted, topology, ids)
     diagnosed.show(given.checked)
     if given.program is None:
         sys.exit(diagnosed.exit_code(given.checked))
     _warn_of_strangers(given, given.program, ids)
-    conditions = Conditions(ids, shape, seed, loss, latency, action_time)
+    conditions = Conditions(ids, shape, seed, loss, latency, action_time, action_times, befalls)
     with _traced(trace, (program, facts)) as sink:
         run = _prepare(engine, _ordered(given.program, strategy), given, conditions, sink)
         interrupted = _run(run, until)
@@ -158,6 +183,15 @@ def _read(wanted: "Wanted", topology: str, ids: dict[int, None]) -> tuple["Given
         click.echo(str(error), err=True)
         sys.exit(EXIT_INVALID)
     return given, shape
+
+
+def _deaths(kills: tuple[str, ...], restarts: tuple[str, ...], ids: dict[int, None]) -> "tuple[Death, ...]":
+    from rmr.eval.deaths import deaths
+
+    try:
+        return deaths(kills, restarts, ids)
+    except OptionError as error:
+        raise click.UsageError(str(error)) from None
 
 
 def _ordered(program: "Program", strategy: str | None) -> "Program":
@@ -214,7 +248,7 @@ def _prepare(engine: str, program: "Program", given: "Given", conditions: "Condi
     if engine == COLUMNAR:
         from rmr.eval.columnar import ColumnRun, hindrance
 
-        found = hindrance(program, given, traced=sink is not None)
+        found = hindrance(program, given, conditions, traced=sink is not None)
         if found is None:
             return ColumnRun(program, given, conditions)
         where = "" if found.place is None else f"{found.place.file}:{found.place.line}: "

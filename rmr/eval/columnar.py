@@ -12,6 +12,7 @@ from rmr.bytecode.columnar import Obstacle, obstacles
 from rmr.bytecode.program import Program
 from rmr.columns.choices import streams
 from rmr.columns.columns import Columns
+from rmr.eval.deaths import Death
 from rmr.eval.ensemble import FIRINGS_MAX, Conditions, most
 from rmr.eval.ether import Messages
 from rmr.eval.given import Given, Insertion
@@ -20,11 +21,12 @@ from rmr.node.trace import rule_text
 from rmr.vm.machine import FIRING_BUDGET
 
 
-def hindrance(program: Program, given: Given, *, traced: bool) -> Obstacle | None:
+def hindrance(program: Program, given: Given, conditions: Conditions, *, traced: bool) -> Obstacle | None:
     """Return why this is not a run for columns, the first reason; None if it is one."""
     found = obstacles(program, given.facts)
     found += [Obstacle("--edges gives a robot several facts")] if given.edges is not None else []
     found += [Obstacle("--insert brings facts from outside")] if given.insertions else []
+    found += [Obstacle("--kill ends robots")] if conditions.deaths else []
     found += [Obstacle("--trace tells of every firing by itself")] if traced else []
     return found[0] if found else None
 
@@ -37,7 +39,7 @@ class ColumnRun:
         self.firings = 0
         self.happened: Instant = 0
         self.now: Instant = 0
-        self.outstanding: list[Insertion] = []
+        self.outstanding: list[Insertion | Death] = []
         self.messages = Messages()
         self.frames = 0
         self.busy = len(conditions.robots)

@@ -10,25 +10,36 @@ What happened last is what a robot noted, a firing or an event from outside. New
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 from rmr.base.arena import NOWHERE
 from rmr.base.kernel import RADIO, ROBOT, Alarm, Kernel
 from rmr.base.streams import stream
-from rmr.base.time import Duration, Instant, in_seconds, milliseconds
+from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import InitialFact, Kind, Program
+from rmr.bytecode.program import InitialFact, Program
+from rmr.eval.acting import Acting
+from rmr.eval.deaths import Death
 from rmr.eval.ether import LATENCY, Ether, Messages, frame_text
-from rmr.eval.given import Given, facts_by_owner, values
-from rmr.eval.report import dropped, entry, omitted, outstanding, repeating, slowed, undelivered
+from rmr.eval.given import Given, Insertion, facts_by_owner, values
+from rmr.eval.report import (
+    dropped,
+    entry,
+    omitted,
+    outstanding,
+    past_life,
+    repeating,
+    slowed,
+    undelivered,
+    unheard,
+    unmatched,
+)
 from rmr.eval.topology import Topology
-from rmr.node.actions import Handler, RobotHandle
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Ports
-from rmr.node.provided import FAILURE_REPEATS, NodeHandle
 from rmr.node.trace import Level
 from rmr.vm.engines import Engine
 
@@ -68,6 +79,10 @@ class Conditions:
     loss: float = 0.0
     latency: Duration = LATENCY
     action_time: Duration = 0
+    """Of the actions that `action_times` does not name."""
+    action_times: Mapping[str, Duration] = field(default_factory=dict)
+    deaths: tuple[Death, ...] = ()
+    """In order of time."""
     engine: Engine = Engine.GENERATED
 
 
@@ -78,9 +93,14 @@ class Hosted:
         self.robot = robot
         self._ensemble = ensemble
         self._alarm = Alarm(ensemble.kernel, ROBOT, self._tick)
-        self.node = ensemble.make_node(robot, ensemble.ether.link(robot, self._alarm.set))
+        self._link = ensemble.ether.link(robot, self._alarm.set)
+        self.node = ensemble.make_node(robot, self._link)
         self.idle = False
+        self.alive = True
+        self.past: list[dict[str, Any]] = []
+        """The parts of the report of the nodes before this one."""
         self.firings = 0
+        """Of the present node."""
         self.last_rule: str | None = None
         """Where the rule stands that was seen to fire last."""
 
@@ -95,7 +115,31 @@ class Hosted:
         self._ensemble.note_idle(self, False)
         self._alarm.set(now)
 
+    def kill(self) -> None:
+        """End the process: nothing of it is called or answers any more."""
+        self.alive = False
+        self._alarm.set(NEVER)
+        self._ensemble.ether.switch_off(self._link)
+        self._ensemble.note_idle(self, True)
+
+    def restart(self, now: Instant) -> None:
+        """Begin a new life, with the facts of the beginning."""
+        self.past.append(past_life(self))
+        self.alive, self.firings = True, 0
+        self._link = self._ensemble.ether.link(self.robot, self._alarm.set)
+        self.node = self._ensemble.make_node(self.robot, self._link, epoch=len(self.past))
+        self._ensemble.note_idle(self, False)
+        self.start(now)
+
+    def look_around(self, now: Instant) -> None:
+        """Have the node called: who is in range has changed."""
+        if self.alive:
+            self._ensemble.note_idle(self, False)
+            self._alarm.set(now)
+
     def _tick(self, now: Instant) -> None:
+        if not self.alive:
+            return
         self.node.tick(now)
         self._ensemble.looked_at(self)
         self._alarm.set(max(self.node.next_wake, now + 1))
@@ -112,8 +156,12 @@ class Ensemble:
         self.firings = 0
         self.happened: Instant = 0
         """When the last thing happened."""
-        self.outstanding = list(given.insertions)
+        self.outstanding: list[Insertion | Death] = sorted(
+            (*conditions.deaths, *given.insertions), key=lambda each: each.at
+        )
         """Events from outside that are yet to come."""
+        self.unheard: list[tuple[int, str]] = []
+        """(robot, --insert) of facts that came while the robot was dead."""
         self.undelivered: dict[tuple[int, int, str, str], None] = {}
         """(source, destination, predicate, why) of what could not be delivered."""
         self.repeats: dict[tuple[int, str], int] = {}
@@ -121,7 +169,9 @@ class Ensemble:
         self._digest = given.digest
         self._sink = sink
         self._stopping = False
-        self._handlers = handlers(program, conditions.action_time)
+        self.acting = Acting(program, conditions.action_times, conditions.action_time, given.failing)
+        self.changes = 0
+        """How often a robot has been killed or started again."""
         self._facts = facts_by_owner(given.facts)
         self._edges = None if given.edges is None else program.predicates[given.edges].name
         self.ether = Ether(
@@ -136,7 +186,7 @@ class Ensemble:
         self.busy = len(self.robots)
         """Robots that are not idle."""
 
-    def make_node(self, robot: int, link: Any) -> Node:
+    def make_node(self, robot: int, link: Any, epoch: int = 0) -> Node:
         """Return the node of `robot`."""
         conditions = self.conditions
         config = NodeConfig(
@@ -145,12 +195,13 @@ class Ensemble:
             NOWHERE,
             conditions.seed,
             facts=tuple(self._facts_of(robot)),
+            epoch=epoch,
             trace=Level.NOTES if self._sink is None else Level.FIRINGS,
-            turn=max(conditions.action_time, TURN_MIN),
+            turn=max(self.acting.longest, TURN_MIN),
             engine=conditions.engine,
         )
-        ports = Ports(link, None, neighbors=_Neighbors(conditions.topology, robot))
-        return Node(config, self.program, ports, self._handlers, self._digest)
+        ports = Ports(link, None, neighbors=_Neighbors(self, robot))
+        return Node(config, self.program, ports, self.acting.handlers, self._digest)
 
     def _facts_of(self, robot: int) -> Iterable[GivenFact]:
         for fact in (*self._facts.get(None, ()), *self._facts.get(robot, ())):
@@ -192,8 +243,9 @@ class Ensemble:
 
         `look` is called now and then. `stop`, and a run that fires without end, end it earlier.
         """
-        for insertion in self.outstanding:
-            self.kernel.at(insertion.at, RADIO, partial(self._insert, insertion.fact))
+        for event in self.outstanding:
+            happen = partial(self._befall, event) if isinstance(event, Death) else partial(self._insert, event)
+            self.kernel.at(event.at, RADIO, happen)
         for robot in self.robots.values():
             robot.start(0)
         calls = 0
@@ -222,17 +274,36 @@ class Ensemble:
 
     def warnings(self) -> tuple[Iterator[str], ...]:
         """Return what is to be said beside the report, by kind."""
-        return undelivered(self), dropped(self), repeating(self), slowed(self), omitted(self)
+        told = undelivered(self), unheard(self), dropped(self), repeating(self), unmatched(self)
+        return *told, slowed(self), omitted(self)
 
     # ---- inside
 
-    def _insert(self, fact: InitialFact, now: Instant) -> None:
+    def _insert(self, insertion: Insertion, now: Instant) -> None:
         del self.outstanding[0]
         self.happened = now
+        fact: InitialFact = insertion.fact
         name = self.program.predicates[fact.predicate].name
         for robot in self.robots if fact.owner is None else (fact.owner,):
-            if robot in self.robots:
+            if robot in self.robots and self.robots[robot].alive:
                 self.robots[robot].insert(now, name, values(fact, robot))
+            elif robot in self.robots and len(self.unheard) < UNDELIVERED_MAX:
+                self.unheard.append((robot, insertion.text))
+
+    def _befall(self, death: Death, now: Instant) -> None:
+        del self.outstanding[0]
+        self.happened = now
+        self.changes += 1
+        hosted = self.robots[death.robot]
+        if death.restart:
+            hosted.restart(now)
+        else:
+            hosted.kill()
+        for robot in self.conditions.topology.neighbors(death.robot):
+            self.robots[robot].look_around(now)
+        if self._sink is not None:
+            fault = "restarted" if death.restart else "killed"
+            self._sink([{"t": round(in_seconds(now), 6), "robot": death.robot, "what": "fault", "fault": fault}])
 
     def looked_at(self, hosted: Hosted) -> None:
         """Take over what a robot has noted and done, and whether it is idle now."""
@@ -280,30 +351,18 @@ def most(count: int, robots: int) -> int:
 
 
 class _Neighbors:
-    """(robot, metres) of those in range of one robot, worked out when somebody asks."""
+    """(robot, metres) of the living in range of one robot, worked out when somebody asks."""
 
-    def __init__(self, topology: Topology, robot: int) -> None:
-        self._topology = topology
+    def __init__(self, ensemble: Ensemble, robot: int) -> None:
+        self._ensemble = ensemble
         self._robot = robot
         self._known: list[tuple[int, float]] | None = None
+        self._changes = 0
 
     def __call__(self) -> Sequence[tuple[int, float]]:
-        if self._known is None:
-            self._known = [(other, RANGE_M) for other in self._topology.neighbors(self._robot)]
+        ensemble = self._ensemble
+        if self._known is None or self._changes != ensemble.changes:
+            self._changes = ensemble.changes
+            near = ensemble.conditions.topology.neighbors(self._robot)
+            self._known = [(other, RANGE_M) for other in near if ensemble.robots[other].alive]
         return self._known
-
-
-def handlers(program: Program, action_time: Duration) -> dict[str, Handler]:
-    """Return what carries out each action of `program`: time passes, and it is done."""
-
-    async def perform(robot: RobotHandle, *_: Value) -> None:
-        if action_time:
-            await robot.sleep(in_seconds(action_time))
-
-    async def broadcast(robot: NodeHandle, *_: Value) -> None:
-        for _copy in range(FAILURE_REPEATS):
-            robot.node.broadcast_failure(robot.missed)
-        await perform(robot)
-
-    actions = [each.name for each in program.predicates if each.kind is Kind.ACTION]
-    return {name: Handler(name, broadcast if name == "broadcast" else perform) for name in actions}

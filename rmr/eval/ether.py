@@ -66,6 +66,8 @@ class EtherLink:
         self._said: deque[tuple[int | None, bytes]] = deque(maxlen=REPEATS_KNOWN)
         self._instant: Instant = -1
         self._hops = 0
+        self.on = True
+        """Whether the robot lives."""
 
     def transmit(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Send a frame; only of coordination's unicasts the outcome is told, for nobody else asks for it."""
@@ -95,6 +97,8 @@ class EtherLink:
 
     def confirm(self, now: Instant, handle: int, status: str) -> None:
         """Learn what became of a unicast."""
+        if not self.on:
+            return
         self._confirmed.append(Confirmed(handle, status))
         self.wake(now)
 
@@ -152,6 +156,11 @@ class Ether:
         link = self._links[robot] = EtherLink(self, robot, wake)
         return link
 
+    def switch_off(self, link: EtherLink) -> None:
+        """Let nothing more arrive at a robot, nor what it has yet to take in."""
+        link.on = False
+        link.receive()
+
     def send(self, link: EtherLink, payload: bytes, destination: int | None, handle: int) -> None:
         """Send a frame, to all in range or (whether it is in range or not) to one."""
         if destination is None:
@@ -159,7 +168,7 @@ class Ether:
         else:
             wanted = (destination,)
             reached = wanted if self._topology.adjacent(link.robot, destination) else ()
-        arriving = [robot for robot in reached if not self._drops()]
+        arriving = [robot for robot in reached if not self._drops() and self._links[robot].on]
         self._count(link, payload, destination, wanted, arriving)
         if arriving:
             self._carry(link.robot, payload, destination is not None, arriving)
@@ -202,10 +211,22 @@ class Ether:
         self._kernel.at(at, RADIO, arrive)
 
     def _arrive(self, frame: Received, hops: int, receivers: list[int], now: Instant) -> None:
-        for robot in receivers:
+        taken = [robot for robot in receivers if self._links[robot].on]
+        for robot in taken:
             self._links[robot].take(now, frame, hops)
+        if len(taken) < len(receivers):
+            self._miss(frame, [robot for robot in receivers if robot not in taken])
         if frame.payload[0] != Kind.FACT_ACK:
-            self.messages.delivered += len(receivers)
+            self.messages.delivered += len(taken)
+
+    def _miss(self, frame: Received, dead: list[int]) -> None:
+        """Count a frame as lost for robots that have died while it was under way."""
+        self.taken([frame] * len(dead))
+        if frame.payload[0] != Kind.FACT_ACK:
+            self.messages.lost += len(dead)
+        if self._lost is not None:
+            for robot in dead:
+                self._lost(self._kernel.now, frame.source, robot, frame.payload)
 
     def taken(self, frames: Iterable[Received]) -> None:
         """Count frames that a robot takes in."""

@@ -17,12 +17,12 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import MAGIC, SIZE_MAX
-from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Program, Slot
+from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Pattern, Program, Slot
 from rmr.eval.options import OptionError, outside_event
 from rmr.eval.topology import Topology
 from rmr.lang.compiler import Compilation, compile_file
 from rmr.lang.diagnostic import Diagnostic, Diagnostics
-from rmr.lang.facts import FactError, read_fact, stated
+from rmr.lang.facts import FactError, action_patterns, read_fact, stated
 from rmr.lang.names import meant
 from rmr.lang.parser import parse
 from rmr.lang.source import Source, SourceError, Span, read_source
@@ -32,6 +32,7 @@ EDGE_FACTS_MAX = 1_000_000
 """Facts about who is in range of whom, or who is there at all; more cost gigabytes and minutes before anything runs."""
 
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*", re.ASCII)
+_FAILING = re.compile(r"(?P<action>[a-z][A-Za-z0-9_]*|.*\))(?:@(?P<number>[0-9]{1,9}))?", re.ASCII | re.DOTALL)
 
 
 class InvalidBytecodeError(Exception):
@@ -58,6 +59,19 @@ class FactsFile:
     unreadable: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Failing:
+    """Which actions are to fail: a `--fail`."""
+
+    action: str
+    patterns: tuple[Pattern, ...]
+    """Of the executor and the arguments."""
+    number: int | None
+    """Which of those that match, counted from 1 as they begin; None: all."""
+    text: str
+    """As the option says it."""
+
+
 NO_FACTS = FactsFile(Source("", ""))
 
 
@@ -69,6 +83,9 @@ class Wanted:
     facts: Path | None = None
     edges: str | None = None
     inserts: tuple[str, ...] = ()
+    fails: tuple[str, ...] = ()
+    timed: tuple[str, ...] = ()
+    """The actions that `--action-time` names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +101,7 @@ class Given:
     """The predicate that says who is in range of whom."""
     insertions: tuple[Insertion, ...]
     """In order of time, then as they were given."""
+    failing: tuple[Failing, ...]
     checked: tuple[Compilation, ...]
     """What there is to say of program and facts; errors and warnings."""
 
@@ -103,14 +121,17 @@ def read_given(wanted: Wanted) -> Given:
     compilation = _compile(wanted.program, {**_arriving((*file.facts, *(fact for _, fact, _ in inserted))), **edges})
     program = compilation.program
     if program is None:
-        return Given(None, 0, (), None, (), (compilation, _as_compilation(file)))
+        return Given(None, 0, (), None, (), (), (compilation, _as_compilation(file)))
     facts, checked = _check_file(file, program)
     insertions = sorted((_insertion(each, program) for each in inserted), key=lambda each: each.at)
+    failing = tuple([_failing(text, program) for text in wanted.fails])
+    for name in wanted.timed:
+        _check_timed(name, program)
     predicate = None if wanted.edges is None else _edges(wanted.edges, program)
     failed = bool(compilation.errors or checked.errors)
     digest = 0 if failed else codec.digest(codec.encode(program, debug=False))
     told = (compilation, checked)
-    return Given(None if failed else program, digest, facts, predicate, tuple(insertions), told)
+    return Given(None if failed else program, digest, facts, predicate, tuple(insertions), failing, told)
 
 
 # ---- the program
@@ -205,6 +226,27 @@ def _insertion(inserted: tuple[Instant, Fact, str], program: Program) -> Inserti
         return Insertion(at, stated(fact, program), text.strip())
     except FactError as error:
         raise OptionError(f"--insert {shown(text)}: {error}") from None
+
+
+def _failing(text: str, program: Program) -> Failing:
+    match = _FAILING.fullmatch(text.strip())
+    if match is None:
+        raise OptionError(f"--fail {shown(text)}: write an action such as 'charge(@2, _)', or 'charge(@2, _)@3'")
+    number = None if match["number"] is None else int(match["number"])
+    if number == 0:
+        raise OptionError(f"--fail {shown(text)}: actions are counted from 1")
+    try:
+        action, patterns = action_patterns(match["action"], program)
+    except FactError as error:
+        raise OptionError(f"--fail {shown(text)}: {error}") from None
+    return Failing(action, patterns, number, text.strip())
+
+
+def _check_timed(name: str, program: Program) -> None:
+    actions = [each.name for each in program.predicates if each.kind is Kind.ACTION]
+    if name not in actions:
+        hint = meant(name, actions)
+        raise OptionError(f"--action-time: the program has no action {shown(name)}" + (f"; {hint}" if hint else ""))
 
 
 def _edges(name: str, program: Program) -> int:

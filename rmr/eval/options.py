@@ -4,8 +4,9 @@ A value that is none is the caller's mistake: `OptionError` says what was found 
 """
 
 import re
+from collections.abc import Iterable
 
-from rmr.base.ids import listed, shown
+from rmr.base.ids import in_order, listed, shown
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import ROBOT_ID_MAX
 
@@ -46,6 +47,35 @@ def duration(text: str) -> Duration:
     if value > DURATION_S_MAX:
         raise OptionError(f"{shown(text)} is too long: at most {DURATION_S_MAX:.0f} seconds")
     return seconds(value)
+
+
+def action_times(texts: Iterable[str]) -> tuple[Duration, dict[str, Duration]]:
+    """Return the time of all actions (``2s``; 0 without) and those of some (``moveto=3s``). Raises OptionError."""
+    usual: Duration | None = None
+    named: dict[str, Duration] = {}
+    for text in texts:
+        name, equals, time = text.partition("=")
+        name = name.strip()
+        if not equals and usual is not None:
+            raise OptionError(f"{shown(text)} is the second time for all actions; write NAME={text.strip()} for one")
+        if name in named:
+            raise OptionError(f"the time of {name} is given twice")
+        if equals:
+            named[name] = duration(time)
+        else:
+            usual = duration(text)
+    return usual or 0, named
+
+
+def befalling(text: str) -> tuple[Instant, list[int]]:
+    """Return when, and which robots: ``5s: @2``, ``5s: @2,@4``. Raises OptionError."""
+    when, colon, robots_text = text.partition(":")
+    if not colon or not robots_text.strip():
+        raise OptionError(f"{shown(text)} is no time and robot; write '5s: @2'")
+    try:
+        return duration(when), in_order(robots_text.replace("@", ""))
+    except ValueError as error:
+        raise OptionError(str(error)) from None
 
 
 def share(text: str) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
+from rmr.eval.deaths import Death
 from rmr.eval.ether import LATENCY, Messages
 from rmr.eval.given import Insertion
 from rmr.node.report import job_entry
@@ -11,6 +12,8 @@ from rmr.node.report import job_entry
 if TYPE_CHECKING:
     from rmr.eval.ensemble import Ensemble, Hosted
 
+DIED = "died"
+"""The `cause` of a job that its robot's death has left undecided."""
 REASONS_MAX = 8
 """Reasons why a run did not become quiescent that are told; thousands of robots may have the same."""
 
@@ -23,7 +26,7 @@ class Run(Protocol):
     """Robots that are not idle."""
     happened: Instant
     """When the last thing happened."""
-    outstanding: list[Insertion]
+    outstanding: list[Insertion | Death]
     """Events from outside that are yet to come."""
 
     @property
@@ -95,7 +98,9 @@ def reasons(run: Run) -> list[str]:
     still = len(run.outstanding)
     if still:
         others = f" and {still - 1} more" if still > 1 else ""
-        lines.append(f"--insert '{run.outstanding[0].text}'{others} yet to come")
+        event = run.outstanding[0]
+        option = event.option if isinstance(event, Death) else "--insert"
+        lines.append(f"{option} '{event.text}'{others} yet to come")
     return lines or ["a message is under way"]
 
 
@@ -108,7 +113,30 @@ def satisfied(firings: int, last: str | None) -> str:
 
 
 def entry(hosted: "Hosted") -> dict[str, Any]:
-    """Return what the report says of a robot."""
+    """Return what the report says of a robot; of one that has been killed also how often and whether it lives."""
+    part = _life(hosted)
+    if not hosted.past and hosted.alive:
+        return part
+    if not hosted.alive:
+        part = _died(part)
+    for name in ("undelivered", "expression_failures"):
+        part[name] += sum(past[name] for past in hosted.past)
+    for name in ("actions", "assertions"):
+        part[name] = [item for past in (*hosted.past, part) for item in past[name]]
+    return part | {"restarts": len(hosted.past), "alive": hosted.alive}
+
+
+def past_life(hosted: "Hosted") -> dict[str, Any]:
+    """Return the part of the report of a node that has died."""
+    return _died(_life(hosted))
+
+
+def _died(part: dict[str, Any]) -> dict[str, Any]:
+    """Return the part with the jobs marked that the robot's death has left undecided."""
+    return part | {"assertions": [job | {"cause": DIED} if job["met"] is None else job for job in part["assertions"]]}
+
+
+def _life(hosted: "Hosted") -> dict[str, Any]:
     node = hosted.node
     return {
         "facts": node.machine.facts(),
@@ -168,6 +196,20 @@ def undelivered(ensemble: "Ensemble") -> Iterator[str]:
         known = destination in ensemble.robots
         told = "it is out of range" if known and not topology.adjacent(source, destination) else why
         yield f"`{name}` of robot {source} did not reach robot {destination}: {told}"
+
+
+def unheard(ensemble: "Ensemble") -> Iterator[str]:
+    """Yield the facts from outside that came while their robot was dead."""
+    for robot, text in ensemble.unheard:
+        yield f"--insert '{text}' came while robot {robot} was dead; it is dropped"
+
+
+def unmatched(ensemble: "Ensemble") -> Iterator[str]:
+    """Yield the `--fail` that no action has met."""
+    for each in ensemble.acting.failing:
+        if each.met < (each.wanted.number or 1):
+            begun = {0: "none began", 1: "one began"}.get(each.met, f"{each.met} began")
+            yield f"--fail '{each.wanted.text}' failed no action: of those that match {begun}"
 
 
 def slowed(ensemble: "Ensemble") -> Iterator[str]:

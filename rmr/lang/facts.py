@@ -5,7 +5,7 @@ will run.
 """
 
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import SELF_SLOT, InitialFact, Kind, Predicate, Program, Slot, Type
+from rmr.bytecode.program import ANY, SELF_SLOT, Constant, InitialFact, Kind, Pattern, Predicate, Program, Slot, Type
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.fold import Folder
 from rmr.lang.names import meant
@@ -54,6 +54,38 @@ def stated(fact: Fact, program: Program) -> InitialFact:
     return InitialFact(index, _robot(owner), tuple(args))
 
 
+def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ...]]:
+    """Return the name of an action and what matches its arguments, the executor first: of ``charge(@2, _)``.
+
+    A name alone, ``charge``, means every executor and argument; a variable anything, the same one the same. Raises
+    FactError.
+    """
+    name, fact = text.strip(), None
+    if not name.isidentifier():
+        fact = read_fact(text)
+        name = fact.name.text
+    index = program.index(name)
+    if index is None or program.predicates[index].kind is not Kind.ACTION:
+        known = [each.name for each in program.predicates if each.kind is Kind.ACTION]
+        raise FactError(f"the program has no action `{name}`", hint=meant(name, known))
+    predicate = program.predicates[index]
+    if fact is None:
+        return name, (ANY,) * (1 + len(predicate.types))
+    if fact.mark is not Mark.NONE:
+        raise FactError(f"`{name}` is an action: write it without a mark")
+    _check_arity(fact, predicate)
+    slots: dict[str, Slot] = {}
+    patterns: list[Pattern] = []
+    for argument, kind in zip(fact.arguments, (ROBOT, *predicate.types), strict=True):
+        if not isinstance(argument, Variable):
+            patterns.append(Constant(_value(argument, kind, predicate)))
+        elif argument.anonymous:
+            patterns.append(ANY)
+        else:
+            patterns.append(slots.setdefault(argument.name, Slot(len(slots))))
+    return name, tuple(patterns)
+
+
 def _predicate(fact: Fact, program: Program) -> tuple[int, Predicate]:
     """Return the predicate that `fact` names, of which it has the kind and the number of arguments."""
     name = fact.name.text
@@ -67,17 +99,21 @@ def _predicate(fact: Fact, program: Program) -> tuple[int, Predicate]:
         raise FactError(f"`{name}` is an action, not a fact", "E012", fact.name.span)
     if fact.mark is Mark.BANG and predicate.kind is not Kind.PERSISTENT:
         raise FactError(f"`{name}` is a {predicate.kind.name.lower()} fact, not a persistent one", "E012")
+    _check_arity(fact, predicate)
+    return index, predicate
+
+
+def _check_arity(fact: Fact, predicate: Predicate) -> None:
     arity = len(predicate.types) + 1
     if len(fact.arguments) != arity:
         words = "1 argument" if arity == 1 else f"{arity} arguments"
-        message = f"`{name}` has {words}, not {len(fact.arguments)}"
+        message = f"`{predicate.name}` has {words}, not {len(fact.arguments)}"
         raise FactError(message, "E011", hint=_signature(predicate))
-    return index, predicate
 
 
 def _signature(predicate: Predicate) -> str:
     """Return the hint that shows what the arguments of a predicate are."""
-    word = {Kind.PERSISTENT: "!", Kind.SENSED: "sensor "}.get(predicate.kind, "")
+    word = {Kind.PERSISTENT: "!", Kind.SENSED: "sensor ", Kind.ACTION: "action "}.get(predicate.kind, "")
     return f"it is `{declaration_text(predicate.name, predicate.types, word)}`"
 
 

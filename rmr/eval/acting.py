@@ -1,0 +1,73 @@
+"""What carries out actions of robots without bodies: time passes, then an action is done, or fails as it is told to.
+
+`wait` takes the seconds that it says. Every other action takes the time that is given for its name, else the time that
+is given for all.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rmr.base.time import Duration, in_seconds
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import Kind, Program
+from rmr.eval.given import Failing
+from rmr.node.actions import ActionFailed, Handler, RobotHandle
+from rmr.node.provided import FAILURE_REPEATS, NodeHandle
+from rmr.vm.match import pattern_agrees
+
+WAIT = "wait"
+"""The provided action whose argument says how long it takes."""
+
+
+@dataclass(slots=True)
+class FailingCount:
+    """A `--fail` and how many actions it has met."""
+
+    wanted: Failing
+    met: int = 0
+
+    def fails(self, action: str, robot: int, args: tuple[Value, ...]) -> bool:
+        """Tell whether an action that begins is to fail."""
+        wanted = self.wanted
+        if action != wanted.action or not pattern_agrees(wanted.patterns, (Robot(robot), *args)):
+            return False
+        self.met += 1
+        return wanted.number in (None, self.met)
+
+
+class Acting:
+    """The handlers of one run."""
+
+    def __init__(
+        self, program: Program, times: Mapping[str, Duration], usual: Duration, failing: Sequence[Failing]
+    ) -> None:
+        """`times` are those of some actions, `usual` that of the others."""
+        self.failing = [FailingCount(each) for each in failing]
+        self._times = times
+        self._usual = usual
+        self.handlers = {each.name: self._handler(each.name) for each in program.predicates if each.kind is Kind.ACTION}
+
+    @property
+    def longest(self) -> Duration:
+        """The longest time that is given for an action."""
+        return max([self._usual, *self._times.values()])
+
+    def _handler(self, name: str) -> Handler:
+        async def perform(robot: NodeHandle, *args: Value) -> None:
+            fails = [each for each in self.failing if each.fails(name, robot.id, args)]
+            if name == "broadcast":
+                for _copy in range(FAILURE_REPEATS):
+                    robot.node.broadcast_failure(robot.missed)
+            await self._pass_time(robot, name, args)
+            if fails:
+                raise ActionFailed(f"--fail {fails[0].wanted.text}")
+
+        return Handler(name, perform)
+
+    async def _pass_time(self, robot: RobotHandle, name: str, args: tuple[Value, ...]) -> None:
+        if name == WAIT and name not in self._times and len(args) == 1 and isinstance(args[0], float):
+            await robot.sleep(args[0])
+            return
+        duration = self._times.get(name, self._usual)
+        if duration:
+            await robot.sleep(in_seconds(duration))
