@@ -1,25 +1,46 @@
 """RMR: one logic program for a whole ensemble of robots, with deadlines that hold.
 
-`from rmr import action, ActionFailed, RobotHandle` is what a file of user actions needs; all are loaded on first use.
+`from rmr import action, ActionFailed, RobotHandle` is what a file of user actions needs; `rmr.compile`, `rmr.evaluate` and
+`rmr.simulate` do what the commands do (docs/python.md). Each name is loaded on its first use, so that `import rmr`
+costs nothing: a robot process never loads the compiler or the simulator.
 """
 
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import Any
 
 from rmr.compiled import prefer
 
-if TYPE_CHECKING:  # so that type checkers know what `__getattr__` returns
-    from rmr.node.actions import ActionFailed, RobotHandle, action
-
 __version__ = "0.1.0"
 
-__all__ = ["ActionFailed", "RobotHandle", "action"]
+_HOMES = {
+    "ActionFailed": "rmr.node.actions",
+    "RobotHandle": "rmr.node.actions",
+    "action": "rmr.node.actions",
+    "CompileError": "rmr.base.errors",
+    "Error": "rmr.base.errors",
+    "ProgramError": "rmr.base.errors",
+    "UsageError": "rmr.base.errors",
+    "Compiled": "rmr.eval.api",
+    "Evaluation": "rmr.eval.api",
+    "compile": "rmr.eval.api",
+    "evaluate": "rmr.eval.api",
+    "EventError": "rmr_sim.event",
+    "LabError": "rmr_world.document",
+    "Run": "rmr_sim.api",
+    "simulate": "rmr_sim.api",
+}
+"""Name -> the module that defines it."""
+
+__all__ = list(_HOMES)
 
 prefer()
 
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
-        from rmr.node import actions  # noqa: PLC0415 - `rmr --help` and the compiler need no robot
-
-        return getattr(actions, name)
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'rmr' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

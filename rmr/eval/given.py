@@ -20,7 +20,7 @@ from rmr.bytecode.layout import MAGIC, SIZE_MAX
 from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Pattern, Program, Slot
 from rmr.eval.options import OptionError, outside_event
 from rmr.eval.topology import Topology
-from rmr.lang.compiler import Compilation, compile_file
+from rmr.lang.compiler import Compilation, compile_file, compile_text
 from rmr.lang.diagnostic import Diagnostic, Diagnostics
 from rmr.lang.facts import FactError, action_patterns, read_fact, stated
 from rmr.lang.names import meant
@@ -79,7 +79,8 @@ NO_FACTS = FactsFile(Source("", ""))
 class Wanted:
     """What the command line asks for, as far as the program must be known to judge it."""
 
-    program: Path
+    program: Path | Source
+    """Its file, or its text."""
     facts: Path | None = None
     edges: str | None = None
     inserts: tuple[str, ...] = ()
@@ -137,8 +138,10 @@ def read_given(wanted: Wanted) -> Given:
 # ---- the program
 
 
-def _compile(path: Path, given: dict[str, bool]) -> Compilation:
+def _compile(path: Path | Source, given: dict[str, bool]) -> Compilation:
     """Return the program in `path`, source or byte-code, as a compilation."""
+    if isinstance(path, Source):
+        return compile_text(path, given)
     octets = _bytecode(path)
     if octets is None:
         return compile_file(path, given)

@@ -6,6 +6,7 @@ A value that is none is the caller's mistake: `OptionError` says what was found 
 import re
 from collections.abc import Iterable
 
+from rmr.base.errors import UsageError
 from rmr.base.ids import in_order, listed, shown
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import ROBOT_ID_MAX
@@ -16,7 +17,7 @@ _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0}
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)(ms|s|min|)", re.ASCII)
 
 
-class OptionError(ValueError):
+class OptionError(UsageError):
     """An option's value cannot be used; the message says what is wrong and what to write."""
 
 

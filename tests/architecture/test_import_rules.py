@@ -4,10 +4,12 @@ import subprocess
 import sys
 
 import pytest
-from source_tree import Module, modules, own_module, reachable
+from source_tree import PACKAGES, Module, modules, own_module, reachable
+
+import rmr
 
 MAY_IMPORT: dict[str, set[str]] = {
-    "rmr": {"rmr.compiled", "rmr.node"},
+    "rmr": {"rmr.compiled"},
     "rmr.compiled": set(),
     "rmr.base": set(),
     "rmr.bytecode": {"rmr.base"},
@@ -52,7 +54,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.entry": {"click"},
     "rmr.commands": {"click", "rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
-    "rmr_sim": {"click", "rich", "numpy"},
+    "rmr_sim": {"click", "rich", "numpy", "pytest"},
     "rmr_deploy": {"click", "rich"},
     "rmr_view": {"pydantic", "matplotlib"},
 }
@@ -128,6 +130,24 @@ def test_a_robot_process_can_reach_no_heavy_library_even_by_a_late_import():
     reached = reachable("rmr_agent.main")
     assert "rmr_agent.perform" in reached
     assert {name: importer for name, importer in reached.items() if name.split(".")[0] in HEAVY or name in HEAVY} == {}
+
+
+def test_import_rmr_loads_none_of_the_parts_that_its_api_names():
+    code = "import sys, rmr; assert 'simulate' in dir(rmr); print(*sys.modules, sep='\\n')"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert [name for name in loaded if name.startswith(("rmr.", "rmr_"))] == ["rmr.compiled"]
+    assert [name for name in loaded if name.startswith(HEAVY + KEYED)] == []
+
+
+def test_a_robot_process_takes_nothing_from_the_api_but_what_actions_need():
+    reached = {"rmr_agent.main", *reachable("rmr_agent.main")}
+    taken = {name for module in modules() if module.name in reached for name in module.imports}
+    of_api = {name for name in taken if name.startswith("rmr.") and name.removeprefix("rmr.") in rmr.__all__}
+    assert of_api <= {"rmr.action", "rmr.ActionFailed", "rmr.RobotHandle"}
+
+
+def test_every_package_says_that_it_is_typed():
+    assert [package.name for package in PACKAGES if not (package / "py.typed").is_file()] == []
 
 
 def test_a_robot_process_has_loaded_no_heavy_library():

@@ -9,6 +9,7 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rmr.base.errors import Error
 from rmr.base.mistake import place, words
 from rmr.base.time import Instant, in_seconds
 
@@ -20,7 +21,7 @@ PUT_OFF = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isa
 """What tells functions whose call does nothing by itself."""
 
 
-class EventError(Exception):
+class EventError(Error):
     """A user's event or observer failed; the message says which, and where in its file."""
 
 

@@ -45,6 +45,8 @@ class Options:
     """By which rule leaders order jobs."""
     wait: Duration | None = None
     """The waiting time n of leaders, instead of what they work out."""
+    duration: Duration | None = None
+    """After which a run ends at the latest, instead of the lab's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,8 @@ def load(path: Path, options: Options) -> Loaded:
         lab = lab.with_robots(options.robots)
     if options.loss is not None:
         lab = replace(lab, radio=replace(lab.radio, loss=options.loss))
+    if options.duration is not None:
+        lab = replace(lab, duration=options.duration)
     program = judged(lab, load_lab_program(lab))
     warnings = [program.warnings] if program.warnings else []
     return Loaded(lab, program, options, tuple(warnings), radio_key(lab))

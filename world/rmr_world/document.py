@@ -15,6 +15,8 @@ from pathlib import Path
 
 import yaml
 
+from rmr.base.errors import Error
+
 FILE_OCTETS_MAX = 256 * 1024
 """Far above any lab written by hand; PyYAML reads about 100 kB a second, so this bounds the time too."""
 DEPTH_MAX = 16
@@ -47,7 +49,7 @@ class Problem:
         return f"{where}: {self.path}: {self.message}" if self.path else f"{where}: {self.message}"
 
 
-class LabError(Exception):
+class LabError(Error):
     """A lab file cannot be used; `problems` holds everything that is wrong with it."""
 
     def __init__(self, problems: list[Problem]) -> None:

@@ -7,22 +7,20 @@ carries byte-code only.
 from dataclasses import dataclass
 from pathlib import Path
 
+from rmr.base.errors import CompileError
+from rmr.base.errors import ProgramError as ProgramError  # noqa: PLC0414 - others take it from here
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import SIZE_MAX
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file
-from rmr.lang.render import render_text
+from rmr.lang.render import render_text, to_json
 from rmr.node.actions import Handler, MissingHandlers, check_handlers
 from rmr.node.provided import PROVIDED
 from rmr.node.userfile import ActionsError, load_actions
 from rmr_world.document import LabError, Problem
 from rmr_world.lab import Lab
 from rmr_world.schema import near_miss
-
-
-class ProgramError(Exception):
-    """The program cannot run; the message is what a person is shown, one or more lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,7 @@ def load_program(path: Path, *, color: bool = False) -> LoadedProgram:
     compilation = compile_file(path)
     text = render_text(compilation.diagnostics, compilation.sources, color)
     if compilation.program is None:
-        raise ProgramError(text)
+        raise CompileError(text, to_json(compilation.diagnostics, compilation.sources))
     octets = codec.encode(compilation.program, debug=True)
     return LoadedProgram(compilation.program, octets, codec.digest(octets), text)
 

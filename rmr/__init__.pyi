@@ -1,0 +1,17 @@
+from rmr.base.errors import CompileError as CompileError
+from rmr.base.errors import Error as Error
+from rmr.base.errors import ProgramError as ProgramError
+from rmr.base.errors import UsageError as UsageError
+from rmr.eval.api import Compiled as Compiled
+from rmr.eval.api import Evaluation as Evaluation
+from rmr.eval.api import compile as compile  # noqa: A004 - as in `re`
+from rmr.eval.api import evaluate as evaluate
+from rmr.node.actions import ActionFailed as ActionFailed
+from rmr.node.actions import RobotHandle as RobotHandle
+from rmr.node.actions import action as action
+from rmr_sim.api import Run as Run
+from rmr_sim.api import simulate as simulate
+from rmr_sim.event import EventError as EventError
+from rmr_world.document import LabError as LabError
+
+__version__: str

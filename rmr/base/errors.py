@@ -1,0 +1,28 @@
+"""What `import rmr` raises for a caller's mistake: the same sentences that the commands print."""
+
+from typing import Any
+
+
+class Error(Exception):
+    """A mistake of the caller; the message says what is wrong, where, and what to do."""
+
+
+class UsageError(Error, ValueError):
+    """An argument cannot be used: a file that is not there, a value that is none."""
+
+
+class ProgramError(Error):
+    """The program cannot run; the message is what a person is shown, one or more lines."""
+
+
+class CompileError(ProgramError):
+    """The program has errors; the message is what `rmr check` prints of them."""
+
+    def __init__(self, message: str, diagnostics: list[dict[str, Any]]) -> None:
+        super().__init__(message)
+        self.diagnostics = diagnostics
+        """Errors and warnings as `rmr check --json` lists them."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how another process makes it."""
+        return CompileError, (str(self), self.diagnostics)
