@@ -17,7 +17,6 @@ from rmr.eval.columnar import ColumnRun, hindrance
 from rmr.eval.deaths import deaths
 from rmr.eval.ensemble import Conditions, Ensemble, Note, Sink
 from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read_given, strangers
-from rmr.eval.options import OptionError
 from rmr.eval.report import Run, reasons, report
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
@@ -222,6 +221,3 @@ def _strategy(name: str) -> Strategy:
     if name not in known:
         raise UsageError(f"strategy: {name!r} is none of {', '.join(known)}")
     return Strategy[name.upper()]
-
-
-__all__ = ["Compiled", "Evaluation", "OptionError", "compile", "evaluate"]
