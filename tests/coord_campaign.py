@@ -1,14 +1,18 @@
 """Random runs: the seed draws the robots, the traffic and the faults, then the air is healed and all must be served.
 
-Run as a program for a long campaign: ``python campaign.py FIRST LAST``; each failing seed is printed.
+Two draws: the plain one (uniform loss, short faults), and the wide one (loss of its own per link, one kind of frame
+delayed, duplicates up to 30 s old, restart loops, stalls up to 60 s, forged frames).
+
+Run as a program for a long campaign: ``python coord_campaign.py FIRST LAST [wide]``; each failing seed is printed.
 """
 
 import sys
 from dataclasses import dataclass, field
 from random import Random
 
-from coord_harness import Air, Model, ms
+from coord_harness import EVENT, MS, Air, Model, ms
 
+from rmr.coord.messages import NOBODY, Entry, Kind, Phase, Sched, Term, encode
 from rmr.coord.values import Values
 
 
@@ -32,6 +36,7 @@ class Outcome:
 
 
 HEALED = ms(12_000)
+FAULTS = ("crash", "restart", "stall", "partition", "withdraw", "overrun")
 
 
 SHORT = Values(payload_max=42)
@@ -49,7 +54,7 @@ def run(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6
     )
     model = Model(seed, count, air, values)
     ways = rng.choice((1, 2))
-    faults = rng.sample(("crash", "restart", "stall", "partition", "withdraw", "overrun"), rng.randint(0, 2))
+    faults = rng.sample(FAULTS, rng.randint(0, 2))
     spread = rng.choice((20, 300, 5000))
     for robot in model.ids:
         _trigger(model, rng, robot, rng.uniform(0, spread), ways)
@@ -75,13 +80,84 @@ def run(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6
     )
 
 
-def _trigger(model: Model, rng: Random, robot: int, when: float, ways: int) -> None:
+def run_wide(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+    """Run one seed of the wide draw: faults, the longest until some 75 s, then a healed air until all are served."""
+    rng = Random(f"campaign/wide/{seed}")
+    count = rng.randint(*robots)
+    air = Air(
+        loss=rng.choice((0.0, 0.1, 0.3)),
+        duplicate=rng.choice((0.0, 0.1)),
+        late=rng.choice((0.0, 0.05)),
+    )
+    model = Model(seed, count, air, values)
+    kinds = rng.sample(("links", "slow", "echo", "loop", "long stall", "forged", *FAULTS), rng.randint(1, 4))
+    if "links" in kinds:
+        air.links = {(a, b): rng.choice((0.0, 0.2, 0.5, 0.9, 1.0)) for a in model.ids for b in model.ids if a != b}
+    if "slow" in kinds:
+        air.slow = (rng.choice(tuple(Kind)), ms(rng.choice((300, 900, 3000))))
+    if "echo" in kinds:
+        air.echo = rng.choice((0.02, 0.1, 0.3))
+    ways, spread = rng.choice((2, 2, 2, 1)), rng.choice((20, 300, 5000))
+    longest = rng.choice((3000, 3000, 20_000, 60_000))
+    for robot in model.ids:
+        for when in (rng.uniform(0, spread), rng.uniform(6000, 12_000), rng.uniform(14_000, 20_000)):
+            if when <= spread or rng.random() < 0.4:
+                _trigger(model, rng, robot, when, ways, longest)
+    for kind in kinds:
+        _break_wide(model, rng, kind)
+    healed = ms(80_000) if "long stall" in kinds else ms(22_000)
+    model.run(healed)
+    model.air, model.parted = Air(), {}
+    served = model.run_until(model.all_served, healed + ms(200_000))
+    unserved = [] if served else [m.robot for m in model.minds.values() if m.alive and m.job is not None]
+    options = f"n={count} {air.loss=} {ways=} {kinds} {spread=} {longest=}".replace("air.", "")
+    return Outcome(
+        seed,
+        len(model.entries),
+        len(model.senders),
+        model.violations,
+        unserved,
+        model.leaders(),
+        options,
+        model.excused,
+    )
+
+
+def _break_wide(model: Model, rng: Random, kind: str) -> None:
+    robot, when = rng.choice(model.ids), rng.uniform(0, 9000)
+    if kind == "loop":
+        for _ in range(rng.randint(2, 10)):
+            model.crash(ms(when), robot)
+            when += rng.uniform(50, 800)
+            model.restart(ms(when), robot)
+            _trigger(model, rng, robot, when + rng.uniform(0, 100), 2, 3000)
+            when += rng.uniform(100, 2000)
+    elif kind == "long stall":
+        for _ in range(rng.randint(1, 3)):
+            model.stall(
+                ms(rng.uniform(0, 15_000)), rng.choice(model.ids), ms(rng.choice((5000, 12_000, 20_000, 60_000)))
+            )
+    elif kind == "forged":
+        for _ in range(rng.randint(1, 3)):
+            model.forge(ms(rng.uniform(500, 15_000)), rng.choice((robot, 0x1234)), lambda now: forged(rng, model, now))
+    elif kind in FAULTS:
+        _break(model, rng, kind)
+
+
+def forged(rng: Random, model: Model, now: int) -> bytes:
+    """Return a damaged schedule: any term, no jobs or one that nobody has."""
+    term = Term(rng.choice((rng.randrange(65536), 65535, 32768, 1)), rng.choice((*model.ids, 0x1234)))
+    entries = (Entry(0x1234, now - now % ms(10), None, ms(1000), 0, Phase.WAITING),) if rng.random() < 0.5 else ()
+    return encode(Sched(EVENT, now - now % MS, term, False, NOBODY, 0, 0, 0, 1, entries))
+
+
+def _trigger(model: Model, rng: Random, robot: int, when: float, ways: int, longest: float = 3000) -> None:
     model.trigger(
         ms(when),
         robot,
         deadline=ms(when + rng.uniform(4000, 20_000)),
         release=ms(when + rng.choice((0, rng.uniform(0, 3000)))),
-        duration=ms(rng.uniform(500, 3000)),
+        duration=ms(rng.uniform(500, longest)),
         headway=ms(950),
         way=rng.randrange(ways),
     )
@@ -109,9 +185,10 @@ def _break(model: Model, rng: Random, fault: str) -> None:
 def main() -> None:
     """Run the seeds FIRST..LAST and print what failed."""
     first, last = int(sys.argv[1]), int(sys.argv[2])
+    draw = run_wide if sys.argv[3:] == ["wide"] else run
     entries = terms = failed = excused = 0
     for seed in range(first, last + 1):
-        outcome = run(seed)
+        outcome = draw(seed)
         entries += outcome.entries
         terms += outcome.terms > 1
         excused += len(outcome.excused)

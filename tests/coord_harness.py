@@ -42,7 +42,10 @@ class Entry:
     rank: int
     term: tuple[int, int]
     cautious: bool
-    heard: dict[int, Instant] = field(default_factory=dict)
+    heard: dict[int, Beacon]
+    """What its robot had heard of the others as it entered."""
+    announced: Instant
+    """The end of the passage as the robot announced it last."""
 
 
 @dataclass
@@ -55,6 +58,14 @@ class Air:
     late_max: int = ms(600)
     delay_min: int = ms(2)
     delay_max: int = ms(6)
+    links: dict[tuple[int, int], float] = field(default_factory=dict)
+    """Loss of single links, by (source, target), instead of `loss`."""
+    slow: tuple[int, int] | None = None
+    """A kind of frame, and by how much its frames are delayed at most."""
+    echo: float = 0.0
+    """Share of frames that arrive once more between `echo_min` and `echo_max` later."""
+    echo_min: int = ms(500)
+    echo_max: int = ms(30_000)
     filter: Callable[[int, int, bytes, Instant], bool] = lambda source, target, payload, now: True
 
 
@@ -75,6 +86,8 @@ class Mind:
         self.log: list[tuple[Instant, Any]] = []
         self.overrun = 0
         self.inbox: list[tuple[bytes, int]] = []
+        self.heard: dict[int, Beacon] = {}
+        """The newest CLAIM or IN of each other robot that this one's present life has taken in."""
         self.outcomes: list[tuple[int, str]] = []
         self.woken: Instant = NEVER
 
@@ -110,6 +123,8 @@ class Model:
         self.frames = 0
         self.by_kind: dict[int, int] = {}
         self.senders: dict[tuple[int, int], int] = {}
+        self.yielded: set[tuple[int, Instant]] = set()
+        """Slots that their owners have said to give up, by robot and start."""
         self.promised: dict[tuple[tuple[int, int], int, Instant], Instant] = {}
         self.minds = {robot: Mind(self, robot) for robot in self.ids}
 
@@ -148,6 +163,9 @@ class Model:
         def start() -> None:
             mind = self.minds[robot]
             if not mind.alive:
+                return
+            if mind.inside is not None or self.now < mind.stalled_until:  # one job after the other
+                self.at(max(self.now + ms(500), mind.stalled_until), start)
                 return
             request = JobRequest(EVENT, self.now, max(release, self.now), duration, deadline, headway, way, inside)
             mind.job = request
@@ -198,6 +216,7 @@ class Model:
         def rise() -> None:
             mind = self.minds[robot]
             mind.alive = True
+            mind.inbox, mind.outcomes, mind.heard, mind.slot = [], [], {}, None
             mind.boot()
             self.restarts.append((robot, self.now))
 
@@ -209,9 +228,22 @@ class Model:
             mind.stalled_until = self.now + duration
             mind.woken = NEVER
             self.stalls.append((robot, mind.stalled_until))
+            if mind.inside is not None:  # its body stands where it is
+                mind.inside.end = max(mind.inside.end, mind.stalled_until)
             self.at(mind.stalled_until, lambda: self.tick(mind))
 
         self.at(when, freeze)
+
+    def forge(self, when: Instant, source: int, payload: Callable[[Instant], bytes]) -> None:
+        """Everybody hears a frame that `source` has not sent."""
+
+        def send() -> None:
+            octets = payload(self.now)
+            for target in self.ids:
+                if target != source:
+                    self._arrive(target, octets, source)
+
+        self.at(when, send)
 
     def partition(self, when: Instant, groups: dict[int, int]) -> None:
         def part() -> None:
@@ -246,6 +278,7 @@ class Model:
         mind.woken = NEVER
         inbox, mind.inbox = mind.inbox, []
         for payload, source in inbox:
+            self._take_in(mind, payload)
             mind.core.receive(self.now, payload, source)
             self.drain_now(mind)
         outcomes, mind.outcomes = mind.outcomes, []
@@ -255,6 +288,14 @@ class Model:
         if self.now >= mind.leaves:
             self._leave(mind)
         self.settle(mind)
+
+    def _take_in(self, mind: Mind, payload: bytes) -> None:
+        """Remember what `mind` has heard of others that claim or are inside."""
+        beacon = decode(payload, self.values.payload_max)
+        if isinstance(beacon, Beacon) and beacon.phase in (Phase.CLAIM, Phase.IN):
+            known = mind.heard.get(beacon.who)
+            if known is None or (beacon.trigger, beacon.time) > (known.trigger, known.time):
+                mind.heard[beacon.who] = beacon
 
     def drain_now(self, mind: Mind) -> None:
         for item in mind.core.drain():
@@ -299,7 +340,8 @@ class Model:
         tries = 4 if unicast else 1
         if not air.filter(source, target, payload, self.now):
             return False
-        got = any(rng.random() >= air.loss for _ in range(tries))
+        loss = air.links.get((source, target), air.loss)
+        got = any(rng.random() >= loss for _ in range(tries))
         if not got:
             return False
         copies = 2 if rng.random() < air.duplicate else 1
@@ -307,8 +349,12 @@ class Model:
             delay = rng.randint(air.delay_min, air.delay_max)
             if rng.random() < air.late:
                 delay += rng.randint(0, air.late_max)
+            if air.slow is not None and payload[0] == air.slow[0]:
+                delay += rng.randint(0, air.slow[1])
             self.at(self.now + delay, lambda: self._arrive(target, payload, source))
-        return not (unicast and rng.random() < air.loss**4)
+        if air.echo and rng.random() < air.echo:
+            self.at(self.now + rng.randint(air.echo_min, air.echo_max), lambda: self._arrive(target, payload, source))
+        return not (unicast and rng.random() < air.links.get((target, source), air.loss) ** 4)
 
     def _arrive(self, target: int, payload: bytes, source: int) -> None:
         mind = self.minds[target]
@@ -338,7 +384,8 @@ class Model:
             return
         entry = Entry(
             mind.robot, job.trigger, job.way, self.now, self.now + job.duration + mind.overrun,
-            slot.start, slot.rank, (slot.term, slot.leader), event.cautious,
+            slot.start, slot.rank, (slot.term, slot.leader), event.cautious, dict(mind.heard),
+            self.now + job.duration + mind.overrun,
         )  # fmt: skip
         if any(e.robot == mind.robot and e.trigger == job.trigger for e in self.entries):
             self.violations.append(f"{mind.robot} entered twice for one job")
@@ -353,19 +400,34 @@ class Model:
         self.at(entry.end, lambda: self.wake_at(mind, self.now))
 
     def _overlap(self, entry: Entry, other: Entry) -> None:
-        """Two opposed robots are inside: wrong under one term, or when they could hear each other."""
+        """Two opposed robots are inside: wrong under one term, or if the later one had heard of the first."""
         text = f"{entry.robot} and {other.robot} overlap at {self.now / MS}"
         if entry.cautious:
             return
         since = self.now - self.values.quiet - self.values.beacon
-        if entry.term == other.term and not self.forgot(entry.term[1], other.start - self.values.lease):
-            self.violations.append(text + " under one term")
-        elif self.linked_since(entry.robot, other.robot, since) and not any(
-            self.stalled_after(robot, since) for robot in (entry.robot, other.robot)
+        as_announced = self.now < other.announced
+        if (
+            entry.term == other.term
+            and as_announced
+            and not self.forgot(entry.term[1], other.start - self.values.lease)
         ):
-            self.violations.append(text)
+            self.violations.append(text + " under one term")
+        elif self._has_heard(entry.robot, other) and not self.stalled_after(entry.robot, since):
+            self.violations.append(text + " though one had heard the other")
         else:
             self.excused.append(text)
+
+    def _has_heard(self, robot: int, other: Entry) -> bool:
+        """Whether `robot` has heard that `other` claims its slot or is inside, and that no longer ago than silence
+        counts."""
+        beacon = self.minds[robot].heard.get(other.robot)
+        if beacon is None or self.now >= beacon.time + self.values.gone:
+            return False
+        return (
+            (beacon.phase is Phase.IN
+            and beacon.start >= other.start - MS)
+            or (beacon.phase is Phase.CLAIM and beacon.start == other.slot)
+        )
 
     def forgot(self, robot: int, since: Instant) -> bool:
         """Whether `robot` lost its memory after `since`."""
@@ -397,6 +459,8 @@ class Model:
             if known != id(mind.core) and not self.forgot(mind.robot, 0):
                 self.violations.append(f"term {message.term} has two senders")
             self._check_frozen(message)
+        if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.YIELD:
+            self.yielded.add((message.who, message.start))
         if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.IN:
             inside = mind.inside is not None or (mind.done and message.time <= mind.done[-1])
             if not inside and not self.forgot(mind.robot, message.time):
@@ -409,7 +473,7 @@ class Model:
             promised = self.promised.get(key)
             if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
                 log = self.minds[entry.robot].log if entry.robot in self.minds else []
-                let_pass = any(
+                let_pass = (entry.robot, promised) in self.yielded or any(
                     isinstance(e, events.EntryMissed | events.SlotLost) and t >= promised - ms(1200) for t, e in log
                 )
                 over = sched.issued > promised + entry.duration + self.values.window
