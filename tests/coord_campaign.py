@@ -109,6 +109,7 @@ def run_wide(seed: int, values: Values | None = None, robots: tuple[int, int] = 
     model.run(healed)
     model.air, model.parted = Air(), {}
     served = model.run_until(model.all_served, healed + ms(200_000))
+    model.run(max(model.now, healed) + ms(4000))  # two leaders have time to hear each other
     unserved = [] if served else [m.robot for m in model.minds.values() if m.alive and m.job is not None]
     options = f"n={count} {air.loss=} {ways=} {kinds} {spread=} {longest=}".replace("air.", "")
     return Outcome(

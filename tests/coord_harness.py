@@ -423,10 +423,8 @@ class Model:
         beacon = self.minds[robot].heard.get(other.robot)
         if beacon is None or self.now >= beacon.time + self.values.gone:
             return False
-        return (
-            (beacon.phase is Phase.IN
-            and beacon.start >= other.start - MS)
-            or (beacon.phase is Phase.CLAIM and beacon.start == other.slot)
+        return (beacon.phase is Phase.IN and beacon.start >= other.start - MS) or (
+            beacon.phase is Phase.CLAIM and beacon.start == other.slot
         )
 
     def forgot(self, robot: int, since: Instant) -> bool:

@@ -14,7 +14,7 @@ from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
 from rmr.coord.held import Held
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NO_TERM, NOBODY, Job, Message, Term, encode, entries_max, on_grid
+from rmr.coord.messages import NO_TERM, NOBODY, Job, Message, Term, encode, entries_max, newer, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
 from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
 
@@ -55,7 +55,9 @@ class OwnJob:
     """This robot's live job."""
 
     __slots__ = (
+        "absent",
         "announced",
+        "assured",
         "claimed",
         "entered",
         "lease",
@@ -79,7 +81,11 @@ class OwnJob:
         """Entering under the slot is allowed before this."""
         self.announced: tuple[Instant, Instant, int, int, Term] | None = None
         self.missed: Instant | None = None
+        self.assured: Instant = -NEVER
+        """Until then no other robot of the roster can claim or be inside: all have said that they ask who leads."""
         self.ready = False
+        self.absent = 0
+        """Slots in a row missed because the robot was not ready; 0 again as soon as it is."""
         self.claimed: Instant | None = None
         """Start of the slot that claims were sent for."""
         self.since: Instant = 0
@@ -110,13 +116,15 @@ class Context:
         self.fence = Fence(robot, values)
         self.held = Held(entries_max(values.payload_max))
         self.counter = 0
-        """Highest counter of a term heard of."""
+        """Newest counter of a term heard of; 0: none."""
         self.ledger: Ledger | None = None
         """Of a leader."""
         self.led = NO_TERM
         """The last term that this robot led itself."""
         self.awake: Instant = 0
         """The last input."""
+        self.company = False
+        """A frame of another robot has been heard."""
 
         self.asked: Instant | None = None
         self.asks = 0
@@ -170,9 +178,27 @@ class Context:
         values = self.values
         return self.uniform(0, max(least, values.reply_spread * min(max(answers, 1), values.answers_max)))
 
+    @property
+    def alone(self) -> bool:
+        """Whether the roster names no other robot and none has been heard."""
+        return self.peers() == 0 and not self.company
+
+    def undisputed(self, now: Instant) -> bool:
+        """Return whether nobody else can claim or be inside, so that entering needs no claim."""
+        return self.alone or (self.job is not None and now < self.job.assured)
+
+    def quiet(self, now: Instant) -> Duration:
+        """Return how long to claim before entering."""
+        return 0 if self.undisputed(now) else self.values.quiet
+
     def unlisted(self) -> int:
         """Return how many robots, this one included, may have a job that the schedule held does not list."""
         return self.peers() + 1 - self.held.listed
+
+    def hear_of(self, counter: int) -> None:
+        """Take note of a term's counter: the next term of this robot follows the newest one."""
+        if newer(counter, self.counter):
+            self.counter = counter
 
     def become(self, role: Role) -> None:
         """Change the role."""
@@ -231,6 +257,7 @@ class Context:
             request.way,
             job.missed,
             request.underway,
+            job.absent,
         )
 
     def report_order(self) -> None:

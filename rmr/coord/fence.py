@@ -7,7 +7,7 @@ broadcast discovery has no quorum: two leaders can give overlapping slots, and i
 
 * A robot is inside when its last word is IN, or a CLAIM whose window has passed without YIELD (it may have
   stalled just after entering). In the same way its headway must have passed; in the opposite way it must have
-  said OUT, or been silent for longer than any stall, and then one enters with caution.
+  said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution.
 * Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until the
   other has been silent for W.
 * A witness repeats the last beacon of a robot inside that a claimant may not have heard.
@@ -112,11 +112,15 @@ class Fence:
 
     def is_inside(self, beacon: Beacon, now: Instant) -> bool:
         """Return whether the sender of its last beacon `beacon` is to be taken for inside."""
-        if now >= beacon.time + self._values.gone:
+        if now >= self.believed(beacon):
             return False
         if beacon.phase is Phase.IN:
             return True
         return beacon.phase is Phase.CLAIM and now > beacon.start + self._values.window
+
+    def believed(self, beacon: Beacon) -> Instant:
+        """Return until when silence does not end what `beacon` announces: T_GONE, and at least the announced end."""
+        return max(beacon.time + self._values.gone, beacon.end)
 
     def judge(self, now: Instant, claim: Claim) -> Verdict:
         """Return whether `claim` may be entered upon now, as far as the records go."""
@@ -129,10 +133,10 @@ class Fence:
             if beacon.phase is Phase.IN or now > beacon.start + values.window:
                 if same_way(beacon.way, claim.way):
                     is_open = is_open and now >= beacon.start + claim.headway
-                elif now < beacon.time + values.gone:
+                elif now < self.believed(beacon):
                     is_open = False
                 else:
-                    cautious = cautious or now < beacon.time + 3 * values.gone
+                    cautious = cautious or now < self.believed(beacon) + 2 * values.gone
             elif self._conflict(claim, beacon):
                 if (beacon.start, who) < (claim.start, claim.robot):
                     return Verdict(False, True, False)

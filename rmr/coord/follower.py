@@ -26,6 +26,8 @@ def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None
     c.no_acks = 0
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
+    if c.alone:
+        c.asks, first = c.values.asks, now  # there is nobody to ask
     c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
 
 
@@ -50,6 +52,8 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
     Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
     """
     if c.role is Role.ASKING:
+        if now - job.time > c.values.lease:
+            return False  # it follows or leads by now
         if source in c.asked_by or len(c.asked_by) < RECORDS_MAX:
             c.asked_by[source] = job
         if c.asked is None or (job.asked, source) < (c.asked, c.robot):
@@ -122,7 +126,7 @@ def _follow(c: Context, term: Term) -> None:
 def _remind(c: Context, now: Instant, sched: Sched) -> None:
     """A job that is over is still listed: say so again."""
     for entry in sched.entries:
-        if entry.robot != c.robot or entry.phase is Phase.OUT:
+        if entry.robot != c.robot or entry.phase is Phase.OUT:  # one that is presumed over is confirmed
             continue
         if c.fence.is_finished(c.robot, entry.trigger) and now - c.reminded >= c.values.reminder_gap:
             c.reminded = now
@@ -159,7 +163,7 @@ def listed(c: Context) -> bool:
     if job is None:
         return True
     found = c.held.find(c.robot, job.trigger)
-    if found is None or found[2].phase is Phase.PROVISIONAL:
+    if found is None or found[2].phase in (Phase.PROVISIONAL, Phase.GONE):
         return False
     start = found[2].start
     return job.missed is None or start is None or start > job.missed

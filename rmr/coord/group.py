@@ -14,7 +14,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import follower, leader, passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import JobRequest, LeaderChanged, PathReceived
-from rmr.coord.messages import NOBODY, Beacon, Job, Message, PathPart, Phase, Sched
+from rmr.coord.messages import NOBODY, Beacon, Job, Message, PathPart, Phase, Sched, newer
 from rmr.coord.states import Passage, Role
 
 _PATH_WAYS_MAX: Final = 16
@@ -93,6 +93,11 @@ class Group:
         c.job.ready = ready
         if c.passage is Passage.CLAIMING and ready:
             c.sooner(Timer.POLL, now)
+        if ready and c.job.absent:
+            c.job.absent = 0
+            if c.passage is Passage.WAITING:
+                self._begin_input(now)
+                self._tell(now)
         return True
 
     def inside_until(self, now: Instant, end: Instant) -> None:
@@ -152,6 +157,7 @@ class Group:
     def receive(self, now: Instant, message: Message, source: int) -> None:
         """Take in a frame."""
         c = self.context
+        c.company = c.company or source != c.robot
         self._begin_input(now)
         if isinstance(message, Beacon):
             self._on_beacon(now, message)
@@ -175,7 +181,7 @@ class Group:
 
     def _on_beacon(self, now: Instant, beacon: Beacon) -> None:
         c = self.context
-        c.counter = max(c.counter, beacon.term.counter)
+        c.hear_of(beacon.term.counter)
         if beacon.who == c.robot:
             return
         if c.witnessed == beacon.who:
@@ -196,8 +202,8 @@ class Group:
     def _on_job(self, now: Instant, job: Job, source: int) -> None:
         c = self.context
         question = job.term.leader == NOBODY
-        c.counter = max(c.counter, job.term.counter)
-        if source == c.robot:
+        c.hear_of(job.term.counter)
+        if source == c.robot or now - job.time >= c.values.drop:
             return
         if c.role is Role.LEADING:
             leader.on_job(c, now, source, job, question)
@@ -210,7 +216,7 @@ class Group:
     def _on_sched(self, now: Instant, sched: Sched, source: int) -> None:
         c, values = self.context, self.context.values
         term = sched.term
-        c.counter = max(c.counter, term.counter)
+        c.hear_of(term.counter)
         if sched.issued + values.lease + 2 * values.clock_error <= now:
             return
         if c.banned(term.leader, now):
@@ -242,7 +248,7 @@ class Group:
     def _on_own_name(self, now: Instant, sched: Sched) -> None:
         """A schedule names this robot leader. If it never led that term, it has lost its memory."""
         c = self.context
-        if c.role is Role.LEADING or sched.term.counter <= c.led.counter:
+        if c.role is Role.LEADING or not newer(sched.term.counter, c.led.counter):
             return
         c.led = sched.term
         if c.job is not None:
@@ -303,8 +309,10 @@ class Group:
 
     def _begin_input(self, now: Instant) -> None:
         c = self.context
-        if c.passage is Passage.CLAIMING and c.job is not None and now - c.awake > c.values.stall:
-            c.job.since = now
+        if c.job is not None and now - c.awake > c.values.stall:
+            c.job.assured = -NEVER
+            if c.passage is Passage.CLAIMING:
+                c.job.since = now
         if c.role is Role.LEADING and now - c.last_issued > c.values.lease:
             leader.end(c)
             if c.job is None:

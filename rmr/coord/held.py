@@ -9,7 +9,7 @@ from itertools import chain
 from typing import NamedTuple
 
 from rmr.base.time import NEVER, Instant
-from rmr.coord.messages import NO_TERM, NOBODY, Entry, Phase, Sched, encode
+from rmr.coord.messages import NO_TERM, NOBODY, OVER, Entry, Phase, Sched, encode
 from rmr.coord.values import EXCLUSIVE_WAY, RECORDS_MAX
 
 
@@ -21,7 +21,7 @@ class Extract(NamedTuple):
     coming: tuple[int, ...]
     """The robots of the entries that are not over."""
     over: tuple[tuple[int, Instant], ...]
-    """The jobs that are."""
+    """The jobs that have said so; not those that are presumed to be."""
     dated: tuple[int, ...]
     """The robots that have a slot."""
     listed: int
@@ -37,7 +37,7 @@ def extract(entries: tuple[Entry, ...]) -> Extract:
     named = [entry for entry in entries if entry.robot != NOBODY]
     return Extract(
         at,
-        tuple([entry.robot for entry in entries if entry.phase is not Phase.OUT]),
+        tuple([entry.robot for entry in entries if entry.phase not in OVER]),
         tuple([(entry.robot, entry.trigger) for entry in named if entry.phase is Phase.OUT]),
         tuple([entry.robot for entry in named if entry.start is not None]),
         sum(entry.phase is not Phase.PROVISIONAL for entry in named),

@@ -21,6 +21,7 @@ from rmr.coord.held import Held
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import (
     NOBODY,
+    OVER,
     PARTS_MAX,
     Beacon,
     Entry,
@@ -31,6 +32,7 @@ from rmr.coord.messages import (
     Term,
     entries_max,
     steps_max,
+    successor,
 )
 from rmr.coord.states import Role
 from rmr.coord.values import MS, PAYLOAD_MAX
@@ -45,14 +47,15 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     passed = held.parts[0].passed if 0 in held.parts else 0
     headway = c.job.request.headway if c.job is not None else 0
     ledger = c.ledger = Ledger(c.robot, c.values, passed, headway)
-    predecessor = any(e.phase is not Phase.OUT for e in held.entries())
-    c.counter += 1
+    predecessor = any(e.phase not in OVER for e in held.entries())
+    c.counter = successor(c.counter)
     c.become(Role.LEADING)
     for timer in (Timer.ASK, Timer.JOIN, Timer.SUSPECT, Timer.RELAY):
         c.set(timer, NEVER)
     own = Term(c.counter, c.robot)
     c.led = own
     _note_own(c, now)
+    _assure(c)
     for source, job in c.asked_by.items():
         ledger.note(now, source, job, c.fence)
     c.asked_by.clear()
@@ -75,6 +78,16 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     else:
         ledger.open = True
         replan(c, now, reorder=True)
+
+
+def _assure(c: Context) -> None:
+    """Note until when nobody else can be about to enter, if all robots of the roster ask.
+
+    Who asks is not inside, does not claim, and does not claim before it has asked in vain or been given a slot, which
+    takes longer than W.
+    """
+    if c.job is not None and 0 < c.peers() <= len(c.asked_by):
+        c.job.assured = min(job.time for job in c.asked_by.values()) + c.values.quiet
 
 
 def _contiguous(held: Held) -> bool:
@@ -170,13 +183,21 @@ def replan(c: Context, now: Instant, reorder: bool) -> None:
     assert ledger is not None
     c.set(Timer.PLAN, NEVER)
     ledger.observe(now, c.fence)
-    ledger.plan(now, reorder)
+    ledger.plan(now, reorder, eager=_eager(c, now))
     c.extras = c.values.extra
     issue(c, now)
     if c.paths_due and ledger.open:
         c.paths_due = False
         for way in c.paths:
             send_path(c, now, way)
+
+
+def _eager(c: Context, now: Instant) -> bool:
+    """Return whether the leader's own job may have a slot at once.
+
+    It need not claim, and is ready; who is alone wastes nobody's time if it is not.
+    """
+    return c.job is not None and c.undisputed(now) and (c.job.ready or c.alone)
 
 
 def on_issue_timer(c: Context, now: Instant) -> None:
@@ -193,7 +214,7 @@ def on_issue_timer(c: Context, now: Instant) -> None:
             return
     changed = ledger.observe(now, c.fence)
     if changed or ledger.open:
-        changed = ledger.plan(now, changed) or changed
+        changed = ledger.plan(now, changed, eager=_eager(c, now)) or changed
     if changed:
         c.extras = c.values.extra
     issue(c, now)
@@ -243,7 +264,7 @@ def _concerns(entry: Entry, told: Entry | None, soon: Instant) -> bool:
         return False
     if told is None or _known(told) != _known(entry):
         return True
-    return any(one.phase is not Phase.OUT and one.start is not None and one.start <= soon for one in (told, entry))
+    return any(one.phase not in OVER and one.start is not None and one.start <= soon for one in (told, entry))
 
 
 def _known(entry: Entry) -> tuple[bool, bool]:
@@ -283,13 +304,15 @@ def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
     if beacon.phase in (Phase.OUT, Phase.GONE):
         if ledger.finish(beacon.who, beacon.trigger, beacon.phase is Phase.OUT):
             replan(c, now, reorder=beacon.phase is Phase.GONE)
+        elif ledger.confirm_over(beacon.who, beacon.trigger):
+            c.sooner(Timer.PLAN, now)
     elif beacon.phase is Phase.YIELD:
         if ledger.missed(beacon.who, beacon.start):
             c.sooner(Timer.PLAN, now + c.values.replan_wait)
     elif line is None or line.trigger != beacon.trigger:
         c.sooner(Timer.PLAN, now)
     else:
-        line.heard = now
+        line.heard = max(line.heard, beacon.time)
         if beacon.phase is Phase.IN and not line.inside:
             c.sooner(Timer.PLAN, now)
 

@@ -32,7 +32,9 @@ class Line:
     """One job in the books."""
 
     __slots__ = (
+        "absent",
         "approach",
+        "behind",
         "deadline",
         "done",
         "duration",
@@ -41,9 +43,12 @@ class Line:
         "inside",
         "joined",
         "missed",
+        "overtaken",
+        "presumed",
         "provisional",
         "rank",
         "release",
+        "retry",
         "robot",
         "said",
         "start",
@@ -72,9 +77,19 @@ class Line:
         self.underway = False
         """Has set out and was put off: it goes before those that have not set out."""
         self.done = False
+        self.presumed = False
+        """Done, but only for its owner has been silent for too long."""
         self.provisional = False
         """Known from the predecessor's list only."""
         self.missed: Instant | None = None
+        self.absent = 0
+        """Slots in a row that the owner missed because it was not ready; 0 when it is."""
+        self.retry: Instant = 0
+        """No slot before this, for the last one was missed so."""
+        self.overtaken = 0
+        """Passages of others since then."""
+        self.behind = False
+        """Has its place behind all others for now."""
         self.heard = now
         self.said: Instant = -1
         """Time of the newest JOB frame."""
@@ -84,7 +99,7 @@ class Line:
         new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way, job.underway)
         old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way, self.underway)
         self.said = job.time
-        changed = self.provisional or new != old
+        changed = self.provisional or new != old or job.absent != self.absent
         self.provisional = False
         repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
         if job.release != self.release and not repeated:
@@ -92,6 +107,14 @@ class Line:
         _, self.duration, self.deadline, self.headway, self.way, self.underway = new
         self.release = job.release
         return changed
+
+    def set_absent(self, absent: int, retry: Instant) -> None:
+        """Take over how many slots in a row the owner has missed because it was not ready."""
+        if absent > self.absent:
+            self.retry, self.overtaken = retry, 0
+        elif absent == 0:
+            self.retry = 0
+        self.absent = absent
 
     def has_set_out(self, now: Instant) -> bool:
         """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
@@ -116,6 +139,7 @@ class Ledger:
         self.answered: Instant = 0
         """By when all answers to the announcement should be here."""
         self.open = False
+        self._eager = False
 
     # -- news ------------------------------------------------------------------------------------------
 
@@ -129,17 +153,22 @@ class Ledger:
         if line is None or job.trigger > line.trigger:
             if line is None and len(self.lines) >= JOBS_MAX:
                 return False
-            self.lines[robot] = line = Line(robot, job.trigger, now)
+            self.lines[robot] = line = self._line(robot, job.trigger, now)
+            line.heard = job.time
         elif job.time < line.said:
             return False
-        line.heard = now
+        values = self._values
+        line.heard = max(line.heard, job.time)
         changed = line.said < 0
         fence.refute(robot, job.time)
         if line.inside and robot not in fence.records:
             line.inside, line.start, changed = False, None, True
         if job.missed is not None:
             changed = self.missed(robot, job.missed) or changed
-        return line.tell(job) or changed
+        changed = line.tell(job) or changed
+        if job.absent != line.absent:
+            line.set_absent(job.absent, now + _doubled(values.absent_wait, job.absent, values.absent_wait_max))
+        return changed
 
     def missed(self, robot: int, start: Instant) -> bool:
         """The owner said that it let that slot pass, though a claim may have made it count as inside."""
@@ -156,9 +185,47 @@ class Ledger:
             return False
         del self.lines[robot]
         line.done = True
-        if line.rank is not None and entered:
-            self.done[line.rank] = line
+        if entered:
+            self._count_passage()
+            if line.rank is not None:
+                self.done[line.rank] = line
         return True
+
+    def confirm_over(self, robot: int, trigger: Instant) -> bool:
+        """A job has said that it is over; return whether it was only presumed so."""
+        line = next((line for line in self.done.values() if line.robot == robot and line.presumed), None)
+        if line is None or line.trigger > trigger:
+            return False
+        line.presumed = False
+        return True
+
+    def _line(self, robot: int, trigger: Instant, now: Instant) -> Line:
+        """Return a new line for a job; one that was only presumed to be over gets its rank back."""
+        line = Line(robot, trigger, now)
+        for rank, done in self.done.items():
+            if done.presumed and (done.robot, done.trigger) == (robot, trigger):
+                line.rank = rank
+                del self.done[rank]
+                break
+        return line
+
+    def _count_passage(self) -> None:
+        """Count a passage for the absent jobs that it has overtaken."""
+        for line in self.lines.values():
+            if line.absent:
+                line.overtaken += 1
+
+    def _rank_absent(self, line: Line) -> None:
+        """Put a job behind all others whose owner was not ready when its last slot came.
+
+        It stays there until its owner is ready, or a bounded number of others have passed; then it comes in anew.
+        """
+        values = self._values
+        passes = _doubled(values.absent_passes, line.absent, values.absent_passes_max)
+        behind = line.absent > 0 and not line.underway and line.overtaken < passes
+        if line.behind and not behind:
+            line.start = None
+        line.behind = behind
 
     def inherit(self, now: Instant, entries: Iterable[Entry], exact: bool, fence: Fence) -> list[Entry]:
         """Take over a predecessor's list; return the entries that had started. `exact`: keep the slots."""
@@ -168,8 +235,9 @@ class Ledger:
                 continue
             line = Line(entry.robot, entry.trigger, now)
             line.duration, line.way, line.headway, line.rank = entry.duration, entry.way, self._headway, rank
-            if entry.phase is Phase.OUT or fence.is_finished(entry.robot, entry.trigger):
-                line.done = True
+            finished = entry.phase is Phase.OUT or fence.is_finished(entry.robot, entry.trigger)
+            if finished or entry.phase is Phase.GONE:
+                line.done, line.presumed = True, not finished
                 self.done[rank] = line
                 continue
             known = self.lines.get(entry.robot)
@@ -196,7 +264,7 @@ class Ledger:
         for beacon in fence.inside(now):
             line = self.lines.get(beacon.who)
             if line is None or line.trigger < beacon.trigger:
-                self.lines[beacon.who] = line = Line(beacon.who, beacon.trigger, now)
+                self.lines[beacon.who] = line = self._line(beacon.who, beacon.trigger, now)
                 line.way, line.headway, line.provisional = beacon.way, self._headway, False
                 line.duration = beacon.end - beacon.start
             if line.trigger != beacon.trigger or line.missed == beacon.start:
@@ -220,6 +288,7 @@ class Ledger:
                 return True
             if line.robot == self._robot or (record is not None and fence.is_inside(record.beacon, now)):
                 return False
+            line.presumed = not fence.is_finished(line.robot, line.trigger)
             return self.finish(line.robot, line.trigger, entered=True)
         if line.start is not None and now > line.until + values.window:
             line.start = None
@@ -239,15 +308,16 @@ class Ledger:
             return True
         return line.start is not None and (line.start <= now + self._values.frozen or line.provisional)
 
-    def plan(self, now: Instant, reorder: bool) -> bool:
-        """Give slots and ranks; return whether any has changed."""
+    def plan(self, now: Instant, reorder: bool, eager: bool = False) -> bool:
+        """Give slots and ranks; return whether any has changed. `eager`: the leader's own job may start at once."""
+        self._eager = eager
         before = [(line.start, line.rank) for line in self.lines.values()]
         standing = [line for line in self.lines.values() if self.stands(line, now)]
         pinned = [line for line in standing if line.rank is not None]
         if self.open:
             self._place(now, standing, reorder)
         self._deal(pinned)
-        self._trim()
+        self._trim(now)
         return before != [(line.start, line.rank) for line in self.lines.values()]
 
     def _place(self, now: Instant, standing: list[Line], reorder: bool) -> None:
@@ -262,26 +332,38 @@ class Ledger:
             if line.start is not None
         ]
         opposed = values.window + 2 * values.clock_error + values.clear
-        rules = Rules(now + values.lead, opposed, values.order)
+        rules = Rules(now if self._eager else now + values.lead, opposed, values.order)
         many = len(movable) > EXACT_MAX and values.order is Order.OURS
+        for line in movable:
+            self._rank_absent(line)
+        last = sorted((line for line in movable if line.behind), key=lambda line: (line.retry, line.robot))
+        movable = [line for line in movable if not line.behind]
         first = [line for line in movable if line.underway or (many and line.has_set_out(now))]
         first.sort(key=lambda line: (line.approach if line.underway else (line.start or now) - now, line.robot))
-        ahead = [_task(line, now, values.grace) for line in first]
+        ahead = [self._task(line, now) for line in first]
         behind = fixed + self._give(ahead, fixed, rules)
         known = {line.robot for line in first}
         rest = self._ordered(now, [line for line in movable if line.robot not in known], behind, rules, reorder)
         if many:
             rest, behind = merge(ahead, rest, fixed, rules), fixed
-        self._give(rest, behind, rules)
+        behind = behind + self._give(rest, behind, rules)
+        self._give([self._task(line, now) for line in last], behind, rules)
 
     def _ordered(self, now: Instant, lines: list[Line], fixed: list[Placed], rules: Rules, reorder: bool) -> list[Task]:
         """Return the jobs of `lines` in the order in which they go behind those `fixed`."""
-        tasks = {line.robot: _task(line, now, self._values.grace) for line in lines}
+        tasks = {line.robot: self._task(line, now) for line in lines}
         slotted = [(line.start, line.robot) for line in lines if line.start is not None]
         old = [robot for _, robot in sorted(slotted)]
         if reorder or len(old) < len(lines):
             return order_jobs(list(tasks.values()), fixed, rules, old)
         return [tasks[robot] for robot in old]
+
+    def _task(self, line: Line, now: Instant) -> Task:
+        """Return a job as the order sees it: only the leader's own one may start before it could be claimed."""
+        task = _task(line, now, self._values.grace)
+        if not self._eager or line.robot == self._robot:
+            return task
+        return task._replace(release=max(task.release, now + self._values.lead))
 
     def _give(self, tasks: list[Task], fixed: list[Placed], rules: Rules) -> list[Placed]:
         """Give slots behind those `fixed` to the jobs of `tasks`, in this order, and return these."""
@@ -311,9 +393,14 @@ class Ledger:
                 rank += 1
             line.rank = rank
 
-    def _trim(self) -> None:
-        """Count the jobs at the head of the list that are done; of a long list by whole frames, or all would change."""
+    def _trim(self, now: Instant) -> None:
+        """Count the jobs at the head of the list that are done; of a long list by whole frames, or all would change.
+
+        A job that is only presumed to be over stays listed for a while, so that newcomers enter with caution.
+        """
         live = {line.rank for line in self.lines.values()}
+        cautious = now - 3 * self._values.gone
+        live |= {rank for rank, line in self.done.items() if line.presumed and line.heard > cautious}
         top = max(self.done, default=self.passed)
         first = self.passed + 1
         while first <= top and first not in live:
@@ -382,7 +469,7 @@ def _task(line: Line, now: Instant, grace: Duration) -> Task:
     Who waits for a slot stands, so its release is past without its being at the gate: it can keep the slot that it
     has, but another one only after its whole approach.
     """
-    release = max(line.release, now + line.approach)
+    release = max(line.release, now + line.approach, line.retry)
     if line.start is not None:
         release = min(release, max(line.release, line.start))
     if line.start is None or line.start + line.duration > line.deadline + grace:
@@ -390,8 +477,15 @@ def _task(line: Line, now: Instant, grace: Duration) -> Task:
     return Task(line.robot, release, line.duration, line.deadline, line.headway, line.way, line.joined, grace)
 
 
+def _doubled(first: int, times: int, most: int) -> int:
+    """Return `first` doubled with each of `times` after the first one, up to `most`."""
+    return min(first << max(times - 1, 0), most)
+
+
 def _entry(line: Line) -> Entry:
-    phase = Phase.OUT if line.done else Phase.IN if line.inside else Phase.WAITING
+    phase = Phase.IN if line.inside else Phase.WAITING
+    if line.done:
+        phase = Phase.GONE if line.presumed else Phase.OUT
     if line.provisional and phase is Phase.WAITING:
         phase = Phase.PROVISIONAL
     start = None if line.start is None else on_grid(line.start)

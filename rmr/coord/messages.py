@@ -34,6 +34,8 @@ _U32: Final = 0xFFFFFFFF
 _NO_START: Final = 0x7FFF
 _UNDERWAY: Final = 0x10
 """Above the way in its octet."""
+_ABSENT_SHIFT: Final = 5
+"""The three bits above that."""
 _START_MAX: Final = 0x7FFE
 _TRIGGER_SLACK: Final = 16
 """Grid units by which a trigger may lie after the schedule that lists it (clock errors, consecutive triggers)."""
@@ -64,20 +66,46 @@ class Phase(IntEnum):
     """Will not enter in this slot after all."""
     OUT = 4
     GONE = 5
-    """Over without entering."""
+    """Beacons: over without entering. Entries: presumed over, for its owner has been silent for too long; not final."""
     PROVISIONAL = 6
     """Entries only: taken over from the predecessor's list; its owner should tell its job again."""
 
 
+COUNTER_MAX: Final = 0xFFFF
+"""Term counters are serial numbers 1..65535 in a circle (as in RFC 1982); 0 stands for "no term".
+
+The length of the circle is odd, so of two different counters exactly one is newer, however far apart they are. Merging
+two leaders needs no more than that: one of the two steps down. No counter is the last one.
+"""
+
+
+def newer(counter: int, other: int) -> bool:
+    """Return whether `counter` is ahead of `other` by less than half of the circle; each is ahead of 0."""
+    if counter == 0 or other == 0:
+        return counter > other
+    return 0 < (counter - other) % COUNTER_MAX <= COUNTER_MAX // 2
+
+
+def successor(counter: int) -> int:
+    """Return the counter of the next term."""
+    return counter % COUNTER_MAX + 1
+
+
+OVER: Final = frozenset((Phase.OUT, Phase.GONE))
+"""Phases of entries that hold up nobody any more."""
+
+
 class Term(NamedTuple):
-    """Who leads, and the how-manieth leader it is."""
+    """One leadership: a serial number and the leader."""
 
     counter: int
     leader: int
 
     def better(self, other: "Term") -> bool:
-        """Return whether this term is preferred to `other`: higher counter, then lower leader."""
-        return (self.counter, -self.leader) > (other.counter, -other.leader)
+        """Return whether this term is preferred to `other`: newer counter, then lower leader."""
+        if self.counter == other.counter:
+            return self.leader < other.leader
+        return newer(self.counter, other.counter)
 
 
 NO_TERM: Final = Term(0, NOBODY)
@@ -101,6 +129,8 @@ class Job(NamedTuple):
     """Start of the slot that the owner let pass."""
     underway: bool = False
     """The owner has set out and was put off: others would have to pass it."""
+    absent: int = 0
+    """Slots in a row that the owner let pass because it was not ready to enter, and it is not ready yet."""
 
 
 class Entry(NamedTuple):
@@ -215,7 +245,7 @@ def _clamp(value: int, low: int, high: int) -> int:
 
 
 def _header(kind: Kind, event: bytes, time: Instant, term: Term) -> bytes:
-    return _HEADER.pack(kind, event, _ms(time), term.counter & _U16, term.leader)
+    return _HEADER.pack(kind, event, _ms(time), term.counter, term.leader)
 
 
 def _ms(instant: Instant) -> int:
@@ -235,7 +265,7 @@ def _split(octet: int, allowed: frozenset[int]) -> tuple[int, Phase]:
 
 
 _BEACON_PHASES: Final = frozenset((Phase.CLAIM, Phase.IN, Phase.YIELD, Phase.OUT, Phase.GONE))
-_ENTRY_PHASES: Final = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.PROVISIONAL))
+_ENTRY_PHASES: Final = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.GONE, Phase.PROVISIONAL))
 
 
 def _encode_job(job: Job) -> bytes:
@@ -248,7 +278,7 @@ def _encode_job(job: Job) -> bytes:
         _clamp(-(-job.duration // GRID), 0, _U16),
         _ms(job.deadline),
         _clamp(-(-job.headway // HEADWAY_UNIT), 0, 0xFF),
-        _way_phase(job.way, Phase.WAITING) >> 4 | _UNDERWAY * job.underway,
+        _way_phase(job.way, Phase.WAITING) >> 4 | _UNDERWAY * job.underway | job.absent << _ABSENT_SHIFT,
         missed,
     )
 
@@ -258,8 +288,6 @@ def _decode_job(payload: bytes) -> Job:
         raise MessageError(f"a JOB has {JOB_OCTETS} octets, not {len(payload)}")
     _, event, time, counter, leader = _HEADER.unpack_from(payload)
     asked, trigger, release, duration, deadline, headway, way, missed = _JOB.unpack_from(payload, _HEADER.size)
-    if way > WAY_MAX | _UNDERWAY:
-        raise MessageError(f"way {way} is too large")
     base = time * MS // GRID
     return Job(
         event,
@@ -273,7 +301,8 @@ def _decode_job(payload: bytes) -> Job:
         headway * HEADWAY_UNIT,
         way & WAY_MAX,
         None if missed == _NO_START else (base + missed) * GRID,
-        way > WAY_MAX,
+        bool(way & _UNDERWAY),
+        way >> _ABSENT_SHIFT,
     )
 
 
@@ -304,7 +333,7 @@ def _decode_sched(payload: bytes) -> Sched:
         raise MessageError("a SCHED is cut short")
     _, event, issued, counter, leader = _HEADER.unpack_from(payload)
     flags, heir, opens, passed, part, count = _SCHED.unpack_from(payload, _HEADER.size)
-    if flags > 1 or not part >> 4 < (part & 15) or count > ENTRIES_MAX or leader == NOBODY:
+    if flags > 1 or not part >> 4 < (part & 15) or count > ENTRIES_MAX or leader == NOBODY or counter == 0:
         raise MessageError("a SCHED with impossible fields")
     if len(payload) != SCHED_OCTETS + count * ENTRY_OCTETS:
         raise MessageError(f"a SCHED of {count} entries does not have {len(payload)} octets")

@@ -9,9 +9,9 @@ from rmr.base.time import NEVER, Instant
 from rmr.coord.context import Context, OwnJob, Timer, identity, stamp
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.coord.fence import Claim
-from rmr.coord.messages import Beacon, Entry, Phase, Sched
+from rmr.coord.messages import OVER, Beacon, Entry, Phase, Sched
 from rmr.coord.states import Passage
-from rmr.coord.values import same_way
+from rmr.coord.values import ABSENT_MAX, same_way
 
 
 def begin(c: Context, request: JobRequest) -> None:
@@ -55,7 +55,7 @@ def on_schedule(c: Context, now: Instant) -> None:
             _lose(c, now)
         return
     part, rank, entry = found
-    if entry.start is None or entry.phase is Phase.OUT or (job.missed is not None and entry.start <= job.missed):
+    if entry.start is None or entry.phase in OVER or (job.missed is not None and entry.start <= job.missed):
         _lose(c, now)
         return
     _take(c, now, part, rank, entry)
@@ -114,7 +114,7 @@ def _consider_claim(c: Context, now: Instant) -> bool:
     assert job is not None
     assert job.slot is not None
     start, _, _ = job.slot
-    if now + values.quiet > start + values.window:
+    if now + c.quiet(now) > start + values.window:
         return miss(c, now)
     if now >= job.lease:
         c.set(Timer.POLL, now + values.poll)
@@ -122,7 +122,7 @@ def _consider_claim(c: Context, now: Instant) -> bool:
     c.proceed(Passage.CLAIMING)
     job.claimed, job.since = start, now
     on_beacon(c, now)
-    c.set(Timer.POLL, now + values.poll)
+    c.set(Timer.POLL, min(now + values.poll, max(start, now + values.entry_poll)))
     return False
 
 
@@ -131,14 +131,15 @@ def _consider_entry(c: Context, now: Instant) -> bool:
     assert job is not None
     assert job.slot is not None
     start, end, _ = job.slot
-    if now > start + values.window or max(now, job.since + values.quiet) > start + values.window:
+    claimed = job.since + c.quiet(now)
+    if now > start + values.window or max(now, claimed) > start + values.window:
         return miss(c, now)
     verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.way))
     if verdict.lost:
         return miss(c, now)
-    may_enter = start <= now < job.lease and job.ready and now >= job.since + values.quiet and verdict.open
+    may_enter = start <= now < job.lease and job.ready and now >= claimed and verdict.open
     if may_enter and not _waits_for_listed(c, now, start):
-        enter(c, now, cautious=verdict.cautious)
+        enter(c, now, cautious=verdict.cautious or _somebody_presumed_gone(c))
         return False
     c.set(Timer.POLL, min(now + values.poll, start) if now < start else now + values.entry_poll)
     return False
@@ -153,7 +154,7 @@ def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
     assert job is not None
     for part in c.held.parts.values():
         for entry in part.entries:
-            if entry.robot == c.robot or entry.start is None or entry.phase is Phase.OUT:
+            if entry.robot == c.robot or entry.start is None or entry.phase in OVER:
                 continue
             if c.fence.is_finished(entry.robot, entry.trigger):
                 continue
@@ -164,6 +165,19 @@ def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
             if first:
                 return True
     return False
+
+
+def _somebody_presumed_gone(c: Context) -> bool:
+    """Return whether the schedule lists an opposed robot that entered and has been silent for too long since."""
+    assert c.job is not None
+    way = c.job.request.way
+    return any(
+        entry.phase is Phase.GONE
+        and not same_way(entry.way, way)
+        and not c.fence.is_finished(entry.robot, entry.trigger)
+        for part in c.held.parts.values()
+        for entry in part.entries
+    )
 
 
 def enter(c: Context, now: Instant, *, cautious: bool) -> None:
@@ -184,6 +198,8 @@ def miss(c: Context, now: Instant) -> bool:
     assert job is not None
     assert job.slot is not None
     job.missed = job.slot[0]
+    if not job.ready:
+        job.absent = min(job.absent + 1, ABSENT_MAX)
     if c.passage is Passage.CLAIMING:
         _withdraw_claim(c, now)
     job.slot = job.announced = None

@@ -16,6 +16,9 @@ from rmr.base.time import NS_PER_MS, Duration
 
 MS: Final = NS_PER_MS
 
+ABSENT_MAX: Final = 7
+"""Missed slots in a row that a JOB can tell of: three bits."""
+
 GRID: Final[Duration] = 10 * MS
 """Slots and triggers lie on this grid: two octets of it reach 10.9 minutes."""
 HEADWAY_UNIT: Final[Duration] = 20 * MS
@@ -101,6 +104,15 @@ class Values:
     join_jitter: Duration = 10 * MS
     dither: Duration = 8 * MS
     """Robots tick on one grid; frames leave this much scattered so that they do not all meet on the air."""
+
+    absent_wait: Duration = 1000 * MS
+    """Back-off of a job that was not ready for its slot; doubles with each further slot missed in a row ..."""
+    absent_wait_max: Duration = 8000 * MS
+    """... up to this."""
+    absent_passes: int = 2
+    """Passages of others that may go before such a job; doubles likewise ..."""
+    absent_passes_max: int = 16
+    """... up to this many. Then the job has its place by the order again, for one slot."""
 
     repetition: Duration = 250 * MS
     """A schedule is repeated this often (R)."""

@@ -72,7 +72,7 @@ class Node:
         if ports.body is not None:
             self.driver = Driver(config, ports.body)
         values = replace(config.values, payload_max=ports.link.payload_max)
-        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: max(1, len(config.roster) - 1), values)
+        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, values)
         self.turns = Turns(self, core, digest)
         self.core = core
         """The coordination core, for whoever checks a run to look at."""
