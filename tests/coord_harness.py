@@ -15,7 +15,7 @@ from rmr.base.time import NEVER, NS_PER_MS, Instant
 from rmr.coord import events
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest, Send
-from rmr.coord.messages import Beacon, Phase, Sched, decode
+from rmr.coord.messages import Beacon, Job, Phase, Sched, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.values import Values
 
@@ -123,6 +123,8 @@ class Model:
         self.frames = 0
         self.by_kind: dict[int, int] = {}
         self.senders: dict[tuple[int, int], int] = {}
+        self.told: dict[int, Instant] = {}
+        """When each robot last sent a JOB, which it does only while it waits."""
         self.yielded: set[tuple[int, Instant]] = set()
         """Slots that their owners have said to give up, by robot and start."""
         self.promised: dict[tuple[tuple[int, int], int, Instant], Instant] = {}
@@ -457,6 +459,8 @@ class Model:
             if known != id(mind.core) and not self.forgot(mind.robot, 0):
                 self.violations.append(f"term {message.term} has two senders")
             self._check_frozen(message)
+        if isinstance(message, Job):
+            self.told[mind.robot] = message.time
         if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.YIELD:
             self.yielded.add((message.who, message.start))
         if isinstance(message, Beacon) and message.who == mind.robot and message.phase is Phase.IN:
@@ -471,8 +475,13 @@ class Model:
             promised = self.promised.get(key)
             if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
                 log = self.minds[entry.robot].log if entry.robot in self.minds else []
-                let_pass = (entry.robot, promised) in self.yielded or any(
-                    isinstance(e, events.EntryMissed | events.SlotLost) and t >= promised - ms(1200) for t, e in log
+                waits = self.told.get(entry.robot, -NEVER) > promised + self.values.window
+                let_pass = (
+                    waits
+                    or (entry.robot, promised) in self.yielded
+                    or any(
+                        isinstance(e, events.EntryMissed | events.SlotLost) and t >= promised - ms(1200) for t, e in log
+                    )
                 )
                 over = sched.issued > promised + entry.duration + self.values.window
                 if not let_pass and not over and not self.stalled_after(entry.robot, 0):

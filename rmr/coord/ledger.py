@@ -35,6 +35,7 @@ class Line:
         "absent",
         "approach",
         "behind",
+        "bypassed",
         "deadline",
         "done",
         "duration",
@@ -43,6 +44,7 @@ class Line:
         "inside",
         "joined",
         "missed",
+        "missed_absent",
         "overtaken",
         "presumed",
         "provisional",
@@ -88,6 +90,10 @@ class Line:
         """No slot before this, for the last one was missed so."""
         self.overtaken = 0
         """Passages of others since then."""
+        self.missed_absent: Instant | None = None
+        """Start of the last slot that it missed so."""
+        self.bypassed = 0
+        """Passages of others that joined later."""
         self.behind = False
         """Has its place behind all others for now."""
         self.heard = now
@@ -99,7 +105,7 @@ class Line:
         new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way, job.underway)
         old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way, self.underway)
         self.said = job.time
-        changed = self.provisional or new != old or job.absent != self.absent
+        changed = self.provisional or new != old
         self.provisional = False
         repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
         if job.release != self.release and not repeated:
@@ -108,13 +114,16 @@ class Line:
         self.release = job.release
         return changed
 
-    def set_absent(self, absent: int, retry: Instant) -> None:
-        """Take over how many slots in a row the owner has missed because it was not ready."""
-        if absent > self.absent:
-            self.retry, self.overtaken = retry, 0
-        elif absent == 0:
-            self.retry = 0
-        self.absent = absent
+    def set_absent(self, job: Job, retry: Instant) -> bool:
+        """Take over how many slots in a row the owner has missed because it was not ready; return whether that is news.
+
+        After one more of them it gets no slot before `retry`.
+        """
+        if (job.absent, job.absent and job.missed) == (self.absent, self.absent and self.missed_absent):
+            return False
+        self.retry, self.overtaken = (retry, 0) if job.absent else (0, 0)
+        self.absent, self.missed_absent = job.absent, job.missed
+        return True
 
     def has_set_out(self, now: Instant) -> bool:
         """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
@@ -165,10 +174,9 @@ class Ledger:
             line.inside, line.start, changed = False, None, True
         if job.missed is not None:
             changed = self.missed(robot, job.missed) or changed
-        changed = line.tell(job) or changed
-        if job.absent != line.absent:
-            line.set_absent(job.absent, now + _doubled(values.absent_wait, job.absent, values.absent_wait_max))
-        return changed
+        retry = now + _doubled(values.absent_wait, job.absent, values.absent_wait_max)
+        changed = line.set_absent(job, retry) or changed
+        return line.tell(job) or changed
 
     def missed(self, robot: int, start: Instant) -> bool:
         """The owner said that it let that slot pass, though a claim may have made it count as inside."""
@@ -186,7 +194,7 @@ class Ledger:
         del self.lines[robot]
         line.done = True
         if entered:
-            self._count_passage()
+            self._count_passage(line)
             if line.rank is not None:
                 self.done[line.rank] = line
         return True
@@ -209,23 +217,29 @@ class Ledger:
                 break
         return line
 
-    def _count_passage(self) -> None:
-        """Count a passage for the absent jobs that it has overtaken."""
-        for line in self.lines.values():
-            if line.absent:
-                line.overtaken += 1
+    def _count_passage(self, passed: Line) -> None:
+        """Count a passage for the jobs that it has overtaken."""
+        for line in self.waiting():
+            line.overtaken += 1
+            line.bypassed += line.joined < passed.joined
 
-    def _rank_absent(self, line: Line) -> None:
-        """Put a job behind all others whose owner was not ready when its last slot came.
+    def _is_behind(self, line: Line) -> bool:
+        """Return whether a job goes behind all others, for its owner was not ready when its last slot came.
 
-        It stays there until its owner is ready, or a bounded number of others have passed; then it comes in anew.
+        It does until its owner is ready, or a bounded number of others have passed.
         """
+        return line.absent > 0 and not line.underway and line.overtaken < self._passes(line)
+
+    def _is_due(self, line: Line) -> bool:
+        """Return whether a job goes before all others, for as many have overtaken it as may."""
+        if line.absent > 0:
+            return line.overtaken >= self._passes(line)
+        return line.bypassed >= self._values.bypass_max
+
+    def _passes(self, line: Line) -> int:
+        """Return how many others may pass before a job whose owner was not ready."""
         values = self._values
-        passes = _doubled(values.absent_passes, line.absent, values.absent_passes_max)
-        behind = line.absent > 0 and not line.underway and line.overtaken < passes
-        if line.behind and not behind:
-            line.start = None
-        line.behind = behind
+        return _doubled(values.absent_passes, line.absent, values.absent_passes_max)
 
     def inherit(self, now: Instant, entries: Iterable[Entry], exact: bool, fence: Fence) -> list[Entry]:
         """Take over a predecessor's list; return the entries that had started. `exact`: keep the slots."""
@@ -335,11 +349,19 @@ class Ledger:
         rules = Rules(now if self._eager else now + values.lead, opposed, values.order)
         many = len(movable) > EXACT_MAX and values.order is Order.OURS
         for line in movable:
-            self._rank_absent(line)
+            was, line.behind = line.behind, self._is_behind(line)
+            if was and not line.behind:
+                line.start = None  # it comes in anew
         last = sorted((line for line in movable if line.behind), key=lambda line: (line.retry, line.robot))
         movable = [line for line in movable if not line.behind]
-        first = [line for line in movable if line.underway or (many and line.has_set_out(now))]
+        passed_over = sorted(
+            (line for line in movable if self._is_due(line)), key=lambda line: (line.joined, line.robot)
+        )
+        first = [
+            line for line in movable if line not in passed_over and (line.underway or (many and line.has_set_out(now)))
+        ]
         first.sort(key=lambda line: (line.approach if line.underway else (line.start or now) - now, line.robot))
+        first = passed_over + first
         ahead = [self._task(line, now) for line in first]
         behind = fixed + self._give(ahead, fixed, rules)
         known = {line.robot for line in first}

@@ -112,7 +112,9 @@ class Values:
     absent_passes: int = 2
     """Passages of others that may go before such a job; doubles likewise ..."""
     absent_passes_max: int = 16
-    """... up to this many. Then the job has its place by the order again, for one slot."""
+    """... up to this many. Then the job goes before all others, for one slot."""
+    bypass_max: int = 32
+    """A waiting job that so many later ones have passed goes before all others: nobody is overtaken for ever."""
 
     repetition: Duration = 250 * MS
     """A schedule is repeated this often (R)."""

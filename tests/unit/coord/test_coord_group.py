@@ -208,7 +208,7 @@ def test_a_robot_that_is_not_ready_lets_its_slot_pass_and_gets_another() -> None
     model = Model(3, 2)
     model.trigger(0, 1, deadline=ms(9000))
     model.trigger(ms(5), 2, deadline=ms(20_000))
-    model.at(ms(100), lambda: model.minds[1].core.ready(model.now, EVENT, False))
+    model.at(ms(10), lambda: model.minds[1].core.ready(model.now, EVENT, False))
     model.at(ms(2500), lambda: model.minds[1].core.ready(model.now, EVENT, True))
     served(model)
     assert any(isinstance(event, events.EntryMissed) for _, event in model.minds[1].log)

@@ -34,7 +34,7 @@ def test_every_step_of_the_tables_happens_in_random_runs(monkeypatch: pytest.Mon
         run(seed)
         if wanted - seen == {(Role.ASKING, Role.NONE, "role")}:
             break
-    model = Model(1, 1)
+    model = Model(1, 2)
     model.trigger(0, 1, deadline=ms(9000))
     model.withdraw(ms(100), 1)
     model.trigger(ms(150), 1, deadline=ms(9000), inside=True)
