@@ -8,8 +8,8 @@ broadcast discovery has no quorum: two leaders can give overlapping slots, and i
 * A robot is inside when its last word is IN, or a CLAIM whose window has passed without YIELD (it may have
   stalled just after entering). In the same way its headway must have passed; in the opposite way it must have
   said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution.
-* Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until the
-  other has been silent for W.
+* Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until it has
+  heard that.
 * A witness repeats the last beacon of a robot inside that a claimant may not have heard.
 """
 
@@ -42,11 +42,10 @@ class Verdict(NamedTuple):
 class Record:
     """The newest beacon of one robot."""
 
-    __slots__ = ("assumed", "beacon", "heard")
+    __slots__ = ("assumed", "beacon")
 
-    def __init__(self, beacon: Beacon, heard: Instant, assumed: bool = False) -> None:
+    def __init__(self, beacon: Beacon, assumed: bool = False) -> None:
         self.beacon = beacon
-        self.heard = heard
         self.assumed = assumed
         """Not a beacon but the list of a former leader says that the robot started."""
 
@@ -61,7 +60,7 @@ class Fence:
         self.finished: dict[int, Instant] = {}
         """Greatest finished trigger per robot."""
 
-    def note(self, now: Instant, beacon: Beacon) -> bool:
+    def note(self, beacon: Beacon) -> bool:
         """Take in a beacon; return whether it was news."""
         who = beacon.who
         if beacon.trigger <= self.finished.get(who, -1):
@@ -74,17 +73,17 @@ class Fence:
             known = record.beacon
             if (beacon.trigger, beacon.time, beacon.phase) <= (known.trigger, known.time, known.phase):
                 return False
-        self.records[who] = Record(beacon, now)
+        self.records[who] = Record(beacon)
         self._bound()
         return True
 
-    def assume(self, now: Instant, beacon: Beacon) -> None:
+    def assume(self, beacon: Beacon) -> None:
         """Take a robot for inside because it was to start and nothing else is known."""
         known = self.records.get(beacon.who)
         if beacon.trigger > self.finished.get(beacon.who, -1) and (
             known is None or known.beacon.trigger < beacon.trigger
         ):
-            self.records[beacon.who] = Record(beacon, now, assumed=True)
+            self.records[beacon.who] = Record(beacon, assumed=True)
             self._bound()
 
     def refute(self, who: int, time: Instant) -> None:
@@ -140,7 +139,7 @@ class Fence:
             elif self._conflict(claim, beacon):
                 if (beacon.start, who) < (claim.start, claim.robot):
                     return Verdict(False, True, False)
-                is_open = is_open and now >= record.heard + values.quiet
+                is_open = False  # silence may be a link that fails one way: only its YIELD ends a claim
         return Verdict(is_open, False, cautious)
 
     def _conflict(self, claim: Claim, other: Beacon) -> bool:

@@ -187,7 +187,7 @@ class Group:
         if c.witnessed == beacon.who:
             c.witnessed = None
             c.set(Timer.WITNESS, NEVER)
-        if not c.fence.note(now, beacon):
+        if not c.fence.note(beacon):
             return
         if c.role is Role.LEADING:
             leader.on_beacon(c, now, beacon)

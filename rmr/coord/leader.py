@@ -97,7 +97,6 @@ def _contiguous(held: Held) -> bool:
 def _assume_inside(c: Context, now: Instant, entry: Entry) -> None:
     assert entry.start is not None
     c.fence.assume(
-        now,
         Beacon(
             c.event,
             stamp(now),

@@ -242,7 +242,7 @@ def _say(c: Context, now: Instant, phase: Phase, times: int = 1) -> None:
     beacon = Beacon(
         c.event, stamp(now), c.held.term, c.robot, job.trigger, phase, job.request.way, start, max(until, start)
     )
-    c.fence.note(now, beacon)
+    c.fence.note(beacon)
     for i in range(times):
         c.send(beacon, now + i * c.values.final_gap)
 

@@ -154,7 +154,7 @@ class Values:
     beacon: Duration = 100 * MS
     """Who claims or is inside says so this often (H)."""
     quiet: Duration = 500 * MS
-    """One claims at least this long before entering, and waits this long for a rival's silence (W)."""
+    """One claims at least this long before entering (W)."""
     claim_ahead: Duration = 50 * MS
     """Claims begin this much earlier than they must."""
     stall: Duration = 100 * MS
