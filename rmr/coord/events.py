@@ -41,6 +41,9 @@ class JobRequest:
     """The robot finds itself inside as the job starts, as after a restart: it is so, and needs no slot."""
     underway: bool = False
     """The robot has set out and was put off, so that others would have to pass it."""
+    postpones: bool = False
+    """The robot itself tells a later release when it cannot keep its slots, as on its way to a bottleneck: slots that
+    it misses are no absence."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,7 +198,7 @@ def miss(c: Context, now: Instant) -> bool:
     assert job is not None
     assert job.slot is not None
     job.missed = job.slot[0]
-    if not job.ready:
+    if not job.ready and not job.request.postpones:
         job.absent = min(job.absent + 1, ABSENT_MAX)
     if c.passage is Passage.CLAIMING:
         _withdraw_claim(c, now)

@@ -68,4 +68,5 @@ def request_of(turn: Turn) -> JobRequest:
         way=turn.way,
         inside=turn.within,
         underway=turn.underway,
+        postpones=turn.gated,
     )

@@ -18,7 +18,7 @@ def claim(start: float = 2000, way: int = 0) -> Claim:
 def fence(*beacons: Beacon) -> Fence:
     made = Fence(1, Values())
     for item in beacons:
-        made.note(item.time, item)
+        made.note(item)
     return made
 
 
