@@ -19,7 +19,7 @@ from typing import Final
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
 from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max, on_grid
-from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, order_jobs, place
+from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
 from rmr.coord.values import JOBS_MAX, MS, Order, Values
 
 SETS_OUT: Final[Duration] = 500 * MS
@@ -377,8 +377,21 @@ class Ledger:
         slotted = [(line.start, line.robot) for line in lines if line.start is not None]
         old = [robot for _, robot in sorted(slotted)]
         if reorder or len(old) < len(lines):
-            return order_jobs(list(tasks.values()), fixed, rules, old)
+            order = order_jobs(list(tasks.values()), fixed, rules, old)
+            return self._own_first(order, fixed, rules) if self._eager else order
         return [tasks[robot] for robot in old]
+
+    def _own_first(self, order: list[Task], fixed: list[Placed], rules: Rules) -> list[Task]:
+        """Return `order` with the leader's own job, which may start at once, first if that makes nobody else late.
+
+        Not before a job that is due sooner by more than the time that the others need to claim.
+        """
+        own = [task for task in order if task.robot == self._robot]
+        if not own or own[0].deadline > order[0].deadline + self._values.lead:
+            return order
+        moved = own + [task for task in order if task.robot != self._robot]
+        met = on_time(order, place(order, fixed, rules))
+        return moved if on_time(moved, place(moved, fixed, rules)) >= met else order
 
     def _task(self, line: Line, now: Instant) -> Task:
         """Return a job as the order sees it: only the leader's own one may start before it could be claimed."""

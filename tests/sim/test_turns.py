@@ -162,3 +162,67 @@ def test_what_is_kept_of_actions_and_events_is_bounded(tmp_path):
     node = simulation.robots[0].node
     assert len(node.machine.jobs) > 32
     assert len(node.turns._turns) <= 32
+
+
+WAITING_STATION = """
+    type action charge(R: robot) -o charged(R).
+    type action wait(R: robot, T: float) -o waited(R).
+    early(R) -o low(R), wait(R, 45.0).
+    late(R) -o wait(R, 5.0), soon(R).
+    waited(R), soon(R) -o low(R), can(R).
+    waited(R), low(R) -o low(R), can(R).
+    charging: assert(low(R), charged(R), 60, say(R, "late")).
+    low(R), can(R) -o charge(R).
+"""
+"""The jobs of those that are `early` start long before their action does, and are due first."""
+
+
+def test_job_that_is_ready_is_not_starved_by_jobs_that_are_not_and_are_due_first(tmp_path):
+    simulation = small_lab(
+        tmp_path,
+        WAITING_STATION,
+        robots=3,
+        actions=CHARGE,
+        finish="charged(R)",
+        duration="70s",
+        facts='["early(@1)", "early(@2)", "late(@3)"]',
+    )
+    assert simulation.run()
+    entered = {entry["robot"]: entry["t"] for entry in traced(simulation, "entered")}
+    assert entered[3] < 8.0
+    assert sorted(entered.values())[1:] == [entered[2], entered[1]] or entered[1] < entered[2]
+    assert max(entered.values()) < 50.0
+    lost = [entry for entry in traced(simulation, "slot_lost") if entry["missed"]]
+    assert len(lost) <= 24  # 15 of two robots in 45 s; without a back-off 36
+    assert overlaps(spans(simulation, "charge")) == []
+
+
+LOW = """
+    type action charge(R: robot) -o charged(R).
+    start(R).
+    start(R) -o low(R).
+    charging: assert(low(R), charged(R), {deadline}, say(R, "late")).
+    low(R) -o charge(R).
+"""
+QUICK = CHARGE.replace("2.0", "0.5")
+
+
+def test_lone_robot_has_its_turn_at_once_and_keeps_a_deadline_of_a_second(tmp_path):
+    simulation = small_lab(tmp_path, LOW.format(deadline=1), robots=1, actions=QUICK, finish="charged(R)")
+    assert simulation.run()
+    ((begin, end, _),) = spans(simulation, "charge")
+    assert begin <= 0.1
+    assert end <= 1.0
+    assert simulation.trace()
+    assert not [entry for entry in simulation.trace() if "late" in str(entry)]
+
+
+@pytest.mark.parametrize("robots", [2, 6])
+def test_first_of_several_that_ask_together_keeps_a_deadline_of_a_second(tmp_path, robots):
+    simulation = small_lab(
+        tmp_path, LOW.format(deadline=1), robots=robots, actions=QUICK, finish="charged(R)", size=(3.0, 1.5)
+    )
+    assert simulation.run()
+    found = spans(simulation, "charge")
+    assert found[0][1] <= 1.0
+    assert overlaps(found) == []
