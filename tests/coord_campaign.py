@@ -195,7 +195,7 @@ def main() -> None:
         excused += len(outcome.excused)
         if not outcome.ok:
             failed += 1
-            print(seed, outcome.options, outcome.violations[:3], outcome.unserved, outcome.leaders)
+            print(seed, outcome.options, outcome.violations[:3], outcome.unserved, outcome.leaders, flush=True)
     print(f"{last - first + 1} runs, {entries} entries, {terms} with several terms, {failed} failed, {excused} excused")
 
 
