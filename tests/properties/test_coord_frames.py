@@ -13,6 +13,8 @@ EVENTS = st.binary(min_size=6, max_size=6)
 ROBOTS = st.integers(0, 65533)
 TIMES = st.integers(0, 2**32 - 1).map(lambda t: t * MS)
 TERMS = st.builds(m.Term, st.integers(0, 0xFFFF), ROBOTS)
+LED = st.builds(m.Term, st.integers(1, m.COUNTER_MAX), ROBOTS)
+"""Terms that somebody leads."""
 WAYS = st.integers(0, 15)
 DURATIONS = st.integers(0, 0xFFFF).map(lambda d: d * GRID)
 
@@ -25,7 +27,7 @@ def jobs(draw: st.DrawFn) -> m.Job:
     return m.Job(
         draw(EVENTS), time, draw(TERMS), draw(TIMES), draw(TIMES), base + draw(DURATIONS), draw(DURATIONS),
         draw(TIMES), draw(st.integers(0, 255)) * HEADWAY_UNIT, draw(WAYS), missed,
-        draw(st.booleans()),
+        draw(st.booleans()), draw(st.integers(0, 7)),
     )  # fmt: skip
 
 
@@ -40,11 +42,11 @@ def scheds(draw: st.DrawFn) -> m.Sched:
         st.none() | st.integers(-0x8000, 0x7FFE).map(lambda d: base + d * GRID),
         DURATIONS,
         WAYS,
-        st.sampled_from((m.Phase.WAITING, m.Phase.IN, m.Phase.OUT, m.Phase.PROVISIONAL)),
+        st.sampled_from((m.Phase.WAITING, m.Phase.IN, m.Phase.OUT, m.Phase.GONE, m.Phase.PROVISIONAL)),
     )
     parts = draw(st.integers(1, m.PARTS_MAX))
     return m.Sched(
-        draw(EVENTS), issued, draw(TERMS), draw(st.booleans()), draw(ROBOTS), draw(DURATIONS),
+        draw(EVENTS), issued, draw(LED), draw(st.booleans()), draw(ROBOTS), draw(DURATIONS),
         draw(st.integers(0, 0xFFFF)), draw(st.integers(0, parts - 1)), parts,
         tuple(draw(st.lists(entries, max_size=m.ENTRIES_MAX))),
     )  # fmt: skip
