@@ -12,7 +12,8 @@ from random import Random
 
 from coord_harness import EVENT, MS, Air, Model, ms
 
-from rmr.coord.messages import NOBODY, Entry, Kind, Phase, Sched, Term, encode
+from rmr.coord.messages import Entry, Kind, Phase, Sched, encode
+from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import Values
 
 

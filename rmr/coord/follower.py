@@ -12,8 +12,9 @@ from rmr.coord import passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeaderChanged
 from rmr.coord.held import extract
-from rmr.coord.messages import NO_TERM, NOBODY, Job, Phase, Sched, Term
+from rmr.coord.messages import Job, Phase, Sched
 from rmr.coord.states import Passage, Role
+from rmr.coord.term import NO_TERM, NOBODY, Term
 from rmr.coord.values import BANS_MAX, RECORDS_MAX
 
 

@@ -14,8 +14,9 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import follower, leader, passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import JobRequest, LeaderChanged, PathReceived
-from rmr.coord.messages import NOBODY, Beacon, Job, Message, PathPart, Phase, Sched, newer
+from rmr.coord.messages import Beacon, Job, Message, PathPart, Phase, Sched
 from rmr.coord.states import Passage, Role
+from rmr.coord.term import NOBODY, newer
 
 _PATH_WAYS_MAX: Final = 16
 

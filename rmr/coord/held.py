@@ -9,7 +9,8 @@ from itertools import chain
 from typing import NamedTuple
 
 from rmr.base.time import NEVER, Instant
-from rmr.coord.messages import NO_TERM, NOBODY, OVER, Entry, Phase, Sched, encode
+from rmr.coord.messages import OVER, Entry, Phase, Sched, encode
+from rmr.coord.term import NO_TERM, NOBODY
 from rmr.coord.values import EXCLUSIVE_WAY, RECORDS_MAX
 
 

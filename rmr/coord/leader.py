@@ -19,22 +19,9 @@ from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
 from rmr.coord.held import Held
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import (
-    NOBODY,
-    OVER,
-    PARTS_MAX,
-    Beacon,
-    Entry,
-    Job,
-    PathPart,
-    Phase,
-    Sched,
-    Term,
-    entries_max,
-    steps_max,
-    successor,
-)
+from rmr.coord.messages import OVER, PARTS_MAX, Beacon, Entry, Job, PathPart, Phase, Sched, entries_max, steps_max
 from rmr.coord.states import Role
+from rmr.coord.term import NOBODY, Term, successor
 from rmr.coord.values import MS, PAYLOAD_MAX
 
 _WHOLE_PARTS: Final = 2

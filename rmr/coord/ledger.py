@@ -2,10 +2,10 @@
 
 Slots. A slot nearer than the frozen zone stands: it is neither moved nor its time used for another until its
 owner says OUT or GONE, or that it let this very slot pass. A robot inside, of whatever term, keeps its place
-until it says OUT or is silent for longer than any stall. All others are placed behind those that stand; the
-order of them is made anew only when jobs come, go or change, else they are only shifted. Who has set out and was put
-off goes first, for the others would have to pass it; of more than `EXACT_MAX` jobs whoever has set out does, and before
-it those that do not hold it up.
+until it says OUT or is presumed gone. All others are placed behind those that stand; their order is made anew only when
+jobs come, go or change. A robot that has set out and was put off goes first, for the others would have to pass it; of
+more than `EXACT_MAX` jobs all that have set out do, and before them those that do not hold them up. Jobs that were not
+ready for their slots go last, jobs that enough others have overtaken first.
 
 Ranks. The entries of a schedule stand in order of rank, and a rank is a robot's for good from the frozen zone
 on (exit and queue places go by it). Free ranks are dealt to the others in order of their slots. Jobs that are
@@ -18,116 +18,13 @@ from typing import Final
 
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
-from rmr.coord.messages import NOBODY, PARTS_MAX, Entry, Job, Phase, entries_max, on_grid
+from rmr.coord.line import Line, entry_of, task_of
+from rmr.coord.messages import PARTS_MAX, Entry, Job, Phase, entries_max
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
-from rmr.coord.values import JOBS_MAX, MS, Order, Values
-
-SETS_OUT: Final[Duration] = 500 * MS
-"""A robot may have set out so much before its way to the gate asks for it."""
+from rmr.coord.term import NOBODY
+from rmr.coord.values import JOBS_MAX, Order, Values
 
 _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
-
-
-class Line:
-    """One job in the books."""
-
-    __slots__ = (
-        "absent",
-        "approach",
-        "behind",
-        "bypassed",
-        "deadline",
-        "done",
-        "duration",
-        "headway",
-        "heard",
-        "inside",
-        "joined",
-        "missed",
-        "missed_absent",
-        "overtaken",
-        "presumed",
-        "provisional",
-        "rank",
-        "release",
-        "retry",
-        "robot",
-        "said",
-        "start",
-        "trigger",
-        "underway",
-        "until",
-        "way",
-    )
-
-    def __init__(self, robot: int, trigger: Instant, now: Instant) -> None:
-        self.robot = robot
-        self.trigger = trigger
-        self.joined = now
-        self.approach: Duration = 0
-        """From where it was when it told its release, which may be all the way until its slot is near."""
-        self.release: Instant = 0
-        self.duration: Duration = 0
-        self.deadline: Instant = NEVER
-        self.headway: Duration = 0
-        self.way = 0
-        self.start: Instant | None = None
-        self.until: Instant = 0
-        """End of the reservation that the start begins."""
-        self.rank: int | None = None
-        self.inside = False
-        self.underway = False
-        """Has set out and was put off: it goes before those that have not set out."""
-        self.done = False
-        self.presumed = False
-        """Done, but only for its owner has been silent for too long."""
-        self.provisional = False
-        """Known from the predecessor's list only."""
-        self.missed: Instant | None = None
-        self.absent = 0
-        """Slots in a row that the owner missed because it was not ready; 0 when it is."""
-        self.retry: Instant = 0
-        """No slot before this, for the last one was missed so."""
-        self.overtaken = 0
-        """Passages of others since then."""
-        self.missed_absent: Instant | None = None
-        """Start of the last slot that it missed so."""
-        self.bypassed = 0
-        """Passages of others that joined later."""
-        self.behind = False
-        """Has its place behind all others for now."""
-        self.heard = now
-        self.said: Instant = -1
-        """Time of the newest JOB frame."""
-
-    def tell(self, job: Job) -> bool:
-        """Take over what the owner says; return whether it matters for the order."""
-        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way, job.underway)
-        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way, self.underway)
-        self.said = job.time
-        changed = self.provisional or new != old
-        self.provisional = False
-        repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
-        if job.release != self.release and not repeated:
-            self.approach = max(job.release - job.time, 0)
-        _, self.duration, self.deadline, self.headway, self.way, self.underway = new
-        self.release = job.release
-        return changed
-
-    def set_absent(self, job: Job, retry: Instant) -> bool:
-        """Take over how many slots in a row the owner has missed because it was not ready; return whether that is news.
-
-        After one more of them it gets no slot before `retry`.
-        """
-        if (job.absent, job.absent and job.missed) == (self.absent, self.absent and self.missed_absent):
-            return False
-        self.retry, self.overtaken = (retry, 0) if job.absent else (0, 0)
-        self.absent, self.missed_absent = job.absent, job.missed
-        return True
-
-    def has_set_out(self, now: Instant) -> bool:
-        """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
-        return self.start is not None and self.start - self.approach <= now + SETS_OUT
 
 
 class Ledger:
@@ -395,7 +292,7 @@ class Ledger:
 
     def _task(self, line: Line, now: Instant) -> Task:
         """Return a job as the order sees it: only the leader's own one may start before it could be claimed."""
-        task = _task(line, now, self._values.grace)
+        task = task_of(line, now, self._values.grace)
         if not self._eager or line.robot == self._robot:
             return task
         return task._replace(release=max(task.release, now + self._values.lead))
@@ -454,7 +351,7 @@ class Ledger:
         by_rank = {line.rank: line for line in self.lines.values() if line.rank is not None} | self.done
         room = entries_max(self._values.payload_max) * PARTS_MAX
         top = min(max(by_rank, default=self.passed), self.passed + room)
-        return [_entry(by_rank[rank]) if rank in by_rank else _VOID for rank in range(self.passed + 1, top + 1)]
+        return [entry_of(by_rank[rank]) if rank in by_rank else _VOID for rank in range(self.passed + 1, top + 1)]
 
     def waiting(self) -> list[Line]:
         """Return the jobs that are not inside."""
@@ -498,31 +395,6 @@ class Ledger:
         return int(max(0.0, min(max(best, self.answered - now), slack / 4, values.wait_max)))
 
 
-def _task(line: Line, now: Instant, grace: Duration) -> Task:
-    """Return a job as the order sees it: one that has a slot in time is given a little grace.
-
-    Who waits for a slot stands, so its release is past without its being at the gate: it can keep the slot that it
-    has, but another one only after its whole approach.
-    """
-    release = max(line.release, now + line.approach, line.retry)
-    if line.start is not None:
-        release = min(release, max(line.release, line.start))
-    if line.start is None or line.start + line.duration > line.deadline + grace:
-        grace = 0
-    return Task(line.robot, release, line.duration, line.deadline, line.headway, line.way, line.joined, grace)
-
-
 def _doubled(first: int, times: int, most: int) -> int:
     """Return `first` doubled with each of `times` after the first one, up to `most`."""
     return min(first << max(times - 1, 0), most)
-
-
-def _entry(line: Line) -> Entry:
-    phase = Phase.IN if line.inside else Phase.WAITING
-    if line.done:
-        phase = Phase.GONE if line.presumed else Phase.OUT
-    if line.provisional and phase is Phase.WAITING:
-        phase = Phase.PROVISIONAL
-    start = None if line.start is None else on_grid(line.start)
-    duration = line.duration if line.start is None else max(line.until - line.start, 0)
-    return Entry(line.robot, line.trigger, start, duration, line.way, phase)

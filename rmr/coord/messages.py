@@ -17,6 +17,7 @@ from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Duration, Instant
+from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
 
 ENTRIES_MAX: Final = 10
@@ -26,8 +27,6 @@ PARTS_MAX: Final = 15
 STEPS_MAX: Final = 242
 """Steps of one PATH frame: three bits each in 91 octets. Where frames are shorter, `steps_max`."""
 EVENT_OCTETS: Final = 6
-NOBODY: Final = 0xFFFF
-"""No robot: the broadcast address is nobody's own."""
 
 _U16: Final = 0xFFFF
 _U32: Final = 0xFFFFFFFF
@@ -71,44 +70,8 @@ class Phase(IntEnum):
     """Entries only: taken over from the predecessor's list; its owner should tell its job again."""
 
 
-COUNTER_MAX: Final = 0xFFFF
-"""Term counters are serial numbers 1..65535 in a circle (as in RFC 1982); 0 stands for "no term".
-
-The length of the circle is odd, so of two different counters exactly one is newer, however far apart they are. Merging
-two leaders needs no more than that: one of the two steps down. No counter is the last one.
-"""
-
-
-def newer(counter: int, other: int) -> bool:
-    """Return whether `counter` is ahead of `other` by less than half of the circle; each is ahead of 0."""
-    if counter == 0 or other == 0:
-        return counter > other
-    return 0 < (counter - other) % COUNTER_MAX <= COUNTER_MAX // 2
-
-
-def successor(counter: int) -> int:
-    """Return the counter of the next term."""
-    return counter % COUNTER_MAX + 1
-
-
 OVER: Final = frozenset((Phase.OUT, Phase.GONE))
 """Phases of entries that hold up nobody any more."""
-
-
-class Term(NamedTuple):
-    """One leadership: a serial number and the leader."""
-
-    counter: int
-    leader: int
-
-    def better(self, other: "Term") -> bool:
-        """Return whether this term is preferred to `other`: newer counter, then lower leader."""
-        if self.counter == other.counter:
-            return self.leader < other.leader
-        return newer(self.counter, other.counter)
-
-
-NO_TERM: Final = Term(0, NOBODY)
 
 
 class Job(NamedTuple):

@@ -5,7 +5,8 @@ from coord_harness import EVENT, Model, ms
 from rmr.coord import events
 from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import NOBODY, Job, Sched, Term, decode
+from rmr.coord.messages import Job, Sched, decode
+from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import MS, Values
 
 

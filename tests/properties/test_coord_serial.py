@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmr.coord.messages import COUNTER_MAX, NO_TERM, Term, newer, successor
+from rmr.coord.term import COUNTER_MAX, NO_TERM, Term, newer, successor
 
 COUNTERS = st.integers(1, COUNTER_MAX)
 TERMS = st.builds(Term, COUNTERS, st.integers(0, 65_533))

@@ -10,7 +10,8 @@ from rmr.base.time import milliseconds, seconds
 from rmr.coord import ledger
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, SlotAssigned
-from rmr.coord.messages import NOBODY, Entry, Phase, Sched, Term, encode
+from rmr.coord.messages import Entry, Phase, Sched, encode
+from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import EXCLUSIVE_WAY, Values
 from rmr.node.exchange import Exchange
 from rmr.node.ports import Spoken

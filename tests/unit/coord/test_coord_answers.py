@@ -9,8 +9,9 @@ from coord_harness import EVENT, Model, ms
 
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
-from rmr.coord.messages import NOBODY, Beacon, Entry, Job, Message, Phase, Sched, Term, decode, encode
+from rmr.coord.messages import Beacon, Entry, Job, Message, Phase, Sched, decode, encode
 from rmr.coord.states import Role
+from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import Values
 
 PEERS = 49

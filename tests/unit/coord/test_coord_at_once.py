@@ -7,7 +7,8 @@ import pytest
 from coord_harness import EVENT, MS, Model, ms
 
 from rmr.coord.coordination import Coordination, JobRequest
-from rmr.coord.messages import NOBODY, Job, Term, encode
+from rmr.coord.messages import Job, encode
+from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import Values
 
 TICK_MS = 16

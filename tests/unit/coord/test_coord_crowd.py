@@ -6,8 +6,9 @@ from coord_harness import EVENT, ms
 
 from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import Job, Term
+from rmr.coord.messages import Job
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
+from rmr.coord.term import Term
 from rmr.coord.values import GRID, MS, Values
 
 RULES = Rules(floor=600 * MS, opposed=280 * MS)

@@ -3,7 +3,8 @@
 from coord_harness import EVENT, ms
 
 from rmr.coord.fence import Claim, Fence
-from rmr.coord.messages import Beacon, Phase, Term
+from rmr.coord.messages import Beacon, Phase
+from rmr.coord.term import Term
 from rmr.coord.values import EXCLUSIVE_WAY, Values
 
 

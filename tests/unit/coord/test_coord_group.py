@@ -12,8 +12,9 @@ from rmr.base.gridpath import GridPath
 from rmr.coord import events
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
-from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched, Term, decode, encode
+from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched, decode, encode
 from rmr.coord.states import Role
+from rmr.coord.term import Term
 
 
 def fleet(

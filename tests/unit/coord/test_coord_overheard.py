@@ -7,8 +7,9 @@ import pytest
 from coord_harness import EVENT, ms
 
 from rmr.coord.coordination import Coordination, JobRequest
-from rmr.coord.messages import Beacon, Job, Message, Phase, Term, encode
+from rmr.coord.messages import Beacon, Job, Message, Phase, encode
 from rmr.coord.states import Passage
+from rmr.coord.term import Term
 
 LED = Term(1, 2)
 

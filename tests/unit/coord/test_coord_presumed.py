@@ -3,7 +3,8 @@
 import pytest
 from coord_harness import EVENT, MS, Model, ms
 
-from rmr.coord.messages import NOBODY, Beacon, Entry, Phase, Sched, Term, decode, encode
+from rmr.coord.messages import Beacon, Entry, Phase, Sched, decode, encode
+from rmr.coord.term import NOBODY, Term
 
 
 def stalled(seed: int, duration: float, stall: float) -> Model:

@@ -3,8 +3,9 @@
 import pytest
 from coord_harness import EVENT, MS, Model, ms
 
-from rmr.coord.messages import COUNTER_MAX, NOBODY, Sched, Term, encode, successor
+from rmr.coord.messages import Sched, encode
 from rmr.coord.states import Role
+from rmr.coord.term import COUNTER_MAX, NOBODY, Term, successor
 
 STRANGER = 0x1234
 RECOVERY = ms(2500)

@@ -4,7 +4,8 @@ from coord_harness import EVENT, ms
 
 from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
-from rmr.coord.messages import Job, Term
+from rmr.coord.messages import Job
+from rmr.coord.term import Term
 from rmr.coord.values import MS, Values
 
 LED = Term(1, 1)

@@ -7,7 +7,8 @@
 
 from rmr.base.time import Instant, milliseconds
 from rmr.coord.events import EntryMissed, SlotLost
-from rmr.coord.messages import Entry, Kind, MessageError, Phase, Sched, Term, decode
+from rmr.coord.messages import Entry, Kind, MessageError, Phase, Sched, decode
+from rmr.coord.term import Term
 from rmr.node.ports import Spoken
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.passages import VALUES

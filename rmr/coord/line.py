@@ -1,0 +1,139 @@
+"""One job in the books of a leader, as the order of jobs and the schedule see it."""
+
+from typing import Final
+
+from rmr.base.time import NEVER, Duration, Instant
+from rmr.coord.messages import Entry, Job, Phase, on_grid
+from rmr.coord.schedule import Task
+from rmr.coord.values import MS
+
+SETS_OUT: Final[Duration] = 500 * MS
+"""A robot may have set out so much before its way to the gate asks for it."""
+
+
+class Line:
+    """One job in the books."""
+
+    __slots__ = (
+        "absent",
+        "approach",
+        "behind",
+        "bypassed",
+        "deadline",
+        "done",
+        "duration",
+        "headway",
+        "heard",
+        "inside",
+        "joined",
+        "missed",
+        "missed_absent",
+        "overtaken",
+        "presumed",
+        "provisional",
+        "rank",
+        "release",
+        "retry",
+        "robot",
+        "said",
+        "start",
+        "trigger",
+        "underway",
+        "until",
+        "way",
+    )
+
+    def __init__(self, robot: int, trigger: Instant, now: Instant) -> None:
+        self.robot = robot
+        self.trigger = trigger
+        self.joined = now
+        self.approach: Duration = 0
+        """From where it was when it told its release, which may be all the way until its slot is near."""
+        self.release: Instant = 0
+        self.duration: Duration = 0
+        self.deadline: Instant = NEVER
+        self.headway: Duration = 0
+        self.way = 0
+        self.start: Instant | None = None
+        self.until: Instant = 0
+        """End of the reservation that the start begins."""
+        self.rank: int | None = None
+        self.inside = False
+        self.underway = False
+        """Has set out and was put off: it goes before those that have not set out."""
+        self.done = False
+        self.presumed = False
+        """Done, but only for its owner has been silent for too long."""
+        self.provisional = False
+        """Known from the predecessor's list only."""
+        self.missed: Instant | None = None
+        self.absent = 0
+        """Slots in a row that the owner missed because it was not ready; 0 when it is."""
+        self.retry: Instant = 0
+        """No slot before this, for the last one was missed so."""
+        self.overtaken = 0
+        """Passages of others since then."""
+        self.missed_absent: Instant | None = None
+        """Start of the last slot that it missed so."""
+        self.bypassed = 0
+        """Passages of others that joined later."""
+        self.behind = False
+        """Has its place behind all others for now."""
+        self.heard = now
+        self.said: Instant = -1
+        """Time of the newest JOB frame."""
+
+    def tell(self, job: Job) -> bool:
+        """Take over what the owner says; return whether it matters for the order."""
+        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way, job.underway)
+        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way, self.underway)
+        self.said = job.time
+        changed = self.provisional or new != old
+        self.provisional = False
+        repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
+        if job.release != self.release and not repeated:
+            self.approach = max(job.release - job.time, 0)
+        _, self.duration, self.deadline, self.headway, self.way, self.underway = new
+        self.release = job.release
+        return changed
+
+    def set_absent(self, job: Job, retry: Instant) -> bool:
+        """Take over how many slots in a row the owner has missed because it was not ready; return whether that is news.
+
+        After one more of them it gets no slot before `retry`.
+        """
+        if (job.absent, job.absent and job.missed) == (self.absent, self.absent and self.missed_absent):
+            return False
+        self.retry, self.overtaken = (retry, 0) if job.absent else (0, 0)
+        self.absent, self.missed_absent = job.absent, job.missed
+        return True
+
+    def has_set_out(self, now: Instant) -> bool:
+        """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
+        return self.start is not None and self.start - self.approach <= now + SETS_OUT
+
+
+def task_of(line: Line, now: Instant, grace: Duration) -> Task:
+    """Return a job as the order sees it: one that has a slot in time is given a little grace.
+
+    Who waits for a slot stands, so its release is past without its being at the gate: it can keep the slot that it
+    has, but another one only after its whole approach.
+    """
+    release = max(line.release, now + line.approach, line.retry)
+    if line.start is not None:
+        release = min(release, max(line.release, line.start))
+    if line.start is None or line.start + line.duration > line.deadline + grace:
+        grace = 0
+    return Task(line.robot, release, line.duration, line.deadline, line.headway, line.way, line.joined, grace)
+
+
+def entry_of(line: Line) -> Entry:
+    """Return a job as the schedule lists it."""
+    phase = Phase.IN if line.inside else Phase.WAITING
+    if line.done:
+        phase = Phase.GONE if line.presumed else Phase.OUT
+    if line.provisional and phase is Phase.WAITING:
+        phase = Phase.PROVISIONAL
+    start = None if line.start is None else on_grid(line.start)
+    duration = line.duration if line.start is None else max(line.until - line.start, 0)
+    return Entry(line.robot, line.trigger, start, duration, line.way, phase)
