@@ -7,13 +7,14 @@ from hypothesis import strategies as st
 from rmr.base.gridpath import GridPath
 from rmr.coord import messages as m
 from rmr.coord.leader import split_path
+from rmr.coord.term import COUNTER_MAX, Term
 from rmr.coord.values import GRID, HEADWAY_UNIT, MS
 
 EVENTS = st.binary(min_size=6, max_size=6)
 ROBOTS = st.integers(0, 65533)
 TIMES = st.integers(0, 2**32 - 1).map(lambda t: t * MS)
-TERMS = st.builds(m.Term, st.integers(0, 0xFFFF), ROBOTS)
-LED = st.builds(m.Term, st.integers(1, m.COUNTER_MAX), ROBOTS)
+TERMS = st.builds(Term, st.integers(0, 0xFFFF), ROBOTS)
+LED = st.builds(Term, st.integers(1, COUNTER_MAX), ROBOTS)
 """Terms that somebody leads."""
 WAYS = st.integers(0, 15)
 DURATIONS = st.integers(0, 0xFFFF).map(lambda d: d * GRID)
@@ -75,7 +76,7 @@ def test_frames_have_the_sizes_of_their_table(job: m.Job, sched: m.Sched, beacon
 
 
 @given(st.lists(st.integers(0, 7), max_size=600), EVENTS, TIMES, TERMS, WAYS)
-def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: int, term: m.Term, way: int) -> None:
+def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: int, term: Term, way: int) -> None:
     parts = split_path(event, time, term, way, GridPath((3, 4), tuple(steps)))
     decoded = [m.decode(m.encode(part)) for part in parts]
     assert decoded == parts
@@ -85,7 +86,7 @@ def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: 
 
 @given(st.sampled_from((107, 103, 95)), st.lists(st.integers(0, 7), max_size=600), EVENTS, TIMES, TERMS, WAYS)
 def test_a_path_fits_frames_that_security_has_made_shorter(
-    limit: int, steps: list[int], event: bytes, time: int, term: m.Term, way: int
+    limit: int, steps: list[int], event: bytes, time: int, term: Term, way: int
 ) -> None:
     parts = split_path(event, time, term, way, GridPath((3, 4), tuple(steps)), limit)
     assert [m.decode(m.encode(part), limit) for part in parts] == parts
