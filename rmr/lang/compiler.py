@@ -77,6 +77,7 @@ def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
     program = None if found.failed else emit(checked, loader.sources)
     if program is not None:
         _report_excess(program, checked, found)
+        _report_unserved(program, checked, found)
     diagnostics = found.in_order(loader.sources)
     if loader.incomplete:
         diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in DOUBTFUL]
@@ -95,6 +96,18 @@ def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> No
     }
     for table, index, text in exceeded(program):
         found.report("E008", f"this has {text}", places[table][index])
+
+
+def _report_unserved(program: Program, checked: Checked, found: Diagnostics) -> None:
+    """Report time assertions that are to be scheduled, although no action has a declared effect that leads there."""
+    for index, assertion in enumerate(program.assertions):
+        item = checked.assertions[index].item
+        if not assertion.scheduled or assertion.serving or found.reported_at("W104", item.finish.span):
+            continue
+        message = f"no action's effect leads to `{item.finish.name.text}(...)`: this is only watched, never scheduled"
+        hint = "if that is meant write `watch(...)`; else declare the effect: `type action go(R: robot) -o "
+        hint += f"{item.finish.name.text}({', '.join(['R', *['...'][: len(item.finish.arguments) - 1]])}).`"
+        found.report("W116", message, item.span, hint=hint)
 
 
 def emit(checked: Checked, sources: Mapping[str, Source]) -> Program:

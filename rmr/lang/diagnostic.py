@@ -61,6 +61,11 @@ CODES: dict[str, str] = {
     "W109": "too many warnings",
     "W110": "an expression that never has a value",
     "W111": "a type that may be misspelt",
+    "W112": "a symbol that may be misspelt",
+    "W113": "a rule that never stops",
+    "W114": "facts without end",
+    "W115": "a program that nothing starts",
+    "W116": "an assertion that nothing serves",
 }
 """Every code with its title. E: an error; W: a warning."""
 
@@ -117,6 +122,14 @@ class Diagnostics:
     def wrong_at(self, span: Span) -> bool:
         """Whether an error has been reported at exactly this place."""
         return span in self._wrong
+
+    def reported(self, code: str) -> bool:
+        """Whether there is a diagnostic of this code."""
+        return any(each.code == code for found in self._found.values() for each in found.values())
+
+    def reported_at(self, code: str, span: Span) -> bool:
+        """Whether there is a diagnostic of this code at exactly this place."""
+        return any(each.code == code and each.span == span for found in self._found.values() for each in found.values())
 
     @property
     def count(self) -> int:

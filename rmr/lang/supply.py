@@ -128,6 +128,36 @@ class Supply:
                 yield premise, premise.name.text
                 _release(_supplied(premise.name.text, waiting), waiting)
 
+    def unstarted(self) -> Fact | None:
+        """Return the first premise that waits for a fact from outside, if no rule at all can fire without one.
+
+        Persistent and sensed facts of declared predicates are data that somebody hands over: they may be there.
+        """
+        if self._is_driven:
+            return None
+        waiting: Fact | None = None
+        for firing in self.firings:
+            lacking = next((fact for fact in firing.premises if self._is_awaited(fact.name.text)), None)
+            if lacking is None:
+                return None
+            waiting = waiting or lacking
+        return waiting
+
+    @property
+    def _is_driven(self) -> bool:
+        """Whether the program says that facts come from outside: it declares a sensor, or watches what nobody states."""
+        declared = (each for each in self._names.signatures.values() if each.declaration is not None)
+        if any(each.kind is Kind.SENSED and each.name not in provided.PREDICATES for each in declared):
+            return True
+        return any(use.role is Role.START and self._is_awaited(use.fact.name.text) for use in self._names.uses)
+
+    def _is_awaited(self, name: str) -> bool:
+        """Whether a temporary fact is declared, and not there when the program begins."""
+        signature = self._names.signatures[name]
+        if signature.provided or signature.declaration is None or signature.kind is not Kind.TEMPORARY:
+            return name in self._derived and name not in self._begun and not self._is_outside(name)
+        return name not in self._begun and name not in self._arriving
+
     def _begins(self, name: str) -> bool:
         return self._is_outside(name) or name in self._begun or name not in self._derived
 

@@ -8,10 +8,12 @@ from collections.abc import Iterator
 from rmr.base.values import Symbol
 from rmr.lang import provided
 from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.endless import warn_endless
 from rmr.lang.misspelt import Speller
 from rmr.lang.names import Names, Role, uses
 from rmr.lang.octets import FACT_OCTETS_MAX, octets
 from rmr.lang.supply import Known, Supply
+from rmr.lang.symbols import doubt_symbols
 from rmr.lang.syntax import (
     Aggregate,
     Assertion,
@@ -54,7 +56,8 @@ class _Doubts:
         self._supply = Supply(module, names)
         self._speller = Speller(names, self._supply, found)
         self._doubted: set[str] = set()
-        self._symbols: set[str] = set()
+        self._symbols: dict[str, int] = {}
+        """How often each is used."""
         self._once: list[Variable] = []
         for item in module.items:
             self._look_at(item)
@@ -67,7 +70,9 @@ class _Doubts:
             if isinstance(node, Variable):
                 variables[node.name] = None if node.name in variables else node
             elif isinstance(node, Literal):
-                self._symbols.update(each for each in leaves(node.value) if isinstance(each, Symbol))
+                for each in leaves(node.value):
+                    if isinstance(each, Symbol):
+                        self._symbols[each] = self._symbols.get(each, 0) + 1
         if isinstance(item, Rule | Assertion):
             self._once += [each for each in variables.values() if each is not None and not each.anonymous]
 
@@ -90,6 +95,9 @@ class _Doubts:
         self._speller.types(self._module)
         if not self._module.broken:
             self._absences()
+            self._unstarted()
+        doubt_symbols(self._module, self._symbols, self._types, self._found)
+        warn_endless(self._module, self._names, self._found)
 
     def _absences(self) -> None:
         for item in self._module.items:
@@ -111,6 +119,17 @@ class _Doubts:
             message = f"nothing can be the first to derive `{name}`, what derives it waits for it; {NO_FIRING}"
             hint = f"state one to begin with, or declare it if it comes from outside: `type {name}(...)`"
             self._found.report("W102", message, fact.span, hint=hint)
+
+    def _unstarted(self) -> None:
+        """Report a program all of whose rules wait for a fact from outside."""
+        fact = self._supply.unstarted()
+        if fact is None or self._doubted or self._found.reported("W102"):
+            return
+        name, arity = fact.name.text, len(fact.arguments)
+        arguments = ", ".join(["R", *(["..."] if arity > 1 else [])])
+        message = f"nothing states or derives `{name}`, and no rule can fire before there is one"
+        hint = f"state one: `{name}({arguments}).`; from outside it comes by `rmr eval --insert` or a lab's `facts`"
+        self._found.report("W115", message, fact.span, hint=hint)
 
     def _derivations(self, item: object) -> None:
         known = constants(item.body) if isinstance(item, Rule) else {}
