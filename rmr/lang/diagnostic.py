@@ -101,6 +101,7 @@ class Diagnostics:
         self._found: dict[Severity, dict[tuple[str, str, Span], Diagnostic]] = {each: {} for each in Severity}
         self._dropped = dict.fromkeys(Severity, 0)
         self._wrong: set[Span] = set()
+        self._doubtful: list[Span] = []
 
     def report(
         self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[Note, ...] = ()
@@ -118,6 +119,18 @@ class Diagnostics:
             self._dropped[diagnostic.severity] += 1
         else:
             found[key] = diagnostic
+
+    def doubt(self, span: Span) -> None:
+        """Tell only syntax errors of an item that may say something else than it was meant to."""
+        self._doubtful.append(span)
+
+    def _is_told(self, each: Diagnostic) -> bool:
+        if each.code.startswith("E00"):
+            return True
+        inside = (
+            span.start <= each.span.start < span.end for span in self._doubtful if span.file == each.span.file
+        )
+        return not any(inside)
 
     def wrong_at(self, span: Span) -> bool:
         """Whether an error has been reported at exactly this place."""
@@ -149,7 +162,7 @@ class Diagnostics:
     def in_order(self, files: Iterable[str] = ()) -> list[Diagnostic]:
         """Return them in source order, `files` one after the other, and at the end how many are left out."""
         rank = {file: index for index, file in enumerate(files)}
-        every = [each for found in self._found.values() for each in found.values()]
+        every = [each for found in self._found.values() for each in found.values() if self._is_told(each)]
         every.sort(key=lambda each: (rank.get(each.span.file, 0), each.span.start, each.code))
         for severity, code in ((Severity.ERROR, "E007"), (Severity.WARNING, "W109")):
             if dropped := self._dropped[severity]:

@@ -6,19 +6,21 @@ grammar spells, such as `list`, is of a kind of its own here; where the grammar 
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import NamedTuple
 
 from rmr.lang.grammar import END, tables
 
-OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, UNKNOWN = "/*", '"', "0", "->", "?"
+OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, QUOTED, UNKNOWN = "/*", '"', "0", "->", "'", "?"
 """The kinds of what is no word. None can be a terminal's name."""
 
 _NUMBER_LIKE = r"@?[0-9]+(?:\.[0-9]+)?[A-Za-z_][A-Za-z0-9_]*"
-_WRONG_FIRST = [(BAD_NUMBER, _NUMBER_LIKE), (FOREIGN, r"->|==|:-")]
+_FOREIGN = r"--+[o>](?![A-Za-z0-9_])|->|===?|!==|=:=|=<|=?\\=+|\\\+|:-|:=|[-+*/]=|\*\*|\+\+|[–—−]o(?![A-Za-z0-9_])"
+_WRONG_FIRST = [(BAD_NUMBER, _NUMBER_LIKE), (FOREIGN, _FOREIGN)]
 """Tried before the grammar's patterns, but for those that say to be first."""
-_WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (OPEN_STRING, '"')]
+_QUOTED = r"'[^'\n]*'|[“”„«][^“”»\n]*[“”»]|‘[^’\n]*’"
+_WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (QUOTED, _QUOTED), (OPEN_STRING, '"')]
 """Tried when no pattern of the grammar fits, before what it spells."""
 
 
@@ -30,6 +32,32 @@ class Token(NamedTuple):
     text: str
     start: int
     end: int
+
+
+COMMENT_SIGNS = ("#", "%", "--", "<!--")
+"""What begins a comment in other languages."""
+
+
+def without_foreign_comments(words: Iterable[Token], text: str) -> Iterator[Token]:
+    """Leave out of `words` what other languages' signs of comments begin, each to the end of its line.
+
+    `%` may be the remainder and `--` two signs; they begin a comment at the beginning of an item or of a line, behind
+    a comma or an arrow, and before a word that is no variable or number.
+    """
+    end = -1
+    previous = "DOT"
+    last = 0
+    for word in words:
+        if word.start < end and word.kind != END:
+            continue
+        if text.startswith(COMMENT_SIGNS, word.start) and word.kind != END:
+            is_first = previous in {"DOT", "COMMA", "ARROW"} or "\n" in text[last : word.start]
+            if word.text == "#" or is_first or re.match(r"%+ *[a-z]", text[word.start :][:80]):
+                end = text.find("\n", word.start)
+                end = len(text) if end < 0 else end
+                continue
+        yield word
+        previous, last = word.kind, word.end
 
 
 class Scanner(NamedTuple):
@@ -63,12 +91,12 @@ def scanner() -> Scanner:
     return Scanner(re.compile(pattern), kinds, reserved, frozenset(ignored))
 
 
-def tokens(text: str, *, ignored: bool = False) -> Iterator[Token]:
-    """Yield the words of `text`, with comments and blanks if `ignored` is set, and END at last."""
+def tokens(text: str, start: int = 0, *, ignored: bool = False) -> Iterator[Token]:
+    """Yield the words of `text` from `start` on, with comments and blanks if `ignored` is set, and END at last."""
     pattern, kinds, reserved, skipped = scanner()
     if ignored:
         skipped = frozenset()
-    for match in pattern.finditer(text):
+    for match in pattern.finditer(text, start):
         kind = kinds[match.lastgroup or ""]
         if kind in skipped:
             continue

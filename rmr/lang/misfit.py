@@ -32,11 +32,16 @@ _HIDDEN = {
 """Left out of hints: values where a number or a name is named anyway, and operators."""
 
 _FOREIGN_HINTS = (
-    (re.compile(r"->|=>|:-"), "a rule is written `body -o head.`"),
-    (re.compile(r"=="), "equality is written `=`"),
+    (re.compile(r"--*[>o]|=>|:-|[→⇒⟶⊢]|[–—−]o"), "a rule is written `body -o head.`"),
+    (re.compile(r"===?|=:=|:=|≡"), "equality is written `=`"),
+    (re.compile(r"=?\\=+|!==|≠"), "inequality is written `!=`"),
+    (re.compile(r"=<|≤"), "at most is written `<=`"),
+    (re.compile(r"≥"), "at least is written `>=`"),
+    (re.compile(r"\*\*|\^"), "there is no power: `X * X`"),
+    (re.compile(r"\+\+|[-+*/]="), "no variable changes its value: `N + 1` is another value"),
     (re.compile(r"#"), "comments begin with `//`"),
-    (re.compile(r"(?i:and)\b"), "write `,` between conditions, or `&&`"),
-    (re.compile(r"(?i:or)\b"), "write `||`"),
+    (re.compile(r"(?i:and)\b|&|∧"), "write `,` between conditions, or `&&`"),
+    (re.compile(r"(?i:or)\b|∨"), "write `||`"),
 )
 """What other languages write, and what RMR writes."""
 

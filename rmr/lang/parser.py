@@ -16,12 +16,14 @@ from rmr.lang.automaton import Automaton
 from rmr.lang.build import Builder
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.grammar import END
-from rmr.lang.lexer import OPEN_COMMENT, Token, tokens
+from rmr.lang.lexer import COMMENT_SIGNS, OPEN_COMMENT, Token, tokens, without_foreign_comments
 from rmr.lang.source import Source, Span
 from rmr.lang.syntax import Item, Module, children
 
 if TYPE_CHECKING:
+    from rmr.lang.habits import Habit
     from rmr.lang.misfit import Misfit
+    from rmr.lang.repair import Repair
 
 AHEAD_MAX = 64
 """Words that are looked at behind a mistake."""
@@ -75,6 +77,10 @@ class _Parser:
         """The item has been repaired by leaving something out."""
         self._is_lost = False
         """It has been reported why the rest is not read."""
+        self._are_comments_foreign = False
+        """Comments of other languages have been reported, and are left out."""
+        self._capitals: set[str] = set()
+        """Names with capital letters that have been reported."""
 
     def module(self) -> Module:
         """Return all items."""
@@ -127,20 +133,32 @@ class _Parser:
         automaton = self._automaton
         automaton.reset()
         self._is_doubtful = False
-        word, previous, count, repairs = first, first, 0, REPAIRS_MAX
+        word, previous, repairs = first, first, REPAIRS_MAX
+        read: list[Token] = []
         while True:
             if automaton.take(word):
-                count += 1
+                read.append(word)
                 if word.kind == "DOT":
-                    return self._finished(automaton.item(), count)
-                if len(automaton.states) > STATES_MAX or count > ITEM_WORDS_MAX:
-                    self._endless(first, word, count)
+                    return self._finished(automaton.item(), len(read))
+                if len(automaton.states) > STATES_MAX or len(read) > ITEM_WORDS_MAX:
+                    self._endless(first, word, len(read))
                     return None
                 previous, word = word, self._next()
                 continue
             misfit = self._misfit(first, previous, word)
-            if repairs == 0 or not self._is_repaired(misfit):
-                self._give_up(first, misfit)
+            habit = self._habit(read, misfit) if repairs else None
+            if habit is not None and habit.patch is not None:
+                self._read_instead(first, [*read, word], habit)
+                automaton.reset()
+                read.clear()
+                first = previous = word = self._next()
+                repairs -= 1
+                if first.kind == END:
+                    self._ahead.appendleft(first)
+                    return None
+                continue
+            if habit is not None or repairs == 0 or not self._is_repaired(misfit):
+                self._give_up(first, misfit, reported=habit is not None)
                 return None
             repairs -= 1
             word = self._next()
@@ -149,6 +167,7 @@ class _Parser:
         self._builder.finish()
         if self._is_doubtful:
             self._break(item.span.start, item.span.end)
+            self._found.doubt(item.span)
         if count <= NESTING_MAX or not _is_deep(item):
             return item
         self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
@@ -160,6 +179,54 @@ class _Parser:
             span = Span(self._source.file, first.start, word.end)
             self._found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", span)
         self._skip(first, word, word, count)
+
+    # ---- habits from other languages
+
+    def _habit(self, read: list[Token], misfit: "Misfit") -> "Habit | None":
+        """Report a habit that explains `misfit`, if one does."""
+        from rmr.lang.habits import LOOKED_AT_MAX, Place, habit
+
+        if misfit.word.kind == OPEN_COMMENT or self._repairs == 0 or len(read) > LOOKED_AT_MAX:
+            return None
+        words = [*read, *misfit.following]
+        found = self._foreign_comment(words, len(read))
+        found = found or habit(Place(self._source.file, self._source.text, words, len(read)))
+        if found is None:
+            return None
+        self._repairs -= 1
+        self._found.report("E001", found.message, found.span, hint=found.hint)
+        self._is_doubtful = True
+        return found
+
+    def _foreign_comment(self, words: list[Token], at: int) -> "Habit | None":
+        """Return what to say of a comment of another language at the misfit or on its line before."""
+        from rmr.lang.habits import Habit
+
+        if self._are_comments_foreign:
+            return None
+        text = self._source.text
+        left = list(without_foreign_comments(words[: at + 1], text))
+        kept = {word.start for word in left}
+        sign = next((word for word in words[: at + 1] if word.start not in kept), None)
+        if sign is None or not text.startswith(COMMENT_SIGNS, sign.start):
+            return None
+        self._are_comments_foreign = True
+        written = next(each for each in COMMENT_SIGNS if text.startswith(each, sign.start))
+        span = Span(self._source.file, sign.start, sign.start + len(written))
+        return Habit(f"unexpected `{written}`", span, "comments begin with `//`", (sign.start, sign.start, ()))
+
+    def _read_instead(self, first: Token, read: list[Token], habit: "Habit") -> None:
+        """Go back to the beginning of the item, whose words up to the misfit are `read`, and read what was meant."""
+        if self._are_comments_foreign and habit.patch == (habit.span.start, habit.span.start, ()):
+            self._ahead.clear()
+            self._words = without_foreign_comments(tokens(self._source.text, first.start), self._source.text)
+            return
+        assert habit.patch is not None
+        start, end, meant = habit.patch
+        words = [*read, *self._ahead]
+        self._ahead = deque([each for each in words if each.end <= start])
+        self._ahead += meant
+        self._ahead += [each for each in words if each.start >= end and each.end > start]
 
     # ---- mistakes
 
@@ -179,23 +246,37 @@ class _Parser:
         if better is None:
             return False
         self._repairs -= 1
+        if not self._is_doubtful and not self._is_known_capital(better):
+            self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
         self._is_doubtful |= better.doubtful
-        self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
         self._automaton.back(better.forget)
         self._ahead.extendleft(reversed(better.words))
         return True
 
-    def _give_up(self, first: Token, misfit: "Misfit") -> None:
-        """Report a misfit and go on behind its item."""
+    def _is_known_capital(self, repair: "Repair") -> bool:
+        """Whether `repair` is of a name with a capital letter that has been reported before."""
+        if not repair.renames:
+            return False
+        is_known = repair.message in self._capitals
+        self._capitals.add(repair.message)
+        return is_known
+
+    def _give_up(self, first: Token, misfit: "Misfit", *, reported: bool) -> None:
+        """Report a misfit, unless that is done, and go on behind its item."""
         from rmr.lang.misfit import unexpected
 
-        if misfit.word.kind == OPEN_COMMENT:
+        if reported or self._is_doubtful:
+            pass
+        elif misfit.word.kind == OPEN_COMMENT:
             self._open_comment(misfit.word)
         else:
             message, span, hint = unexpected(self._automaton, misfit)
             self._found.report("E001", message, span, hint=hint)
         self._builder.finish()
-        self._skip(first, misfit.previous, misfit.word)
+        word = misfit.word
+        if word.kind == "DOT" and not self._ends(word):
+            word = self._next()
+        self._skip(first, misfit.previous, word)
 
     def _open_comment(self, word: Token) -> None:
         span = Span(self._source.file, word.start, word.start + 2)
@@ -204,7 +285,7 @@ class _Parser:
 
     def _skip(self, first: Token, previous: Token, word: Token, count: int = 0) -> None:
         """Leave out the rest of an item, from `word` on; `count` words have been read of it."""
-        while word.kind not in {"DOT", END} and not self._is_beginning(first, previous, word):
+        while word.kind != END and not self._ends(word) and not self._is_beginning(first, previous, word):
             previous, word = word, self._next()
             count += 1
             if count > ITEM_WORDS_MAX:
@@ -214,6 +295,13 @@ class _Parser:
         if word.kind != "DOT":
             self._ahead.appendleft(word)
         self._break(first.start, previous.end)
+
+    def _ends(self, word: Token) -> bool:
+        """Whether a word that nothing has been made of ends its item; the point of `robot.x` does not."""
+        if word.kind != "DOT":
+            return False
+        before, behind = self._source.text[word.start - 1 : word.start], self._source.text[word.end : word.end + 1]
+        return not (before.isalnum() and behind.isalnum())
 
     def _is_beginning(self, first: Token, previous: Token, word: Token) -> bool:
         """Whether an item begins with `word`, although the one before has not ended."""

@@ -22,12 +22,17 @@ SURE = 3
 CLOSING = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
 """Brackets that may be missing, and what they close."""
 
+ARROWS = ("->", "=>", "-->", "--o", "→", "⇒", "⟶", "⊢", "–o", "—o", "−o")
+
 MEANT = {
-    "->": (("ARROW", "-o"),),
-    "=>": (("ARROW", "-o"),),
-    "==": (("EQ", "="),),
-    "and": (("COMMA", ","), ("AND", "&&")),
-    "or": (("OR", "||"),),
+    **dict.fromkeys(ARROWS, (("ARROW", "-o"),)),
+    **dict.fromkeys(("==", "===", "=:=", "≡"), (("EQ", "="),)),
+    **dict.fromkeys(("\\=", "\\==", "=\\=", "!==", "≠"), (("NE", "!="),)),
+    **dict.fromkeys(("=<", "≤"), (("LE", "<="),)),
+    "≥": (("GE", ">="),),
+    ":=": (("EQ", "="),),
+    **dict.fromkeys(("and", "&", "∧"), (("COMMA", ","), ("AND", "&&"))),
+    **dict.fromkeys(("or", "∨"), (("OR", "||"),)),
 }
 """What other languages write, and what it may stand for."""
 
@@ -45,6 +50,8 @@ class Repair(NamedTuple):
     """Words before it that are left out."""
     doubtful: bool = False
     """Something is left out that was meant somehow: the item may say something else."""
+    renames: bool = False
+    """A name with a capital letter stands for that with a small one."""
 
 
 _Option = tuple[Reach, Repair]
@@ -92,7 +99,7 @@ def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
     text = variable.text.strip("_") or "p"
     name = variable._replace(kind="NAME", text=text[0].lower() + text[1:])
     hint = f"names of facts and actions begin with a lower-case letter: `{name.text}`"
-    return Repair((name,), f"unexpected {quoted(variable)}", misfit.span(variable), hint)
+    return Repair((name,), f"unexpected {quoted(variable)}", misfit.span(variable), hint, renames=True)
 
 
 def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
