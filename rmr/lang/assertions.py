@@ -8,7 +8,7 @@ start fact; a variable of the finish fact that it does not bind matches anything
 from rmr.base.record import record
 from rmr.bytecode.program import SELF_SLOT
 from rmr.lang.diagnostic import Diagnostics, Note
-from rmr.lang.order import variables
+from rmr.lang.order import bound_hint, variables
 from rmr.lang.steps import SELF, Environment
 from rmr.lang.syntax import Assertion, Expression, Fact, Literal, Module, Name, Variable, walk
 
@@ -64,7 +64,8 @@ def _is_bound_by_start(item: Assertion, environment: Environment, found: Diagnos
         for each in walk(node):
             if isinstance(each, Variable) and not environment.knows(each.name):
                 notes = (Note(item.start.span, "binds the finish fact's robot, and what deadline and violation use"),)
-                found.report("E030", f"the start fact does not bind `{each.name}`", each.span, notes=notes)
+                hint = bound_hint(each, environment)
+                found.report("E030", f"the start fact does not bind `{each.name}`", each.span, hint=hint, notes=notes)
                 good = False
     return good
 

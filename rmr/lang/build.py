@@ -73,7 +73,8 @@ class Builder:
         span = self._token_span(token)
         if token.text in RESERVED:
             message = f"`{token.text}` is a reserved word and names nothing"
-            self._found.report("E006", message, span, hint="choose another")
+            hint = "a head derives a fact by naming it: `done(R)`" if token.text == "assert" else "choose another"
+            self._found.report("E006", message, span, hint=hint)
         return syntax.Name(token.text, span)
 
     def _variable(self, token: Token) -> syntax.Variable:
@@ -184,6 +185,8 @@ class Builder:
         return self._fact(span, call, mark)
 
     def derived(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.Fact:
+        if call.name.text == "assert" and len(call.arguments) == 1 and isinstance(call.arguments[0], syntax.Call):
+            call = call.arguments[0]
         return self._fact(span, call, mark)
 
     def head(self, _span: Span, *items: syntax.HeadItem | None) -> tuple[syntax.HeadItem, ...]:

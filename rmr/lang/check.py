@@ -72,8 +72,7 @@ def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> C
     """Check `module` as a whole and report to `found`; facts of `given` come from outside."""
     module = resolve(with_conditions(module), found)
     module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
-    names = collect(module, found, given)
-    types = Inference(names, module.broken, found).run(module)
+    module, names, types = _analysed(module, found, given)
     symbols = {
         node.value for node in walk(module.items) if isinstance(node, Literal) and isinstance(node.value, Symbol)
     }
@@ -95,6 +94,7 @@ def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> C
                     rules.append(projected)
             case Assertion():
                 _no_now(item.deadline, found)
+                _not_negative(item.deadline, found)
                 assertion = watched(item, found)
                 if assertion is not None:
                     assertions.append(assertion)
@@ -104,6 +104,23 @@ def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> C
     checked = Checked(module, names, types, tuple(rules), tuple(assertions), _textual(module, found))
     warn(module, names, types, found)
     return checked
+
+
+def _analysed(module: Module, found: Diagnostics, given: Given) -> tuple[Module, Names, Types]:
+    """Return the names and types of a module; if types contradict each other, of what was probably meant."""
+    first = found.branch()
+    names = collect(module, first, given)
+    types = Inference(names, module.broken, first).run(module)
+    if first.failed:
+        from rmr.lang.intended import intended  # noqa: PLC0415 - most programs have no contradiction
+
+        meant = intended(module, types, first.errors, found)
+        if meant is not module:
+            module, first = meant, found.branch()
+            names = collect(module, first, given)
+            types = Inference(names, module.broken, first).run(module)
+    found.absorb(first)
+    return module, names, types
 
 
 def _too_large(item: Item, found: Diagnostics) -> bool:
@@ -234,6 +251,13 @@ def _no_now(node: object, found: Diagnostics) -> None:
         if isinstance(each, Call) and each.name.text == "now":
             hint = "time alone satisfies no rule; a time assertion watches a deadline"
             found.report("E034", "`now()` stands in heads only", each.span, hint=hint)
+
+
+def _not_negative(deadline: Expression, found: Diagnostics) -> None:
+    value = deadline.value if isinstance(deadline, Literal) else 0
+    if isinstance(value, int | float) and value < 0:
+        hint = "a deadline is the time that a job may take, in seconds after its start: `10`, `500ms`"
+        found.report("E005", f"the deadline is negative: {value} s", deadline.span, hint=hint)
 
 
 # ---- strategy

@@ -3,12 +3,13 @@
 So each contradiction is reported once, against the final types and with the places that they come from.
 """
 
+import re
 from collections.abc import Callable
 
 from rmr.base.values import Symbol
-from rmr.bytecode.program import Base
+from rmr.bytecode.program import Base, Type
 from rmr.lang.diagnostic import Diagnostics, Note
-from rmr.lang.provided import type_text
+from rmr.lang.provided import SYNONYMS, type_text
 from rmr.lang.source import Span
 from rmr.lang.syntax import Expression, Literal
 from rmr.lang.types import BOOL, NUMBERS, ORDERED, ROBOT, Cell, compatible, described
@@ -23,6 +24,25 @@ def notes(span: Span, *cells: Cell) -> tuple[Note, ...]:
         if origin is not None and origin != span and all(note.span != origin for note in found):
             found.append(Note(origin, f"{type_text(cell.type)} because of this"))
     return tuple(found)
+
+
+def literal_hint(expression: Expression, wanted: Type) -> str | None:
+    """Return how a literal is written that is to be of type `wanted`, if it looks like one of another type."""
+    if not isinstance(expression, Literal):
+        return None
+    value = expression.value
+    if wanted.base is Base.SYMBOL and wanted.name in SYNONYMS:
+        return f"did you mean the type `{SYNONYMS[wanted.name]}`?"
+    if type(value) is str and wanted.base is Base.SYMBOL:
+        words = "_".join(re.findall(r"[a-z0-9]+", value.lower()))
+        return f"a symbol has no quotes: `{words}`" if words[:1].isalpha() else None
+    if isinstance(value, Symbol):
+        if value in {"null", "none", "nil"}:
+            return "there is no empty value: where nothing is known there is no fact"
+        return f'a text stands in quotes: `"{value}"`' if wanted.base is Base.STRING else None
+    if type(value) is float and wanted.base is Base.INT and value.is_integer():
+        return f"`{int(value)}` is an int"
+    return None
 
 
 class Demands:

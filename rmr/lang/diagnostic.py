@@ -120,6 +120,33 @@ class Diagnostics:
         else:
             found[key] = diagnostic
 
+    def branch(self) -> "Diagnostics":
+        """Return an empty collection that knows where errors have been reported."""
+        branch = Diagnostics()
+        branch._wrong = set(self._wrong)
+        return branch
+
+    def absorb(self, other: "Diagnostics") -> None:
+        """Take over what `other` holds."""
+        for found in other._found.values():
+            for each in found.values():
+                self.report(each.code, each.message, each.span, hint=each.hint, notes=each.notes)
+        for severity, dropped in other._dropped.items():
+            self._dropped[severity] += dropped
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        """The errors that are kept, in the order of their reports."""
+        return list(self._found[Severity.ERROR].values())
+
+    def wrong_within(self, span: Span) -> bool:
+        """Whether an error has been reported at a place within `span`."""
+        return any(each.file == span.file and span.start <= each.start and each.end <= span.end for each in self._wrong)
+
+    def noted(self, span: Span) -> bool:
+        """Whether an error names `span` as what it comes from."""
+        return any(note.span == span for each in self.errors for note in each.notes)
+
     def doubt(self, span: Span) -> None:
         """Tell only syntax errors of an item that may say something else than it was meant to."""
         self._doubtful.append(span)

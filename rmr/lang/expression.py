@@ -2,7 +2,7 @@
 
 from rmr.base.record import record
 from rmr.bytecode.program import Base
-from rmr.lang.demands import Demands
+from rmr.lang.demands import Demands, literal_hint
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.lists import Lists
 from rmr.lang.names import Names, meant
@@ -61,6 +61,8 @@ class Expressions:
         self.lists = Lists(solver, demands, found)
         self.cells: dict[Span, Cell] = {}
         """Every expression's cell."""
+        self.divisions: set[Span] = set()
+        """The places of `/`, which gives a float."""
 
     def cell(self, expression: Expression, scope: Scope) -> Cell:
         """Return the cell of `expression`, after those of all within; nesting is bounded by the parser."""
@@ -123,7 +125,8 @@ class Expressions:
         operator = expression.operator
         if not compatible(left.type, right.type):
             message = f"`{operator}` compares {described(left.type)} with {described(right.type)}"
-            self._demands.contradiction(message, expression.span, left, right)
+            hint = literal_hint(expression.left, right.type) or literal_hint(expression.right, left.type)
+            self._demands.contradiction(message, expression.span, left, right, hint=hint)
         elif operator not in {"=", "!="}:
             sides = ((expression.left, left), (expression.right, right))
             self._demands.order_now(f"`{operator}`", f"id(A) {operator} id(B)", *sides)
@@ -131,6 +134,8 @@ class Expressions:
     def _arithmetic(self, expression: Binary, left: Cell, right: Cell) -> Cell:
         operator = expression.operator
         cell = Cell(FLOAT if operator == "/" else OPEN, expression.span, fixed=operator == "/")
+        if operator == "/":
+            self.divisions.add(expression.span)
         self._solver.flow(left, cell)
         self._solver.flow(right, cell)
         if operator == "+":
@@ -151,11 +156,11 @@ class Expressions:
 
     def _call(self, call: Call, scope: Scope) -> Cell:
         name = call.name.text
-        cells = [self.cell(argument, scope.using()) for argument in call.arguments]
         wanted = _arity(name)
         if wanted is None:
             self._unknown(call)
             return Cell(OPEN, None)
+        cells = [self.cell(argument, scope.using()) for argument in call.arguments]
         if len(cells) != wanted:
             message = f"the function `{name}` has {wanted} arguments, here it is given {len(cells)}"
             self._found.report("E011", message, call.span)

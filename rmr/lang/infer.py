@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.program import Base, Type
-from rmr.lang.demands import Demands
+from rmr.lang.demands import Demands, literal_hint
 from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.expression import Expressions, Scope
 from rmr.lang.names import Names, Signature
@@ -36,6 +36,7 @@ from rmr.lang.syntax import (
     Steps,
     TypeDeclaration,
     Variable,
+    walk,
 )
 from rmr.lang.types import (
     INT,
@@ -87,6 +88,8 @@ class Inference:
         owner = Cell(ROBOT, signature.place, fixed=True)
         declared = signature.declaration
         cells = [owner]
+        if declared is not None and declared.parameters and declared.parameters[0].type.name != "robot":
+            return [*cells, *(Cell(OPEN, None) for _ in signature.types)]
         for index, kind in enumerate(signature.types, start=1):
             if declared is not None:
                 cells.append(cell_of(kind, declared.parameters[index].span, fixed=True))
@@ -246,9 +249,20 @@ class Inference:
             what = f"the first argument of `{name}`" if owner else f"this argument of `{name}`"
             message = f"{what} is {described(position.type)}, here it is {described(cell.type)}"
             cells = (cell,) if owner else (position, cell)
-            self._demands.contradiction(message, argument.span, *cells, code=code)
+            hint = literal_hint(argument, position.type) or self._float_hint(argument, cell, position)
+            self._demands.contradiction(message, argument.span, *cells, code=code, hint=hint)
 
         self._demands.later(check)
+
+
+    def _float_hint(self, argument: Expression, cell: Cell, position: Cell) -> str | None:
+        """Return how an int is made of a float."""
+        if position.kind != INT or cell.kind.base is not Base.FLOAT:
+            return None
+        divides = any(isinstance(each, Binary) and each.operator == "/" for each in walk(argument))
+        if divides or cell.origin in self._expressions.divisions:
+            return "`/` gives a float; `floor(X / Y)` gives an int"
+        return "`floor(X)` gives an int"
 
 
 def _equated(body: tuple[Conjunct, ...]) -> Iterator[str]:

@@ -19,17 +19,6 @@ SEARCHES_MAX = 100
 
 BUILT_IN = ("robot", "int", "float", "bool", "string")
 
-SYNONYMS = {
-    "integer": "int",
-    "double": "float",
-    "real": "float",
-    "number": "float",
-    "boolean": "bool",
-    "str": "string",
-    "text": "string",
-}
-"""What other languages call the built-in types."""
-
 PROVIDED_SETS = tuple(
     dict.fromkeys(
         kind.name
@@ -113,8 +102,8 @@ class Speller:
         for name, kind in places.items():
             if name in BUILT_IN or name in PROVIDED_SETS:
                 continue
-            match = SYNONYMS.get(name) or (meant.get(name) if counts[name] == 1 else None)
-            if match is not None:
+            match = provided.SYNONYMS.get(name) or (meant.get(name) if counts[name] == 1 else None)
+            if match is not None and not self._found.noted(kind.span):
                 message = f"`{name}` is a set of symbols" + (" that is named only here" if counts[name] == 1 else "")
                 self._found.report("W111", message, kind.span, hint=f"did you mean `{match}`?")
 

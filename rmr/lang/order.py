@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from rmr.bytecode.program import Kind, Mode
 from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.names import Names
+from rmr.lang.names import Names, meant
 from rmr.lang.source import Span
 from rmr.lang.steps import Decide, Environment, Let, Match, Step
 from rmr.lang.syntax import (
@@ -31,9 +31,24 @@ from rmr.lang.syntax import (
 from rmr.lang.types import equation_of, matched_variables
 
 
+BOUND_SHOWN_MAX = 8
+"""Variables that a hint names."""
+
+
 def variables(node: object) -> Iterator[Variable]:
     """Yield the named variables that stand in `node`."""
     return (each for each in walk(node) if isinstance(each, Variable) and not each.anonymous)
+
+
+def bound_hint(variable: Variable, environment: Environment) -> str | None:
+    """Return the hint for a variable without value: the one it may be misspelt for, else those that have one."""
+    names = [each for each in (*environment.slots, *environment.constants) if each[0].isalpha() and each.isidentifier()]
+    names = [each for each in dict.fromkeys(names) if each != variable.name]
+    if not names:
+        return None
+    misspelt = meant(variable.name, names) if len(variable.name) > 2 else None
+    shown = ", ".join(f"`{each}`" for each in names[:BOUND_SHOWN_MAX])
+    return misspelt or f"bound {'is' if len(names) == 1 else 'are'} {shown}"
 
 
 @dataclass(slots=True)
@@ -76,16 +91,42 @@ class Orderer:
         return None if body.waiting else tuple(body.steps)
 
     def unbound(self, node: object, environment: Environment) -> None:
-        """Report every variable of `node` that has no value; `_` never has one."""
+        """Report every variable of `node` that has no value; `_` never has one.
+
+        Each is reported once: what is reported, and what it would have bound, counts as bound from here on.
+        """
         missing = [each for each in walk(node) if isinstance(each, Variable) and not environment.knows(each.name)]
         anonymous = [each for each in missing if each.anonymous]
-        for each in anonymous:
+        given = self._given(node, missing)
+        is_told = isinstance(node, Condition) and self._found.wrong_within(node.span)
+        for each in anonymous if not is_told else ():
             self._found.report("E030", "`_` has no value", each.span, hint="`_` matches anything in a fact")
-        for variable in () if anonymous else missing:
-            message = f"nothing in the body binds `{variable.name}`"
-            constant = variable.name[0].lower() + variable.name[1:]
-            hint = f"did you mean the constant `{constant}`?" if constant in self._symbols else None
-            self._found.report("E030", message, variable.span, hint=hint)
+        for variable in missing if not anonymous and not is_told else ():
+            if variable.name not in given and not environment.knows(variable.name):
+                hint = self._bound_hint(variable, environment)
+                self._found.report("E030", f"nothing in the body binds `{variable.name}`", variable.span, hint=hint)
+                environment.slot(variable.name)
+        for each in missing:
+            if not each.anonymous and isinstance(node, Condition):
+                environment.slot(each.name)
+
+    @staticmethod
+    def _given(node: object, missing: list[Variable]) -> frozenset[str]:
+        """Return the variable that an equation would bind if the other side had a value."""
+        sides = _sides(node.expression) if isinstance(node, Condition) else ()
+        names = {each.name for each in missing}
+        for side, other in sides:
+            if isinstance(side, Variable) and side.name in names:
+                rest = {each.name for each in walk(other) if isinstance(each, Variable)} & names - {side.name}
+                if rest:
+                    return frozenset((side.name,))
+        return frozenset()
+
+    def _bound_hint(self, variable: Variable, environment: Environment) -> str | None:
+        constant = variable.name[0].lower() + variable.name[1:]
+        if constant in self._symbols:
+            return f"did you mean the constant `{constant}`?"
+        return bound_hint(variable, environment)
 
     # ---- conditions
 

@@ -33,6 +33,18 @@ ARRIVAL = "location"
 """The fact that `moveto`, declared without an effect, inserts on arrival (paper, figure 5)."""
 
 
+SYNONYMS = {
+    "integer": "int",
+    "double": "float",
+    "real": "float",
+    "number": "float",
+    "boolean": "bool",
+    "str": "string",
+    "text": "string",
+}
+"""What other languages call the built-in types."""
+
+
 def type_text(kind: Type) -> str:
     """Return `kind` as the source spells it; a symbol of no particular set is a ``symbol``."""
     if kind.base is Base.LIST:

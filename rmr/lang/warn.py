@@ -38,6 +38,8 @@ from rmr.lang.types import FUNCTIONS, LIST_FUNCTIONS, Types, constants, leaves
 TICK_S = 1 / 60
 """The robots' executive runs at 60 Hz: nothing is decided faster."""
 
+TRUTHS = ("true", "false")
+
 NO_FIRING = "the rule cannot fire"
 NO_JOB = "the assertion never starts a job"
 
@@ -123,7 +125,7 @@ class _Doubts:
     def _unstarted(self) -> None:
         """Report a program all of whose rules wait for a fact from outside."""
         fact = self._supply.unstarted()
-        if fact is None or self._doubted or self._found.reported("W102"):
+        if fact is None or self._found.failed or self._found.reported("W102"):
             return
         name, arity = fact.name.text, len(fact.arguments)
         arguments = ", ".join(["R", *(["..."] if arity > 1 else [])])
@@ -143,7 +145,7 @@ class _Doubts:
 
     def _confusable(self, variable: Variable) -> None:
         constant = variable.name[0].lower() + variable.name[1:]
-        if constant in self._symbols and constant != variable.name and not self._found.wrong_at(variable.span):
+        if (constant in self._symbols or constant in TRUTHS) and constant != variable.name and not self._found.wrong_at(variable.span):
             message = f"the variable `{variable.name}` is used only here and matches anything"
             self._found.report("W101", message, variable.span, hint=f"did you mean the constant `{constant}`?")
 
@@ -228,7 +230,7 @@ class _Doubts:
 
     def _short(self, item: Assertion) -> None:
         value = item.deadline.value if isinstance(item.deadline, Literal) else None
-        if isinstance(value, int | float) and not isinstance(value, bool) and value < TICK_S:
+        if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < TICK_S:
             hint = "a robot decides 60 times a second; `500ms` and `2s` are times"
             self._found.report("W106", "this deadline is shorter than a tick", item.deadline.span, hint=hint)
 
