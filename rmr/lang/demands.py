@@ -36,6 +36,8 @@ def literal_hint(expression: Expression, wanted: Type) -> str | None:
     if type(value) is str and wanted.base is Base.SYMBOL:
         words = "_".join(re.findall(r"[a-z0-9]+", value.lower()))
         return f"a symbol has no quotes: `{words}`" if words[:1].isalpha() else None
+    if type(value) is str and wanted.base is Base.ROBOT:
+        return "robots are written `@1`; a variable, `R`, is any robot"
     if isinstance(value, Symbol):
         if value in {"null", "none", "nil"}:
             return "there is no empty value: where nothing is known there is no fact"

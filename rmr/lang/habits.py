@@ -49,6 +49,13 @@ RULE_WORDS = ("if", "when", "whenever", "on", "def", "for", "while", "return", "
 RULE = "a rule is written `body -o head.`"
 
 
+DIGITS_MAX = 30
+"""Of a number in another notation; longer ones are not worked out."""
+
+_DIGITS = re.compile(r"0[xX][0-9a-fA-F]+|0b[01]+|0o[0-7]+|[1-9][0-9]*(_[0-9]+)+")
+_TIME = re.compile(r"([0-9]+(?:\.[0-9]+)?)([a-z]+)")
+
+
 class Habit(NamedTuple):
     """What to say of a habit, and what to read instead."""
 
@@ -251,6 +258,9 @@ def _not(place: Place) -> Habit | None:
 
 
 def _then(place: Place) -> Habit | None:
+    if place.word.text in {"and", "&"} and place.kind(1) == "THEN":
+        hint = "`a(R) then b(R)`: `then` stands alone between two steps"
+        return place.meant(f"unexpected {_quoted(place.word)} before `then`", hint, place.word, place.word)
     if place.kind(-1) == "THEN":
         then = place.words[place.at - 1]
         if place.kind(-2) == "COMMA" and place.word.kind == "NAME":
@@ -264,7 +274,7 @@ def _then(place: Place) -> Habit | None:
             hint = "`a(R) then b(R)`: `then` stands between two steps"
             return place.meant("unexpected `then`", hint, then, then)
     if place.word.kind == "THEN" and not place.is_in_head:
-        return place.given_up("unexpected `then`", f"{RULE[:-1]}; `then` stands between steps of a head")
+        return place.given_up("unexpected `then`", f"{RULE}; `then` stands between steps of a head")
     return None
 
 
@@ -353,8 +363,12 @@ def _robot(place: Place) -> Habit | None:
 
 def _unit(place: Place) -> Habit | None:
     word, previous = place.word, place.words[place.at - 1]
+    if word.kind == BAD_NUMBER and len(word.text) <= DIGITS_MAX and _DIGITS.fullmatch(word.text):
+        value = str(int(word.text, 0))
+        hint = f"ints are written in decimal digits: `{value}`"
+        return place.meant(f"{_quoted(word)} is no number", hint, word, word, ("INT", value))
     if word.kind == BAD_NUMBER:
-        match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)([a-z]+)", word.text)
+        match = _TIME.fullmatch(word.text)
         unit = UNITS.get(match[2]) if match else None
         if match is None or unit is None:
             return None
@@ -380,6 +394,28 @@ def _float(place: Place) -> Habit | None:
     if dot.kind == "DOT" and before.kind == "INT" and _touch(before, dot) and behind.kind in {"RPAR", "COMMA"}:
         hint = f"digits stand on both sides of the point: `{before.text}.0`"
         return place.meant(f"unexpected `{before.text}.`", hint, before, dot, ("FLOAT", f"{before.text}.0"))
+    return None
+
+
+def _division(place: Place) -> Habit | None:
+    """`N // 2`, the rest of whose line is a comment."""
+    for one, other in zip(place.words, place.words[1 : place.at + 1], strict=False):
+        gap = place.text[one.end : other.start]
+        if one.kind in OPERANDS and re.match(r" *//+ *([0-9]+|[A-Z][A-Za-z0-9_]*)\b", gap):
+            start = one.end + gap.index("//")
+            span = Span(place.file, start, start + 2)
+            return Habit("`//` begins a comment", span, "`/` gives a float, `floor(X / Y)` an int")
+    return None
+
+
+def _empty(place: Place) -> Habit | None:
+    """`body -o .` and `type name.`"""
+    if place.word.kind == "DOT" and place.kind(-1) == "ARROW":
+        return place.given_up("this rule derives nothing", "if that is meant write `-o 1.`", place.words[place.at - 1])
+    if place.word.kind == "DOT" and place.words[0].kind == "TYPE" and place.kind(-1) == "NAME":
+        name = place.words[place.at - 1]
+        hint = f"the first one is a robot: `type {name.text}(robot).`"
+        return place.given_up(f"{_quoted(name)} has no arguments", hint, name)
     return None
 
 
@@ -416,7 +452,7 @@ def _aggregate(place: Place) -> Habit | None:
     if place.word.text == "|" and operator in AGGREGATES and not gives:
         return place.given_up("this aggregate does not name its result", f"it is written `{form}`", inner[0])
     if place.word.text in {",", "then"} and gives and bars >= 2:
-        hint = "derive one, and let another rule turn it into several"
+        hint = f"derive one, `{form}`, and let another rule turn it into several"
         return place.given_up("an aggregate derives one fact, not several", hint)
     if place.word.text == "]" and gives and bars < 2:
         return place.given_up("this aggregate derives nothing", f"it is written `{form}`")
@@ -427,6 +463,10 @@ def _comprehension(place: Place) -> Habit | None:
     opening = place.unclosed()
     if opening is None or place.words[opening].kind != "LBRACE" or opening != place.at - 1:
         return None
+    if place.word.kind == "NAME" and place.kind(1) in {"COMMA", "VBAR"}:
+        name = place.word.text
+        hint = f"variables begin with an upper-case letter: `{name[0].upper()}{name[1:]}`"
+        return place.given_up(f"{_quoted(place.word)} is a symbol, where a variable is needed", hint)
     if place.word.kind in {"NAME", "RBRACE", "BANG", "DOLLAR"}:
         hint = "it is written `{B | edge(R, B) | ready(B)}`: variables, body, head"
         return place.given_up("a comprehension begins with its new variables", hint)
@@ -473,4 +513,6 @@ HABITS: tuple[Callable[[Place], Habit | None], ...] = (
     _aggregate,
     _comprehension,
     _assertion,
+    _empty,
+    _division,
 )

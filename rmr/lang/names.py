@@ -332,6 +332,7 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[Note, ...], found: 
         found.report("E012", "no body reads a goal", fact.span, hint=hint)
     elif fact.mark is Mark.BANG and kind is not Kind.PERSISTENT:
         hint = f"drop the `!`, or declare `type !{name}(...)`"
+        hint += f"; that there is none is `not {name}(...)`" if use.role is Role.BODY else ""
         found.report("E012", f"`{name}` is a {word} fact, not a persistent one", fact.span, hint=hint, notes=notes)
     elif fact.mark is Mark.KEEP and kind is not Kind.TEMPORARY:
         message = f"`$` keeps a temporary fact; `{name}` is {word} and is never consumed"

@@ -45,6 +45,7 @@ class Place:
 
 def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
     """Report the symbols of `module` that look misspelt; `counts` says how often each is used."""
+    _doubt_letters(module, counts, types, found)
     pairs = list(_pairs(counts))
     if not pairs:
         return
@@ -64,6 +65,30 @@ def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: D
         notes = (Note(there[0].span, "used here"),)
         message = f"`{rare}` is used only here"
         found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
+
+
+def _doubt_letters(module: Module, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
+    """Report letters that one rule matches and hands on, and nothing else names: they are meant as variables."""
+    letters = {name for name, count in counts.items() if len(name) == 1 and count > 1}
+    if not letters:
+        return
+    places: dict[str, list[Place]] = {}
+    for name, place in _places(module, types):
+        if name in letters:
+            places.setdefault(name, []).append(place)
+    for item in module.items:
+        if not isinstance(item, Rule):
+            continue
+        for name, here in list(places.items()):
+            inside = [each for each in here if _is_within(each.span, item.span)]
+            if inside and len(inside) == counts[name] and {True, False} == {each.written for each in inside}:
+                del places[name]
+                message = f"the symbol `{name}` is used in this rule only"
+                found.report("W112", message, inside[0].span, hint=f"did you mean the variable `{name.upper()}`?")
+
+
+def _is_within(one: Span, other: Span) -> bool:
+    return one.file == other.file and other.start <= one.start < other.end
 
 
 def _are_one_set(here: list[Place], there: list[Place]) -> bool:
