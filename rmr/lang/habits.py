@@ -64,6 +64,8 @@ class Habit(NamedTuple):
     hint: str
     patch: tuple[int, int, tuple[Token, ...]] | None = None
     """From where to where these words stand instead; None: the item is given up."""
+    doubtful: bool = False
+    """The item may say something else than what is read instead."""
 
 
 class Place(NamedTuple):
@@ -103,6 +105,16 @@ class Place(NamedTuple):
             if depth < 0:
                 return index
         return None
+
+    @property
+    def is_closed_behind(self) -> bool:
+        """Whether the bracket that is open at the misfit is closed before the item ends."""
+        depth = 0
+        for word in self.words[self.at :]:
+            depth += OPENING.get(word.kind, 0)
+            if depth < 0 or word.kind == "DOT":
+                return depth < 0
+        return False
 
     def given_up(self, message: str, hint: str, first: Token | None = None, last: Token | None = None) -> Habit:
         return Habit(message, self.span(first or self.word, last), hint)
@@ -232,13 +244,15 @@ def _semicolon(place: Place) -> Habit | None:
     if place.at == 0:
         return place.meant(message, "every item ends with `.`", word, word)
     if place.unclosed() is not None:
+        if not place.is_closed_behind:
+            return None
         return place.meant(message, "`,` stands between arguments", word, word, ("COMMA", ","))
     if ends:
         return place.meant(message, "every item ends with `.`", word, word, ("DOT", "."))
     if place.is_in_head:
         return place.meant(message, "`,` stands between what a head derives", word, word, ("COMMA", ","))
     hint = "write a rule for each case; between conditions, not facts, `||` is or"
-    return place.meant(message, hint, word, word, ("COMMA", ","))
+    return place.meant(message, hint, word, word, ("COMMA", ","))._replace(doubtful=True)
 
 
 def _not(place: Place) -> Habit | None:
@@ -296,7 +310,9 @@ def _condition_in_head(place: Place) -> Habit | None:
 
 
 def _ternary(place: Place) -> Habit | None:
-    if place.word.kind == "QUESTION" and place.kind(-1) in OPERANDS | {"NAME"}:
+    behind = [word.kind for word in place.words[place.at :]]
+    has_colon = "COLON" in behind[: behind.index("DOT") if "DOT" in behind else None]
+    if place.word.kind == "QUESTION" and place.kind(-1) in OPERANDS | {"NAME"} and has_colon:
         return place.given_up("unexpected `?`", "`if(C, X, Y)` is X if C is true, else Y")
     return None
 

@@ -102,25 +102,22 @@ class Orderer:
         for each in anonymous if not is_told else ():
             self._found.report("E030", "`_` has no value", each.span, hint="`_` matches anything in a fact")
         for variable in missing if not anonymous and not is_told else ():
-            if variable.name not in given and not environment.knows(variable.name):
+            if variable.name != given and not environment.knows(variable.name):
                 hint = self._bound_hint(variable, environment)
                 self._found.report("E030", f"nothing in the body binds `{variable.name}`", variable.span, hint=hint)
-                environment.slot(variable.name)
-        for each in missing:
-            if not each.anonymous and isinstance(node, Condition):
-                environment.slot(each.name)
+                environment.unbound.add(variable.name)
+        if isinstance(node, Condition):
+            environment.unbound.update(each.name for each in missing if not each.anonymous)
 
     @staticmethod
-    def _given(node: object, missing: list[Variable]) -> frozenset[str]:
+    def _given(node: object, missing: list[Variable]) -> str | None:
         """Return the variable that an equation would bind if the other side had a value."""
-        sides = _sides(node.expression) if isinstance(node, Condition) else ()
         names = {each.name for each in missing}
-        for side, other in sides:
-            if isinstance(side, Variable) and side.name in names:
-                rest = {each.name for each in walk(other) if isinstance(each, Variable)} & names - {side.name}
-                if rest:
-                    return frozenset((side.name,))
-        return frozenset()
+        for side, other in reversed(_sides(node.expression) if isinstance(node, Condition) else ()):
+            lacks = {each.name for each in walk(other) if isinstance(each, Variable)} & names
+            if isinstance(side, Variable) and side.name in names and lacks - {side.name}:
+                return side.name
+        return None
 
     def _bound_hint(self, variable: Variable, environment: Environment) -> str | None:
         constant = variable.name[0].lower() + variable.name[1:]

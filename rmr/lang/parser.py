@@ -153,7 +153,7 @@ class _Parser:
                 read.clear()
                 first = previous = word = self._next()
                 repairs -= 1
-                if first.kind == END:
+                if first.kind in {END, OPEN_COMMENT}:
                     self._ahead.appendleft(first)
                     return None
                 continue
@@ -195,7 +195,7 @@ class _Parser:
             return None
         self._repairs -= 1
         self._found.report("E001", found.message, found.span, hint=found.hint)
-        self._is_doubtful = True
+        self._is_doubtful |= found.doubtful
         return found
 
     def _foreign_comment(self, words: list[Token], at: int) -> "Habit | None":

@@ -46,6 +46,8 @@ class Environment:
     slots: dict[str, int] = field(default_factory=dict)
     constants: dict[str, Literal] = field(default_factory=dict)
     count: int = SELF_SLOT + 1
+    unbound: set[str] = field(default_factory=set)
+    """Variables without value that have been reported; they count as known, so that each is reported once."""
 
     def slot(self, name: str) -> int:
         """Return the slot of `name`, a new one at its first mention."""
@@ -56,11 +58,11 @@ class Environment:
 
     def knows(self, name: str) -> bool:
         """Whether `name` has a value already."""
-        return name in self.slots or name in self.constants
+        return name in self.slots or name in self.constants or name in self.unbound
 
     def inner(self) -> "Environment":
         """Return the same for a body within the rule; what it adds is its own."""
-        return Environment(dict(self.slots), dict(self.constants), self.count)
+        return Environment(dict(self.slots), dict(self.constants), self.count, set(self.unbound))
 
 
 @record

@@ -25,7 +25,7 @@ def cases():
     for path in sorted(HERE.glob("*.txt")):
         for number, text in enumerate(path.read_text("utf-8").split(PARTED)):
             source, _, expected = text.partition(RULER)
-            found.append(pytest.param(path, source, expected, id=f"{path.stem} {number}"))
+            found.append(pytest.param(path, number, source, expected, id=f"{path.stem} {number}"))
     return found
 
 
@@ -33,28 +33,29 @@ def compiled(path, source):
     return compile_source(source, f"{path.stem}.rmr")
 
 
-@pytest.mark.parametrize(("path", "source", "expected"), cases())
-def test_output_is_the_golden_one(path, source, expected):
+@pytest.mark.parametrize(("path", "number", "source", "expected"), cases())
+def test_output_is_the_golden_one(path, number, source, expected):
     found = compiled(path, source)
     output = render_text(found.diagnostics, found.sources, color=False)
     if os.environ.get("RMR_REWRITE"):
-        page = path.read_text("utf-8")
-        path.write_text(page.replace(source + RULER + expected, source + RULER + output, 1), "utf-8")
+        page = path.read_text("utf-8").split(PARTED)
+        page[number] = source + RULER + output
+        path.write_text(PARTED.join(page), "utf-8")
     else:
         assert output == expected
 
 
-@pytest.mark.parametrize(("path", "source", "expected"), cases())
-def test_one_mistake_gives_one_diagnostic_no_cascade(path, source, expected):
+@pytest.mark.parametrize(("path", "number", "source", "expected"), cases())
+def test_one_mistake_gives_one_diagnostic_no_cascade(path, number, source, expected):
     assert len(compiled(path, source).diagnostics) == 1
 
 
 def test_there_are_many_cases_and_nearly_all_have_a_hint():
-    every = [compiled(each.values[0], each.values[1]).diagnostics[0] for each in cases()]
+    every = [compiled(each.values[0], each.values[2]).diagnostics[0] for each in cases()]
     assert len(every) >= CASES_MIN
     assert sum(each.hint is None for each in every) <= UNHINTED_MAX
 
 
 def test_no_case_is_there_twice():
-    sources = [each.values[1] for each in cases()]
+    sources = [each.values[2] for each in cases()]
     assert len(set(sources)) == len(sources)

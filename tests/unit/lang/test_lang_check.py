@@ -322,7 +322,7 @@ def test_assertions_with_one_finish_fact_and_names_are_two_events():
 
 def test_what_is_declared_may_come_from_outside():
     assert codes("type q(robot, int). ?q(R, 1).") == []
-    assert codes("type p(robot). type q(robot). assert(p(R), q(R), 1, v(R)).") == []
+    assert codes("type p(robot). type q(robot). watch(p(R), q(R), 1, v(R)).") == []
 
 
 def test_a_declared_fact_of_which_others_are_derived_is_doubted_truly():

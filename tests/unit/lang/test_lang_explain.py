@@ -81,7 +81,7 @@ def test_with_explain_it_is_an_object_with_diagnostics_and_an_explanation_of_eac
     found = json.loads(run("--json", "--explain", "jobs.rmr", "team.rmr").stdout)
     assert list(found) == ["diagnostics", "explanation"]
     assert [each["file"] for each in found["explanation"]["programs"]] == ["jobs.rmr", "team.rmr"]
-    assert {each["code"] for each in found["diagnostics"]} == {"W105"}
+    assert {each["code"] for each in found["diagnostics"]} == {"W105", "W116"}
 
 
 def test_a_program_with_errors_has_diagnostics_only(tmp_path: Path) -> None:

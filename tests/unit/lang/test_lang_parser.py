@@ -179,7 +179,7 @@ def test_a_missing_bracket_is_shown_with_the_one_it_closes():
     [
         ("p(R), -o q(R).", ",", "drop it"),
         ("p(R)) -o q(R).", ")", "expected `,` or `-o` or `.`"),
-        ("p(R; 1) -o q(R).", ";", "expected `)` or `,`"),
+        ("p(R; 1) -o q(R).", ";", "`,` stands between arguments"),
         ("p(R) -> q(R).", "->", "a rule is written `body -o head.`"),
         ("p(R) => q(R).", "=>", "a rule is written `body -o head.`"),
         ("p(R) - o q(R).", "- o", "an arrow is written `-o`, without a space"),
@@ -204,7 +204,8 @@ def test_a_broken_item_ends_where_the_next_one_clearly_begins():
 
 
 def test_a_number_that_goes_on_as_a_name_is_named_whole():
-    assert told("p(R, 10sec).")[0][1:] == ("`10sec` is no number", "times are written `500ms`, `2s` and `1.5min`")
+    assert told("p(R, 10x).")[0][1:] == ("`10x` is no number", "times are written `500ms`, `2s` and `1.5min`")
+    assert told("p(R, 10sec).")[0][1:] == ("`10sec` is no number", "`10s`")
     assert told("p(R, 2.5x).")[0][1] == "`2.5x` is no number"
 
 
