@@ -231,7 +231,7 @@ def _growth(firing: _Firing, names: Names, found: Diagnostics) -> None:
             if names.of(fact).kind is Kind.TEMPORARY or _is_other(fact, derived):
                 message = f"this rule never stops: every `{fact.name.text}` leads to another one, and all of them stay"
                 hint = "end it with a condition, such as `N < 10`"
-                if names.of(fact).kind is Kind.PERSISTENT:
+                if any(isinstance(each, Binary) for each in derived.arguments):
                     hint += "; to count, use up a temporary fact: `type count(robot, int).`"
                 found.report("W114", message, firing.rule.span, hint=hint)
                 return

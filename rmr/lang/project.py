@@ -117,7 +117,9 @@ class Projector:
     def _join(self, rule: Rule, homes: list[tuple[Expression, Fact]]) -> None:
         notes = tuple(Note(fact.span, f"a fact of {_called(owner)}") for owner, fact in homes)
         message = "a join of several robots' facts is not supported yet"
-        hint = "let each robot send what the other needs, and join at home"
+        home, other = (_called(owner) for owner, _ in homes[:2])
+        hint = f"let {home} ask {other} with a fact for it; {other} uses that up together with its own and answers"
+        hint += ": `rmr explain E035` shows how nothing is lost"
         self._found.report("E035", message, rule.span, hint=hint, notes=notes)
 
     def _is_at_home(self, fact: Fact, what: str) -> bool:
