@@ -154,9 +154,7 @@ class Diagnostics:
     def _is_told(self, each: Diagnostic) -> bool:
         if each.code.startswith("E00"):
             return True
-        inside = (
-            span.start <= each.span.start < span.end for span in self._doubtful if span.file == each.span.file
-        )
+        inside = (span.start <= each.span.start < span.end for span in self._doubtful if span.file == each.span.file)
         return not any(inside)
 
     def wrong_at(self, span: Span) -> bool:

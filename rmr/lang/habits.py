@@ -7,6 +7,7 @@ meant is clear, with other words to read instead; else the item is given up.
 
 import re
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 from rmr.lang.grammar import END
@@ -79,6 +80,7 @@ class Place(NamedTuple):
 
     @property
     def word(self) -> Token:
+        """What does not fit."""
         return self.words[self.at]
 
     def kind(self, offset: int) -> str:
@@ -87,6 +89,7 @@ class Place(NamedTuple):
         return self.words[index].kind if 0 <= index < len(self.words) else ""
 
     def span(self, first: Token, last: Token | None = None) -> Span:
+        """Return the place of some words."""
         return Span(self.file, first.start, (last or first).end)
 
     def before(self, kind: str) -> int | None:
@@ -95,6 +98,7 @@ class Place(NamedTuple):
 
     @property
     def is_in_head(self) -> bool:
+        """Whether an arrow stands before the misfit."""
         return self.before("ARROW") is not None
 
     def unclosed(self) -> int | None:
@@ -117,6 +121,7 @@ class Place(NamedTuple):
         return False
 
     def given_up(self, message: str, hint: str, first: Token | None = None, last: Token | None = None) -> Habit:
+        """Say what is wrong from `first` to `last`, by default the misfit, of an item that is not read."""
         return Habit(message, self.span(first or self.word, last), hint)
 
     def meant(self, message: str, hint: str, first: Token, last: Token, *words: tuple[str, str]) -> Habit:
@@ -136,7 +141,7 @@ def _quoted(token: Token) -> str:
 
 def _touch(*tokens: Token) -> bool:
     """Whether words stand side by side without blanks."""
-    return all(one.end == other.start for one, other in zip(tokens, tokens[1:], strict=False))
+    return all(one.end == other.start for one, other in pairwise(tokens))
 
 
 # ---- arrows, items
@@ -162,7 +167,7 @@ def _reversed_arrows(place: Place) -> Iterator[tuple[Token, Token]]:
     words = place.words
     if place.word.text == ":-":
         yield place.word, place.word
-    for one, other in zip(words, words[1 : place.at + 1], strict=False):
+    for one, other in pairwise(words[: place.at + 1]):
         if one.kind == "LT" and other.kind == "MINUS" and _touch(one, other) and not place.is_in_head:
             yield one, other
 
@@ -415,7 +420,7 @@ def _float(place: Place) -> Habit | None:
 
 def _division(place: Place) -> Habit | None:
     """`N // 2`, the rest of whose line is a comment."""
-    for one, other in zip(place.words, place.words[1 : place.at + 1], strict=False):
+    for one, other in pairwise(place.words[: place.at + 1]):
         gap = place.text[one.end : other.start]
         if one.kind in OPERANDS and re.match(r" *//+ *([0-9]+|[A-Z][A-Za-z0-9_]*)\b", gap):
             start = one.end + gap.index("//")

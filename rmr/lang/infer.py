@@ -254,7 +254,6 @@ class Inference:
 
         self._demands.later(check)
 
-
     def _float_hint(self, argument: Expression, cell: Cell, position: Cell) -> str | None:
         """Return how an int is made of a float."""
         if position.kind != INT or cell.kind.base is not Base.FLOAT:

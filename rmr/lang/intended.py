@@ -19,7 +19,6 @@ from rmr.lang.syntax import (
     Assertion,
     Binary,
     Call,
-    Comprehension,
     Condition,
     Expression,
     Fact,
@@ -115,7 +114,9 @@ class _Reader:
                 case Fact(name=Name(text="if")) if not self._is_declared("if"):
                     if node in rule.head:
                         message = "`if` chooses between values, not between facts"
-                        hint = "write one rule for each case: `load(R, N), N > 2 -o ...` and `load(R, N), N <= 2 -o ...`"
+                        hint = (
+                            "write one rule for each case: `load(R, N), N > 2 -o ...` and `load(R, N), N <= 2 -o ...`"
+                        )
                     else:
                         message, hint = "`if` is no fact", "a condition stands alone: `load(R, N), N > 2 -o ...`"
                     self._found.report("E012", message, node.span, hint=hint)
@@ -126,7 +127,9 @@ class _Reader:
                     hint = f"aggregates stand in heads, between brackets: `{GATHERING[name]}`"
                     self._found.report("E015", f"there is no function `{name}`", node.name.span, hint=hint)
                     return True
-                case ListTerm(items=[Variable(name=item), *_], rest=Call(name=called)) if self._is_declared(called.text):
+                case ListTerm(items=[Variable(name=item), *_], rest=Call(name=called)) if self._is_declared(
+                    called.text
+                ):
                     hint = f"a head gathers a list: `[collect {item} => L | {called.text}(...) | ...(R, L)]`"
                     self._found.report("E015", f"`{called.text}(...)` is a fact, no list", node.span, hint=hint)
                     return True
@@ -161,7 +164,8 @@ class _Reader:
                 case _:
                     return node
 
-        return _changed(item, change)
+        changed: Item = _changed(item, change)
+        return changed
 
     def _hyphen(self, name: str, span: Span) -> None:
         self.broken.add(name)
@@ -173,7 +177,7 @@ class _Reader:
     # ---- numbers for robots
 
     def _numbers(self, item: Item) -> Item:
-        told: list[Literal] = []
+        told: list[tuple[int, Span]] = []
 
         def change(node: Any) -> Any:
             if not isinstance(node, Fact):
@@ -183,18 +187,19 @@ class _Reader:
             before = len(told)
             for index, argument in enumerate(arguments):
                 is_robot = index < len(cells) and cells[index].kind.base is Base.ROBOT
-                if _is_robot_number(argument) and argument.span in self._wrong and (is_robot or index):
-                    told.append(argument)
-                    arguments[index] = Literal(Robot(argument.value), argument.span)
+                number = _robot_number(argument)
+                if number is not None and argument.span in self._wrong and (is_robot or index):
+                    told.append((number, argument.span))
+                    arguments[index] = Literal(Robot(number), argument.span)
             return node if len(told) == before else replace(node, arguments=tuple(arguments))
 
         if not any(span in self._wrong for span in self._robot_numbers(item)):
             return item
-        changed = _changed(item, change)
+        changed: Item = _changed(item, change)
         if told:
-            value = told[0].value
+            value, span = told[0]
             message = f"`{value}` is a number, where a robot is needed"
-            self._found.report("E021", message, told[0].span, hint=f"robot {value} is written `@{value}`")
+            self._found.report("E021", message, span, hint=f"robot {value} is written `@{value}`")
         return changed
 
     def _robot_numbers(self, item: Item) -> Iterable[Span]:
@@ -202,7 +207,8 @@ class _Reader:
         for fact in walk(item):
             if isinstance(fact, Fact) and (cells := self._types.positions.get(fact.name.text)):
                 for argument, cell in zip(fact.arguments, cells, strict=False):
-                    if _is_robot_number(argument) and (cell.kind.base is Base.ROBOT or argument.span in self._no_robots):
+                    is_wanted = cell.kind.base is Base.ROBOT or argument.span in self._no_robots
+                    if _robot_number(argument) is not None and is_wanted:
                         yield argument.span
 
     # ---- symbols for variables
@@ -224,7 +230,9 @@ class _Reader:
         if not meant:
             return item
         first = next(iter(meant.values()))
-        others = [name for name, count in counts.items() if count > 1 and name not in meant and self._is_own(name, count)]
+        others = [
+            name for name, count in counts.items() if count > 1 and name not in meant and self._is_own(name, count)
+        ]
         names = {*meant, *others} if not isinstance(item, FactItem | GoalItem) else set(meant)
         is_robot = any(each.span in self._no_robots for each in meant.values())
         self._report(first, [name for name in counts if name in names], is_robot, item)
@@ -236,7 +244,8 @@ class _Reader:
                 return replace(node, expression=Literal(True, node.span))  # `l = s` is no comparison of two symbols
             return node
 
-        return _changed(item, change)
+        changed: Item = _changed(item, change)
+        return changed
 
     def _is_own(self, name: str, count: int) -> bool:
         """Whether the symbol stands in one item only."""
@@ -259,8 +268,10 @@ def _is_name(node: object) -> bool:
     return isinstance(node, Literal) and isinstance(node.value, Symbol)
 
 
-def _is_robot_number(node: object) -> bool:
-    return isinstance(node, Literal) and type(node.value) is int and 0 <= node.value <= ROBOT_ID_MAX
+def _robot_number(node: object) -> int | None:
+    """Return the number if a node is one that a robot may have."""
+    value = node.value if isinstance(node, Literal) else None
+    return value if type(value) is int and 0 <= value <= ROBOT_ID_MAX else None
 
 
 def _capital(name: str) -> str:

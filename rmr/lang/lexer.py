@@ -16,10 +16,11 @@ OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, QUOTED, UNKNOWN = "/*", '"', "0"
 """The kinds of what is no word. None can be a terminal's name."""
 
 _NUMBER_LIKE = r"@?[0-9]+(?:\.[0-9]+)?[A-Za-z_][A-Za-z0-9_]*"
-_FOREIGN = r"--+[o>](?![A-Za-z0-9_])|->|===?|!==|=:=|=<|=?\\=+|\\\+|:-|:=|[-+*/]=|\*\*|\+\+|[–—−]o(?![A-Za-z0-9_])"
+_ARROWS = r"--+[o>](?![A-Za-z0-9_])|->|:-|[\u2013\u2014\u2212]o(?![A-Za-z0-9_])"
+_FOREIGN = rf"{_ARROWS}|===?|!==|=:=|=<|=?\\=+|\\\+|:=|[-+*/]=|\*\*|\+\+"
 _WRONG_FIRST = [(BAD_NUMBER, _NUMBER_LIKE), (FOREIGN, _FOREIGN)]
 """Tried before the grammar's patterns, but for those that say to be first."""
-_QUOTED = r"'[^'\n]*'|[“”„«][^“”»\n]*[“”»]|‘[^’\n]*’"
+_QUOTED = r"'[^'\n]*'|[“”„«][^“”»\n]*[“”»]|\u2018[^\u2019\n]*\u2019"
 _WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (QUOTED, _QUOTED), (OPEN_STRING, '"')]
 """Tried when no pattern of the grammar fits, before what it spells."""
 

@@ -32,7 +32,7 @@ _HIDDEN = {
 """Left out of hints: values where a number or a name is named anyway, and operators."""
 
 _FOREIGN_HINTS = (
-    (re.compile(r"--*[>o]|=>|:-|[→⇒⟶⊢]|[–—−]o"), "a rule is written `body -o head.`"),
+    (re.compile(r"--*[>o]|=>|:-|[→⇒⟶⊢]|[\u2013\u2014\u2212]o"), "a rule is written `body -o head.`"),
     (re.compile(r"===?|=:=|:=|≡"), "equality is written `=`"),
     (re.compile(r"=?\\=+|!==|≠"), "inequality is written `!=`"),
     (re.compile(r"=<|≤"), "at most is written `<=`"),
@@ -41,7 +41,7 @@ _FOREIGN_HINTS = (
     (re.compile(r"\+\+|[-+*/]="), "no variable changes its value: `N + 1` is another value"),
     (re.compile(r"#"), "comments begin with `//`"),
     (re.compile(r"(?i:and)\b|&|∧"), "write `,` between conditions, or `&&`"),
-    (re.compile(r"(?i:or)\b|∨"), "write `||`"),
+    (re.compile(r"(?i:or)\b|\u2228"), "write `||`"),
 )
 """What other languages write, and what RMR writes."""
 

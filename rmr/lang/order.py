@@ -30,7 +30,6 @@ from rmr.lang.syntax import (
 )
 from rmr.lang.types import equation_of, matched_variables
 
-
 BOUND_SHOWN_MAX = 8
 """Variables that a hint names."""
 

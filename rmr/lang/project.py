@@ -118,8 +118,8 @@ class Projector:
         notes = tuple(Note(fact.span, f"a fact of {_called(owner)}") for owner, fact in homes)
         message = "a join of several robots' facts is not supported yet"
         home, other = (_called(owner) for owner, _ in homes[:2])
-        hint = f"let {home} ask {other} with a fact for it; {other} uses that up together with its own and answers"
-        hint += ": `rmr explain E035` shows how nothing is lost"
+        hint = f"let {home} ask {other} by a fact of {other}, which {other} uses up with its own before it answers: "
+        hint += "see `rmr explain E035`"
         self._found.report("E035", message, rule.span, hint=hint, notes=notes)
 
     def _is_at_home(self, fact: Fact, what: str) -> bool:

@@ -22,7 +22,7 @@ SURE = 3
 CLOSING = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
 """Brackets that may be missing, and what they close."""
 
-ARROWS = ("->", "=>", "-->", "--o", "→", "⇒", "⟶", "⊢", "–o", "—o", "−o")
+ARROWS = ("->", "=>", "-->", "--o", "→", "⇒", "⟶", "⊢", "\u2013o", "\u2014o", "\u2212o")
 
 MEANT = {
     **dict.fromkeys(ARROWS, (("ARROW", "-o"),)),
@@ -32,7 +32,7 @@ MEANT = {
     "≥": (("GE", ">="),),
     ":=": (("EQ", "="),),
     **dict.fromkeys(("and", "&", "∧"), (("COMMA", ","), ("AND", "&&"))),
-    **dict.fromkeys(("or", "∨"), (("OR", "||"),)),
+    **dict.fromkeys(("or", "\u2228"), (("OR", "||"),)),
 }
 """What other languages write, and what it may stand for."""
 

@@ -145,7 +145,7 @@ class Supply:
 
     @property
     def _is_driven(self) -> bool:
-        """Whether the program says that facts come from outside: it declares a sensor, or watches what nobody states."""
+        """Whether facts come from outside: the program declares a sensor, or watches what nobody states."""
         declared = (each for each in self._names.signatures.values() if each.declaration is not None)
         if any(each.kind is Kind.SENSED and each.name not in provided.PREDICATES for each in declared):
             return True

@@ -137,7 +137,9 @@ def _is_slip(one: str, other: str) -> bool:
         return one[place : place + 2].isalpha()
     letters = one[place] + other[place]
     is_inside = place < len(one) - 1 and "_" not in {one[place + 1], one[place - 1]}
-    return letters.isalpha() and is_inside and len(one) >= CHANGED_LETTERS_MIN and one[place + 1 :] == other[place + 1 :]
+    return (
+        letters.isalpha() and is_inside and len(one) >= CHANGED_LETTERS_MIN and one[place + 1 :] == other[place + 1 :]
+    )
 
 
 # ---- where symbols stand

@@ -11,7 +11,7 @@ from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.endless import warn_endless
 from rmr.lang.misspelt import Speller
 from rmr.lang.names import Names, Role, uses
-from rmr.lang.octets import FACT_OCTETS_MAX, octets
+from rmr.lang.octets import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
 from rmr.lang.supply import Known, Supply
 from rmr.lang.symbols import doubt_symbols
 from rmr.lang.syntax import (
@@ -37,6 +37,9 @@ from rmr.lang.types import FUNCTIONS, LIST_FUNCTIONS, Types, constants, leaves
 
 TICK_S = 1 / 60
 """The robots' executive runs at 60 Hz: nothing is decided faster."""
+
+_SENT = {Role.HEAD, Role.EFFECT, Role.VIOLATION}
+"""Where facts and actions stand that are another robot's if their owner is."""
 
 TRUTHS = ("true", "false")
 
@@ -92,6 +95,7 @@ class _Doubts:
                     self._large(item, executor, {})
                 case Assertion():
                     self._short(item)
+                    self._large(item, item.start.owner, {})
                 case _:
                     pass
         self._speller.types(self._module)
@@ -145,7 +149,11 @@ class _Doubts:
 
     def _confusable(self, variable: Variable) -> None:
         constant = variable.name[0].lower() + variable.name[1:]
-        if (constant in self._symbols or constant in TRUTHS) and constant != variable.name and not self._found.wrong_at(variable.span):
+        if (
+            (constant in self._symbols or constant in TRUTHS)
+            and constant != variable.name
+            and not self._found.wrong_at(variable.span)
+        ):
             message = f"the variable `{variable.name}` is used only here and matches anything"
             self._found.report("W101", message, variable.span, hint=f"did you mean the constant `{constant}`?")
 
@@ -216,15 +224,22 @@ class _Doubts:
 
     # ---- sizes and times
 
-    def _large(self, item: Rule | TypeDeclaration, home: Expression | None, known: Known) -> None:
+    def _large(self, item: Rule | TypeDeclaration | Assertion, home: Expression | None, known: Known) -> None:
         for use in uses(item):
             fact = use.fact
-            if use.role not in {Role.HEAD, Role.EFFECT} or not _is_away(fact.owner, home):
+            if use.role not in _SENT or not _is_away(fact.owner, home):
                 continue
             kinds = self._types.arguments(fact.name.text)
-            arguments = zip(fact.arguments[1:], kinds, strict=False)
+            arguments = list(zip(fact.arguments[1:], kinds, strict=False))
             size = sum(octets(argument, kind, known) for argument, kind in arguments)
-            if size > FACT_OCTETS_MAX:
+            if size <= FACT_OCTETS_MAX:
+                continue
+            least = sum(octets(argument, kind, known, min) for argument, kind in arguments)
+            if least > DELIVERY_OCTETS_MAX:
+                message = f"the values of this fact take {least} octets, a delivery carries {DELIVERY_OCTETS_MAX}"
+                hint = "it could never be sent; send it in parts, or something shorter that stands for it"
+                self._found.report("E008", message, fact.span, hint=hint)
+            else:
                 message = f"the values of this fact take {size} octets, a radio frame has room for {FACT_OCTETS_MAX}"
                 self._found.report("W105", message, fact.span, hint="it will be sent in fragments")
 

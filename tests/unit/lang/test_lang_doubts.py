@@ -5,8 +5,16 @@ from lang_source import codes, places
 
 from rmr.bytecode.program import Base, Type
 from rmr.lang.compiler import compile_source
-from rmr.lang.octets import FACT_OCTETS_MAX, value_octets
-from rmr.node.wire import FACT_BODY_OCTETS_MAX, Delivery, Role, encode_delivery
+from rmr.lang.octets import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, value_octets
+from rmr.node.wire import (
+    FACT_BODY_OCTETS_MAX,
+    PARTS_MAX,
+    Delivery,
+    Role,
+    WireError,
+    encode_delivery,
+    encode_fact_frames,
+)
 
 
 def doubts(text):
@@ -157,6 +165,34 @@ def test_a_fact_for_another_robot_that_exceeds_a_frame_is_doubted(derived):
     text = f"type p(robot, robot). type q(robot, list string). type t(robot). p(R, B), t(R) -o {derived}."
     assert "W105" in [code for code, _ in doubts(text)]
     assert "W105" not in codes(text.replace("q(B", "q(R").replace("q(@5", "q(R").replace("q(C", "q(R"))
+
+
+@pytest.mark.parametrize(("letters", "expected"), [(6905, ["W105"]), (6906, ["E008"])])
+def test_a_fact_for_another_robot_that_exceeds_one_delivery_is_an_error(letters, expected):
+    text = f'p(R, 1). type told(robot, string). p(R, _), peer(R, B) -o told(B, "{"x" * letters}").'
+    assert codes(text) == expected
+    assert codes(text.replace("told(B", "told(R")) == []
+
+
+def test_the_bound_of_one_delivery_is_that_of_the_node():
+    kind = Type(Base.STRING)
+    fits, exceeds = ("x" * (DELIVERY_OCTETS_MAX - value_octets("", kind) + more) for more in (0, 1))
+    assert len(encode_fact_frames(0, 0, 0, encode_delivery(Delivery(Role.FACT, 0, (fits,)), {}))) == PARTS_MAX
+    with pytest.raises(WireError):
+        encode_fact_frames(0, 0, 0, encode_delivery(Delivery(Role.FACT, 0, (exceeds,)), {}))
+
+
+def test_of_an_if_the_smaller_branch_decides_what_can_never_be_sent():
+    long = '"' + "x" * 7000 + '"'
+    text = f'p(R, 1). type told(robot, string). p(R, X), peer(R, B) -o told(B, if(X > 1, {long}, "s")).'
+    assert codes(text) == ["W105"]
+    assert codes(text.replace('"s"', long)) == ["E008"]
+
+
+def test_a_violation_for_another_robot_that_exceeds_a_frame_is_doubted():
+    text = f"p(R, @2). p(R, B) -o q(R). watch(p(R, B), q(R), 1, say(B, {LONG} + {LONG} + {LONG}))."
+    assert [code for code, _ in doubts(text)] == ["W105"]
+    assert codes(text.replace("say(B", "say(R")) == []
 
 
 def test_an_effect_on_another_robot_that_exceeds_a_frame_is_doubted():

@@ -52,7 +52,8 @@ def test_a_place_of_several_lines_is_underlined_line_by_line():
         "a.rmr:4:2: note: a fact of `B`\n"
         "    4 |  p(B)  // both\n"
         "      |  ----\n"
-        "  hint: let each robot send what the other needs, and join at home\n"
+        "  hint: let `A` ask `B` by a fact of `B`, which `B` uses up with its own before it answers: "
+        "see `rmr explain E035`\n"
     )
 
 
