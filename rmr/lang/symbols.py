@@ -110,7 +110,7 @@ def _pairs(counts: dict[str, int]) -> Iterator[tuple[str, str]]:
     """Symbols by what is left of them without one letter."""
     for name in counts:
         if LETTERS_MIN - 1 <= len(name) <= LETTERS_MAX:
-            for form in {name, *_without_one(name)}:
+            for form in dict.fromkeys((name, *_without_one(name))):
                 shorter.setdefault(form, []).append(name)
     for name in once:
         near = {other: None for form in (name, *_without_one(name)) for other in shorter[form] if other != name}
