@@ -51,12 +51,13 @@ class _Firing:
 def warn_endless(module: Module, names: Names, found: Diagnostics) -> None:
     """Report the rules of `module` that never stop."""
     rules = [item for item in module.items if isinstance(item, Rule)]
+    candidates = [rule for rule in rules if _may_repeat(rule)]
+    if not candidates:
+        return
     consumers = _consumers(rules, names)
     passing: dict[str, tuple[str, Fact, Rule]] = {}
     """By predicate: what the only rule that uses it up, and asks for nothing else, derives of it."""
-    for rule in rules:
-        if not _may_repeat(rule):
-            continue
+    for rule in candidates:
         firing = _firing(rule, names)
         if not firing.consumed:
             _growth(firing, names, found)
@@ -69,8 +70,17 @@ def warn_endless(module: Module, names: Names, found: Diagnostics) -> None:
 
 
 def _may_repeat(rule: Rule) -> bool:
-    """Whether a rule derives any predicate; the cheap test comes first."""
-    return any(isinstance(part, Fact | Steps) for part in rule.head)
+    """Whether a rule derives a predicate of its body, or asks for one fact only: no other is looked at."""
+    if len(rule.body) == 1:
+        return True
+    body = [each.name.text for each in rule.body if isinstance(each, Fact) and not each.absent]
+    for part in rule.head:
+        if isinstance(part, Fact):
+            if part.name.text in body:
+                return True
+        elif isinstance(part, Steps) and any(fact.name.text in body for fact in part.derived):
+            return True
+    return False
 
 
 def _consumers(rules: list[Rule], names: Names) -> dict[str, int]:

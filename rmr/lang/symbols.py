@@ -17,7 +17,7 @@ from rmr.bytecode.program import Base
 from rmr.lang.diagnostic import Diagnostics, Note
 from rmr.lang.names import LETTERS_MAX, Role, uses
 from rmr.lang.source import Span
-from rmr.lang.syntax import Binary, Condition, Conjunct, Expression, Literal, Mark, Module, Rule, walk
+from rmr.lang.syntax import Binary, Condition, Conjunct, Expression, Item, Literal, Mark, Module, Rule, walk
 from rmr.lang.types import Types
 
 LETTERS_MIN = 4
@@ -45,13 +45,12 @@ class Place:
 
 def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
     """Report the symbols of `module` that look misspelt; `counts` says how often each is used."""
-    _doubt_letters(module, counts, types, found)
     pairs = list(_pairs(counts))
     if not pairs:
         return
     wanted = {name for pair in pairs for name in pair}
     places: dict[str, list[Place]] = {}
-    for name, place in _places(module, types):
+    for name, place in _places(module.items, types):
         if name in wanted:
             places.setdefault(name, []).append(place)
     told: set[str] = set()
@@ -67,28 +66,17 @@ def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: D
         found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
 
 
-def _doubt_letters(module: Module, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
-    """Report letters that one rule matches and hands on, and nothing else names: they are meant as variables."""
-    letters = {name for name, count in counts.items() if len(name) == 1 and count > 1}
-    if not letters:
-        return
-    places: dict[str, list[Place]] = {}
-    for name, place in _places(module, types):
-        if name in letters:
-            places.setdefault(name, []).append(place)
-    for item in module.items:
-        if not isinstance(item, Rule):
-            continue
-        for name, here in list(places.items()):
-            inside = [each for each in here if _is_within(each.span, item.span)]
-            if inside and len(inside) == counts[name] and {True, False} == {each.written for each in inside}:
-                del places[name]
+def doubt_letters(letters: dict[str, Item | None], types: Types, found: Diagnostics) -> None:
+    """Report letters that one rule matches and hands on, and nothing else names: they are meant as variables.
+
+    `letters` are the symbols of one letter, each with the item that it stands in if there is only one.
+    """
+    for name, item in letters.items():
+        if isinstance(item, Rule):
+            here = [place for symbol, place in _places((item,), types) if symbol == name]
+            if {each.written for each in here} == {True, False}:
                 message = f"the symbol `{name}` is used in this rule only"
-                found.report("W112", message, inside[0].span, hint=f"did you mean the variable `{name.upper()}`?")
-
-
-def _is_within(one: Span, other: Span) -> bool:
-    return one.file == other.file and other.start <= one.start < other.end
+                found.report("W112", message, here[0].span, hint=f"did you mean the variable `{name.upper()}`?")
 
 
 def _are_one_set(here: list[Place], there: list[Place]) -> bool:
@@ -145,8 +133,8 @@ def _is_slip(one: str, other: str) -> bool:
 # ---- where symbols stand
 
 
-def _places(module: Module, types: Types) -> Iterator[tuple[str, Place]]:
-    for item in module.items:
+def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, Place]]:
+    for item in items:
         for use in uses(item):
             fact, name = use.fact, use.fact.name.text
             written = use.role in _WRITING and fact.mark is not Mark.GOAL

@@ -13,7 +13,7 @@ from rmr.lang.misspelt import Speller
 from rmr.lang.names import Names, Role, uses
 from rmr.lang.octets import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
 from rmr.lang.supply import Known, Supply
-from rmr.lang.symbols import doubt_symbols
+from rmr.lang.symbols import doubt_letters, doubt_symbols
 from rmr.lang.syntax import (
     Aggregate,
     Assertion,
@@ -63,6 +63,8 @@ class _Doubts:
         self._doubted: set[str] = set()
         self._symbols: dict[str, int] = {}
         """How often each is used."""
+        self._letters: dict[str, Item | None] = {}
+        """Those of one letter, each with the item that it stands in if there is only one."""
         self._once: list[Variable] = []
         for item in module.items:
             self._look_at(item)
@@ -77,9 +79,14 @@ class _Doubts:
             elif isinstance(node, Literal):
                 for each in leaves(node.value):
                     if isinstance(each, Symbol):
-                        self._symbols[each] = self._symbols.get(each, 0) + 1
+                        self._count(each, item)
         if isinstance(item, Rule | Assertion):
             self._once += [each for each in variables.values() if each is not None and not each.anonymous]
+
+    def _count(self, symbol: Symbol, item: Item) -> None:
+        self._symbols[symbol] = self._symbols.get(symbol, 0) + 1
+        if len(symbol) == 1:
+            self._letters[symbol] = item if self._letters.get(symbol, item) is item else None
 
     def run(self) -> None:
         for variable in self._once:
@@ -102,6 +109,7 @@ class _Doubts:
         if not self._module.broken:
             self._absences()
             self._unstarted()
+        doubt_letters(self._letters, self._types, self._found)
         doubt_symbols(self._module, self._symbols, self._types, self._found)
         warn_endless(self._module, self._names, self._found)
 
