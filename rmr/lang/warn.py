@@ -106,11 +106,11 @@ class _Doubts:
                 case _:
                     pass
         self._speller.types(self._module)
+        doubt_letters(self._letters, self._types, self._found)
+        doubt_symbols(self._module, self._symbols, self._types, self._found)
         if not self._module.broken:
             self._absences()
             self._unstarted()
-        doubt_letters(self._letters, self._types, self._found)
-        doubt_symbols(self._module, self._symbols, self._types, self._found)
         warn_endless(self._module, self._names, self._found)
 
     def _absences(self) -> None:
@@ -211,15 +211,19 @@ class _Doubts:
     # ---- facts that nobody derives
 
     def _unreachable(self, goal: Fact, known: Known) -> None:
-        if not self._supply.may_match(goal, known):
+        if not self._supply.may_match(goal, known) and not self._is_misspelt(goal):
             message = f"nothing in the program derives a fact that matches `?{goal.name.text}(...)`"
             self._found.report("W103", message, goal.span, hint=self._missing(goal))
 
     def _unfinished(self, finish: Fact) -> None:
-        if not self._supply.may_match(finish, {}):
+        if not self._supply.may_match(finish, {}) and not self._is_misspelt(finish):
             message = f"nothing in the program derives a fact that matches `{finish.name.text}(...)`"
             message += "; jobs are late unless one comes from outside"
             self._found.report("W104", message, finish.span, hint=self._missing(finish))
+
+    def _is_misspelt(self, fact: Fact) -> bool:
+        """Whether an argument has been reported as misspelt."""
+        return any(self._found.reported_at("W112", argument.span) for argument in fact.arguments)
 
     def _missing(self, fact: Fact) -> str | None:
         """Return the hint for a fact that nothing derives."""

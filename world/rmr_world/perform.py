@@ -58,7 +58,7 @@ def _check_program(lab: Lab, path: Path) -> None:
     from rmr_world.program import ProgramError, load_program  # noqa: PLC0415
 
     try:
-        judged(lab, load_program(path))
+        judged(lab, load_program(path, stated=[fact.name for fact in lab.stated_facts]))
     except ProgramError as error:
         raise InvalidError(str(error)) from None
 

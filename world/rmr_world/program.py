@@ -4,6 +4,7 @@ Used by whoever starts a lab: the simulator, the launcher, the world server. A r
 carries byte-code only.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,11 +37,14 @@ class LoadedProgram:
     """The compiler's warnings, rendered; empty when there are none."""
 
 
-def load_program(path: Path, *, color: bool = False) -> LoadedProgram:
-    """Return the program in `path`, a ``.rmr`` or ``.rbc`` file. Raises ProgramError with all that is wrong."""
+def load_program(path: Path, *, color: bool = False, stated: Iterable[str] = ()) -> LoadedProgram:
+    """Return the program in `path`, a ``.rmr`` or ``.rbc`` file. Raises ProgramError with all that is wrong.
+
+    Facts of the predicates `stated` come from the lab: the compiler does not miss them.
+    """
     if path.suffix == ".rbc":
         return _load_bytecode(path)
-    compilation = compile_file(path)
+    compilation = compile_file(path, dict.fromkeys(stated, False))
     text = render_text(compilation.diagnostics, compilation.sources, color)
     if compilation.program is None:
         raise CompileError(text, to_json(compilation.diagnostics, compilation.sources))
@@ -55,7 +59,7 @@ def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
         line, column = lab.places.get(("program",), (1, 1))
         message = f"there is no file {lab.program}{near_miss(lab.program.name, beside)}"
         raise LabError([Problem(str(lab.path), line, column, "program", message)])
-    return load_program(lab.program, color=color)
+    return load_program(lab.program, color=color, stated=[fact.name for fact in lab.stated_facts])
 
 
 def _load_bytecode(path: Path) -> LoadedProgram:
