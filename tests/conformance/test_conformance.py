@@ -22,10 +22,25 @@ SOURCES = sorted(CASES.glob("*.rmr"))
 REWRITE = bool(os.environ.get("RMR_REWRITE"))
 
 
+DRIVEN = "W115"
+"""A program that nothing starts: the scripts beside the cases insert the facts."""
+
+WARNED = {
+    "budget": {"W113"},  # the budget ends a rule that never stops
+    "assertion": {"W116"},
+    "assertion_across": {"W116"},
+    "assertion_for_one": {"W116"},
+    "assertion_holds": {"W116"},
+    "assertion_reported": {"W116"},
+}
+"""Cases with warnings that are meant; jobs that no action serves have no turns."""
+
+
 def compiled(source: Path) -> bytes:
     compilation = compile_file(source)
     assert compilation.program is not None, compilation.diagnostics
-    assert compilation.diagnostics == []
+    found = {each.code for each in compilation.diagnostics} - {DRIVEN}
+    assert found == WARNED.get(source.stem, set())
     return encode(compilation.program, debug=False)
 
 

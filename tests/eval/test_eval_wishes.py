@@ -197,6 +197,12 @@ def test_any_predicate_may_come_from_outside(bench, text, fact, expected):
     assert "W102" not in bench.told(text, "--insert", f"1s: {fact}")
 
 
+def test_a_program_that_an_inserted_fact_starts_is_not_called_unstarted(bench):
+    text = "type s(robot). s(R) -o t(R)."
+    assert "W115" in bench.told(text)
+    assert "W115" not in bench.told(text, "--insert", "1s: s(@1)")
+
+
 def test_a_bang_makes_an_undeclared_predicate_persistent_and_leaves_its_fact_in_place(bench):
     assert facts(bench.run("s(R, X) -o t(R, X).", "--insert", "1s: !s(@1, 5)")) == ["!s(@1, 5)", "t(@1, 5)"]
 

@@ -11,7 +11,8 @@ from rmr.lang.render import render_text
 WORDS = (
     "type action sensor list const include order assert watch not then else true false random textual robot int float "
     'area p q r at turn moveto location R X Y _ @1 @2 0 1 2.5 500ms "s" ( ) [ ] { } | || && = != <> < <= > >= + - * / '
-    "% ! ? $ : , , , . . . -o -o => if min abs now id dist len nth member sort rest count sum max collect ; == -> and"
+    "% ! ? $ : , , , . . . -o -o => if min abs now id dist len nth member sort rest count sum max collect ; == -> and "
+    "is then if mod :- <- \\+ # -- 'quoted' “smart” → ≥ null true_ @N @all seconds .5 5. 0x1f += ** left-arm def import"
 )
 
 FACTS = st.sampled_from(
