@@ -7,6 +7,8 @@ The world is the router and starts first, but nobody waits for it: robots are st
 listens, so that the whole start costs what the slowest process costs. The lab clock begins when every robot is
 ready (``rmr-world --when-ready``). A run is over when every robot holds the finish fact, when the lab's duration
 has passed, or when a process has died; robots stop before the world, which is asked last for the final truth.
+With ``--keep-going`` a run goes on without a robot that died. A person may start that robot again by hand: from its
+liveliness token on it counts like any other, though its process is not the launcher's to end.
 Every wait here is bounded by a named constant.
 """
 
@@ -19,7 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rmr.base.ids import spelled
-from rmr_deploy.obituary import obituary
+from rmr_deploy.obituary import how, obituary
 from rmr_deploy.plan import INVALID, Plan, free_port
 from rmr_deploy.running import write_processes
 from rmr_deploy.screen import Line, Screen
@@ -53,7 +55,7 @@ class Outcome:
     """What came of a run."""
 
     finished: bool = False
-    """Every robot held the finish fact (or the lab asks for none and its duration has passed)."""
+    """Every robot of the lab held the finish fact (or the lab asks for none and its duration has passed)."""
     reason: str = ""
     """Why the run ended, for people."""
     interrupted: bool = False
@@ -80,6 +82,8 @@ class Run:
         self._family = Family()
         self._world: Child | None = None
         self._robots: dict[int, Child] = {}
+        self._returned: set[int] = set()
+        """Robots whose process died and that another process, started by hand, is now."""
         self._limit_s = plan.wishes.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
         self._drawn = 0.0
@@ -151,18 +155,27 @@ class Run:
 
     def _finished(self) -> bool:
         """Whether the run has reached its end in good order."""
-        watch, lab = self.watch, self.plan.lab
+        watch, lab, outcome = self.watch, self.plan.lab, self.outcome
         assert watch is not None
-        if lab.finish and watch.finished(self._living()):
-            self.outcome.finished = not self.outcome.died
-            self.outcome.reason = "every robot holds the finish fact"
+        living = self._living()
+        absent = sorted(set(lab.roster) - set(living))
+        if lab.finish and watch.finished(living):
+            outcome.finished = not absent
+            outcome.reason = "every robot holds the finish fact"
+            if absent:
+                outcome.reason = f"every robot that lives holds the finish fact; {_names(absent)} died"
         elif watch.now >= lab.duration:
-            self.outcome.finished = not lab.finish and not self.outcome.died
-            self.outcome.reason = f"the lab's duration of {self.plan.duration_s:g} s has passed"
-        return bool(self.outcome.reason)
+            outcome.finished = not lab.finish and not absent
+            outcome.reason = f"the lab's duration of {self.plan.duration_s:g} s has passed"
+        if outcome.finished and outcome.died:
+            outcome.reason += f"; {', '.join(outcome.died)} died on the way and was started again"
+        return bool(outcome.reason)
 
     def _living(self) -> tuple[int, ...]:
-        return tuple(robot for robot, child in self._robots.items() if child.name not in self.outcome.died)
+        return tuple(robot for robot in self._robots if self._lives(robot))
+
+    def _lives(self, robot: int) -> bool:
+        return robot in self._returned or self._robots[robot].name not in self.outcome.died
 
     async def _until(self, claim: Callable[[], bool]) -> None:
         """Wait until `claim` holds, or the run must end: `outcome.reason` is then set."""
@@ -178,6 +191,7 @@ class Run:
         """Find a reason to end the run before its time."""
         elapsed_s = time.monotonic() - self._began
         self._mourn()
+        self._welcome()
         if self.outcome.reason:
             return
         if self.outcome.interrupted:
@@ -202,8 +216,29 @@ class Run:
             self.outcome.died[child.name] = code
             self.outcome.invalid |= code == INVALID
             self._screen.say(obituary(child))
+            if self.watch is not None:
+                for robot in self._robots_of(child):
+                    self.watch.bury(robot)
         if news and not (self.plan.wishes.keep_going and self._can_go_on()):
             self.outcome.reason = f"{', '.join(self.outcome.died)} died"
+
+    def _welcome(self) -> None:
+        """Count robots in that were started again by hand, and out when they leave."""
+        watch = self.watch
+        if watch is None:
+            return
+        for robot, child in self._robots.items():
+            here = child.name in self.outcome.died and robot in watch.present
+            if here and robot not in self._returned:
+                self._returned.add(robot)
+                self._screen.say(f"robot {robot} is back: another process has taken its place")
+            elif robot in self._returned and not here:
+                self._returned.discard(robot)
+                watch.bury(robot)
+                self._screen.say(f"robot {robot} has left again")
+
+    def _robots_of(self, child: Child) -> list[int]:
+        return [robot for robot, one in self._robots.items() if one is child]
 
     def _can_go_on(self) -> bool:
         return self.outcome.ready_s is not None and "world" not in self.outcome.died and bool(self._living())
@@ -217,9 +252,8 @@ class Run:
         self._screen.show(lab_s, [self._line(robot) for robot in roster])
 
     def _line(self, robot: int) -> Line:
-        code = self.outcome.died.get(self._robots[robot].name)
-        if code is not None:
-            return Line(robot, "died", f"exit code {code}")
+        if not self._lives(robot):
+            return Line(robot, "died", how(self._robots[robot].exit_code()))
         return Line(robot, *(("starting", "") if self.watch is None else self.watch.line(robot)))
 
     # --- stop ----------------------------------------------------------------------------------------------
@@ -231,6 +265,7 @@ class Run:
             for robot in self.plan.lab.roster:
                 watch.ask_to_stop(robot, self.outcome.reason)
             await self._patiently(lambda: all(self._has_said_its_last(robot) for robot in self._robots))
+            self._tell_of_the_silent()
             await self._family.left(robots, LEAVE_S_MAX)
         await self._end(robots, asked=not self._gone(self._world))
         assert self._world is not None
@@ -250,7 +285,17 @@ class Run:
             self._screen.say(f"{', '.join(stubborn)} did not leave at SIGTERM and got SIGKILL")
 
     def _has_said_its_last(self, robot: int) -> bool:
-        return self._gone(self._robots[robot]) or (self.watch is not None and self.watch.final(robot))
+        if self.watch is not None and self.watch.final(robot):
+            return True
+        return self._gone(self._robots[robot]) and robot not in self._returned
+
+    def _tell_of_the_silent(self) -> None:
+        """Name the robots whose last word did not come: the report then holds what they told before."""
+        silent = [robot for robot in self._robots if not self._has_said_its_last(robot)]
+        if silent and not self.outcome.hurried:
+            self._screen.say(
+                f"{_names(silent)} did not tell the end within {FINAL_S_MAX:g} s: the report has what was told before"
+            )
 
     @staticmethod
     def _gone(child: Child | None) -> bool:
@@ -269,6 +314,11 @@ class Run:
                 for line in said(child.output):
                     self._screen.say(f"{child.name}: {line}")
                 child.output.unlink(missing_ok=True)
+
+
+def _names(robots: Sequence[int]) -> str:
+    """Return the robots as a sentence has them."""
+    return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"
 
 
 def said(output: Path) -> list[str]:

@@ -10,12 +10,13 @@ from typing import Any
 from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan
 from rmr_deploy.watch import Watch
+from rmr_world.lives import cut_short, of_all_lives
 from rmr_world.report import assemble
 
 
 def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, Any]:
     """Return the report of a run that is over; `watch` is None when nobody was ever heard."""
-    parts = {robot: dict(watch.report(robot)) if watch else {} for robot in plan.lab.roster}
+    parts = {robot: _part(watch, robot) if watch else {} for robot in plan.lab.roster}
     buses = [part.pop("bus", {}) for part in parts.values()]
     report = assemble(
         plan.lab,
@@ -30,6 +31,15 @@ def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, 
     )
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**report, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
+
+
+def _part(watch: Watch, robot: int) -> dict[str, Any]:
+    """Return a robot's part over all of its lives; of one that died and did not return, what it told last."""
+    past = [cut_short(part) for part in watch.past(robot)]
+    present = watch.report(robot)
+    if not present and past:
+        present = past.pop()
+    return of_all_lives(past, present)
 
 
 def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: Outcome, watch: Watch | None) -> float:

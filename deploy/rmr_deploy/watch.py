@@ -1,16 +1,19 @@
 """What the launcher hears on the bus of the run: the latest status of everybody, and the truth of the world.
 
-The launcher is one more client of the star. It knows only what the processes say; whether a process lives at
-all is the supervisor's knowledge. Nothing is asked for again: statuses come several times a second, and the last
+The launcher is one more client of the star. It knows only what the processes say; whether a process that it started
+lives is the supervisor's knowledge. Nothing is asked for again: statuses come several times a second, and the last
 one of each sender is marked as final.
+
+A robot whose process has died is *lost* until another process takes its place, which its liveliness token shows. What
+is told under the session number of the dead process is then of an earlier life.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
 from rmr.bus import wire
-from rmr.bus.keys import WORLD, Keys
+from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
 from rmr.bus.session import Bus, open_when_there
 
 AT_WORK = ("ready", "running", "finished")
@@ -24,10 +27,21 @@ class Watch:
         self._bus = bus
         self._keys = Keys(lab)
         self.robots: dict[int, wire.Status] = {}
+        """The newest status of each robot, of its present life alone."""
         self.world: wire.Status | None = None
         self.truth: wire.Truth | None = None
+        self.present: set[int] = set()
+        """Robots whose liveliness token stands."""
+        self._sessions: dict[int, int] = {}
+        """Session number of each robot's newest status."""
+        self._dead_sessions: dict[int, set[int]] = {}
+        self._parts: dict[int, Mapping[str, Any]] = {}
+        """The newest part of the report of each robot's present life."""
+        self._past: dict[int, list[Mapping[str, Any]]] = {}
+        """Likewise of the lives before it, as last heard."""
         bus.subscribe(self._keys.statuses, self._status)
         bus.subscribe(self._keys.truth, self._truth)
+        bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 
     @classmethod
     async def of(cls, lab: str, endpoint: str) -> "Watch":
@@ -39,12 +53,29 @@ class Watch:
             return
         if message.sender == wire.WORLD_ID:
             self.world = message.body
-        elif message.sender >= 0:
+        elif message.sender >= 0 and message.run not in self._dead_sessions.get(message.sender, ()):
             self.robots[message.sender] = message.body
+            self._sessions[message.sender] = message.run
+            if message.body.report:
+                self._parts[message.sender] = message.body.report
 
     def _truth(self, _key: str, message: wire.Envelope) -> None:
         if isinstance(message.body, wire.Truth):
             self.truth = message.body
+
+    def _alive(self, key: str, alive: bool) -> None:
+        robot = last_id(key)
+        if robot is not None:
+            (self.present.add if alive else self.present.discard)(robot)
+
+    def bury(self, robot: int) -> None:
+        """Note that the process that was `robot` has died: whoever shows its token from now on is its next life."""
+        self.present.discard(robot)
+        if robot in self._sessions:
+            self._dead_sessions.setdefault(robot, set()).add(self._sessions[robot])
+        if robot in self._parts:
+            self._past.setdefault(robot, []).append(self._parts.pop(robot))
+        self.robots.pop(robot, None)
 
     @property
     def now(self) -> Instant:
@@ -58,15 +89,15 @@ class Watch:
         """Likewise, in seconds."""
         return in_seconds(self.now)
 
-    def ready(self, roster: tuple[int, ...]) -> bool:
+    def ready(self, roster: Sequence[int]) -> bool:
         """Whether every robot of `roster` is ready, or at work already."""
         return all(self._state(robot) in AT_WORK for robot in roster)
 
-    def running(self, roster: tuple[int, ...]) -> bool:
+    def running(self, roster: Sequence[int]) -> bool:
         """Whether the lab clock runs for a robot of `roster`."""
         return any(self._state(robot) in AT_WORK[1:] for robot in roster)
 
-    def finished(self, roster: tuple[int, ...]) -> bool:
+    def finished(self, roster: Sequence[int]) -> bool:
         """Whether every robot of `roster` holds the finish fact."""
         return all((status := self.robots.get(robot)) is not None and status.finished for robot in roster)
 
@@ -76,9 +107,12 @@ class Watch:
         return status is not None and status.final
 
     def report(self, robot: int) -> Mapping[str, Any]:
-        """Return the robot's part of the report as last heard; empty when nothing was."""
-        status = self.robots.get(robot)
-        return {} if status is None else status.report
+        """Return the part of the report of the robot's present life as last heard; empty when nothing was."""
+        return self._parts.get(robot, {})
+
+    def past(self, robot: int) -> Sequence[Mapping[str, Any]]:
+        """Return the parts of the report of the robot's earlier lives as last heard, oldest first."""
+        return self._past.get(robot, ())
 
     def _state(self, robot: int) -> str:
         status = self.robots.get(robot)

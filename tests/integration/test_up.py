@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 
 import pytest
 from launched import CORRIDOR, LABS, TESTBED, UP, Launched, eventually
@@ -155,6 +156,51 @@ def test_the_others_pass_the_corridor_without_a_leader_or_a_follower_that_died(u
     assert report["collisions"] == 0
     assert report["died"] == {f"robot-{dead}": -9}
     assert run.left() == []
+
+
+def by_hand(run, robot):
+    """Start a robot of a run by hand, as a person would; return its process."""
+    endpoint = json.loads((run.folder / "processes.json").read_text())["connect"]
+    words = [sys.executable, "-P", "-m", "rmr_agent.main", "--id", str(robot), "--connect", endpoint]
+    with (run.folder / f"by-hand-{robot}").open("w") as said:
+        return subprocess.Popen([*words, str(run.folder / "dash.rbc")], stdout=said, stderr=said)
+
+
+def test_with_keep_going_a_robot_started_again_by_hand_restarts_in_the_report_and_the_run_waits_for_it(up, lab):
+    run = up(lab("lab.yaml", "robots:\n", "robot: {speed: 0.04}\nrobots:\n"), "--keep-going").running()
+    os.kill(run.pids["robot-2"], signal.SIGKILL)
+    eventually(lambda: "robot 2  died" in run.out)
+    process = by_hand(run, 2)
+    try:
+        eventually(lambda: "robot 2 is back" in run.out)
+        assert run.wait(80) == 1, "a process died"
+        assert process.wait(10) == 0, "it is asked to stop like the others"
+    finally:
+        process.kill()
+        process.wait()
+    report = run.report()
+    assert report["finished"], run.out
+    assert report["reason"].startswith("every robot holds the finish fact; robot-2 died")
+    assert report["died"] == {"robot-2": -9}
+    assert [report["robots"][robot]["restarts"] for robot in "123"] == [0, 1, 0]
+    assert all(part["finish_s"] is not None for part in report["robots"].values())
+    assert report["time_s"] == max(part["finish_s"] for part in report["robots"].values())
+    assert run.out.index("robot 2 is back") < run.out.rindex("robot 2  finished")
+    assert run.left() == []
+
+
+def test_with_keep_going_a_robot_started_by_hand_that_dies_too_is_waited_for_no_longer(up, lab):
+    run = up(lab("lab.yaml", "robots:\n", "robot: {speed: 0.04}\nrobots:\n"), "--keep-going").running()
+    os.kill(run.pids["robot-2"], signal.SIGKILL)
+    process = by_hand(run, 2)
+    eventually(lambda: "robot 2 is back" in run.out)
+    process.kill()
+    process.wait()
+    eventually(lambda: "robot 2 has left again" in run.out)
+    assert run.wait(80) == 1
+    report = run.report()
+    assert (report["finished"], report["robots"]["2"]["finish_s"]) == (False, None)
+    assert report["reason"] == "every robot that lives holds the finish fact; robot 2 died"
 
 
 def test_a_launcher_that_is_killed_takes_every_process_with_it(up):

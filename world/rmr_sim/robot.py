@@ -26,7 +26,7 @@ from rmr.base.values import Value
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
-from rmr_world.deadlines import DIED
+from rmr_world.lives import cut_short, of_all_lives
 
 if TYPE_CHECKING:
     from rmr_sim.simulation import Simulation
@@ -35,14 +35,6 @@ SAMPLES_MAX: Final = 240
 """Samples that wait for a node that is not called, as in a process; the oldest go first."""
 FRAMES_MAX: Final = 512
 """Frames, and outcomes, likewise."""
-
-COUNTED: Final = (
-    "actions_failed", "actions_omitted", "assertions_omitted", "expression_failures", "undelivered", "ticks",
-    "ticks_late", "tasks_skipped",
-)  # fmt: skip
-LISTED: Final = ("assertions", "actions")
-FIRST: Final = ("first_failure", "first_undelivered")
-"""Of the report, what is that of all lives together."""
 
 T = TypeVar("T")
 
@@ -197,7 +189,7 @@ class SimulatedRobot:
         self.x, self.y, _ = self._simulation.world.pose(self.robot)
         self.station.move(self.x, self.y)
         self.station.switch_on(rng, self._simulation.security(self.robot, epoch))
-        self._past.append(_died(robot_report(self.node, {})))
+        self._past.append(cut_short(robot_report(self.node, {})))
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
         self.alive = self.still = True
@@ -244,17 +236,7 @@ class SimulatedRobot:
         """Return its part of the report: what its nodes counted and did, and what the present one holds."""
         part = robot_report(self.node, self.station.counters.as_dict(), self.restarts)
         if not self.alive:
-            part = _died(part)
-        for name in COUNTED:
-            part[name] += sum(past[name] for past in self._past)
-        for name in LISTED:
-            part[name] = [item for past in (*self._past, part) for item in past[name]]
-        for name in FIRST:
-            part[name] = next((past[name] for past in (*self._past, part) if past[name] is not None), None)
+            part = cut_short(part)
+        part = of_all_lives(self._past, part)
         part["distance_m"] = round(self._simulation.world.distance_m(self.robot), 3)
         return part
-
-
-def _died(part: dict[str, Any]) -> dict[str, Any]:
-    """Return the report of a node that has died, with the jobs marked that its death has left undecided."""
-    return part | {"assertions": [job | {"cause": DIED} if job["met"] is None else job for job in part["assertions"]]}

@@ -163,7 +163,8 @@ def test_a_robot_that_dies_ends_the_run_and_leaves_its_last_known_part(start):
 
 def test_with_keep_going_the_others_finish_and_the_exit_code_is_1_all_the_same(start):
     outcome, report = end(start("finish", "crash", keep_going=True))
-    assert outcome.reason == "every robot holds the finish fact"
+    assert outcome.reason == "every robot that lives holds the finish fact; robot 2 died"
+    assert not report["finished"]
     assert report["robots"]["1"]["finish_s"] == 0.3
     assert exit_code(outcome, report, strict=False) == 1
 
