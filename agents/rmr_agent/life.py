@@ -164,6 +164,7 @@ class Life:
         """Lab time at which the timer rings."""
         self._begun_cpu = 0
         self._air = send.air
+        self._beacons = len(config.arena.beacons)
         self.link = RadioLink(station, self.now, send.air.publish)
         self.body = BusBody(send.act)
         self.node = Node(config, loaded.program, Ports(self.link, self.body, self._spent), handlers, loaded.digest)
@@ -189,6 +190,9 @@ class Life:
 
     def sense(self, sample: wire.Sense) -> None:
         """Take in a sample of the body."""
+        if sample.ranges and max(sample.ranges)[0] >= self._beacons:
+            self.link.malformed += 1  # of another arena: a world has begun anew, and the robot has not noticed yet
+            return
         first = self.body.place is None
         self._clock.hear(sample.stamp)
         self.body.feed(sample)

@@ -29,6 +29,7 @@ from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
 from rmr_agent.life import Life, Sender, floor_grid, make_station, node_config, phase_of
 from rmr_agent.secured import make_security
+from rmr_agent.telling import Telling
 
 SAY_AGAIN_S = 5.0
 """How often a waiting robot says that it waits."""
@@ -101,6 +102,7 @@ class HostedRobot:
         self._told_s = 0.0
         self._failures: list[str] = []
         self._bus = bus
+        self._telling = Telling(bus, self._say_failure)
 
     def _say_waiting(self) -> None:
         whose = "the" if self._keys.lab == ANY_LAB else f"lab {self._keys.lab}'s"
@@ -149,11 +151,18 @@ class HostedRobot:
                 )
             elif not maps:
                 self._waiting()
+                self._say_not_understood()
             elif self._accepted(maps[0][1], patience_s):
                 self._keys = Keys(maps[0][1].lab)
                 self._waiting.over()
                 return maps[0][0]
             await asyncio.sleep(ASK_AGAIN_S)
+
+    def _say_not_understood(self) -> None:
+        """Say once what is wrong with an answer that is no map: its world may be of another version of rmr."""
+        if self._bus.losses.malformed_last.startswith("Map:"):
+            what = self._bus.losses.malformed_last
+            self._say_failure(f"what answers at {self._connect} is no world that this robot understands ({what})")
 
     def _accepted(self, known: wire.Map, patience_s: float) -> bool:
         robot = self._robot
@@ -275,9 +284,9 @@ class HostedRobot:
         """Publish the robot's state at changes and twice a second."""
         while True:
             await asyncio.sleep(STATUS_S)
-            self._publish_status(final=False)
+            await self._publish_status(final=False)
 
-    def _publish_status(self, *, final: bool) -> None:
+    async def _publish_status(self, *, final: bool) -> None:
         life = self._life
         if life is None:
             return
@@ -290,9 +299,8 @@ class HostedRobot:
         if not (final or due or news != self._told):
             return
         self._told, self._told_s = news, time.monotonic()
-        self._bus.publish(
-            self._keys.status(self._robot), wire.Status(state, news[1], finished, final, now, self._report(life))
-        )
+        status = wire.Status(state, news[1], finished, final, now, {})
+        await self._telling.tell(self._keys.status(self._robot), status, lambda: self._report(life))
 
     def _report(self, life: Life) -> dict[str, Any]:
         losses = self._bus.losses
@@ -345,7 +353,7 @@ class HostedRobot:
     async def _leave(self) -> None:
         """Tell for the last time."""
         if self._life is not None:
-            self._publish_status(final=True)
             self._life.end()
+            await self._publish_status(final=True)
             await asyncio.sleep(FLUSH_S)
         self._bus.close()

@@ -15,6 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from rmr.base.printable import printable
 from rmr_world.report import COLUMNS, rows, several_jobs
 
 MEASURED = re.compile(r"-?\d+\.\d+")
@@ -111,11 +112,6 @@ def _drawn(line: Line) -> Text:
     return text.append(f"{line.state:<9} ", COLOURS.get(line.state, "")).append(printable(line.progress))
 
 
-def printable(text: str) -> str:
-    """Return `text` without what could steer a terminal: a robot may say anything."""
-    return "".join(char if char.isprintable() or char == "\n" else "?" for char in text)
-
-
 def table(report: Mapping[str, Any]) -> Table:
     """Return the table of a report: robot, deadline, finish, lateness, met; the job where a robot has several."""
     drawn = Table(box=None, pad_edge=False, header_style="bold")
@@ -126,5 +122,5 @@ def table(report: Mapping[str, Any]) -> Table:
         drawn.add_column("job")
     for row in rows(report):
         *cells, met = row.cells()
-        drawn.add_row(*cells, Text(met, MET_COLOURS[row.met]), *([Text(row.job)] if several else []))
+        drawn.add_row(*cells, Text(met, MET_COLOURS[row.met]), *([Text(printable(row.job))] if several else []))
     return drawn

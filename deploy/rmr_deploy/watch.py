@@ -39,7 +39,7 @@ class Watch:
         """The newest part of the report of each robot's present life."""
         self._past: dict[int, list[Mapping[str, Any]]] = {}
         """Likewise of the lives before it, as last heard."""
-        bus.subscribe(self._keys.statuses, self._status)
+        bus.subscribe(self._keys.statuses, self._status, whole=True)
         bus.subscribe(self._keys.truth, self._truth)
         bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 

@@ -18,6 +18,8 @@
 import re
 from dataclasses import dataclass
 
+from rmr.base.values import ROBOT_ID_MAX
+
 WORLD = "world"
 """The world's name where robots have their id."""
 
@@ -27,6 +29,9 @@ WORLD_ROLE = "world"
 
 LAB_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 """A lab's name is one chunk of a key, so it holds none of zenoh's separators and wild cards (``/ * $ # ? @``)."""
+
+ID = re.compile("0|[1-9][0-9]{0,4}", re.ASCII)
+"""A robot's id as keys spell it."""
 
 ANY_LAB = "*"
 """In place of a lab's name: whichever lab is there."""
@@ -102,6 +107,8 @@ class Keys:
 
 
 def last_id(key: str) -> int | None:
-    """Return the number at the end of an `alive` key, or None when there is none."""
+    """Return the robot's id at the end of an `alive` key, or None when there is none."""
     text = key.rsplit("/", 1)[-1]
-    return int(text) if text.isascii() and text.isdigit() else None
+    if ID.fullmatch(text) is None:
+        return None
+    return int(text) if int(text) <= ROBOT_ID_MAX else None

@@ -18,6 +18,7 @@ from zenoh.handlers import Callback
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
+from rmr.bus.parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
 """How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""
@@ -35,11 +36,13 @@ class Owner(Protocol):
 class Listener:
     """One wish to hear what comes on a key."""
 
-    __slots__ = ("handler", "owner", "wanted")
+    __slots__ = ("handler", "owner", "wanted", "whole")
 
-    def __init__(self, owner: Owner, handler: Handler) -> None:
+    def __init__(self, owner: Owner, handler: Handler, whole: bool = False) -> None:
+        """`whole`: also what comes in parts is put together for it; else it hears nothing of that."""
         self.owner = owner
         self.handler = handler
+        self.whole = whole
         self.wanted = True
 
 
@@ -52,6 +55,7 @@ class Line:
         self.run = random.SystemRandom().getrandbits(48)
         """The random number of this session, as its messages carry it."""
         self._topics: dict[str, tuple[Any, list[Listener]]] = {}
+        self._unfinished = Unfinished()
         self._senders = 0
         self._leaving: list[threading.Thread] = []
 
@@ -100,8 +104,9 @@ class Line:
 
         return called
 
-    @staticmethod
-    def _taker(listeners: list[Listener]) -> Take:
+    def _taker(self, listeners: list[Listener]) -> Take:
+        unfinished = self._unfinished
+
         def take(item: tuple[Any, bytes], _arrived: int) -> None:
             sample, data = item
             if not listeners or sample.kind != zenoh.SampleKind.PUT:
@@ -109,10 +114,16 @@ class Line:
             key, losses = str(sample.key_expr), listeners[0].owner.losses  # what the line loses counts once
             try:
                 message = wire.decode(data)
-            except MalformedError:
-                losses.malformed += 1
+                losses.note(key, message)
+                if isinstance(message.body, wire.Part):
+                    patient = [listener for listener in listeners if listener.whole]
+                    whole = unfinished.add(key, message) if patient else None
+                    if whole is not None:
+                        hand_on(tuple(patient), key, whole)
+                    return
+            except MalformedError as error:
+                losses.drop(error)
                 return
-            losses.note(key, message)
             hand_on(tuple(listeners), key, message)
 
         return take

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar
 
+from rmr.base.printable import printable
 from rmr.bus.bridge import PreciseLoop
 
 Result = TypeVar("Result")
@@ -59,7 +60,7 @@ class JsonLines(logging.Formatter):
 
 
 class Plain(logging.Formatter):
-    """One line for a person; a traceback goes to the log file alone."""
+    """One printable line for a person; a traceback goes to the log file alone."""
 
     def __init__(self, who: str) -> None:
         super().__init__()
@@ -67,7 +68,7 @@ class Plain(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         """Return `record` as one line."""
-        return f"{self._who}: {record.getMessage()}"
+        return f"{self._who}: {printable(record.getMessage())}"
 
 
 class LogFile(logging.FileHandler):

@@ -6,7 +6,8 @@ on that key. A receiver therefore knows how many messages the middleware lost be
 must never be mistaken for radio loss.
 
 A peer's mistake is counted and dropped, never an exception that travels: `decode` raises `MalformedError` and
-nothing else, whatever the octets, and a message that it returns has the declared types throughout.
+nothing else, whatever the octets, and a message that it returns has the declared types throughout, within the bounds
+of `rmr.bus.checks`: handlers use it as it is.
 Each type is one named tuple and one row of `TABLE`; nothing else lists them.
 """
 
@@ -26,16 +27,24 @@ from rmr.bus.checks import (
     each,
     flag,
     group,
+    instant,
     integer,
-    number,
+    lab_name,
+    length,
+    name,
+    octets,
     one_of,
     optional,
     pack_value,
-    record,
+    people,
+    place,
+    quantity,
     robot,
-    text,
     value,
 )
+from rmr.bus.checks import sender as sender_check
+from rmr.bus.mapchecks import BEACONS_MAX, floor, radio
+from rmr.bus.reportchecks import report
 from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
@@ -46,7 +55,25 @@ OPERATOR_ID: Final = -2
 """A person's command as a sender (``rmr up``, ``rmr ps``)."""
 
 MESSAGE_OCTETS_MAX: Final = 1 << 20
-"""The largest message that is read; a map with thousands of obstacles stays well below."""
+"""The largest message that travels as one; a map with thousands of obstacles stays well below. What is larger is sent
+in parts (`rmr.bus.parts`)."""
+
+PART_OCTETS_MAX: Final = 1 << 17
+"""The most of a larger message that one `Part` carries."""
+
+WHOLE_OCTETS_MAX: Final = 1 << 26
+"""The largest message in parts: a robot's part of the report with some 500,000 actions or facts."""
+
+PARTS_MAX: Final = WHOLE_OCTETS_MAX // PART_OCTETS_MAX
+
+ROBOTS_MAX: Final = 1000
+"""Robots of a lab."""
+
+FACTS_MAX: Final = 100_000
+"""Facts of a lab, and arguments of one fact."""
+
+LIVES_MAX: Final = 1 << 31
+"""Processes that have been one robot."""
 
 STATES: Final = ("waiting", "ready", "running", "finished", "stopped", "failed")
 """What a `Status` says: waiting for the world; ready to start; the lab clock runs; every wanted fact is held;
@@ -172,7 +199,7 @@ class Status(NamedTuple):
     """The last status: its sender leaves."""
     stamp: Instant
     report: dict[str, Any]
-    """Its part of the run's report."""
+    """Its part of the run's report; empty where it is large and was told a moment ago."""
 
 
 class Stop(NamedTuple):
@@ -201,6 +228,18 @@ class Disturbances(NamedTuple):
     """How many of them the lab file says."""
     refused: str
     """Why the wish was not granted; else empty."""
+
+
+class Part(NamedTuple):
+    """A piece of a message that is too large to travel as one."""
+
+    serial: int
+    """Which of the sender's messages in parts."""
+    place: int
+    """Of this piece among them, from 0."""
+    parts: int
+    """How many there are."""
+    octets: bytes
 
 
 # --- the table ------------------------------------------------------------------------------------------
@@ -241,6 +280,7 @@ Message = (
     | Stop
     | AskDisturbances
     | Disturbances
+    | Part
 )
 
 
@@ -256,42 +296,71 @@ class Row(NamedTuple):
     """Whether its receiver may leave it for a moment (`rmr.bus.bridge.PATIENCE`): nothing is decided by it before."""
 
 
-_XYZ: Final = group(number, number, number)
-_FOUR: Final = group(number, number, number, number)
-_SAMPLE: Final = (integer, number, number, number, number, each(group(count, number)), each(_FOUR), flag, _XYZ)
-_FACT: Final = group(text, optional(robot), each(value))
-_PATTERN: Final = group(text, each(optional(value)))
+_POSE: Final = group(place, place, quantity)
+_SEEN: Final = group(quantity, quantity, quantity, quantity)
+_SAMPLE: Final = (
+    instant,
+    quantity,
+    quantity,
+    quantity,
+    quantity,
+    each(group(count, length), BEACONS_MAX),
+    each(_SEEN, ROBOTS_MAX),
+    flag,
+    _POSE,
+)
+_FACT: Final = group(name, optional(robot), each(value, FACTS_MAX))
+_PATTERN: Final = group(name, each(optional(value), FACTS_MAX))
 _HELD: Final = each(disturbance, DISTURBANCES_MAX)
+
+
+def _roster(value: Any) -> tuple[int, ...]:
+    """Accept the ids of a lab's robots: at least one, none twice."""
+    ids: tuple[int, ...] = each(robot, ROBOTS_MAX)(value)
+    if not ids or len(set(ids)) < len(ids):
+        raise MalformedError("expected a lab's robots")
+    return ids
+
+
+def _lives(value: Any) -> int:
+    """Accept how many processes have been a robot."""
+    lives: int = count(value)
+    if lives > LIVES_MAX:
+        raise MalformedError("expected a count of lives")
+    return lives
+
+
 _LAB: Final = (
-    text,
+    lab_name,
     flag,
     flag,
-    count,
+    _lives,
     integer,
-    each(robot),
-    record,
-    record,
-    each(_FACT),
+    _roster,
+    floor,
+    radio,
+    each(_FACT, FACTS_MAX),
     optional(_PATTERN),
     one_of(CLOCK_STATES),
     _HELD,
 )
-_BODY: Final = group(robot, number, number, number, number)
+_BODY: Final = group(robot, place, place, quantity, length)
 
 TABLE: Final = (
     Row(1, Air, (announcement,), patient=True),
     Row(2, Sense, _SAMPLE, patient=True),
-    Row(3, Act, (number, number, integer), patient=True),
+    Row(3, Act, (quantity, quantity, instant), patient=True),
     Row(4, AskClock, ()),
-    Row(5, Clock, (one_of(CLOCK_STATES), integer, integer)),
+    Row(5, Clock, (one_of(CLOCK_STATES), instant, instant)),
     Row(6, AskMap, (robot, count)),
     Row(7, Map, _LAB, _pack_map),
-    Row(8, Truth, (integer, each(_BODY), count, optional(number), count, flag)),
-    Row(9, Status, (one_of(STATES), text, flag, flag, integer, record)),
-    Row(10, Stop, (text,)),
+    Row(8, Truth, (instant, each(_BODY, ROBOTS_MAX), count, optional(length), count, flag)),
+    Row(9, Status, (one_of(STATES), people, flag, flag, instant, report)),
+    Row(10, Stop, (people,)),
     Row(11, AskDisturbances, (one_of(WISHES), optional(disturbance)), _pack_wish),
-    Row(12, Disturbances, (text, integer, _HELD, count, text), _pack_disturbances),
+    Row(12, Disturbances, (lab_name, instant, _HELD, count, people), _pack_disturbances),
     Row(13, Handshake, (announcement,)),
+    Row(14, Part, (count, count, count, octets(PART_OCTETS_MAX))),
 )
 """Every type of message: its code on the wire, its form, the check of each field."""
 
@@ -315,9 +384,9 @@ def encode(sender: int, run: int, number: int, body: Message) -> bytes:
     return bytes(msgpack.packb([row.code, sender, run, number, *row.pack(body)]))
 
 
-def decode(data: bytes) -> Envelope:
+def decode(data: bytes, octets_max: int = MESSAGE_OCTETS_MAX) -> Envelope:
     """Return the message in `data`. Raises MalformedError."""
-    if len(data) > MESSAGE_OCTETS_MAX:
+    if len(data) > octets_max:
         raise MalformedError("too long")
     try:
         items = msgpack.unpackb(data)
@@ -331,8 +400,11 @@ def decode(data: bytes) -> Envelope:
         raise MalformedError("an unknown type of message")
     if len(fields) != len(row.checks):
         raise MalformedError(f"{row.kind.__name__} has {len(row.checks)} fields")
-    values = [check(field) for check, field in zip(row.checks, fields, strict=True)]
-    return Envelope(integer(sender), count(run), count(number), row.kind(*values))
+    try:
+        values = [check(field) for check, field in zip(row.checks, fields, strict=True)]
+    except MalformedError as error:
+        raise MalformedError(f"{row.kind.__name__}: {error}") from None
+    return Envelope(sender_check(sender), count(run), count(number), row.kind(*values))
 
 
 def is_patient(data: bytes) -> bool:
@@ -356,6 +428,8 @@ class Losses:
         self.repeated = 0
         """Numbers that did not go up: doubled or overtaken."""
         self.malformed = 0
+        self.malformed_last = ""
+        """What was wrong with the last malformed message."""
         self._streams: dict[tuple[str, int], tuple[int, int]] = {}
 
     def note(self, key: str, message: Envelope) -> None:
@@ -371,6 +445,11 @@ class Losses:
         else:
             self.lost = min(LOST_MAX, self.lost + message.number - number - 1)
         self._streams[stream] = (message.run, message.number)
+
+    def drop(self, error: MalformedError) -> None:
+        """Count a message that is malformed."""
+        self.malformed += 1
+        self.malformed_last = str(error)
 
     def forget(self, on: Callable[[str], bool]) -> None:
         """Forget the streams of the keys `on` holds for: what is sent while nobody listens is not lost."""

@@ -10,6 +10,7 @@ from rmr.base import arena
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.base.values import Symbol
 from rmr.bus import wire
+from rmr.bus.checks import MalformedError
 from rmr.bytecode.program import ANY, Base, Constant, Kind, Predicate, Program, Type
 from rmr.node.motion.grid import grid_of
 from rmr.radio.air import Announcement
@@ -86,9 +87,11 @@ def test_a_finish_fact_of_another_arity_is_refused_and_one_that_only_the_senses_
     assert node_config(1, known(finish=("at", (Symbol("exit"),))), PROGRAM, 0).finish is not None
 
 
-def test_an_arena_that_is_none_is_refused():
+def test_an_arena_that_is_none_is_malformed_and_one_that_a_host_makes_up_is_refused():
+    with pytest.raises(MalformedError, match="Map: expected an arena"):
+        known(floor={"width": 3})
     with pytest.raises(RefusedError, match="arena"):
-        node_config(1, known(floor={"width": 3}), PROGRAM, 0)
+        node_config(1, known()._replace(arena={"width": 3}), PROGRAM, 0)
 
 
 def test_the_radio_that_the_world_tells_of_has_its_bursts():

@@ -1,6 +1,7 @@
 """Messages: what is sent arrives as it was; anything else is dropped, whatever the octets."""
 
 import math
+from dataclasses import asdict
 
 import msgpack
 import pytest
@@ -8,26 +9,34 @@ from bus_star import FRAME
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rmr.base import arena
+from rmr.base.arena import Area, Arena, Disc, Polygon
+from rmr.base.geometry import Point
+from rmr.base.time import NEVER, NS_PER_S
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
-from rmr.bus import wire
-from rmr.bus.checks import PLAIN_DEPTH_MAX
+from rmr.bus import checks, wire
+from rmr.bus.checks import PLAIN_DEPTH_MAX, QUANTITY_MAX
 from rmr.bus.wire import LOST_MAX, Envelope, Losses, MalformedError, decode, encode
 from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
-from rmr.radio.phy import airtime
+from rmr.radio.phy import Bursts, RadioConfig, airtime
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
-instants = st.integers(-(1 << 62), 1 << 62)
+quantities = st.floats(-QUANTITY_MAX, QUANTITY_MAX)
+lengths = st.floats(0.0, QUANTITY_MAX)
+instants = st.integers(-NEVER, NEVER)
 counts = st.integers(0, 1 << 40)
+lists = {"max_size": 3}
 robots = st.integers(0, ROBOT_ID_MAX)
 texts = st.text(max_size=20)
-poses = st.tuples(numbers, numbers, numbers)
+lines = st.text("abc äß(1).", max_size=20)
+names = st.from_regex(r"[a-z][A-Za-z0-9_]{0,9}", fullmatch=True)
+labs = st.from_regex(r"[a-z][a-z0-9_-]{0,9}", fullmatch=True)
 plain = st.recursive(
-    st.none() | st.booleans() | st.integers(-(1 << 63), (1 << 63) - 1) | numbers | texts | st.binary(max_size=20),
+    st.none() | st.booleans() | st.integers(-(1 << 63), (1 << 63) - 1) | numbers | texts,
     lambda inner: st.lists(inner, max_size=3).map(tuple) | st.dictionaries(texts, inner, max_size=3),
     max_leaves=10,
 )
-records = st.dictionaries(texts, plain, max_size=4)
 values = st.recursive(
     st.booleans()
     | st.integers(-(1 << 63), (1 << 63) - 1)
@@ -38,7 +47,6 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3).map(tuple),
     max_leaves=6,
 )
-lists = {"max_size": 3}
 disturbances = st.builds(
     lambda since, length, groups, one_way, loss, attenuation_db: Disturbance(
         since, since + length, groups, one_way, loss, attenuation_db
@@ -52,6 +60,69 @@ disturbances = st.builds(
 )
 
 places = st.floats(-9e5, 9e5)
+poses = st.tuples(places, places, quantities)
+points = st.tuples(st.floats(0.0, 9.0), st.floats(0.0, 9.0)).map(lambda xy: Point(*xy))
+areas = st.builds(
+    lambda name, places, slotted, queue: Area(name, tuple(places), None, slotted, tuple(queue)),
+    names,
+    st.lists(points, min_size=1, max_size=3),
+    st.booleans(),
+    st.lists(points, **lists),
+)
+discs = st.builds(Disc, points, st.floats(0.0, 1.0))
+polygons = st.lists(points, min_size=3, max_size=4).map(lambda corners: Polygon(tuple(corners)))
+
+
+def arrived(value):
+    """Return plain data as they arrive: lists as tuples."""
+    if isinstance(value, dict):
+        return {key: arrived(item) for key, item in value.items()}
+    return tuple(map(arrived, value)) if isinstance(value, list | tuple) else value
+
+
+floors = st.builds(
+    lambda obstacles, areas, beacons: arrived(
+        arena.to_data(
+            Arena(9.0, 9.0, 0.05, tuple(obstacles), tuple(areas), tuple(beacons), tuple(one.name for one in areas[:2]))
+        )
+    ),
+    st.lists(discs | polygons, **lists),
+    st.lists(areas, **lists),
+    st.lists(points, **lists),
+)
+radios = st.builds(
+    lambda loss, pan, bursts: asdict(RadioConfig(loss=loss, bursts=bursts)) | {"pan": pan, "seed": 1},
+    st.floats(0.0, 1.0),
+    st.integers(0, 0x7FFF),
+    st.none() | st.just(Bursts(NS_PER_S, NS_PER_S)),
+)
+jobs = st.builds(
+    lambda job, start, finish, met: {
+        "name": "crossing",
+        "job": job,
+        "start_s": start,
+        "finish_s": finish,
+        "deadline_s": 9.0,
+        "met": met,
+        "cause": None,
+    },
+    texts,
+    numbers,
+    st.none() | numbers,
+    st.none() | st.booleans(),
+)
+reports = st.fixed_dictionaries(
+    {},
+    optional={
+        "finish_s": st.none() | numbers,
+        "assertions": st.lists(jobs, **lists).map(tuple),
+        "facts": st.lists(texts, **lists).map(tuple),
+        "goals": st.just({"achieved": (("x", 1.0),), "open": ()}),
+        "frames": st.dictionaries(texts, counts, max_size=3),
+        "schedules": st.just(({"event": "e", "leader": 1, "term": 1, "order": (1, 2), "formed_s": 0.5},)),
+        "anything": plain,
+    },
+)
 announcements = st.builds(
     lambda source, sequence, attempt, start, power_dbm, x, y, psdu: Announcement(
         source, sequence, attempt, start, start + airtime(len(psdu)), power_dbm, x, y, psdu
@@ -72,51 +143,52 @@ MESSAGES = {
     wire.Sense: st.builds(
         wire.Sense,
         instants,
-        numbers,
-        numbers,
-        numbers,
-        numbers,
-        st.lists(st.tuples(counts, numbers), **lists).map(tuple),
-        st.lists(st.tuples(numbers, numbers, numbers, numbers), **lists).map(tuple),
+        quantities,
+        quantities,
+        quantities,
+        quantities,
+        st.lists(st.tuples(counts, lengths), **lists).map(tuple),
+        st.lists(st.tuples(quantities, quantities, quantities, quantities), **lists).map(tuple),
         st.booleans(),
         poses,
     ),
-    wire.Act: st.builds(wire.Act, numbers, numbers, instants),
+    wire.Act: st.builds(wire.Act, quantities, quantities, instants),
     wire.AskClock: st.just(wire.AskClock()),
     wire.Clock: st.builds(wire.Clock, st.sampled_from(wire.CLOCK_STATES), instants, instants),
     wire.AskMap: st.builds(wire.AskMap, robots, counts),
     wire.Map: st.builds(
         wire.Map,
-        texts,
+        labs,
         st.booleans(),
         st.booleans(),
-        counts,
+        st.integers(0, wire.LIVES_MAX),
         instants,
-        st.lists(robots, **lists).map(tuple),
-        records,
-        records,
-        st.lists(st.tuples(texts, st.none() | robots, st.lists(values, **lists).map(tuple)), **lists).map(tuple),
-        st.none() | st.tuples(texts, st.lists(st.none() | values, **lists).map(tuple)),
+        st.lists(robots, min_size=1, max_size=3, unique=True).map(tuple),
+        floors,
+        radios,
+        st.lists(st.tuples(names, st.none() | robots, st.lists(values, **lists).map(tuple)), **lists).map(tuple),
+        st.none() | st.tuples(names, st.lists(st.none() | values, **lists).map(tuple)),
         st.sampled_from(wire.CLOCK_STATES),
         st.lists(disturbances, **lists).map(tuple),
     ),
     wire.Truth: st.builds(
         wire.Truth,
         instants,
-        st.lists(st.tuples(robots, numbers, numbers, numbers, numbers), **lists).map(tuple),
+        st.lists(st.tuples(robots, places, places, quantities, lengths), **lists).map(tuple),
         counts,
-        st.none() | numbers,
+        st.none() | lengths,
         counts,
         st.booleans(),
     ),
     wire.Status: st.builds(
-        wire.Status, st.sampled_from(wire.STATES), texts, st.booleans(), st.booleans(), instants, records
+        wire.Status, st.sampled_from(wire.STATES), lines, st.booleans(), st.booleans(), instants, reports
     ),
-    wire.Stop: st.builds(wire.Stop, texts),
+    wire.Stop: st.builds(wire.Stop, lines),
     wire.AskDisturbances: st.builds(wire.AskDisturbances, st.sampled_from(wire.WISHES), st.none() | disturbances),
     wire.Disturbances: st.builds(
-        wire.Disturbances, texts, instants, st.lists(disturbances, **lists).map(tuple), counts, texts
+        wire.Disturbances, labs, instants, st.lists(disturbances, **lists).map(tuple), counts, lines
     ),
+    wire.Part: st.builds(wire.Part, counts, counts, counts, st.binary(max_size=50)),
 }
 
 
@@ -224,13 +296,13 @@ def test_fields_of_wrong_types_are_malformed_or_fit(code, fields):
         ([True, 4, 1, 1, ""], "unknown type"),
         ([10, 4, 1, 1], "1 fields"),
         ([10, 4, 1, 1, "", ""], "1 fields"),
-        ([10, "4", 1, 1, ""], "an integer"),
+        ([10, "4", 1, 1, ""], "a sender"),
         ([10, 4, 1, -1, ""], "a count"),
         ([10, 4, 1, 1, b"x"], "text"),
         ([3, 4, 1, 1, math.nan, 0.0, 0], "finite"),
         ([3, 4, 1, 1, math.inf, 0.0, 0], "finite"),
         ([3, 4, 1, 1, True, 0.0, 0], "finite"),
-        ([3, 4, 1, 1, 0.0, 0.0, 1.0], "an integer"),
+        ([3, 4, 1, 1, 0.0, 0.0, 1.0], "an instant"),
         ([6, 4, 1, 1, ROBOT_ID_MAX + 1, 0], "robot's id"),
         ([5, 4, 1, 1, "later", 0, 0], "one of waiting, running, stopped"),
         ([9, 4, 1, 1, "ready", "", False, False, 0, {1: 2}], "not msgpack"),
@@ -276,9 +348,8 @@ def test_values_nested_without_end_are_malformed():
     value = "x"
     for _ in range(100):
         value = ["l", value]
-    fields = ["lab", True, False, 0, 0, [], {}, {}, [["p", None, [value]]], None, "waiting"]
     with pytest.raises(MalformedError):
-        decode(msgpack.packb([7, -1, 1, 1, *fields]))
+        checks.value(value)
 
 
 # --- what the middleware lost -------------------------------------------------------------------------------
@@ -316,7 +387,7 @@ def test_numbers_that_a_peer_makes_up_leave_a_count_that_can_be_told():
     losses = Losses()
     for run in range(4):
         losses.note("k", Envelope(1, run, 0, wire.AskClock()))
-        losses.note("k", Envelope(1, run, 2**64 - 1, wire.AskClock()))
+        losses.note("k", Envelope(1, run, LOST_MAX, wire.AskClock()))
     assert losses.lost == LOST_MAX
     status = wire.Status("ready", "", False, False, 0, {"bus": {"lost": losses.lost}})
     assert decode(encode(1, 1, 1, status)).body == status

@@ -1,0 +1,109 @@
+"""Checks of what a map tells of the floor and of the radio: records that robots build their own values from.
+
+A map that passes describes a floor and a radio that exist; whether they fit the robot's program, the robot judges.
+"""
+
+from typing import Any, Final
+
+from rmr.base import arena
+from rmr.base.arena import Arena, Disc, RobotShape
+from rmr.base.geometry import Point
+from rmr.bus.checks import MalformedError, name, number, record
+from rmr.radio.phy import Bursts, RadioConfig
+
+FLOOR_M_MAX: Final = 1000.0
+CELLS_MAX: Final = 1_000_000
+"""Cells of the planning grid: four times what a lab file may ask for."""
+PLACES_MAX: Final = 100_000
+"""Places, corners and beacons of one floor: more than a lab file has room for."""
+BEACONS_MAX: Final = 16
+POWER_DBM_MAX: Final = 200.0
+"""Of powers and sensitivities, either way."""
+OWN: Final = frozenset({"pan", "seed", "security"})
+"""Entries of the radio's record that are no settings of its model."""
+
+
+def floor(value: Any) -> dict[str, Any]:
+    """Accept the record of an arena (`rmr.base.arena.to_data`)."""
+    data = record(value)
+    try:
+        _check_floor(arena.from_data(data))
+    except MalformedError:
+        raise
+    except Exception as error:  # of whatever kind: the record is of another form
+        raise MalformedError(f"expected an arena: {type(error).__name__}") from None
+    return data
+
+
+def _check_floor(floor: Arena) -> None:
+    _within(floor.width, 0.001, FLOOR_M_MAX)
+    _within(floor.height, 0.001, FLOOR_M_MAX)
+    _within(floor.cell, 0.001, FLOOR_M_MAX)
+    if floor.width / floor.cell * (floor.height / floor.cell) > CELLS_MAX:
+        raise MalformedError("expected an arena with fewer cells")
+    _check_shape(floor.shape)
+    points = [*floor.beacons]
+    for obstacle in floor.obstacles:
+        if isinstance(obstacle, Disc):
+            _within(obstacle.radius, 0.0, FLOOR_M_MAX)
+            points.append(obstacle.centre)
+        elif len(obstacle.corners) < 3:
+            raise MalformedError("expected an obstacle with three corners")
+        else:
+            points += obstacle.corners
+    for area in floor.areas:
+        name(area.name)
+        if not area.places or type(area.slotted) is not bool:
+            raise MalformedError("expected an area with places")
+        points += [*area.places, *area.queue]
+        if area.box is not None:
+            points += [Point(*area.box[:2]), Point(*area.box[2:])]
+    if len(floor.beacons) > BEACONS_MAX or len(points) > PLACES_MAX:
+        raise MalformedError("expected an arena with fewer places")
+    for point in points:
+        _within(point.x, -FLOOR_M_MAX, 2 * FLOOR_M_MAX)
+        _within(point.y, -FLOOR_M_MAX, 2 * FLOOR_M_MAX)
+    if len(floor.bottleneck) > 2 or any(floor.area(name(each)) is None for each in floor.bottleneck):
+        raise MalformedError("expected a bottleneck between areas")
+
+
+def _check_shape(shape: RobotShape) -> None:
+    for value in (shape.radius, shape.speed, shape.turn):
+        _within(value, 1e-6, FLOOR_M_MAX)
+    _within(shape.view_angle, 0.0, 10.0)
+    _within(shape.view_depth, 0.0, FLOOR_M_MAX)
+
+
+def _within(value: Any, least: float, most: float) -> None:
+    if not least <= number(value) <= most:
+        raise MalformedError(f"expected a number from {least:g} to {most:g}")
+
+
+def radio(value: Any) -> dict[str, Any]:
+    """Accept the record of the radio's settings."""
+    data = record(value)
+    settings = {key: item for key, item in data.items() if key not in OWN}
+    try:
+        if settings.get("bursts") is not None:
+            settings["bursts"] = Bursts(**settings["bursts"])
+        _check_radio(RadioConfig(**settings))
+    except MalformedError:
+        raise
+    except Exception as error:
+        raise MalformedError(f"expected a radio's settings: {type(error).__name__}") from None
+    pan, seed = data.get("pan"), data.get("seed")
+    if type(pan) is not int or not 0 <= pan < 0xFFFF or type(seed) is not int:
+        raise MalformedError("expected a radio's PAN and seed")
+    if type(data.get("security", "")) is not str:
+        raise MalformedError("expected the name of a level of security")
+    return data
+
+
+def _check_radio(config: RadioConfig) -> None:
+    for value in (config.tx_power_dbm, config.sensitivity_dbm, config.energy_threshold_db):
+        _within(value, -POWER_DBM_MAX, POWER_DBM_MAX)
+    _within(config.exponent, 0.1, 100.0)
+    _within(config.loss, 0.0, 1.0)
+    _within(config.shadowing_db, 0.0, 30.0)
+    if config.bursts is not None and not (type(config.bursts.good) is type(config.bursts.bad) is int):
+        raise MalformedError("expected bursts in nanoseconds")

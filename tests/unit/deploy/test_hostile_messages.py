@@ -1,0 +1,309 @@
+"""Hostile messages of every type through the real decoding and the real handlers of robot, world, launcher and fault.
+
+Each field of a valid message is replaced by each of a list of values that no sender means. What is malformed is
+counted and dropped; whatever passes leads to no exception, no traceback and no escape sequence on a terminal.
+"""
+
+import asyncio
+import io
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
+
+import msgpack
+import pytest
+import zenoh
+from rich.console import Console
+
+from rmr.base.time import NS_PER_S
+from rmr.base.values import Robot, Symbol
+from rmr.bus import wire
+from rmr.bus.keys import last_id
+from rmr.bus.line import Line
+from rmr.bus.process import Ending
+from rmr.bus.session import Bus
+from rmr.lang.compiler import compile_source
+from rmr.radio.air import Announcement
+from rmr.radio.frame import DataFrame, encode_data
+from rmr.radio.links import Disturbance
+from rmr.radio.phy import airtime
+from rmr_agent.bytecode import Loaded
+from rmr_agent.robot import Carried, HostedRobot
+from rmr_deploy import disturb
+from rmr_deploy.launch import Outcome
+from rmr_deploy.plan import Plan, Wishes
+from rmr_deploy.record import make_report
+from rmr_deploy.screen import printable, table
+from rmr_deploy.watch import Watch
+from rmr_world import report
+from rmr_world.lab import load_lab
+from rmr_world.program import LoadedProgram
+from rmr_world.server import WorldServer
+
+DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
+ESCAPE = "\x1b]0;owned\x07\x1b[2J"
+DEEP: Any = 0
+for _ in range(100):
+    DEEP = [DEEP]
+HOSTILE = [
+    *(None, True, -1, 0, 1, 17, 65534, 1 << 31, (1 << 63) - 1, -(1 << 63), (1 << 64) - 1),
+    *(0.0, -1.0, 5e-324, 1e9, 1e308, math.nan, math.inf, -math.inf),
+    *("", ESCAPE, "x" * 70_000, "at(@1, goal", "9" * 5000, b"", b"\x00" * 200),
+    *([], [[]], [1, 2, 3], {}, {"a": None}, {"lost": -1}, DEEP),
+]
+JOB = {"name": "crossing", "job": "at(@1, goal)", "start_s": 0.0, "finish_s": 1.0, "deadline_s": 9.0, "met": True}
+PART = {
+    "finish_s": 1.0,
+    "distance_m": 0.5,
+    "assertions": [JOB | {"cause": None}],
+    "facts": ["at(@1, goal)"],
+    "goals": {"achieved": [["x(@1)", 0.0]], "open": ["y(@1)"]},
+    "actions": [[0.0, "moveto(@1, goal)"]],
+    "restarts": 0,
+    "undelivered": 0,
+    "frames": {"sent": 1},
+    "schedules": [{"event": "e", "leader": 1, "term": 1, "order": [1, 2], "formed_s": 0.5}],
+    "bus": {"lost": 0, "malformed": 0},
+    "faults": [{"from": 1.0, "to": 2.0, "loss": 0.5}],
+}
+
+
+class Process:
+    """A process on the bus without a network: what its subscriptions are handed, and what goes wrong in them."""
+
+    def __init__(self, sender: int) -> None:
+        self.bus = Bus(Line(MagicMock()), sender, is_client=True)
+
+    def hand(self, key: str, data: bytes) -> None:
+        """Let `data` arrive on `key` at each subscription that covers it."""
+        sample = SimpleNamespace(key_expr=key, kind=zenoh.SampleKind.PUT)
+        for expression, (_, listeners) in list(self.bus._line._topics.items()):
+            if zenoh.KeyExpr(expression).intersects(zenoh.KeyExpr(key)):
+                self.bus._line._taker(listeners)((sample, data), 0)
+
+
+def world(process: Process) -> WorldServer:
+    server = WorldServer(load_lab(DASH), 3, process.bus, Ending(), when_ready=True)
+    server._serve()
+    return server
+
+
+async def _describe() -> wire.Map:
+    return world(Process(wire.WORLD_ID))._map
+
+
+MAP = asyncio.run(_describe())
+
+
+def air() -> Announcement:
+    psdu = encode_data(DataFrame(load_lab(DASH).pan, 1, 2, 1, True, b"\x20x"))
+    return Announcement(2, 1, 0, 0, airtime(len(psdu)), 0.0, 0.5, 0.5, psdu)
+
+
+HELD = Disturbance(0, NS_PER_S, ((1,), (2,)), loss=0.5)
+MESSAGES = [
+    wire.Air(air()),
+    wire.Handshake(air()),
+    wire.Sense(5, 0.1, 0.1, 0.0, 0.0, ((0, 0.5),), ((0.3, 0.0, 0.1, 0.0),), False, (0.4, 0.2, 0.0)),
+    wire.Act(0.1, 0.0, 1),
+    wire.AskClock(),
+    wire.Clock("running", 0, 0),
+    wire.AskMap(1, 7),
+    MAP._replace(facts=(("due", 1, (1, 2.0, Symbol("x"), Robot(1), (1, 2))),)),
+    wire.Truth(1, ((1, 0.5, 0.5, 0.0, 0.1),), 0, 0.1, 0, False),
+    wire.Status("running", "driving", False, False, 1, PART),
+    wire.Stop("enough"),
+    wire.AskDisturbances("add", HELD),
+    wire.Disturbances("dash", 0, (HELD,), 1, ""),
+    wire.Part(1, 0, 2, b"x"),
+]
+
+
+def mutations(value: Any) -> Iterator[Any]:
+    """Yield `value` with each of its parts, and itself, replaced by each hostile value."""
+    yield from HOSTILE
+    if isinstance(value, list | tuple):
+        for place, item in enumerate(value):
+            yield from ([*value[:place], changed, *value[place + 1 :]] for changed in mutations(item))
+        yield [*value, *value]
+        yield value[:-1]
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield from (value | {key: changed} for changed in mutations(item))
+            yield {other: kept for other, kept in value.items() if other != key}
+        yield value | {ESCAPE: ESCAPE}
+
+
+def hostile(message: Any) -> Iterator[bytes]:
+    """Yield the octets of `message` with each field made hostile."""
+    code, sender, run, number, *fields = msgpack.unpackb(wire.encode(1, 5, 1, message))
+    for place, field in enumerate(fields):
+        for changed in mutations(field):
+            yield msgpack.packb([code, sender, run, number, *fields[:place], changed, *fields[place + 1 :]])
+    for envelope in ([code, bad, run, number] for bad in HOSTILE):
+        yield msgpack.packb([*envelope, *fields])
+    for bad in HOSTILE:
+        yield msgpack.packb([code, sender, bad, number, *fields])
+        yield msgpack.packb([code, sender, run, bad, *fields])
+
+
+def undisturbed(scene) -> None:
+    """Run `scene`; fail if anything raises, also in a callback of the loop."""
+
+    async def play() -> None:
+        failures: list[dict[str, Any]] = []
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: failures.append(context))
+        await scene()
+        await asyncio.sleep(0)
+        assert failures == []
+
+    asyncio.run(play())
+
+
+def of_kind(*kinds: type) -> list[Any]:
+    return [message for message in MESSAGES if isinstance(message, kinds)]
+
+
+def test_every_type_of_message_is_made_hostile():
+    assert {type(message) for message in MESSAGES} == {row.kind for row in wire.TABLE}
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: type(message).__name__)
+def test_a_hostile_message_is_malformed_or_decoded_and_nothing_else(message):
+    passed = dropped = 0
+    for data in hostile(message):
+        try:
+            decoded = wire.decode(data)
+        except wire.MalformedError:
+            dropped += 1
+            continue
+        passed += 1
+        shown = [field for field in decoded.body if isinstance(field, str)]
+        assert all(printable(text) == text and len(text) <= 500 for text in shown)
+    assert dropped > passed or len(message) == 0
+
+
+def hosted(process: Process, known: wire.Map) -> HostedRobot:
+    program = compile_source((DASH / "dash.rmr").read_text()).program
+    assert program is not None
+    ending = Ending()
+    robot = HostedRobot(1, 1, process.bus, "tcp/127.0.0.1:1", "dash", Carried(Loaded(program, 1), {}, None), ending)
+    robot._listen()
+    robot._begin(wire.Envelope(wire.WORLD_ID, 9, 1, known))
+    return robot
+
+
+def test_a_robot_goes_on_whatever_arrives_on_its_keys():
+    known = wire.decode(wire.encode(wire.WORLD_ID, 9, 1, MAP)).body
+
+    async def scene() -> None:
+        process = Process(1)
+        robot = hosted(process, known)
+        life = robot._life
+        assert life is not None
+        process.hand("rmr/dash/body/1/sense", wire.encode(-1, 9, 1, of_kind(wire.Sense)[0]))
+        now = time.monotonic_ns()
+        life._clock.sample("running", now, NS_PER_S, NS_PER_S, now)
+        life.wake()
+        keys = ["rmr/dash/call/1", "rmr/dash/body/1/sense", "rmr/dash/disturbances", "rmr/dash/clock"]
+        for message in of_kind(wire.Sense, wire.Air, wire.Handshake, wire.Disturbances, wire.Clock):
+            for data in hostile(message):
+                for key in keys:
+                    process.hand(key, data)
+                await asyncio.sleep(0)
+        assert process.bus.losses.malformed > 1000
+        assert (robot._ending.asked, robot._ending.reason) == (False, "")
+        assert life.started
+        assert life.turns > 1
+        assert not life._over
+        life.end()
+
+    undisturbed(scene)
+
+
+def test_a_robot_takes_no_harm_from_false_maps():
+    async def scene() -> None:
+        for data in hostile(MAP):
+            try:
+                envelope = wire.decode(data)
+            except wire.MalformedError:
+                continue
+            process = Process(1)
+            robot = hosted(process, wire.decode(wire.encode(-1, 9, 1, MAP)).body)
+            if robot._accepted(envelope.body, math.inf):
+                robot._begin(envelope)
+            assert "internal error" not in robot._ending.reason
+            assert printable(robot._ending.reason) == robot._ending.reason
+            if robot._life is not None:
+                robot._life.end()
+
+    undisturbed(scene)
+
+
+def test_a_world_goes_on_whatever_arrives_on_its_keys():
+    async def scene() -> None:
+        process = Process(wire.WORLD_ID)
+        server = world(process)
+        server._alive = {1, 2, 3}
+        server._start()
+        for message in MESSAGES:
+            for data in hostile(message):
+                for key in ("rmr/dash/body/1/act", "rmr/dash/ops/1/status"):
+                    process.hand(key, data)
+                envelope = process.bus._decode(SimpleNamespace(to_bytes=lambda data=data: data))
+                if envelope is not None:
+                    answers = (server._answer_map, server._answer_clock, server._answer_disturbances)
+                    for told in filter(None, (answer(envelope, 0) for answer in answers)):
+                        wire.decode(wire.encode(wire.WORLD_ID, 1, 1, told))
+        server._catch_up()
+        server._publish_truth(final=False)
+        assert not server._ending.asked
+
+    undisturbed(scene)
+
+
+@pytest.mark.parametrize("key", ["9" * 5000, "-1", "65534", "٣", "", "1e3", "0x1", "007"])
+def test_a_liveliness_token_without_a_robots_id_is_none(key):
+    assert last_id(f"rmr/dash/alive/robot/{key}") is None
+
+
+def test_the_launcher_reports_whatever_arrives_on_its_keys(tmp_path):
+    lab = load_lab(DASH)
+    plan = Plan(Wishes(lab=DASH), lab, LoadedProgram(None, b"", 0, ""), tmp_path)
+
+    async def scene() -> None:
+        process = Process(wire.OPERATOR_ID)
+        watch = Watch(process.bus, "dash")
+        for message in of_kind(wire.Status, wire.Truth):
+            for data in hostile(message):
+                before = process.bus.losses.malformed
+                for sender in (b"\x01", b"\xff"):  # robot 1, and the world
+                    process.hand("rmr/dash/ops/1/status", data[:2] + sender + data[3:])
+                    process.hand("rmr/dash/truth", data)
+                if process.bus.losses.malformed - before < 4:
+                    shown(make_report(plan, Outcome(reason="over"), watch))
+
+    undisturbed(scene)
+
+
+def shown(record: dict[str, Any]) -> None:
+    out = io.StringIO()
+    console = Console(file=out, width=200)
+    console.print(table(record))
+    console.print(report.summary(record), report.table_text(record), markup=False)
+    assert "\x1b" not in out.getvalue()
+    assert "\x1b" not in report.to_json(record)
+
+
+def test_what_a_world_tells_of_disturbances_is_shown_without_escapes():
+    for data in hostile(of_kind(wire.Disturbances)[0]):
+        try:
+            told = wire.decode(data).body
+        except wire.MalformedError:
+            continue
+        text = "\n".join([told.refused, *disturb.lines(told), str(disturb.record(told))])
+        assert "\x1b" not in text
