@@ -7,6 +7,7 @@ parts is left out list by list, which the report says.
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rmr.bus import wire
@@ -43,12 +44,13 @@ class Telling:
 
     async def _tell_all(self, key: str, status: wire.Status, report: dict[str, Any]) -> int:
         left_out: list[str] = []
-        for name in (None, *LISTS):
-            if name is not None and report.get(name):
+        for name in ("", *LISTS):
+            if name and not report.get(name):
+                continue
+            if name:
                 left_out.append(name)
                 report = report | {name: EMPTY.get(name, []), "left_out": left_out}
-            try:
+                self._warn(f"the report failed to fit a message; left out of it: {', '.join(left_out)}")
+            with suppress(TooLargeError):
                 return await self._bus.publish_whole(key, status._replace(report=report))
-            except TooLargeError as error:
-                self._warn(f"the report failed: {error}; left out of it: {', '.join(left_out) or 'nothing yet'}")
         return await self._bus.publish_whole(key, status)

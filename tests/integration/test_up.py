@@ -88,6 +88,13 @@ def test_robots_that_share_processes_finish_likewise_and_hear_each_other_within_
     assert all(part["frames"]["received"] > 0 for part in report["robots"].values())
 
 
+def test_a_part_of_the_report_larger_than_a_message_arrives(up):
+    run = up(LABS / "ledger", "--robots", "1")
+    assert run.wait() == 0, run.out + run.err
+    assert (run.folder / "report.json").stat().st_size > 1 << 20
+    assert len(run.report()["robots"]["1"]["facts"]) == 16_000
+
+
 def test_with_json_standard_output_is_the_report_and_nothing_else(up):
     run = up(DASH, "--json", "--robots", "1", "--seed", "11")
     assert run.wait() == 0, run.err

@@ -38,6 +38,7 @@ _ROBOT_DEFAULTS: Mapping[str, Any] = {
     "ticks": 0,
     "ticks_late": 0,
     "tasks_skipped": 0,
+    "left_out": [],
 }
 """What stands in the report of a robot that never said so."""
 
