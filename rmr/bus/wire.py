@@ -58,13 +58,13 @@ MESSAGE_OCTETS_MAX: Final = 1 << 20
 """The largest message that travels as one; a map with thousands of obstacles stays well below. What is larger is sent
 in parts (`rmr.bus.parts`)."""
 
-PART_OCTETS_MAX: Final = 1 << 17
-"""The most of a larger message that one `Part` carries."""
+PART_OCTETS_MAX: Final = 3 << 14
+"""The most of a larger message that one `Part` carries: 48 KiB, which the middleware sends as one batch."""
 
-WHOLE_OCTETS_MAX: Final = 1 << 26
-"""The largest message in parts: a robot's part of the report with some 500,000 actions or facts."""
+WHOLE_OCTETS_MAX: Final = 1 << 25
+"""The largest message in parts: a robot's part of the report with some 250,000 actions or facts."""
 
-PARTS_MAX: Final = WHOLE_OCTETS_MAX // PART_OCTETS_MAX
+PARTS_MAX: Final = WHOLE_OCTETS_MAX // PART_OCTETS_MAX + 1
 
 ROBOTS_MAX: Final = 1000
 """Robots of a lab."""
