@@ -10,6 +10,7 @@ from typing import Any
 from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan
 from rmr_deploy.watch import Watch
+from rmr_world.faults import befallen
 from rmr_world.lives import cut_short, of_all_lives
 from rmr_world.report import assemble
 
@@ -29,6 +30,8 @@ def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, 
         truth=truth(watch),
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
     )
+    added = watch.world.report.get("faults", ()) if watch and watch.world else ()
+    report["faults"] = befallen(plan.lab, added, watch.now_s if watch else 0.0)
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**report, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 

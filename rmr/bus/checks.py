@@ -161,9 +161,9 @@ def lab_name(value: Any) -> str:
 
 
 def plain(value: Any, depth: int = 0) -> Any:
-    """Accept what JSON and msgpack share; lists become tuples."""
+    """Accept what JSON and msgpack share, no number that is infinite or undefined; lists become tuples."""
     kind = type(value)
-    if value is None or kind in {bool, int, float, str}:
+    if value is None or kind in {bool, int, str} or (kind is float and math.isfinite(value)):
         return value
     if depth > PLAIN_DEPTH_MAX:
         raise MalformedError("nested too deeply")

@@ -62,6 +62,8 @@ class Disturbance(NamedTuple):
         named = [robot for group in self.groups for robot in group]
         if len(self.groups) == 1 or len(self.groups) > GROUPS_MAX:
             raise ValueError(f"{len(self.groups)} groups: write 2 to {GROUPS_MAX}, or none for all robots")
+        if not all(self.groups):
+            raise ValueError("a group has no robots")
         if len(set(named)) != len(named):
             raise ValueError("a robot is in two groups")
         if not all(0 <= robot <= 0xFFFF for robot in named):

@@ -128,6 +128,24 @@ def test_a_fifth_of_all_frames_lost_the_robots_still_pass_without_contact(up, tm
     assert run.left() == []
 
 
+def test_faults_of_rmr_fault_and_of_the_lab_file_stand_in_the_report_and_in_the_log_of_the_world(up, lab):
+    slow = "robot: {speed: 0.04}\nfaults: [{from: 0.1s, to: 0.2s, loss: 0.5}]\nrobots:\n"
+    run = up(lab("lab.yaml", "robots:\n", slow)).running()
+    words = [sys.executable, "-P", "-m", "rmr_deploy.fault"]
+    for wish in (["link", "1,2", "--cut", "--for", "500ms"], ["radio", "--loss", "0.25"]):
+        subprocess.run([*words, *wish, "--run", str(run.folder)], check=True, capture_output=True)
+    assert run.wait(80) == 0, run.out + run.err
+    report = run.report()
+    given, cut, loss = report["faults"]
+    assert given == {"from": 0.1, "to": 0.2, "loss": 0.5}
+    assert cut == {"from": cut["from"], "to": round(cut["from"] + 0.5, 3), "link": [1, 2], "cut": True}
+    assert loss == {"from": loss["from"], "to": loss["to"], "loss": 0.25}
+    assert cut["from"] < loss["from"] < report["time_s"] <= loss["to"] < report["time_s"] + 5
+    log = (run.folder / "logs" / "world.jsonl").read_text()
+    assert log.count("the lab file disturbs the radio: ") == 1
+    assert log.count("rmr fault disturbs the radio: ") == 2
+
+
 # --- death --------------------------------------------------------------------------------------------------
 
 

@@ -16,6 +16,9 @@ LEAD: Duration = milliseconds(50)
 LINGER: Duration = milliseconds(1000)
 """How long what is over is kept: more than anybody takes to decide a frame, and twice the time between two tellings."""
 
+HISTORY_MAX = 1000
+"""Disturbances that are over and stay known, for the report."""
+
 
 class Disturbed:
     """The disturbances of one lab. Changes are handed `now`, lab time."""
@@ -27,6 +30,8 @@ class Disturbed:
         """By the lab file."""
         self.added: tuple[Disturbance, ...] = ()
         """By people, in the order in which they begin."""
+        self._over: list[Disturbance] = []
+        """Of what was added, what has been forgotten since: HISTORY_MAX of them, the first."""
         self.touched = False
         """Whether people have ever added any. From then on the list bears being told again, empty or not: who has
         missed that the last one was cleared before it began would hold it for ever."""
@@ -54,8 +59,17 @@ class Disturbed:
         """End all that has been added."""
         self.forget(now)
         end = max(0, now) + LEAD
+        # What has not begun yet is no part of the run.
         self.added = tuple(one._replace(until=min(end, one.until)) for one in self.added if one.since < end)
 
     def forget(self, now: Instant) -> None:
         """Forget what has been added and is long over."""
-        self.added = tuple(one for one in self.added if now < one.until + LINGER)
+        over = [one for one in self.added if now >= one.until + LINGER]
+        if over:
+            self._over += over[: HISTORY_MAX - len(self._over)]
+            self.added = tuple(one for one in self.added if one not in over)
+
+    @property
+    def befallen(self) -> tuple[Disturbance, ...]:
+        """All that people have added and that has begun, or will, also what is over."""
+        return (*self._over, *self.added)

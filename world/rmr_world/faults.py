@@ -6,6 +6,7 @@ to another; all become `rmr.radio.links.Disturbance`. What befalls robots are va
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -73,21 +74,22 @@ def told(lab: Lab) -> list[dict[str, Any]]:
     """
     passing = [disturbance for disturbance in lab.disturbances if disturbance.until < NEVER]
     numbered = sorted((_start(fault), i, fault) for i, fault in enumerate((*lab.faults, *passing)))
-    return [_told(fault) for _, _, fault in numbered]
+    return [entry(fault) for _, _, fault in numbered]
 
 
 def lines(lab: Lab) -> list[str]:
     """Return what `told` tells as lines that may stand under ``faults:`` in a lab file."""
-    return [f"- {_line(fault)}" for fault in told(lab)]
+    return [f"- {line(fault)}" for fault in told(lab)]
 
 
 def ended(lab: Lab) -> list[str]:
     """Return the faults that begin when the lab's duration is over, each as it may stand in a lab file."""
     end_s = in_seconds(lab.duration)
-    return [_line(fault) for fault in told(lab) if (fault["at"] if "at" in fault else fault["from"]) > end_s]
+    return [line(fault) for fault in told(lab) if (fault["at"] if "at" in fault else fault["from"]) > end_s]
 
 
-def _line(fault: Mapping[str, Any]) -> str:
+def line(fault: Mapping[str, Any]) -> str:
+    """Return an entry of `told` as one line of a lab file."""
     return "{" + ", ".join(f"{key}: {json.dumps(value)}" for key, value in fault.items()) + "}"
 
 
@@ -101,7 +103,8 @@ def _start(fault: Fault | Disturbance) -> Instant:
             return fault.start
 
 
-def _told(fault: Fault | Disturbance) -> dict[str, Any]:
+def entry(fault: Fault | Disturbance) -> dict[str, Any]:
+    """Return a fault as it may stand in a lab file, times in seconds."""
     match fault:
         case Kill(at=at, robot=robot):
             return {"at": in_seconds(at), "kill": robot}
@@ -116,6 +119,18 @@ def _told(fault: Fault | Disturbance) -> dict[str, Any]:
         case Disturbance():
             return {"from": in_seconds(fault.since), "to": in_seconds(fault.until), **_told_harm(fault)}
     return {"from": in_seconds(fault.start), "to": in_seconds(fault.end), **what}
+
+
+def befallen(lab: Lab, added: Iterable[Mapping[str, Any]], end_s: float) -> list[dict[str, Any]]:
+    """Return the faults of a run of processes: those of the lab file that concern the radio, and what was `added`.
+
+    `added` are entries by `rmr fault`; one that nobody has ended lasted until the run's end, `end_s` of lab time.
+    """
+    ended = [
+        {**fault, "from": round(fault["from"], 3), "to": round(max(fault["from"], min(fault["to"], end_s)), 3)}
+        for fault in added
+    ]
+    return sorted([*told(replace(lab, faults=())), *ended], key=lambda fault: float(fault["from"]))
 
 
 def _told_harm(harm: Disturbance) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from rmr.bus.process import Ending
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
 from rmr_world.disturbed import Disturbed
+from rmr_world.faults import entry, line
 from rmr_world.lab import Lab
 from rmr_world.labtime import LabTime
 from rmr_world.physics import World
@@ -136,13 +137,15 @@ class WorldServer:
         self._time.start(time.monotonic_ns(), START_DELAY)
         self._publish_clock()
         log.info("lab time runs")
+        for given in self._disturbed.given:
+            log.info("the lab file disturbs the radio: %s", line(entry(given)))
 
     async def _leave(self) -> None:
         """Stop lab time, tell for the last time, leave."""
         self._time.stop(time.monotonic_ns())
         self._publish_clock()
-        self._publish_truth(final=True)
         self._publish_status(final=True)
+        self._publish_truth(final=True)  # the last: whoever waits for it has heard all else
         await asyncio.sleep(FLUSH_S)
 
     # -- questions --------------------------------------------------------------------------------------------
@@ -188,8 +191,11 @@ class WorldServer:
         before = disturbed.held
         if wish == "clear":
             disturbed.clear(now)
+            log.info("rmr fault ends all that it has added, at %.3f s of lab time", in_seconds(max(0, now)))
         elif wish == "add" and wanted is not None:
             refused = disturbed.add(wanted, now)
+            if not refused:
+                log.info("rmr fault disturbs the radio: %s", line(entry(disturbed.added[-1])))
         if disturbed.held != before:
             self._publish_disturbances()
         return self._disturbances(refused)
@@ -349,6 +355,7 @@ class WorldServer:
             "commands_dropped": self._physics.dropped,
             "ticks_late": self._late,
             "set_back": self._set_back,
+            "faults": [entry(one) for one in self._disturbed.befallen],
             "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed},
         }
 
