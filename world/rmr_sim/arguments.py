@@ -26,6 +26,7 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("lab", type=_existing, metavar="LAB", help="a folder with a lab.yaml, or a lab.yaml")
     parser.add_argument("--seed", type=_natural, metavar="S", help="instead of the lab file's seed")
     parser.add_argument("--seeds", type=_seeds, metavar="A-B", help="a sweep: a run of each seed, and their summary")
+    parser.add_argument("--resume", type=Path, metavar="RUN", help="go on with the sweep in this run folder")
     parser.add_argument("--jobs", type=_jobs, metavar="N", help="processes that share a sweep (default: one per core)")
     parser.add_argument("--robots", type=_positive, metavar="N", help="only the first N robots of the lab")
     parser.add_argument("--loss", type=_share, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
@@ -39,11 +40,14 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--strict", action="store_true", help="exit 4 when a deadline was missed or robots touched")
     parser.add_argument("--version", action="version", version=f"rmr {__version__}")
     arguments = parser.parse_args(words)
-    if arguments.seeds is None and arguments.jobs is not None:
+    if arguments.resume is not None and arguments.run is not None:
+        parser.error("--resume goes on in its own run folder: leave out --run")
+    sweep = arguments.seeds is not None or arguments.resume is not None
+    if not sweep and arguments.jobs is not None:
         parser.error("--jobs shares the runs of a sweep: name its --seeds")
-    if arguments.seeds is not None and arguments.seed is not None:
+    if sweep and arguments.seed is not None:
         parser.error("--seed is one run, --seeds a sweep: name one of them")
-    if arguments.seeds is not None and arguments.trace is not None:
+    if sweep and arguments.trace is not None:
         parser.error("--trace is of one run; a sweep keeps the trace of each seed that fails")
     return arguments
 

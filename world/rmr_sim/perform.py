@@ -5,9 +5,11 @@ Standard output is the report's alone: what users' own actions and events print 
 
 import argparse
 import json
+import shlex
 import sys
 import time
 import traceback
+from collections.abc import Sequence
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any, TextIO
@@ -19,10 +21,11 @@ from rmr.node.trace import Level
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
+from rmr_sim.rows import ResumeError, Rows, head, seeds_of, taken_up
 from rmr_sim.run import Loaded, Options, load, report_of
 from rmr_sim.summary import failing_lines, lines_of, summary_of
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
-from rmr_sim.trial import row_of
+from rmr_sim.trial import Row, fails, row_of
 from rmr_sim.violation import CONTACT
 from rmr_world.document import LabError
 from rmr_world.faults import lines
@@ -49,6 +52,8 @@ def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
         loaded = load(arguments.lab, options_of(arguments))
         for text in loaded.warnings:
             print(text, end="", file=sys.stderr)
+        if arguments.resume is not None:
+            return _resume(arguments, loaded, out)
         folder = make_run_folder(loaded.lab.name, arguments.run)
         run = _run if arguments.seeds is None else _sweep
         return run(arguments, loaded, folder, out)
@@ -60,6 +65,9 @@ def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
         return EXIT_FAILED
     except BrokenPipeError:
         raise  # of the output: it is no mistake to have seen enough
+    except ResumeError as error:
+        print(f"rmr sim: {error}", file=sys.stderr)
+        return EXIT_USAGE
     except (RunFolderError, OSError) as error:
         print(f"rmr sim: {_words_of(error)}", file=sys.stderr)
         return EXIT_USAGE if folder is None else EXIT_FAILED
@@ -136,23 +144,48 @@ def _broke_down(error: Exception, folder: Path | None) -> int:
     return EXIT_FAILED
 
 
-def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextIO) -> int:
-    """Many runs."""
+def _resume(arguments: argparse.Namespace, loaded: Loaded, out: TextIO) -> int:
+    """Go on with a sweep that ended early. Raises ResumeError."""
+    folder = arguments.resume
+    arguments.seeds = arguments.seeds or seeds_of(folder)
+    rows = taken_up(folder, head(arguments, loaded.lab, arguments.seeds))
+    print(f"resuming: {len(rows)} of {len(arguments.seeds)} runs are over", file=sys.stderr)
+    return _sweep(arguments, loaded, folder, out, rows)
+
+
+def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextIO, rows: Sequence[Row] = ()) -> int:
+    """Many runs, of which those with `rows` are over."""
     loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()
-    sweep = Sweep(loaded, arguments.seeds, folder)
+    file = Rows(folder, head(arguments, loaded.lab, arguments.seeds), rows)
+    sweep = Sweep(loaded, arguments.seeds, folder, file, rows)
     interrupted = sweep.run(min(arguments.jobs or cores(), len(arguments.seeds)))
     wall_s = time.perf_counter() - began
     command = command_of(arguments)
-    document = sweep.document(command)
-    text = json.dumps(document, indent=1, sort_keys=True)
-    (folder / SWEEP_FILE).write_text(text + "\n")
+    text = json.dumps(sweep.document(command), indent=1, sort_keys=True)
+    written = _sum_up(folder, text)
     lines = [*lines_of(summary_of(sweep.rows), sweep.speed), *failing_lines(sweep.rows, command)]
+    if not written:
+        lines += ["rows:", *(json.dumps(row, sort_keys=True) for row in sweep.rows)]
     print(text if arguments.json else "\n".join(lines), file=out)
-    done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; all rows are in {folder / SWEEP_FILE}"
-    print(f"{'interrupted: ' if interrupted else ''}{done}", file=sys.stderr)
-    codes = [exit_code(row, strict=arguments.strict) for row in sweep.rows]
-    return EXIT_FAILED if interrupted or EXIT_FAILED in codes else max(codes, default=0)
+    where = f"all rows are in {folder / SWEEP_FILE}" if written else "all rows are on standard output"
+    done = f"{len(sweep.rows)} of {len(arguments.seeds)} runs in {wall_s:.1f} s; {where}"
+    again = f"; to go on: {command} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
+    print(f"{'interrupted: ' if interrupted else ''}{done}{again}", file=sys.stderr)
+    if interrupted or not written or any(map(fails, sweep.rows)):
+        return EXIT_FAILED
+    return max((exit_code(row, strict=arguments.strict) for row in sweep.rows), default=0)
+
+
+def _sum_up(folder: Path, text: str) -> bool:
+    """Write `sweep.json`, into a new folder where the old one is gone; return whether that was possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / SWEEP_FILE).write_text(text + "\n")
+    except OSError as error:
+        print(f"rmr sim: cannot write {folder / SWEEP_FILE}: {error.strerror}", file=sys.stderr)
+        return False
+    return True
 
 
 def exit_code(row: dict[str, Any], *, strict: bool) -> int:

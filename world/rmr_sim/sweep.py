@@ -1,26 +1,33 @@
 """A sweep: a lab's runs of many seeds, and what they leave.
 
-The run folder gets `sweep.json`, a row for each seed and their summary, and for each seed that failed a folder
-`failed/seed-N` with its report, its trace and, where this project's own code broke down, `breakdown.txt`.
+The run folder gets `rows.jsonl`, a row for each seed as it comes, in the end `sweep.json`, all rows and their summary,
+and for each seed that failed a folder `failed/seed-N` with its report, its trace and, where this project's own code
+broke down, `breakdown.txt`. A folder that cannot be written any more costs the sweep nothing but these files.
 """
 
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from rmr_sim.interruption import Interruption
+from rmr_sim.rows import Rows
 from rmr_sim.run import Loaded
 from rmr_sim.summary import summary_of
-from rmr_sim.trial import Result, fails, run_seed
+from rmr_sim.trial import Result, Row, fails, run_seed
 from rmr_sim.workers import shared
 from rmr_world.report import write
 
 SWEEP_FILE = "sweep.json"
 BREAKDOWN_FILE = "breakdown.txt"
 TRACE_FILE = "trace.jsonl"
+SPOKEN_FIRST_S = 10.0
+"""When progress is told for the first time where there is no terminal ..."""
+SPOKEN_EVERY_S_MAX = 600.0
+"""... and the longest time between two lines."""
 KEPT_MAX = 100
 """Failing seeds whose report and trace are kept: each takes a megabyte, and a hundred show what is wrong."""
 
@@ -28,17 +35,22 @@ KEPT_MAX = 100
 class Sweep:
     """What has come of a sweep so far."""
 
-    def __init__(self, loaded: Loaded, seeds: range, folder: Path) -> None:
+    def __init__(self, loaded: Loaded, seeds: range, folder: Path, file: Rows, rows: Sequence[Row] = ()) -> None:
+        """`rows` are there already, of a sweep that is resumed; further ones go to `file`, too."""
         self._loaded = loaded
         self._seeds = seeds
         self._folder = folder
-        self._rows: dict[int, dict[str, Any]] = {}
-        self._kept = 0
+        self._file = file
+        self._rows: dict[int, Row] = {row["seed"]: row for row in rows}
+        self._left = [seed for seed in seeds if seed not in self._rows]
+        self._kept = min(KEPT_MAX, sum(map(fails, rows)))
         self._time_s = self._took_s = 0.0
 
     def run(self, jobs: int) -> bool:
         """Run all seeds in `jobs` processes (1: in this one); return whether Ctrl-C ended it."""
-        with Interruption() as interruption, _progress(len(self._seeds)) as tell:
+        if not self._left:
+            return False
+        with Interruption() as interruption, _progress(len(self._left)) as tell:
             for result in self._results(jobs, interruption):
                 self._take(result)
                 tell(fails(result.row))
@@ -46,9 +58,9 @@ class Sweep:
 
     def _results(self, jobs: int, interruption: Interruption) -> Iterator[Result]:
         if jobs > 1:
-            yield from shared(self._loaded.lab.path, self._loaded.options, self._seeds, jobs, interruption)
+            yield from shared(self._loaded.lab.path, self._loaded.options, self._left, jobs, interruption)
             return
-        for seed in self._seeds:
+        for seed in self._left:
             result = run_seed(self._loaded, seed, interruption)
             if interruption.came:  # it was stopped on its way
                 return
@@ -58,12 +70,25 @@ class Sweep:
         self._rows[result.row["seed"]] = result.row
         self._time_s += result.time_s
         self._took_s += result.took_s
+        if wrong := self._file.add(result.row):
+            print(f"rmr sim: {wrong}", file=sys.stderr)
+            self._kept = KEPT_MAX  # it would be written likewise
         if fails(result.row) and self._kept < KEPT_MAX:
             self._kept += 1
-            keep(result, self._folder / "failed" / f"seed-{result.row['seed']}")
+            self._keep(result)
+
+    def _keep(self, result: Result) -> None:
+        folder = self._folder / "failed" / f"seed-{result.row['seed']}"
+        try:
+            keep(result, folder)
+        except OSError as error:
+            self._kept = KEPT_MAX
+            print(
+                f"rmr sim: cannot write {folder}: {error.strerror}; no further seed that fails is kept", file=sys.stderr
+            )
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Row]:
         """The rows, by seed."""
         return [self._rows[seed] for seed in sorted(self._rows)]
 
@@ -85,6 +110,37 @@ class Sweep:
             "failing": [{"seed": seed, "command": f"{command} --seed {seed}"} for seed in failing],
             "rows": rows,
         }
+
+
+class Spoken:
+    """Progress in lines of text, each after twice the time of the one before it."""
+
+    def __init__(self, total: int, clock: Callable[[], float], say: Callable[[str], None]) -> None:
+        """`clock` tells seconds."""
+        self._total = total
+        self._clock = clock
+        self._say = say
+        self._began_s = clock()
+        self._next_s = SPOKEN_FIRST_S
+        self._over = self._failed = 0
+
+    def tell(self, failed: bool) -> None:
+        """Take note of a run that is over, and say how far the sweep is if that is due."""
+        self._over += 1
+        self._failed += failed
+        took_s = self._clock() - self._began_s
+        if took_s < self._next_s or self._over == self._total:
+            return
+        self._next_s = took_s + min(took_s, SPOKEN_EVERY_S_MAX)
+        left_s = took_s / self._over * (self._total - self._over)
+        self._say(
+            f"{self._over} of {self._total} runs, {self._failed} failed, after {_spell(took_s)}; "
+            f"about {_spell(left_s)} to go"
+        )
+
+
+def _spell(length_s: float) -> str:
+    return f"{length_s:.0f} s" if length_s < 120 else f"{length_s / 60:.0f} min"
 
 
 def keep(result: Result, folder: Path) -> None:
@@ -110,9 +166,12 @@ def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[bool], None]]:
-    """Show on a terminal how many runs are over; what it yields is told of each whether it failed."""
+    """Show how many runs are over; what it yields is told of each whether it failed.
+
+    On a terminal a bar, elsewhere a line at widening intervals: a log file stays short, and nobody waits in the dark.
+    """
     if not sys.stderr.isatty():
-        yield lambda _failed: None
+        yield Spoken(total, time.monotonic, lambda line: print(line, file=sys.stderr, flush=True)).tell
         return
     from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
