@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
-from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, Seldom
+from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, LogFile, Seldom
 from rmr.bus.session import Bus
 from rmr.node.actions import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
@@ -305,9 +305,10 @@ class HostedRobot:
     def _report(self, life: Life) -> dict[str, Any]:
         losses = self._bus.losses
         bus = {"lost": losses.lost, "malformed": losses.malformed + life.link.malformed}
+        host = {"bus": bus} | ({"log_cut_short": LogFile.failure} if LogFile.failure else {})
         if not life.started:
-            return {"bus": bus}
-        return robot_report(life.node, life.link.station.counters.as_dict(), self._restarts) | {"bus": bus}
+            return host
+        return robot_report(life.node, life.link.station.counters.as_dict(), self._restarts) | host
 
     def _state(self, *, finished: bool, final: bool) -> str:
         assert self._life is not None

@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -69,6 +70,8 @@ class Outcome:
     """Wall time from the start of the first process until all were ready."""
     wall_s: float = 0.0
     """Wall time of the whole run."""
+    report_error: str | None = None
+    """Why the report could not be written."""
 
 
 class Run:
@@ -313,7 +316,10 @@ class Run:
             if child.name not in self.outcome.died:
                 for line in said(child.output):
                     self._screen.say(f"{child.name}: {line}")
-                child.output.unlink(missing_ok=True)
+                with suppress(OSError):
+                    child.output.unlink()
+        for name, why in self.watch.cut_logs() if self.watch is not None else ():
+            self._screen.say(f"the log of {name} is cut short: {why}")
 
 
 def _names(robots: Sequence[int]) -> str:

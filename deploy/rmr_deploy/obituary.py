@@ -36,8 +36,11 @@ def _signal_name(number: int) -> str:
 
 def last_lines(output: Path) -> list[str]:
     """Return the last lines of what a process has written."""
-    with output.open("rb") as file:
-        size = file.seek(0, 2)
-        file.seek(max(0, size - TAIL_OCTETS))
-        text = file.read().decode(errors="replace")
+    try:
+        with output.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(max(0, size - TAIL_OCTETS))
+            text = file.read().decode(errors="replace")
+    except OSError:  # the run folder has been removed
+        return []
     return [line for line in text.splitlines() if line.strip()][-LAST_LINES:]

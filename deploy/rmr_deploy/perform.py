@@ -46,27 +46,33 @@ def perform(wishes: Wishes) -> int:
         click.echo(f"rmr up: {error}", err=True)
         return FAILED
     tell(record, outcome, plan)
-    return exit_code(outcome, record, strict=wishes.strict)
+    return exit_code(outcome, record, strict=wishes.strict) if outcome.report_error is None else FAILED
 
 
 async def run_and_report(plan: Plan) -> tuple[Outcome, dict[str, Any]]:
     """Run, and write the report while signals are still in the run's hands: an impatient Ctrl-C loses nothing.
 
-    Raises OSError when a process cannot be started or the report cannot be written.
+    A report that cannot be written does not keep the table back. Raises OSError when a process cannot be started.
     """
     run = Run(plan, make_screen(json=plan.wishes.as_json))
     outcome = await run.go()
     record = make_report(plan, outcome, run.watch)
-    report.write(record, plan.folder)
+    try:
+        report.write(record, plan.folder)
+    except OSError as error:
+        outcome.report_error = f"cannot write {error.filename}: {error.strerror}"
     return outcome, record
 
 
 def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
     """Show the table and the run in a few words, and where it is asked for the report as JSON."""
     as_json = plan.wishes.as_json
+    where = f"the report is {plan.folder / report.REPORT_FILE}"
+    if outcome.report_error is not None:
+        click.echo(f"rmr up: {outcome.report_error}", err=True)
+        where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
-    where = plan.folder / report.REPORT_FILE
-    click.echo(f"{report.summary(record)}\n{outcome.reason}; the report is {where}", err=as_json)
+    click.echo(f"{report.summary(record)}\n{outcome.reason}; {where}", err=as_json)
     for line in troubles(record):
         click.echo(f"rmr up: {line}", err=True)
     if as_json:

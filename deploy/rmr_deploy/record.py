@@ -19,6 +19,8 @@ def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, 
     """Return the report of a run that is over; `watch` is None when nobody was ever heard."""
     parts = {robot: _part(watch, robot) if watch else {} for robot in plan.lab.roster}
     buses = [part.pop("bus", {}) for part in parts.values()]
+    for part in parts.values():
+        part.pop("log_cut_short", None)  # for people (`Watch.cut_logs`)
     report = assemble(
         plan.lab,
         mode="processes",

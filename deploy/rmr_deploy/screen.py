@@ -2,12 +2,14 @@
 
 On a terminal one line per robot is kept up to date in place; elsewhere a plain line is written when a robot's
 state changes or it does something new, so that a log file stays short: measured values alone are no news. With
-`--json` all of it goes to standard error, standard output then being one JSON document.
+`--json` all of it goes to standard error, standard output then being one JSON document. A run does not depend on
+whether anybody reads: when its output is closed, or takes no more, it goes on unseen, and the report is written.
 """
 
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple, Protocol
 
 from rich.console import Console, Group
@@ -50,9 +52,17 @@ class Screen(Protocol):
         """Show nothing more but messages."""
 
 
+class Unread(Console):
+    """A console that raises BrokenPipeError where rich would end the process."""
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to the screen."""
+        raise BrokenPipeError
+
+
 def make_screen(*, json: bool) -> Screen:
     """Return the screen for standard output, or for standard error when that is kept for JSON."""
-    console = Console(stderr=json, highlight=False, soft_wrap=not (sys.stderr if json else sys.stdout).isatty())
+    console = Unread(stderr=json, highlight=False, soft_wrap=not (sys.stderr if json else sys.stdout).isatty())
     return LiveScreen(console) if console.is_terminal else PlainScreen(console)
 
 
@@ -66,15 +76,18 @@ class LiveScreen:
 
     def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
         """Redraw."""
-        self._live.update(Group(_head(lab_s, lines), *map(_drawn, lines)), refresh=True)
+        with suppress(OSError):  # a terminal that is gone
+            self._live.update(Group(_head(lab_s, lines), *map(_drawn, lines)), refresh=True)
 
     def say(self, message: str) -> None:
         """Write `message` above the lines."""
-        self._live.console.print(Text(printable(message)))
+        with suppress(OSError):
+            self._live.console.print(Text(printable(message)))
 
     def close(self) -> None:
         """Take the lines away; the table follows."""
-        self._live.stop()
+        with suppress(OSError):
+            self._live.stop()
 
 
 class PlainScreen:
@@ -94,8 +107,9 @@ class PlainScreen:
                 self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
 
     def say(self, message: str) -> None:
-        """Write `message`."""
-        self.console.print(Text(printable(message)))
+        """Write `message`, as long as somebody takes it."""
+        with suppress(OSError):  # the end of the command tells of it
+            self.console.print(Text(printable(message)))
 
     def close(self) -> None:
         """Do nothing: what is written is written."""

@@ -114,6 +114,12 @@ class Watch:
         """Return the parts of the report of the robot's earlier lives as last heard, oldest first."""
         return self._past.get(robot, ())
 
+    def cut_logs(self) -> list[tuple[str, str]]:
+        """Return whose log could not be written to its end, and why."""
+        told: list[tuple[str, Mapping[str, Any]]] = [("the world", self.world.report if self.world else {})]
+        told += [(f"robot {robot}", part) for robot, part in sorted(self._parts.items())]
+        return [(name, str(part["log_cut_short"])) for name, part in told if part.get("log_cut_short")]
+
     def _state(self, robot: int) -> str:
         status = self.robots.get(robot)
         return "starting" if status is None else status.state

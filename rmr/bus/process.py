@@ -74,12 +74,16 @@ class Plain(logging.Formatter):
 class LogFile(logging.FileHandler):
     """A log file that says once when it cannot be written (a full disk), and then does without."""
 
+    failure = ""
+    """Why it was given up; of all files of the process, for it has one."""
+
     def handleError(self, _record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
         """Give the file up."""
         logger, error = logging.getLogger("rmr"), sys.exc_info()[1]
         logger.removeHandler(self)
         with contextlib.suppress(OSError, ValueError):
             self.close()
+        LogFile.failure = str(error)
         logger.error("cannot write the log %s any more: %s", self.baseFilename, error)
 
 

@@ -6,7 +6,7 @@ program's facts and stay as they are: who shows them makes them printable.
 
 from typing import Final
 
-from rmr.bus.checks import Check, by_name, count, each, fields, flag, group, number, optional, robot, text
+from rmr.bus.checks import Check, by_name, count, each, fields, flag, group, number, optional, people, robot, text
 
 _JOB: Final = fields(
     {
@@ -41,6 +41,7 @@ PART: Final[dict[str, Check]] = {
     "schedules": each(_SCHEDULE),
     "bus": _COUNTERS,
     "left_out": each(text),
+    "log_cut_short": people,
     "faults": each(fields({"from": number, "to": number})),
 }
 """Fields of a part that have a type of their own."""

@@ -242,6 +242,40 @@ def test_a_stopped_robot_does_not_outlive_a_killed_launcher(up):
     eventually(lambda: run.left() == [], 5)
 
 
+# --- output that nobody takes ------------------------------------------------------------------------------
+
+
+def test_a_closed_standard_output_neither_ends_the_run_nor_loses_the_report(tmp_path):
+    words = [*UP, str(DASH), "--run", str(tmp_path / "run")]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, text=True)
+    process.stdout.readline()
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    process.wait(60)
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert (report["finished"], report["reason"]) == (True, "every robot holds the finish fact")
+    assert err == ""
+
+
+def test_a_report_that_cannot_be_written_is_named_and_the_table_and_the_json_come_out(up):
+    run = up(DASH, "--json").running()
+    (run.folder / "report.json").mkdir()
+    (run.folder / "report.json" / "in the way").touch()
+    assert run.wait() == 1
+    assert json.loads(run.out)["finished"]
+    assert f"rmr up: cannot write {run.folder / 'report.json'}: Is a directory\n" in run.err
+    assert "dash: finished after " in run.err
+    assert "there is no report" in run.err
+
+
+def test_a_run_folder_that_is_removed_is_made_anew_for_the_report(up):
+    run = up(DASH).running()
+    shutil.rmtree(run.folder)
+    assert run.wait() == 0, run.out + run.err
+    assert run.report()["finished"]
+
+
 # --- Ctrl-C -------------------------------------------------------------------------------------------------
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from rmr_sim.main import main
 from rmr_sim.perform import failures
+from rmr_sim.simulation import Simulation
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 
@@ -189,7 +190,24 @@ def test_the_trace_begins_at_the_beginning_however_long_the_run(tmp_path, capsys
 def test_a_disk_that_is_full_is_told_where_results_are_written(tmp_path, capsys):
     lab = tiny(tmp_path, 'type action say(R: robot, T: string) -o done(R).\ngo(R).\ngo(R) -o say(R, "x").\n')
     assert main([str(lab), "--run", str(tmp_path / "a"), "--trace", "/dev/full"]) == 1
-    assert capsys.readouterr().err.splitlines()[-1] == "rmr sim: /dev/full: No space left on device"
+    out, err = capsys.readouterr()
+    assert err.splitlines()[0] == "rmr sim: cannot write /dev/full: No space left on device"
+    assert "tiny: finished after" in out
+
+
+def test_a_report_that_cannot_be_written_is_named_and_the_table_comes_out(tmp_path, capsys, monkeypatch):
+    lab, ran = tiny(tmp_path, "done(R).\n"), Simulation.run
+
+    def run(simulation):
+        (tmp_path / "run" / "report.json").mkdir()
+        return ran(simulation)
+
+    monkeypatch.setattr(Simulation, "run", run)
+    assert main([str(lab), "--run", str(tmp_path / "run")]) == 1
+    out, err = capsys.readouterr()
+    assert f"rmr sim: cannot write {tmp_path / 'run' / 'report.json'}: Is a directory\n" in err
+    assert err.rstrip().endswith("there is no report")
+    assert "tiny: finished after" in out
 
 
 def test_who_closes_the_pipe_has_seen_enough(tmp_path):

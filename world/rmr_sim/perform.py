@@ -9,8 +9,9 @@ import shlex
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -30,7 +31,7 @@ from rmr_sim.violation import CONTACT
 from rmr_world.document import LabError
 from rmr_world.faults import lines
 from rmr_world.program import ProgramError
-from rmr_world.report import table_text, to_json, write
+from rmr_world.report import REPORT_FILE, table_text, to_json, write
 from rmr_world.runfolder import RunFolderError, make_run_folder
 from rmr_world.troubles import troubles
 
@@ -108,18 +109,30 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextI
             finished = simulation.run()
     finally:  # after a breakdown the trace tells what led to it
         trace = simulation.trace()
-        if arguments.trace is not None:
-            write_trace(trace, arguments.trace)
+        unwritten = [] if arguments.trace is None else _attempt(partial(write_trace, trace, arguments.trace))
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
-    written = write(report, folder)
+    unwritten += _attempt(partial(write, report, folder))
     for line in [*failures(trace), *violation_lines(report), *troubles(report)]:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
     took = f"{simulation.time_s:.1f} s simulated in {wall_s:.2f} s ({speed:.0f} x real time)"
-    print(f"{'interrupted: ' if interruption.came else ''}{took}; the report is {written}", file=sys.stderr)
-    return exit_code(row_of(report), strict=arguments.strict)
+    for line in unwritten:
+        print(f"rmr sim: {line}", file=sys.stderr)
+    report_file = folder / REPORT_FILE
+    where = f"the report is {report_file}" if report_file.is_file() else "there is no report"
+    print(f"{'interrupted: ' if interruption.came else ''}{took}; {where}", file=sys.stderr)
+    return EXIT_FAILED if unwritten else exit_code(row_of(report), strict=arguments.strict)
+
+
+def _attempt(write_file: Callable[[], object]) -> list[str]:
+    """Write a file; return a sentence if that was not possible."""
+    try:
+        write_file()
+    except OSError as error:
+        return [f"cannot write {_words_of(error)}"]
+    return []
 
 
 def _writable(trace: Path) -> bool:

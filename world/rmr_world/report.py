@@ -9,6 +9,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -137,13 +138,18 @@ def to_json(report: Mapping[str, Any]) -> str:
 def write(report: Mapping[str, Any], folder: Path) -> Path:
     """Write `report` into `folder`, which is made if need be; return the file. A half-written one never shows.
 
-    Raises OSError when the folder cannot be written.
+    Raises OSError, which names the file, when it cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT_FILE
     partial = folder / f".{REPORT_FILE}.{os.getpid()}"
-    partial.write_text(to_json(report), encoding="utf-8")
-    partial.replace(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial.write_text(to_json(report), encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink()
+        raise OSError(error.errno, error.strerror, str(path)) from error
     return path
 
 

@@ -20,7 +20,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, milliseconds, tick_index, tick_start
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
-from rmr.bus.process import Ending
+from rmr.bus.process import Ending, LogFile
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
 from rmr_world.disturbed import Disturbed
@@ -356,6 +356,7 @@ class WorldServer:
             "ticks_late": self._late,
             "set_back": self._set_back,
             "faults": [entry(one) for one in self._disturbed.befallen],
+            "log_cut_short": LogFile.failure,
             "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed},
         }
 
