@@ -106,7 +106,7 @@ class HostedRobot:
 
     def _say_waiting(self) -> None:
         whose = "the" if self._keys.lab == ANY_LAB else f"lab {self._keys.lab}'s"
-        log.info("waiting for %s world at %s", whose, self._connect)
+        log.info("waiting for %s world at %s: a zenoh router answers there, but no such world", whose, self._connect)
 
     # -- from nothing to a place in the lab -------------------------------------------------------------------
 

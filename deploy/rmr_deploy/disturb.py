@@ -14,7 +14,7 @@ import click
 
 from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
 from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.process import EXIT_FAILED, EXIT_OK, EXIT_USAGE
 from rmr.bus.session import Bus, open_bus
@@ -76,7 +76,7 @@ async def _ask(endpoint: str, keys: Keys, question: wire.AskDisturbances) -> wir
     try:
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
     except BusError as error:
-        raise FaultError(str(error), EXIT_FAILED) from None
+        raise FaultError(f"{error}{host_problem(endpoint)}", EXIT_FAILED) from None
     try:
         if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
             keys = Keys((await _answer(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
@@ -94,7 +94,7 @@ async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint
         raise FaultError(message, EXIT_USAGE)
     if not told:
         who = "no lab's world" if keys.lab == ANY_LAB else f"no world of lab {keys.lab}"
-        raise FaultError(f"{who} answers at {endpoint}", EXIT_FAILED)
+        raise FaultError(f"{who} answers at {endpoint}, though a zenoh router does", EXIT_FAILED)
     return told[0]
 
 

@@ -12,8 +12,8 @@ Three things keep a run from leaving strays:
   PR_SET_PDEATHSIG). Hence: start processes from the main thread, and before the bus is opened, which has
   threads and must not be forked.
 
-Every process leads a session of its own, so that Ctrl-C in the terminal reaches the launcher alone, which then
-stops the run in order.
+Every process leads a session and a process group of its own, so that Ctrl-C in the terminal reaches the launcher alone,
+which then stops the run in order. What a user's action has started is in its robot's group and ends with it.
 """
 
 import asyncio
@@ -24,6 +24,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,7 +59,14 @@ class Child:
         return self.process.pid
 
     def exit_code(self) -> int | None:
-        """Return the exit code, negative for the signal that ended it, or None while it runs."""
+        """Return the exit code, negative for the signal that ended it, or None while it runs.
+
+        Once it has ended, so do the processes that it has left in its group.
+        """
+        if self.process.returncode is None and _has_ended(self.pid):
+            # Until it is reaped its id, which is the group's, is given to nobody else.
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.pid, signal.SIGKILL)
         return self.process.poll()
 
 
@@ -114,11 +122,11 @@ class Family:
     def kill(self) -> None:
         """End every process at once and cut the lifeline. May be called at any time, and again."""
         _signal(_alive(self.children), signal.SIGKILL)
-        for child in self.children:
-            try:
-                child.process.wait(KILL_PATIENCE_S)
-            except subprocess.TimeoutExpired:
-                print(f"rmr up: {child.name} (pid {child.pid}) does not end", file=sys.stderr)
+        end = time.monotonic() + KILL_PATIENCE_S
+        while (alive := _alive(self.children)) and time.monotonic() < end:
+            time.sleep(POLL_S)
+        for child in alive:
+            print(f"rmr up: {child.name} (pid {child.pid}) does not end", file=sys.stderr)
         self._cut()
 
     def _cut(self) -> None:
@@ -126,6 +134,14 @@ class Family:
             if end >= 0:
                 os.close(end)
         self._read = self._write = -1
+
+
+def _has_ended(pid: int) -> bool:
+    """Return whether a child process that has not been reaped has ended; it is not reaped by this."""
+    try:
+        return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    except ChildProcessError:
+        return False
 
 
 def _alive(children: Iterable[Child]) -> list[Child]:

@@ -1,11 +1,23 @@
 """Endpoints: where a router listens, as people write it. Imports no zenoh, so that help costs little."""
 
 import re
+import socket
+from ipaddress import ip_address
+from threading import Thread
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+DEFAULT_PORT = 17447
+"""Not 7447, which is zenoh's own: a zenohd or another program of zenoh may listen there."""
+
+DEFAULT_ENDPOINT = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 """Where a world listens and a robot connects unless told otherwise."""
 
-ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
+ENDPOINT = re.compile(r"(tcp|udp|ws)/(\[[0-9A-Fa-f:.]+\]|[^\s/:\[\]]+):(\d{1,5})")
+
+ENCRYPTED = re.compile(r"(tls|quic)/.*")
+"""Protocols of zenoh that need keys, for which there is no option."""
+
+RESOLVE_S_MAX = 2.0
+"""How long a name may take to be found."""
 
 
 class BusError(Exception):
@@ -14,7 +26,36 @@ class BusError(Exception):
 
 def check_endpoint(endpoint: str) -> str:
     """Return `endpoint` if it is one. Raises BusError."""
+    if encrypted := ENCRYPTED.fullmatch(endpoint):
+        raise BusError(f"'{endpoint}': {encrypted[1]} needs keys, which rmr cannot be given yet; write tcp, udp or ws")
     match = ENDPOINT.fullmatch(endpoint)
     if not match or not 0 < int(match[3]) < 65536:
         raise BusError(f"'{endpoint}' is no endpoint: expected PROTOCOL/HOST:PORT, for example {DEFAULT_ENDPOINT}")
     return endpoint
+
+
+def host_problem(endpoint: str) -> str:
+    """Return what is wrong with the host of a valid endpoint, `: ` before it; empty when it has an address.
+
+    Takes `RESOLVE_S_MAX` at most.
+    """
+    match = ENDPOINT.fullmatch(endpoint)
+    assert match is not None
+    host = match[2].strip("[]")
+    try:
+        ip_address(host)
+    except ValueError:
+        found: list[bool] = []
+        lookup = Thread(target=lambda: found.append(_resolves(host)), daemon=True)
+        lookup.start()
+        lookup.join(RESOLVE_S_MAX)
+        if found != [True]:
+            return f": there is no host {host}"
+    return ""
+
+
+def _resolves(host: str) -> bool:
+    try:
+        return bool(socket.getaddrinfo(host, None))
+    except (OSError, UnicodeError):
+        return False

@@ -56,6 +56,10 @@ Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
 
+class InUseError(BusError):
+    """Another process listens at the address already."""
+
+
 class NobodyThereError(BusError):
     """No router answers at the endpoint (yet)."""
 
@@ -89,7 +93,7 @@ def _explain(error: Exception, listen: str | None, connect: str | None) -> BusEr
     """Return what zenoh's error means to a person."""
     text = str(error)
     if "Address already in use" in text:
-        return BusError(f"{listen} is in use: another world runs there (end it, or choose another --listen)")
+        return InUseError(f"{listen} is in use")
     if "Unable to connect" in text or "Timeout" in text:
         return NobodyThereError(f"nobody listens at {connect}")
     reason = re.sub(r"\s+at \S+\.rs:\d+\.?", "", text)

@@ -96,7 +96,7 @@ def test_a_second_world_of_the_same_lab_at_one_router_is_refused(stage):
 def test_a_robot_of_one_lab_says_whose_world_it_waits_for_while_another_lab_runs_there(stage):
     stage.world()
     robot = stage.agent(1, "--lab", "other")
-    robot.wait_for(f"waiting for lab other's world at {stage.endpoint}")
+    robot.wait_for(f"waiting for lab other's world at {stage.endpoint}: a zenoh router answers there, but no such")
 
 
 # --- mishaps ----------------------------------------------------------------------------------------------------
@@ -197,7 +197,7 @@ def test_a_port_in_use_is_said_and_ends_the_second_world_alone(stage):
     first.wait_for("lab time runs")
     second = stage.world()
     assert second.exit_code() == 1
-    assert f"{stage.endpoint} is in use" in second.said()
+    assert f"{stage.endpoint} is in use: the world of lab bench runs there" in second.said()
     assert first.process.poll() is None
 
 

@@ -11,8 +11,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from rmr.bus import wire
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
 from rmr.bus.keys import Keys
+from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
     EXIT_FAILED,
     EXIT_INVALID,
@@ -24,7 +25,7 @@ from rmr.bus.process import (
     run_precisely,
     start_logging,
 )
-from rmr.bus.session import Bus, open_bus, open_when_there
+from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
 from rmr_world.lab import Lab, LabError, load_lab
 from rmr_world.server import WorldServer
 
@@ -66,8 +67,13 @@ def _check_program(lab: Lab, path: Path) -> None:
 async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
     """Return the session; None when the end was asked for while waiting for the router."""
     if options.connect is None:
-        return open_bus(wire.WORLD_ID, listen=options.listen or DEFAULT_ENDPOINT)
-    say = Seldom(lambda: log.info("waiting for the router at %s", options.connect), SAY_AGAIN_S)
+        endpoint = options.listen or DEFAULT_ENDPOINT
+        try:
+            return open_bus(wire.WORLD_ID, listen=endpoint)
+        except InUseError as error:
+            raise BusError(f"{error}: {await who_listens(endpoint)}") from None
+    router = options.connect
+    say = Seldom(lambda: log.info("waiting for the router at %s%s", router, host_problem(router)), SAY_AGAIN_S)
     opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say))
     ended = asyncio.ensure_future(ending.wait())
     await asyncio.wait([opening, ended], return_when=asyncio.FIRST_COMPLETED)

@@ -2,13 +2,15 @@
 
 import asyncio
 import json
+import socket
 import time
 
 import pytest
 from bus_star import FRAME, free_endpoint, on_a_star, until
 
 from rmr.bus import session, wire
-from rmr.bus.endpoint import BusError, check_endpoint
+from rmr.bus.endpoint import BusError, check_endpoint, host_problem
+from rmr.bus.occupant import who_listens
 from rmr.bus.session import NobodyThereError, open_bus, open_when_there
 
 
@@ -213,7 +215,7 @@ def test_a_second_router_at_the_same_place_is_told_that_it_is_in_use():
     async def play():
         endpoint = free_endpoint()
         router = open_bus(wire.WORLD_ID, listen=endpoint)
-        with pytest.raises(BusError, match="is in use: another world runs there"):
+        with pytest.raises(BusError, match="is in use"):
             open_bus(wire.WORLD_ID, listen=endpoint)
         router.close()
 
@@ -240,7 +242,7 @@ def test_a_client_waits_for_its_router_and_tells_each_time_that_it_is_not_there(
     asyncio.run(play())
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "tcp/[::1]:7447", "udp/robot-host.local:1", "ws/a:65535"])
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:17447", "tcp/[::1]:7447", "udp/robot-host.local:1", "ws/a:65535"])
 def test_an_endpoint_is_protocol_host_and_port(endpoint):
     assert check_endpoint(endpoint) == endpoint
 
@@ -250,8 +252,34 @@ def test_an_endpoint_is_protocol_host_and_port(endpoint):
     ["", "7447", "127.0.0.1:7447", "tcp/127.0.0.1", "tcp/:7447", "tcp/a:0", "tcp/a:65536", "xyz/a:1", "tcp/a:1/b"],
 )
 def test_anything_else_is_no_endpoint_and_the_message_shows_one(endpoint):
-    with pytest.raises(BusError, match=r"for example tcp/127\.0\.0\.1:7447"):
+    with pytest.raises(BusError, match=r"for example tcp/127\.0\.0\.1:17447"):
         check_endpoint(endpoint)
+
+
+@pytest.mark.parametrize("endpoint", ["tls/127.0.0.1:7447", "quic/host:1"])
+def test_an_endpoint_that_needs_keys_is_refused_in_one_sentence(endpoint):
+    with pytest.raises(BusError, match=r"needs keys, which rmr cannot be given yet; write tcp, udp or ws"):
+        check_endpoint(endpoint)
+
+
+def test_a_host_that_does_not_exist_is_told():
+    assert host_problem("tcp/no-such-host.invalid:1") == ": there is no host no-such-host.invalid"
+    assert host_problem("tcp/127.0.0.1:1") == host_problem("tcp/[::1]:1") == host_problem("tcp/localhost:1") == ""
+
+
+def test_who_has_an_address_is_told_whether_it_speaks_zenoh_or_not():
+    async def play():
+        endpoint = free_endpoint()
+        router = open_bus(wire.WORLD_ID, listen=endpoint)
+        try:
+            assert (await who_listens(endpoint)).startswith("a zenoh router without a world of rmr runs there")
+        finally:
+            router.close()
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            said = await who_listens(f"tcp/127.0.0.1:{server.getsockname()[1]}")
+        assert said == "another program listens there; choose another --listen"
+
+    asyncio.run(play())
 
 
 def test_an_address_that_is_not_this_machines_cannot_be_listened_on():

@@ -65,6 +65,26 @@ def test_those_that_ended_are_told_with_their_exit_code(family, tmp_path):
     assert [(child.name, child.exit_code()) for child in family.dead()] == [("robot-1", 3)]
 
 
+@pytest.mark.parametrize("how", ["leaves in order", "is killed"])
+def test_a_child_process_of_a_robot_does_not_outlive_it(family, tmp_path, how):
+    """What a user's action starts is in the process group of its robot, and has no launcher of its own."""
+    told = tmp_path / "pid"
+    code = f"""
+import pathlib, subprocess, sys, time
+print("up", flush=True)
+child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(100)"])
+pathlib.Path({str(told)!r}).write_text(str(child.pid))
+time.sleep(100 if {how == "is killed"} else 0)
+"""
+    robot = start(family, tmp_path, code)
+    eventually(lambda: told.exists() and told.read_text())
+    grandchild = int(told.read_text())
+    if how == "is killed":
+        family.kill()
+    eventually(lambda: robot.exit_code() is not None)
+    eventually(lambda: not runs(grandchild))
+
+
 def test_an_obedient_process_leaves_at_sigterm(family, tmp_path):
     child = start(family, tmp_path, OBEDIENT)
     assert asyncio.run(family.stop([child])) == []

@@ -1,0 +1,31 @@
+"""Who has the address that a world wants to listen at: said so that a person knows what to end, or to leave alone."""
+
+from rmr.bus import wire
+from rmr.bus.endpoint import BusError
+from rmr.bus.keys import ANY_LAB, Keys
+from rmr.bus.session import open_bus
+
+ASK_S = 1.0
+"""How long a world may take to answer."""
+
+ANY_ADDRESS = "0.0.0.0", "[::]"
+"""Hosts at which one listens but that one cannot connect to."""
+
+
+async def who_listens(endpoint: str) -> str:
+    """Return who listens at `endpoint`, and what to do."""
+    for host in ANY_ADDRESS:
+        endpoint = endpoint.replace(f"/{host}:", "/127.0.0.1:")
+    try:
+        bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
+    except BusError:
+        return "another program listens there; choose another --listen"
+    try:
+        question = wire.AskDisturbances("list", None)
+        replies = await bus.ask(Keys(ANY_LAB).disturbances, question, ASK_S)
+    finally:
+        bus.close()
+    labs = sorted({message.body.lab for message, _ in replies if isinstance(message.body, wire.Disturbances)})
+    if labs:
+        return f"the world of lab {', '.join(labs)} runs there; end it, or choose another --listen"
+    return "a zenoh router without a world of rmr runs there; choose another --listen, or join it with --connect"
