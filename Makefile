@@ -12,10 +12,14 @@ help: ## list the targets
 $(STAMP): pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "rmr needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Set PYTHON=..." >&2; exit 2; }
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@echo "[1/3] making a virtual environment in $(VENV) (some seconds)"
+	@$(PYTHON) -m venv $(VENV)
+	@echo "[2/3] installing $$(grep -c '==' requirements.lock) locked dependencies, some 300 MB (one to five minutes)"
+	@$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	@echo "[3/3] installing rmr itself (some seconds)"
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $(STAMP)
+	@echo "installed: $(BIN)/rmr --help"
 
 install: $(STAMP) ## install into .venv
 

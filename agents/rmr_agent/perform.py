@@ -1,7 +1,8 @@
 """What `rmr-agent` does: load, find the world, live, and say how it ended.
 
-Everything that can be wrong is found in the order in which a person can mend it: the log file (exit code 2), the
-byte-code and its actions (3), then the world (waited for). It imports little, so that fifty robots start in seconds.
+Everything that can be wrong is found in the order in which a person can mend it: the log file, and files that cannot be
+read (exit code 2), the byte-code and its actions (3), then the world (waited for). It imports little, so that fifty
+robots start in seconds.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from rmr.bus.process import (
     run_precisely,
     start_logging,
 )
+from rmr.entry.files import unreadable
 from rmr.radio.keyfile import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
 from rmr_agent.crew import live
@@ -50,6 +52,9 @@ def perform(options: argparse.Namespace) -> int:
         log = start_logging(who, options.log)
     except OSError as error:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
+        return EXIT_USAGE
+    if missing := unreadable((options.program, options.actions, options.radio_key)):
+        print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:
         carried = _load(options)

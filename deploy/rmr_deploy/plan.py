@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rmr.base.time import in_seconds
+from rmr.entry.files import unreadable
 from rmr_world.judge import judged
-from rmr_world.lab import Lab, LabError, load_lab
+from rmr_world.lab import Lab, LabError, lab_path, load_lab
 from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_lab_program
 from rmr_world.radiokey import radio_key
 from rmr_world.runfolder import RunFolderError, make_run_folder
@@ -88,6 +89,8 @@ class Plan:
 
 def make_plan(wishes: Wishes, *, color: bool) -> Plan:
     """Return the plan of a run and make its folder. Raises RefusedError."""
+    if missing := unreadable((lab_path(wishes.lab), wishes.actions)):
+        raise RefusedError("\n".join(f"rmr up: {line}" for line in missing), USAGE)
     lab = read_lab(wishes.lab, wishes.robots)
     if wishes.seed is not None:
         lab = replace(lab, seed=wishes.seed)

@@ -17,6 +17,7 @@ from typing import Any, TextIO
 
 from rmr.base.mistake import words
 from rmr.coord.values import Order
+from rmr.entry.files import unreadable
 from rmr.node.actions import STOPPED, TAKEN_OVER
 from rmr.node.trace import Level
 from rmr_sim.arguments import command_of, cores
@@ -30,6 +31,7 @@ from rmr_sim.trial import Row, fails, row_of
 from rmr_sim.violation import CONTACT
 from rmr_world.document import LabError
 from rmr_world.faults import lines
+from rmr_world.lab import lab_path
 from rmr_world.program import ProgramError
 from rmr_world.report import REPORT_FILE, table_text, to_json, write
 from rmr_world.runfolder import RunFolderError, make_run_folder
@@ -49,6 +51,9 @@ def perform(arguments: argparse.Namespace) -> int:
 
 def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
     folder: Path | None = None
+    if missing := unreadable((lab_path(arguments.lab), arguments.actions, arguments.events)):
+        print("\n".join(f"rmr sim: {line}" for line in missing), file=sys.stderr)
+        return EXIT_USAGE
     try:
         loaded = load(arguments.lab, options_of(arguments))
         for text in loaded.warnings:

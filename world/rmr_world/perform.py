@@ -26,7 +26,8 @@ from rmr.bus.process import (
     start_logging,
 )
 from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
-from rmr_world.lab import Lab, LabError, load_lab
+from rmr.entry.files import unreadable
+from rmr_world.lab import Lab, LabError, lab_path, load_lab
 from rmr_world.server import WorldServer
 
 SAY_AGAIN_S = 5.0
@@ -43,8 +44,7 @@ class InvalidError(Exception):
 
 
 def _load(options: argparse.Namespace) -> Lab:
-    path = options.config / "lab.yaml" if options.config.is_dir() else options.config
-    lab = load_lab(path)
+    lab = load_lab(options.config)
     if options.seed is not None:
         lab = replace(lab, seed=options.seed)
     if options.program is not None:
@@ -107,6 +107,9 @@ def perform(options: argparse.Namespace) -> int:
         start_logging("rmr-world", options.log)
     except OSError as error:
         print(f"rmr-world: cannot write {options.log}: {error.strerror}", file=sys.stderr)
+        return EXIT_USAGE
+    if missing := unreadable((lab_path(options.config), options.program)):
+        print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:
         lab = _load(options)
