@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
+from rmr.bus.losses import Losses
 from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, LogFile, Seldom
 from rmr.bus.session import Bus
 from rmr.node.actions import STOPPED, TAKEN_OVER, Handler
@@ -209,7 +210,7 @@ class HostedRobot:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
         self._restarts = known.lives
-        self._bus.losses = wire.Losses()  # what the last run lost is not this one's
+        self._bus.losses = Losses()  # what the last run lost is not this one's
         self._clock.forget()
         self._clock_news.set()
         log.info("robot %d is in lab %s", self._robot, known.lab)

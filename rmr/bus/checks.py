@@ -35,6 +35,12 @@ PEOPLE_CHARACTERS_MAX: Final = 500
 TEXT_CHARACTERS_MAX: Final = 1 << 16
 """Longest text of a fact, a goal or an action."""
 
+ROBOTS_MAX: Final = 1000
+"""Robots of a lab."""
+
+LIVES_MAX: Final = 1 << 31
+"""Processes that have been one robot."""
+
 NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,199}")
 """A name of the language or of the lab file."""
 
@@ -259,6 +265,22 @@ def group(*inner: Check) -> Check:
         return tuple([test(item) for test, item in zip(inner, value, strict=True)])
 
     return check
+
+
+def roster(value: Any) -> tuple[int, ...]:
+    """Accept the ids of a lab's robots: at least one, none twice."""
+    ids: tuple[int, ...] = each(robot, ROBOTS_MAX)(value)
+    if not ids or len(set(ids)) < len(ids):
+        raise MalformedError("expected a lab's robots")
+    return ids
+
+
+def lives(value: Any) -> int:
+    """Accept how many processes have been a robot."""
+    told: int = count(value)
+    if told > LIVES_MAX:
+        raise MalformedError("expected a count of lives")
+    return told
 
 
 # --- values of facts: symbols and robots keep their type ---------------------------------------------------

@@ -18,6 +18,7 @@ from zenoh.handlers import Callback
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
+from rmr.bus.losses import Losses
 from rmr.bus.parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
@@ -30,7 +31,7 @@ Handler = Callable[[str, wire.Envelope], None]
 class Owner(Protocol):
     """Who listens: one of the line's senders."""
 
-    losses: wire.Losses
+    losses: Losses
 
 
 class Listener:

@@ -34,6 +34,7 @@ from rmr.bus import wire  # noqa: E402
 from rmr.bus.checks import MalformedError  # noqa: E402
 from rmr.bus.endpoint import BusError, check_endpoint  # noqa: E402
 from rmr.bus.line import Handler, Line, Listener  # noqa: E402
+from rmr.bus.losses import Losses  # noqa: E402
 from rmr.bus.parts import cut  # noqa: E402
 
 LEASE_MS = 3000
@@ -147,7 +148,7 @@ class Bus:
         """Of the messages sent in parts."""
         self._transports = 0
         self._closed = False
-        self.losses = wire.Losses()
+        self.losses = Losses()
         """What has been lost or malformed among the messages received."""
         self.on_transport: Callable[[bool], None] | None = None
         """Called when the first transport comes up and when the last one has gone."""

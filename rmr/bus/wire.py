@@ -19,6 +19,7 @@ import msgpack  # type: ignore[import-untyped]
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bus.checks import (
+    ROBOTS_MAX,
     Check,
     MalformedError,
     announcement,
@@ -31,6 +32,7 @@ from rmr.bus.checks import (
     integer,
     lab_name,
     length,
+    lives,
     name,
     octets,
     one_of,
@@ -40,6 +42,7 @@ from rmr.bus.checks import (
     place,
     quantity,
     robot,
+    roster,
     value,
 )
 from rmr.bus.checks import sender as sender_check
@@ -66,14 +69,8 @@ WHOLE_OCTETS_MAX: Final = 1 << 25
 
 PARTS_MAX: Final = WHOLE_OCTETS_MAX // PART_OCTETS_MAX + 1
 
-ROBOTS_MAX: Final = 1000
-"""Robots of a lab."""
-
 FACTS_MAX: Final = 100_000
 """Facts of a lab, and arguments of one fact."""
-
-LIVES_MAX: Final = 1 << 31
-"""Processes that have been one robot."""
 
 STATES: Final = ("waiting", "ready", "running", "finished", "stopped", "failed")
 """What a `Status` says: waiting for the world; ready to start; the lab clock runs; every wanted fact is held;
@@ -312,31 +309,13 @@ _SAMPLE: Final = (
 _FACT: Final = group(name, optional(robot), each(value, FACTS_MAX))
 _PATTERN: Final = group(name, each(optional(value), FACTS_MAX))
 _HELD: Final = each(disturbance, DISTURBANCES_MAX)
-
-
-def _roster(value: Any) -> tuple[int, ...]:
-    """Accept the ids of a lab's robots: at least one, none twice."""
-    ids: tuple[int, ...] = each(robot, ROBOTS_MAX)(value)
-    if not ids or len(set(ids)) < len(ids):
-        raise MalformedError("expected a lab's robots")
-    return ids
-
-
-def _lives(value: Any) -> int:
-    """Accept how many processes have been a robot."""
-    lives: int = count(value)
-    if lives > LIVES_MAX:
-        raise MalformedError("expected a count of lives")
-    return lives
-
-
 _LAB: Final = (
     lab_name,
     flag,
     flag,
-    _lives,
+    lives,
     integer,
-    _roster,
+    roster,
     floor,
     radio,
     each(_FACT, FACTS_MAX),
@@ -410,47 +389,3 @@ def decode(data: bytes, octets_max: int = MESSAGE_OCTETS_MAX) -> Envelope:
 def is_patient(data: bytes) -> bool:
     """Whether the message in `data` may wait, as far as its first octets tell: those of a short array and its code."""
     return len(data) > 1 and data[1] in _PATIENT
-
-
-STREAMS_MAX: Final = 4096
-"""Streams that a `Losses` keeps apart: more than robots times keys that one process hears."""
-
-
-LOST_MAX: Final = 1 << 53
-"""What `Losses.lost` counts up to: numbers that a peer makes up must not add up to one that no message carries."""
-
-
-class Losses:
-    """Counts what the middleware lost: gaps in the numbers of each sender's messages on each key."""
-
-    def __init__(self) -> None:
-        self.lost = 0
-        self.repeated = 0
-        """Numbers that did not go up: doubled or overtaken."""
-        self.malformed = 0
-        self.malformed_last = ""
-        """What was wrong with the last malformed message."""
-        self._streams: dict[tuple[str, int], tuple[int, int]] = {}
-
-    def note(self, key: str, message: Envelope) -> None:
-        """Take note of a message that arrived. The first of a stream, or of a sender's new run, sets its origin."""
-        stream = (key, message.sender)
-        run, number = self._streams.get(stream, (None, 0))
-        if run != message.run:
-            if run is None and len(self._streams) >= STREAMS_MAX:
-                return
-        elif message.number <= number:
-            self.repeated += 1
-            return
-        else:
-            self.lost = min(LOST_MAX, self.lost + message.number - number - 1)
-        self._streams[stream] = (message.run, message.number)
-
-    def drop(self, error: MalformedError) -> None:
-        """Count a message that is malformed."""
-        self.malformed += 1
-        self.malformed_last = str(error)
-
-    def forget(self, on: Callable[[str], bool]) -> None:
-        """Forget the streams of the keys `on` holds for: what is sent while nobody listens is not lost."""
-        self._streams = {stream: last for stream, last in self._streams.items() if not on(stream[0])}

@@ -10,7 +10,8 @@ import shlex
 import shutil
 import sys
 import sysconfig
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
@@ -29,6 +30,7 @@ HOT = (
     "rmr/base/*.py",
     "rmr/bus/checks.py",
     "rmr/bus/line.py",
+    "rmr/bus/losses.py",
     "rmr/bus/wire.py",
     "rmr/coord/*.py",
     "rmr/node/*.py",
@@ -78,7 +80,7 @@ def main() -> int:
     except UnableError as reason:
         print(f"make fast: {reason}; all works interpreted as well, at less than half of the speed", file=sys.stderr)
         return 0 if sys.argv[1:] == ["--if-possible"] else USAGE
-    print(f"compiling {len(hot())} modules into {shown}; this takes a minute or two", flush=True)
+    print(f"compiling {len(hot())} modules into {shown}", flush=True)
     try:
         compile_into(FOLDER)
     except UncompiledError as why:
@@ -131,10 +133,11 @@ def _build(sources: list[str], into: Path) -> None:
 
     class OnAllCores(build_ext):
         def build_extensions(self) -> None:
-            self.compiler.compile = _side_by_side(self.compiler.compile)
+            self.compiler.compile = _side_by_side(self.compiler.compile, Progress())
             super().build_extensions()
 
     scratch = into.with_name(into.name + ".c")
+    print("[1/2] mypyc checks types and writes C (about half a minute)", flush=True)
     said = StringIO()  # mypyc warns of what it compiles less well, which is no news to whoever only wants it done
     try:
         with redirect_stdout(said), redirect_stderr(said):
@@ -150,8 +153,11 @@ def _build(sources: list[str], into: Path) -> None:
         raise UncompiledError(said.getvalue()) from end
     for extension in extensions:
         extension.extra_compile_args += EXACT
+    cores = os.cpu_count() or 1
+    print(f"[2/2] the C compiler works on {cores} cores (about a minute of processor time)", flush=True)
     build = OnAllCores(Distribution({"name": "rmr", "ext_modules": extensions}))
     build.build_lib, build.build_temp = str(into), str(scratch)
+    build.parallel = cores  # each module has a small library of its own to be linked, beside the one of all
     build.ensure_finalized()
     try:
         build.run()
@@ -160,12 +166,46 @@ def _build(sources: list[str], into: Path) -> None:
     shutil.rmtree(scratch)
 
 
-def _side_by_side(compile_all: Callable[..., list[str]]) -> Callable[..., list[str]]:
-    """Return a `compile` of a compiler of setuptools that compiles one file a core at a time."""
+class Progress:
+    """Tells each time that all files of a package have been compiled."""
+
+    def __init__(self) -> None:
+        self._left: Counter[str] = Counter()
+
+    def begin(self, sources: Iterable[str]) -> None:
+        """Expect these C files."""
+        self._left.update(filter(None, map(package_of, sources)))
+
+    def done(self, source: str) -> None:
+        """Take note of a file that has been compiled."""
+        package = package_of(source)
+        if not package:
+            return
+        self._left[package] -= 1
+        if not self._left[package]:
+            del self._left[package]
+            print(f"  {package} is compiled; {sum(self._left.values())} files to go", flush=True)
+
+
+def package_of(source: str) -> str:
+    """Return the package whose module is in the C file `source`; empty for what is mypyc's own."""
+    name = Path(source).stem.removeprefix("__native_")
+    return ".".join(name.split("___")[:-1]) if Path(source).stem != name else ""
+
+
+def _side_by_side(compile_all: Callable[..., list[str]], progress: Progress) -> Callable[..., list[str]]:
+    """Return a `compile` of a compiler of setuptools that compiles one file a core at a time, the longest first."""
 
     def compile_each(sources: list[str], **options: Any) -> list[str]:
+        progress.begin(sources)
+        longest_first = sorted(sources, key=lambda source: Path(source).stat().st_size, reverse=True)
+        made: list[str] = []
         with ThreadPoolExecutor(os.cpu_count()) as cores:
-            return [made for each in cores.map(lambda one: compile_all([one], **options), sources) for made in each]
+            each = cores.map(lambda source: compile_all([source], **options), longest_first)
+            for source, objects in zip(longest_first, each, strict=True):
+                made += objects
+                progress.done(source)
+        return made
 
     return compile_each
 

@@ -16,7 +16,8 @@ from rmr.base.time import NEVER, NS_PER_S
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bus import checks, wire
 from rmr.bus.checks import PLAIN_DEPTH_MAX, QUANTITY_MAX
-from rmr.bus.wire import LOST_MAX, Envelope, Losses, MalformedError, decode, encode
+from rmr.bus.losses import LOST_MAX, STREAMS_MAX, Losses
+from rmr.bus.wire import Envelope, MalformedError, decode, encode
 from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr.radio.phy import Bursts, RadioConfig, airtime
@@ -161,7 +162,7 @@ MESSAGES = {
         labs,
         st.booleans(),
         st.booleans(),
-        st.integers(0, wire.LIVES_MAX),
+        st.integers(0, checks.LIVES_MAX),
         instants,
         st.lists(robots, min_size=1, max_size=3, unique=True).map(tuple),
         floors,
@@ -412,8 +413,8 @@ def test_what_is_sent_while_nobody_listens_is_not_lost_but_on_other_keys_it_is()
 
 def test_the_streams_that_are_kept_apart_are_bounded():
     losses = Losses()
-    for sender in range(wire.STREAMS_MAX + 10):
+    for sender in range(STREAMS_MAX + 10):
         losses.note("k", Envelope(sender, 1, 1, wire.AskClock()))
-    losses.note("k", Envelope(wire.STREAMS_MAX + 5, 1, 9, wire.AskClock()))
+    losses.note("k", Envelope(STREAMS_MAX + 5, 1, 9, wire.AskClock()))
     losses.note("k", Envelope(0, 1, 3, wire.AskClock()))
     assert losses.lost == 1

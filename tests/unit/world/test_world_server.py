@@ -7,8 +7,8 @@ from world_labs import LABS
 
 from rmr.base.time import NS_PER_S, tick_start
 from rmr.bus import wire
+from rmr.bus.losses import Losses
 from rmr.bus.process import Ending
-from rmr.bus.wire import Losses
 from rmr.radio.links import Disturbance, partition
 from rmr_world import server
 from rmr_world.lab import load_lab
