@@ -15,9 +15,9 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.context import Context, Outbox, OwnJob
 from rmr.coord.events import CoordEvent, JobRequest, Send
 from rmr.coord.group import Group
-from rmr.coord.messages import EVENT_OCTETS, Beacon, Kind, MessageError, decode
+from rmr.coord.messages import EVENT_OCTETS, NOBODY, Beacon, Kind, MessageError, Phase, decode
 from rmr.coord.states import Passage, Role
-from rmr.coord.values import EVENTS_MAX, IN_FLIGHT_MAX, WAY_MAX, Values
+from rmr.coord.values import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Values
 
 __all__ = ["Coordination", "JobRequest"]
 
@@ -108,6 +108,16 @@ class Coordination:
         """Return the robot's live job of `event`, to be looked at only; None when there is none."""
         group = self._groups.get(event)
         return None if group is None else group.context.job
+
+    def passes(self, event: bytes) -> bool:
+        """Return whether a job of `event` that is not over is known to pass in one way, by a schedule or a beacon."""
+        group = self._groups.get(event)
+        if group is None:
+            return False
+        context = group.context
+        listed = (e.way for e in context.held.entries() if e.robot != NOBODY and e.phase is not Phase.OUT)
+        heard = (record.beacon.way for record in context.fence.records.values())
+        return any(way != EXCLUSIVE_WAY for way in (*listed, *heard))
 
     def ready(self, now: Instant, event: bytes, ready: bool) -> None:
         """The robot is at its gate, or will be within the entry window: entering is allowed; or no more."""

@@ -94,6 +94,8 @@ class Turn:
     inside: Duration = UNKNOWN_INSIDE
     within: bool = False
     """Whether the robot was inside the bottleneck when it asked."""
+    beyond: bool = False
+    """Whether it had the bottleneck behind it then (`is_beyond`)."""
     in_way: bool = False
     """Whether it stood then where others come out: it begins to drive at once, so that it can make room."""
     after: Duration = 0
@@ -306,14 +308,22 @@ def passage_to(arena: Arena, goal: Point) -> Route | None:
 
 
 def is_beyond(turn: Turn, driver: "Driver | None") -> bool:
-    """Return whether the robot has the bottleneck behind it that others pass on their way to its goal.
+    """Return whether the robot has the bottleneck behind it on its way to a goal with room for many.
 
-    Where the goal has room for many it needs no turn then, and must not wait for one where those come out.
+    It has if it is nearer to the far end of the passage that leads there than to its gate. A drive that does not pass
+    the bottleneck is no evidence: it may lead through another aisle, or to a goal on this side.
     """
     goal = turn.goal
     if driver is None or goal is None or turn.gated or not (goal.slotted or goal.box is not None):
         return False
-    return passage_to(driver.arena, goal.places[0]) is not None
+    way, pose = passage_to(driver.arena, goal.places[0]), driver.localiser.pose
+    if way is None or way.gate_m is None or pose is None:
+        return False
+    here = Point(pose.x, pose.y)
+    gate, clear = (
+        leader_route(driver.arena, here, way.point(s), (), through_gate=False) for s in (way.gate_m, way.clear_m)
+    )
+    return gate is None or (clear is not None and clear.length_m < gate.length_m)
 
 
 def goal_of(node: "Node", job: Job) -> Area | None:

@@ -198,8 +198,8 @@ class Turns:
     def _request(self, now: Instant, turn: Turn) -> None:
         if not estimate(self._node, now, turn):
             return
-        turn.requested = True
-        if is_beyond(turn, self._node.driver):
+        turn.requested, turn.beyond = True, is_beyond(turn, self._node.driver)
+        if self._needs_none(turn):
             turn.phase = Phase.LEFT
             return
         times = {"approach_s": turn.approach, "inside_s": turn.inside, "after_s": turn.after}
@@ -207,6 +207,14 @@ class Turns:
         turn.release = max(turn.release, now + turn.approach)
         turn.revised_at = now
         self._coordination.trigger(now, request_of(turn))
+
+    def _needs_none(self, turn: Turn) -> bool:
+        """Return whether the robot is beyond the bottleneck that others of its event pass.
+
+        It must not wait for a turn where those come out. As long as nobody is known to pass, the event is one of
+        drives that exclude each other, and the robot takes its turn.
+        """
+        return turn.beyond and self._coordination.passes(turn.event)
 
     def _revise(self, now: Instant, turn: Turn) -> None:
         """Tell the leader when the robot's own estimate no longer fits its slot."""
@@ -254,6 +262,9 @@ class Turns:
                 self._inside(now, turn)
             elif phase is Phase.ASKING and not turn.requested:
                 self._request(now, turn)
+            elif self._needs_none(turn):
+                turn.phase = Phase.LEFT
+                self._coordination.withdraw(now, turn.event)
             else:
                 self._revise(now, turn)
                 self._coordination.ready(now, turn.event, self._is_ready(turn))
