@@ -178,6 +178,13 @@ class Peers:
 
         The same object until that changes: it is asked for at each hello.
         """
+        standing = self.standing(now)
+        if self._parked is None:
+            self._parked = tuple(standing.values())
+        return self._parked
+
+    def standing(self, now: Instant) -> dict[int, Point]:
+        """Return where the others stand, by robot, in order of their ids: those parked, and those dead."""
         if self._standing is None or now >= self._standing_until:
             self._standing, self._standing_until, self._parked = {}, NEVER, None
             for robot, peer in self.in_order().items():
@@ -186,9 +193,7 @@ class Peers:
                     self._standing[robot] = Point(hello.x, hello.y)
                 elif hello is not None:
                     self._standing_until = min(self._standing_until, peer.hello_at + DEAD + 1)
-        if self._parked is None:
-            self._parked = tuple(self._standing.values())
-        return self._parked
+        return self._standing
 
     def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[Known]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead.

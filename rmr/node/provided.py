@@ -12,6 +12,7 @@ from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
 from rmr.node.actions import Handler, Running
 from rmr.node.handle import ActionFailed, Pause, RobotHandle
+from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
 from rmr.node.turn import Turn
@@ -109,10 +110,17 @@ async def _under_way(
             blocked_since = blocked_since or node.now
             robots = len(node.config.roster) if turn is not None and turn.waits else 1
             if node.now - blocked_since > seconds(STUCK_S) * robots:
-                raise ActionFailed("no way there")
+                raise ActionFailed(_no_way(node, goal))
         else:
             blocked_since = None
         await looks
+
+
+def _no_way(node: "Node", goal: Point) -> str:
+    """Return why a drive to `goal` has failed, with who or what is in the way."""
+    pose = node.percept().pose
+    bars = "" if pose is None else what_bars(node.arena, Point(pose.x, pose.y), goal, node.peers.standing(node.now))
+    return f"no way there: {bars}" if bars else "no way there"
 
 
 async def _located(robot: NodeHandle) -> None:
@@ -187,13 +195,14 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
     assert pose is not None
     start, goal, begins, ends = Point(pose.x, pose.y), Point(x, y), _instant(begins_s), _instant(ends_s)
     if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - CLOSE_M:
-        raise ActionFailed("an obstacle is in the straight way there")
+        raise ActionFailed(f"{solid_between(node.arena, start, goal) or 'an obstacle'} is in the straight way there")
     drive = Straight(start, goal, begins, ends, node.arena.shape)
     overdue = max(ends, started + ends - begins) + seconds(OVERDUE_S)
     try:
         while not (drive.ended(pose) and node.now >= ends - RAMP):
             if node.now > overdue:
-                raise ActionFailed("something is in the straight way there")
+                bars = robots_near(node.arena, (start, goal), node.peers.standing(node.now))
+                raise ActionFailed(f"{bars or 'something is'} in the straight way there")
             twist = drive.steer(node.now, pose)
             robot.drive(twist.v, twist.w)
             await Pause(condition=lambda: True)

@@ -40,7 +40,7 @@ def test_who_is_there_already_has_arrived_when_the_others_do(tmp_path):
 def test_no_straight_way_into_a_wall_is_tried(tmp_path, where):
     simulation = small_lab(tmp_path, PROGRAM.format(where=where, begins=0, ends=3), finish="astray(R)")
     at, failure = ended(simulation)
-    assert failure == "an obstacle is in the straight way there"
+    assert failure == "the wall is in the straight way there"
     assert at < 1.0
 
 
@@ -48,7 +48,7 @@ def test_who_finds_somebody_in_its_way_gives_up_and_touches_nobody(tmp_path):
     program = PROGRAM.format(where="0.9, 0.2", begins=0, ends=4)
     simulation = small_lab(tmp_path, program, robots=2, duration="12s")
     at, failure = ended(simulation)
-    assert failure == "something is in the straight way there"
+    assert failure == "robot 2 stands in the straight way there"
     assert 9.0 <= at <= 9.1
     assert simulation.world.collisions == 0
 

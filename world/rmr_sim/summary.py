@@ -30,11 +30,20 @@ def summary_of(rows: Sequence[Row]) -> dict[str, Any]:
         "failed": sum(map(fails, rows)),
         "broken": sum(row["error"] is not None for row in rows),
         "collisions": sum(row["collisions"] for row in rows),
-        "deadlines": {key: sum(row["deadlines"][key] for row in rows) for key in ("met", "missed", "best_possible")},
+        "deadlines": {
+            **{key: sum(row["deadlines"][key] for row in rows) for key in ("met", "missed")},
+            "best_possible": _sum_if_known([row["deadlines"]["best_possible"] for row in rows]),
+        },
         "time_s": {name: quantile(times, percent) for name, percent in QUANTILES.items()},
         "time_to_bound": {name: quantile(ratios, percent) for name, percent in QUANTILES.items()},
         "violations": {check: violations[check] for check in sorted(violations)},
     }
+
+
+def _sum_if_known(values: Sequence[int | None]) -> int | None:
+    """Return the sum of `values`; None if any of them is not known."""
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
 
 
 def quantile(ascending: Sequence[float], percent: int) -> float | None:
@@ -47,13 +56,15 @@ def quantile(ascending: Sequence[float], percent: int) -> float | None:
 def lines_of(summary: dict[str, Any], speed: float) -> list[str]:
     """Return the table that people read; `speed` is seconds simulated in a second of one processor."""
     deadlines = summary["deadlines"]
+    best = deadlines["best_possible"]
+    at_best = "the best possible is not known" if best is None else f"{best} met at best"
     violations = summary["violations"]
     broken = f", {summary['broken']} broke down" if summary["broken"] else ""
     table = {
         "runs": f"{summary['runs']}",
         "finished": f"{summary['finished']}{_percent(summary['finished'], summary['runs'])}{broken}",
         "contacts": f"{summary['collisions']}",
-        "deadlines": f"{deadlines['met']} met, {deadlines['missed']} missed, {deadlines['best_possible']} met at best",
+        "deadlines": f"{deadlines['met']} met, {deadlines['missed']} missed, {at_best}",
         "time": _quantiles(summary["time_s"], " s"),
         "time / bound": _quantiles(summary["time_to_bound"], ""),
         "simulated at": f"{speed:.1f} x real time on one processor",

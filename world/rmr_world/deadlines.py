@@ -5,7 +5,8 @@ trip; where the lab has a bottleneck, robots also enter it at least one body's l
 from both sides, a whole passage apart when the direction changes. That is a single machine with equal processing
 times and setup times between two families; release times are relaxed to each family's earliest one. Within a
 family the order of deadlines is then optimal (of two that are both on time the earlier due may go first), so it is
-enough to look at all ways of merging the two, dropping what comes too late. All other jobs are taken as possible.
+enough to look at all ways of merging the two, dropping what comes too late. Beside such jobs all others are taken as
+possible; of those alone no bound is known.
 """
 
 import math
@@ -27,19 +28,22 @@ _Reached = dict[tuple[int, int], float]
 """By the family that entered last and by how many have entered: the instant of the last entry."""
 
 
-def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int:
+def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int | None:
     """Return an upper bound of the deadlines that any schedule could meet, of jobs that lived to see them.
 
+    None where nothing is known: some job was not met in time, and no job's least time follows from the lab.
     `robots` holds each robot's part of the report; its assertions' `deadline_s` and `start_s` are lab time.
     """
     jobs = [(at, job) for at in sorted(robots) for job in robots[at].get("assertions", ()) if job.get("cause") != DIED]
     trips = [(robot, job) for robot, job in jobs if _is_trip(lab, job)]
     met = sum(job.get("met") is True for _, job in jobs)
+    if met == len(jobs):
+        return met
     if not trips:
-        return len(jobs)
+        return None
     times = free_times(lab)
     if not any(stream.trips for stream in times.streams):
-        return len(jobs)  # the finish fact is no place to drive to
+        return None  # the finish fact is no place to drive to
     in_time = [_in_time(stream, trips) for stream in times.streams]
     possible = sum(len(due) for stream, due in zip(times.streams, in_time, strict=True) if not stream.approaches)
     possible += _through_bottleneck(times, in_time)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from rmr_world.document import LabError
 from rmr_world.doubts import doubtful
+from rmr_world.exclusion import unkept
 from rmr_world.lab import Lab
 from rmr_world.possible import impossible
 from rmr_world.program import LoadedProgram
@@ -21,6 +22,7 @@ def judged(lab: Lab, loaded: LoadedProgram) -> LoadedProgram:
     problems = check_program(lab, loaded.program) or unreachable(lab, loaded.program)
     if problems:
         raise LabError(problems)
-    doubts = [*doubtful(lab, loaded.program), *impossible(lab, loaded.program)]
+    program = loaded.program
+    doubts = [*doubtful(lab, program), *impossible(lab, program), *unkept(lab, program)]
     warnings = [f"{problem}\n" for problem in sorted(doubts)]
     return replace(loaded, warnings="".join([loaded.warnings, *warnings]))

@@ -10,24 +10,20 @@ from collections.abc import Iterator
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
-from rmr.base.streams import Choices
 from rmr.base.time import in_seconds
-from rmr.base.values import Symbol, Value
+from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
-from rmr.vm.engines import Engine, new_machine
 from rmr.vm.job import Job
 from rmr_world.bound import approachable, destinations
 from rmr_world.document import Problem
+from rmr_world.firstmoves import ROBOTS_MAX, at_most, started
 from rmr_world.freeflow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
-from rmr_world.ranges import Range, StatedFact
 from rmr_world.terms import TermError, parse_fact
 from rmr_world.usage import problem_at
 
 AT = "at"
 """The fact that a robot states when it is in an area."""
-ROBOTS_MAX = 200
-"""Robots whose program is tried; of more, the first show what is wrong."""
 
 
 def impossible(lab: Lab, program: Program) -> list[Problem]:
@@ -46,7 +42,7 @@ def impossible(lab: Lab, program: Program) -> list[Problem]:
 def _of_robot(
     lab: Lab, program: Program, start: RobotStart, destination: Area | None, flow: FreeFlow
 ) -> Iterator[Problem]:
-    for job in _first_jobs(lab, program, start.id):
+    for job in started(lab, program, start.id).jobs:
         goal = _goal_of(lab, job, destination)
         if goal is None or job.remote or job.finish is not None:
             continue
@@ -56,18 +52,6 @@ def _of_robot(
             within = f"within {in_seconds(job.deadline):g} s ({job.name}): the way alone takes {least_s:.2f} s"
             message = f"warning: robot {start.id} cannot be at {goal.name} {within}"
             yield problem_at(lab, _path(lab, start.id, in_seconds(job.deadline)), message)
-
-
-def _first_jobs(lab: Lab, program: Program, robot: int) -> list[Job]:
-    """Return the jobs that the program of `robot` starts at once."""
-    machine = new_machine(program, robot, Choices(f"{lab.seed}/robot{robot}/vm"), engine=Engine.INTERPRETER)
-    machine.start(0)
-    for fact in lab.stated_facts:
-        index = program.index(fact.name)
-        if index is not None and fact.owner in (None, robot):
-            machine.insert(0, index, _at_most(fact))
-    machine.run(0)
-    return machine.jobs
 
 
 def _goal_of(lab: Lab, job: Job, destination: Area | None) -> Area | None:
@@ -88,12 +72,7 @@ def _path(lab: Lab, robot: int, deadline_s: float) -> tuple[str, int] | tuple[st
     """
     items = lab.fact_items or range(len(lab.facts))
     for fact, index in zip(lab.stated_facts, items, strict=False):
-        numbers = [max(arg, 0) for arg in _at_most(fact) if isinstance(arg, int | float)]
+        numbers = [max(arg, 0) for arg in at_most(fact) if isinstance(arg, int | float)]
         if fact.owner in (None, robot) and deadline_s in numbers:
             return "facts", index
     return ("program",)
-
-
-def _at_most(fact: StatedFact) -> tuple[Value, ...]:
-    """Return the arguments of a fact; of numbers that each run draws the greatest: what is too early even so, is so."""
-    return tuple((arg.high if arg.whole else float(arg.high)) if isinstance(arg, Range) else arg for arg in fact.args)

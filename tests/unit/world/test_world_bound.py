@@ -226,6 +226,16 @@ def test_what_was_met_was_possible():
     assert best_possible(lab, jobs(lab, [1.0] * 6, met=True)) == 6
 
 
-def test_other_jobs_count_as_possible(tmp_path):
+def test_best_possible_is_not_known_where_no_job_is_a_trip_and_one_was_missed(tmp_path):
     lab = lab_of(tmp_path, ROOM)
-    assert best_possible(lab, {1: {"assertions": [{"job": "seen(@1)", "deadline_s": 0.1, "met": False}]}}) == 1
+    missed = {"job": "seen(@1)", "deadline_s": 0.1, "met": False}
+    assert best_possible(lab, {1: {"assertions": [missed]}}) is None
+    assert best_possible(lab, {1: {"assertions": [{**missed, "met": True}]}}) == 1
+    assert best_possible(lab, {1: {"assertions": []}}) == 0
+
+
+def test_other_jobs_count_as_possible_beside_trips():
+    lab = load_lab(LABS / "corridor")
+    robots = jobs(lab, [30, 30, 30, 30, 30, 5])
+    robots[min(robots)]["assertions"].append({"job": "seen(@1)", "deadline_s": 0.1, "met": False})
+    assert best_possible(lab, robots) == 6

@@ -248,3 +248,85 @@ def test_places_need_room_for_robots_that_know_their_place_to_a_centimetre(tmp_p
         found = str(error)
     assert (found is None) is (said is None)
     assert said is None or said in (found or "")
+
+
+# -- what a lab promises of turns and room -----------------------------------------------------------------------------
+
+ALL_TO_A_BOX = """\
+type action moveto(R: robot, A: area) -o at(R, A).
+type sensor at(robot, area).
+type !due(robot, float).
+start(R).
+start(R) -o moveto(R, yard).
+"""
+
+
+def bare(folder: Path, text: str) -> Path:
+    (folder / "lab.yaml").write_text(text)
+    return folder
+
+
+def test_box_too_small_for_its_robots_is_a_warning(tmp_path):
+    folder = room(tmp_path, yard="{box: [2.3, 0.3, 2.5, 0.5]}")
+    message = "warning: area 'yard' has room for 1 robot of radius 0.07 m at a time, and 2 go there"
+    assert told(folder) == ([], [f"lab.yaml:7:21: areas.yard.box: {message}"])
+    assert told(room(tmp_path, yard="{box: [2.2, 0.3, 2.6, 0.5]}")) == ([], [])
+
+
+def test_box_too_small_for_robots_that_move_there_first_is_a_warning_without_a_finish(tmp_path):
+    folder = room(tmp_path, yard="{box: [2.3, 0.3, 2.5, 0.5]}", program=ALL_TO_A_BOX)
+    bare(folder, (folder / "lab.yaml").read_text().replace("finish: at(R, yard)\n", ""))
+    _, warnings = told(folder)
+    assert warnings == [
+        "lab.yaml:6:21: areas.yard.box: warning: area 'yard' has room for 1 robot of radius 0.07 m at a time, "
+        "and 2 go there"
+    ]
+
+
+DOOR = "{box: [1.45, 0.0, 1.55, 0.6]}, {box: [1.45, 0.9, 1.55, 1.5]}"
+
+
+def test_bottleneck_that_nobody_passes_is_a_warning(tmp_path):
+    folder = room(tmp_path, obstacles=DOOR)
+    text = (folder / "lab.yaml").read_text()
+    door = text.replace("robots:", "bottleneck: door\nrobots:").replace("yard:", "door: {at: [1.4, 0.75]}, yard:")
+    assert told(bare(folder, door))[1] == []
+    _, warnings = told(bare(folder, door.replace("at: [1.4, 0.75]", "at: [0.2, 1.3]")))
+    assert warnings == [
+        "lab.yaml:8:13: bottleneck: warning: nobody passes the bottleneck: no way of a robot to an area leads through "
+        "'door'; nothing is passed in turns there"
+    ]
+
+
+def test_bottleneck_without_an_assertion_that_a_drive_serves_is_a_warning(tmp_path):
+    folder = room(tmp_path, obstacles=DOOR, program=ALL_TO_A_BOX)
+    text = (folder / "lab.yaml").read_text()
+    door = text.replace("robots:", "bottleneck: door\nrobots:").replace("yard:", "door: {at: [1.4, 0.75]}, yard:")
+    _, warnings = told(bare(folder, door))
+    assert warnings == [
+        "lab.yaml:8:13: bottleneck: warning: the bottleneck is of no use: no moveto serves a time assertion of the "
+        "program, so robots pass it without turns"
+    ]
+
+
+def all_warnings(folder: Path) -> list[str]:
+    lab = load_lab(folder)
+    return judged(lab, load_lab_program(lab)).warnings.replace(f"{folder}/", "").splitlines()
+
+
+def test_time_assertion_that_never_starts_in_this_lab_names_the_fact_that_is_missing(tmp_path):
+    folder = room(tmp_path)
+    bare(folder, "\n".join(line for line in (folder / "lab.yaml").read_text().splitlines() if "due" not in line))
+    assert all_warnings(folder) == [
+        "room.rmr:10:1: warning: the time assertion crossing never starts: nothing makes a fact 'due', so there is no "
+        "'crossing'; state it under facts"
+    ]
+
+
+def test_time_assertion_that_no_action_serves_is_a_warning(tmp_path):
+    program = PROGRAM.replace("at(R, yard), D,", "tidy(R), D,") + "$queue(R) -o tidy(R).\n"
+    warnings = all_warnings(room(tmp_path, program=program))
+    assert any(
+        "the event of the time assertion crossing is never scheduled: no action leads to its finish" in w
+        for w in warnings
+    )

@@ -11,6 +11,7 @@ import math
 
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
+from rmr.node.motion.barred import closest_solid, robots_named
 from rmr.node.turn import Phase
 from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.newest import Newest
@@ -18,6 +19,10 @@ from rmr_sim.checkers.scene import Scene
 
 STILL: Duration = seconds(30)
 """Longer than a drive that finds no way takes to fail (20 s), and than a silent robot is taken for inside (10 s)."""
+CLOSE_M = 0.05
+"""Between two hulls: a robot stops so near to one that stands before it."""
+TOUCHES_M = 0.005
+"""Between a hull and an obstacle that it presses against."""
 EVERY: Duration = NS_PER_S
 """How often robots are looked at; an action that sleeps for less may be one that polls, and counts as standing."""
 
@@ -58,7 +63,8 @@ class StandsStill:
         long = [robot for robot in busy if now - self._got_on_at(robot) > STILL]
         still = [robot for robot in long if self._has_to(robot)]
         for robot in still:
-            self._tell(now, (robot,), f"robot {robot} has stood still for {in_seconds(STILL):g} s")
+            words = f"robot {robot} has stood still for {in_seconds(STILL):g} s"
+            self._tell(now, (robot,), "; ".join([words, *self._reasons(robot)]))
         if not still and long == busy and not any(self._waits(robot) for robot in busy):
             words = f"no robot has got on for {in_seconds(STILL):g} s; not finished: {', '.join(map(str, busy))}"
             self._tell(now, tuple(busy), words)
@@ -68,6 +74,30 @@ class StandsStill:
         self._scene.violate(now, "stands still", robots, words)
         for robot in robots:
             self._got_on[robot] = now
+
+    def _reasons(self, robot: int) -> list[str]:
+        """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
+        scene, reasons = self._scene, []
+        world, arena = scene.simulation.world, scene.simulation.lab.arena
+        turn = scene.node(robot).turns.current
+        if turn is not None and turn.waits:
+            inside = [other for other in scene.robots if other != robot and self._inside(other, turn.event)]
+            holders = f", which {robots_named(inside)} in" if inside else ""
+            reasons.append(f"it waits for its turn of {turn.job.name}{holders}")
+        x, y, _ = world.pose(robot)
+        radius = arena.shape.radius
+        others = {other: world.pose(other) for other in scene.robots if other != robot}
+        near = [other for other, at in others.items() if math.hypot(x - at.x, y - at.y) < 2.0 * radius + CLOSE_M]
+        if near:
+            reasons.append(f"{robots_named(near)} in its way")
+        if arena.clearance(x, y) < radius + TOUCHES_M:
+            reasons.append(f"it touches {closest_solid(arena, x, y)}")
+        return reasons
+
+    def _inside(self, robot: int, event: bytes) -> bool:
+        """Return whether `robot` has the turn of `event`."""
+        turn = self._scene.node(robot).turns.current if self._scene.alive(robot) else None
+        return turn is not None and turn.event == event and not turn.waits
 
     def _look(self, robot: int, now: Instant) -> None:
         x, y, _ = self._scene.simulation.world.pose(robot)

@@ -1,0 +1,97 @@
+"""Why a drive finds no way: the reason that a failed action gives to people.
+
+Told are, in this order, what makes the goal itself a place where no hull fits, the obstacles that close every way, and
+the robots that stand on the goal or along the way that there would be without them. Nothing is decided by it.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Final
+
+from rmr.base.arena import Arena, Disc, Obstacle
+from rmr.base.geometry import Point, distance, point_segment_distance
+from rmr.node.motion.astar import plan
+from rmr.node.motion.grid import MARGIN_M, TIGHT_MARGIN_M
+
+NAMED_MAX: Final = 5
+"""Robots that are named."""
+
+
+def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Point]) -> str:
+    """Return what is in the way from `start` to `goal`, in words; empty where that is not known.
+
+    `parked` holds where the other robots stand.
+    """
+    radius = arena.shape.radius
+    if not _within(arena, goal):
+        return f"({goal.x:g}, {goal.y:g}) is outside the arena"
+    if arena.clearance(*goal) < radius + TIGHT_MARGIN_M:
+        return f"{closest_solid(arena, *goal)} leaves no room for a robot at ({goal.x:g}, {goal.y:g})"
+    found = plan(arena, start, goal)
+    if found is None:
+        solid = solid_between(arena, start, goal)
+        return f"{solid} is in the way, and there is no way around it" if solid else "obstacles close every way"
+    keep = 2.0 * radius + MARGIN_M
+    standing = [robot for robot, place in parked.items() if distance(*place, *goal) < keep]
+    if standing:
+        return f"{robots_named(standing)} at the goal"
+    along = robots_near(arena, found.points, parked)
+    return f"{along} in the way" if along else ""
+
+
+def robots_near(arena: Arena, way: Sequence[Point], parked: Mapping[int, Point]) -> str:
+    """Return who stands on a polyline, subject and verb; empty if nobody does."""
+    keep = 2.0 * arena.shape.radius + MARGIN_M
+    near = [
+        robot
+        for robot, place in parked.items()
+        if any(point_segment_distance(*place, *a, *b) < keep for a, b in pairwise(way))
+    ]
+    return robots_named(near) if near else ""
+
+
+def robots_named(robots: Sequence[int]) -> str:
+    """Return the subject and the verb of a sentence: `robot 3 stands`, or `robots 3 and 4 stand`."""
+    if len(robots) == 1:
+        return f"robot {robots[0]} stands"
+    named = [str(robot) for robot in robots[:NAMED_MAX]]
+    if len(robots) > NAMED_MAX:
+        return f"robots {', '.join(named)} and {len(robots) - NAMED_MAX} more stand"
+    return f"robots {', '.join(named[:-1])} and {named[-1]} stand"
+
+
+def closest_solid(arena: Arena, x: float, y: float) -> str:
+    """Return the name of the obstacle or wall that is nearest to (x, y)."""
+    if not _within(arena, Point(x, y)):
+        return "the wall"
+    wall = min(x, y, arena.width - x, arena.height - y)
+    nearest = min(arena.obstacles, key=lambda obstacle: obstacle.distance(x, y), default=None)
+    return "the wall" if nearest is None or wall < nearest.distance(x, y) else obstacle_named(nearest)
+
+
+def obstacle_named(obstacle: Obstacle) -> str:
+    """Return what a person recognises an obstacle of the lab file by: where it lies."""
+    if isinstance(obstacle, Disc):
+        return f"the round obstacle at ({obstacle.centre.x:g}, {obstacle.centre.y:g})"
+    x0, y0, x1, y1 = obstacle.extent
+    return f"the obstacle from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g})"
+
+
+def solid_between(arena: Arena, start: Point, goal: Point) -> str:
+    """Return the name of the first obstacle that a hull would meet on the straight way; empty if there is none.
+
+    The straight way to a goal outside the arena meets the wall.
+    """
+    if not _within(arena, goal):
+        return "the wall"
+    steps = max(1, int(distance(*start, *goal) / arena.cell))
+    for k in range(steps + 1):
+        x, y = start.x + (goal.x - start.x) * k / steps, start.y + (goal.y - start.y) * k / steps
+        for obstacle in arena.obstacles:
+            if obstacle.distance(x, y) < arena.shape.radius:
+                return obstacle_named(obstacle)
+    return "the wall" if arena.clearance(*goal) < arena.shape.radius else ""
+
+
+def _within(arena: Arena, point: Point) -> bool:
+    return 0.0 <= point.x <= arena.width and 0.0 <= point.y <= arena.height
