@@ -40,6 +40,10 @@ def perform(wishes: Wishes) -> int:
             "this run goes without them",
             err=True,
         )
+    if plan.lab.events is not None:
+        click.echo(
+            f"{plan.lab.path}: events: only rmr sim has events of your own; this run goes without them", err=True
+        )
     try:
         outcome, record = asyncio.run(run_and_report(plan))
     except OSError as error:

@@ -39,7 +39,7 @@ class Wishes:
     """How many of the lab's robots, from the first."""
     seed: int | None = None
     actions: Path | None = None
-    """A file with the handlers of the program's own actions."""
+    """A file with the handlers of the program's own actions, instead of the lab's."""
     as_json: bool = False
     strict: bool = False
     folder: Path | None = None
@@ -96,6 +96,7 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
         lab = replace(lab, seed=wishes.seed)
     program = read_program(lab, color=color)
     try:
+        wishes = replace(wishes, actions=wishes.actions or lab.actions)
         load_handlers(program.program, wishes.actions)
     except ProgramError as error:
         raise RefusedError(str(error), INVALID) from error

@@ -1,6 +1,7 @@
 """`rmr check`: diagnostics, and with `--explain` why a program without errors does what it does."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -10,24 +11,32 @@ from typing import TYPE_CHECKING
 import click
 
 from rmr.commands import diagnosed
-from rmr.commands.common import PATH, SETTINGS, VERSION, print_json
+from rmr.commands.common import PATH, SETTINGS, VERSION, become_program, print_json
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
 
 
 @click.command("check", context_settings=SETTINGS)
-@click.argument("programs", metavar="PROG.rmr...", nargs=-1, required=True, type=PATH)
+@click.argument("programs", metavar="PROG.rmr|LAB...", nargs=-1, required=True, type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print the diagnostics as one JSON list on stdout.")
 @click.option("--explain", is_flag=True, help="Also say which rules reach which goals, and so on.")
+@click.option("--svg", metavar="FILE", type=PATH, help="Draw a lab: floor, areas, robots and their ways.")
 @VERSION
-def command(programs: tuple[Path, ...], as_json: bool, explain: bool) -> None:
-    """Check programs and print what is wrong with them.
+def command(programs: tuple[Path, ...], as_json: bool, explain: bool, svg: Path | None) -> None:
+    """Check programs and labs and print what is wrong with them.
+
+    LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run.
 
     With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
     which time assertions and how, what each rule needs and sends, and whether all robots can be run at once. With
     --json that is one object.
     """
+    if svg is not None or any(_is_lab(path) for path in programs):
+        if explain:
+            raise click.UsageError("--explain is about programs: name the lab's program")
+        options = [*(["--json"] if as_json else []), *([] if svg is None else ["--svg", os.fspath(svg)])]
+        become_program("lab", ["check", *options, "--", *map(os.fspath, programs)])
     from rmr.lang.compiler import compile_file
 
     compilations = [compile_file(path) for path in programs]
@@ -38,6 +47,11 @@ def command(programs: tuple[Path, ...], as_json: bool, explain: bool) -> None:
     elif as_json:
         print_json(diagnosed.as_json(compilations))
     sys.exit(diagnosed.exit_code(compilations))
+
+
+def _is_lab(path: Path) -> bool:
+    """Return whether `path` is a lab file, a folder, or a name without suffix that is no file."""
+    return path.suffix in {".yaml", ".yml"} or path.is_dir() or (not path.suffix and not path.exists())
 
 
 def _explain(compilations: Sequence["Compilation"], as_json: bool) -> None:

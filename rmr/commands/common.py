@@ -2,11 +2,14 @@
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import os
+import sys
 from pathlib import Path
+from typing import NoReturn
 
 import click
 
 from rmr import __version__
+from rmr.entry import turn_into
 
 EXIT_FAILED = 1
 """It ran and failed."""
@@ -61,6 +64,20 @@ def write(target: Path, octets: bytes, mode: int | None = None) -> int:
         click.echo(f"{target}: error: {reason(error)}", err=True)
         return EXIT_FAILED
     return 0
+
+
+def become_program(name: str, arguments: list[str]) -> NoReturn:
+    """Turn this process into the program `rmr-NAME`, which stands beside the interpreter; ends the process."""
+    path = Path(sys.executable).with_name(f"rmr-{name}")
+    if not path.is_file():
+        click.echo(f"rmr {name}: {path} is not installed; install the package `rmr` there", err=True)
+        sys.exit(EXIT_FAILED)
+    sys.stdout.flush()
+    try:
+        turn_into(str(path), arguments)
+    except OSError as error:
+        click.echo(f"rmr {name}: cannot run {path}: {error.strerror}", err=True)
+    sys.exit(EXIT_FAILED)
 
 
 def _umask() -> int:

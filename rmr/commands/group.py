@@ -5,14 +5,11 @@ language is the module `rmr.commands.X`, imported by its name. A subcommand of a
 own, `rmr-X`, which stands beside the interpreter that runs this; `rmr X` becomes it.
 """
 
-import sys
 from importlib import import_module
-from pathlib import Path
 
 import click
 
-from rmr.commands.common import EXIT_FAILED, SETTINGS, VERSION
-from rmr.entry import turn_into
+from rmr.commands.common import SETTINGS, VERSION, become_program
 
 COMMANDS = ("check", "compile", "dis", "eval", "explain", "fmt", "radio")
 """The language's own subcommands, each the `command` of the module of its name in `rmr.commands`."""
@@ -21,6 +18,8 @@ PROGRAMS: dict[str, str] = {
     "up": "Run a lab with one process for each robot.",
     "fault": "Disturb the radio of a lab that runs.",
     "sim": "Run a lab deterministically, in virtual time.",
+    "new": "Write a lab of your own that runs at once.",
+    "lab": "Check, draw, list and copy labs; the schema of the lab file.",
     "plot": "Draw figures of experiments.",
     "agent": "Run one robot.",
     "world": "Run the world server of a lab.",
@@ -65,16 +64,7 @@ def _program(name: str) -> click.Command:
     """Return the subcommand that becomes the program `rmr-NAME` and passes it all arguments."""
 
     def become(arguments: tuple[str, ...]) -> None:
-        path = Path(sys.executable).with_name(f"rmr-{name}")
-        if not path.is_file():
-            click.echo(f"rmr {name}: {path} is not installed; install the package `rmr` there", err=True)
-            sys.exit(EXIT_FAILED)
-        sys.stdout.flush()
-        try:
-            turn_into(str(path), list(arguments))
-        except OSError as error:
-            click.echo(f"rmr {name}: cannot run {path}: {error.strerror}", err=True)
-            sys.exit(EXIT_FAILED)
+        become_program(name, list(arguments))
 
     return click.Command(
         name,

@@ -83,7 +83,10 @@ def check_handlers(program: Program, handlers: Mapping[str, Handler]) -> None:
     if missing:
         listed = "; ".join(program.predicates[index].name + _declared(program, index) for index in missing)
         first = program.predicates[missing[0]].name
-        raise MissingHandlers(f'no handler for action {listed} (give one with --actions FILE.py: @action("{first}"))')
+        raise MissingHandlers(
+            f"no handler for action {listed} (give one with actions: FILE.py in the lab file, or --actions FILE.py: "
+            f'@action("{first}"))'
+        )
 
 
 def _declared(program: Program, index: int) -> str:

@@ -37,6 +37,7 @@ MAY_IMPORT: dict[str, set[str]] = {
         "rmr.node",
         "rmr_world",
     },
+    "rmr_lab": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.node", "rmr_world", "rmr_sim"},
     "rmr_deploy": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.lang", "rmr.bus", "rmr.radio", "rmr_world"},
     "rmr_view": {"rmr.entry"},
 }
@@ -55,6 +56,7 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.commands": {"click", "rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
     "rmr_sim": {"click", "rich", "numpy", "pytest"},
+    "rmr_lab": {"click"},
     "rmr_deploy": {"click", "rich"},
     "rmr_view": {"pydantic", "matplotlib"},
 }
@@ -86,6 +88,7 @@ HEAVY = (
     "rmr.columns",
     "rmr_world",
     "rmr_sim",
+    "rmr_lab",
     "rmr_deploy",
     "rmr_view",
 )

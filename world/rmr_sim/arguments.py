@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rmr import __version__
 from rmr.coord.values import Order
+from rmr_world.providedlabs import missing, resolve
 
 SEEDS_MAX = 100_000
 """Of one sweep: days of work, and a sweep.json of 30 MB."""
@@ -23,7 +24,7 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="rmr sim", description="Run a lab in virtual time; the same seed gives the same report."
     )
-    parser.add_argument("lab", type=_existing, metavar="LAB", help="a folder with a lab.yaml, or a lab.yaml")
+    parser.add_argument("lab", type=_existing, metavar="LAB", help="a lab.yaml, its folder, or a provided lab")
     parser.add_argument("--seed", type=_natural, metavar="S", help="instead of the lab file's seed")
     parser.add_argument("--seeds", type=_seeds, metavar="A-B", help="a sweep: a run of each seed, and their summary")
     parser.add_argument("--resume", type=Path, metavar="RUN", help="go on with the sweep in this run folder")
@@ -32,8 +33,8 @@ def parse(words: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--loss", type=_share, metavar="SHARE", help="share of radio frames lost, instead of the lab's")
     parser.add_argument("--chaos", action="store_true", help="faults at random for a while, drawn from the seed")
     parser.add_argument("--order", choices=[o.value for o in Order], default="ours", help=ORDERS)
-    parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
-    parser.add_argument("--events", type=Path, metavar="FILE.py", help="what else happens: your own events")
+    parser.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of actions, instead of the lab's")
+    parser.add_argument("--events", type=Path, metavar="FILE.py", help="your own events, instead of the lab's")
     parser.add_argument("--run", type=Path, metavar="DIR", help="folder for the report (default: runs/LAB-DATE-TIME)")
     parser.add_argument("--trace", type=Path, metavar="FILE", help="write what happened as JSON lines")
     parser.add_argument("--json", action="store_true", help="the report as JSON on standard output")
@@ -66,8 +67,8 @@ def command_of(arguments: argparse.Namespace) -> str:
 
 
 def _existing(text: str) -> Path:
-    if not Path(text).exists():
-        raise argparse.ArgumentTypeError(f"there is no {text}")
+    if not resolve(Path(text)).exists():
+        raise argparse.ArgumentTypeError(missing(Path(text)))
     return Path(text)
 
 

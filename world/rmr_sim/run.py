@@ -36,9 +36,9 @@ class Options:
     loss: float | None = None
     """Share of radio frames lost, instead of the lab's."""
     actions: Path | None = None
-    """The file of the user's actions."""
+    """The file of the user's actions, instead of the lab's."""
     event_file: Path | None = None
-    """The file of the user's events."""
+    """The file of the user's events, instead of the lab's."""
     chaos: bool = False
     """Whether faults are drawn from the seed."""
     order: Order = Order.OURS
@@ -64,15 +64,15 @@ class Loaded:
     def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
         lab, program = self.lab, self.program
-        handlers = load_handlers(program.program, self.options.actions)
+        handlers = load_handlers(program.program, lab.actions)
         seed = lab.seed if seed is None else seed
         if self.options.chaos:
             lab = with_chaos(lab, seed)
         values = Values(order=self.options.order, wait=self.options.wait)
-        fresh = partial(load_handlers, program.program, self.options.actions) if self.options.actions else None
+        fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
         simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values, fresh)
         watch(simulation)
-        for event in load_events(self.options.event_file, lab, seed):
+        for event in load_events(lab.events, lab, seed):
             simulation.schedule(event)
         return simulation
 
@@ -89,6 +89,7 @@ def load(path: Path, options: Options) -> Loaded:
         lab = replace(lab, radio=replace(lab.radio, loss=options.loss))
     if options.duration is not None:
         lab = replace(lab, duration=options.duration)
+    lab = replace(lab, actions=options.actions or lab.actions, events=options.event_file or lab.events)
     program = judged(lab, load_lab_program(lab))
     warnings = [program.warnings] if program.warnings else []
     return Loaded(lab, program, options, tuple(warnings), radio_key(lab))

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
 from rmr_world.jsonschema import schema_items, schema_keys
-from rmr_world.schema import LAB_NAME, NAME, LabFile, json_schema, near_miss
+from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema, near_miss
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
 """Sections of which a bad item is cut out alone."""
@@ -29,6 +29,7 @@ PROBLEMS_MAX = 200
 _SPELT: Mapping[str, str] = {
     LAB_NAME: "should be small letters, digits, _ and -, a letter first",
     NAME: "should be letters, digits and _, a small letter first",
+    PYTHON_FILE: "should be a Python file, FILE.py",
 }
 """What the schema's patterns ask for, in words."""
 

@@ -84,9 +84,21 @@ class _Judge:
             faults=faults,
             disturbances=disturbances,
             path=path,
+            actions=self._file(("actions",), spec.actions, path),
+            events=self._file(("events",), spec.events, path),
             key_file=None if spec.radio.key_file is None else path.parent / spec.radio.key_file,
             places=self._document.places,
         )
+
+    def _file(self, path: Path_, name: str | None, lab_file: Path) -> Path | None:
+        """Return where a file that the lab names lies; complain if it is not there."""
+        if name is None:
+            return None
+        file = lab_file.parent / name
+        if not file.is_file():
+            beside = sorted(each.name for each in file.parent.glob("*.py"))
+            self._complain(path, f"there is no file {file}{near_miss(file.name, beside)}")
+        return file
 
     def _arena(self) -> Arena:
         spec = self._spec

@@ -125,7 +125,8 @@ def _at_assertion(lab: Lab, program: Program, number: int, message: str) -> Prob
 def _possible(lab: Lab, program: Program) -> set[int]:
     """Return the predicates of which there may ever be a fact, and the actions that may be derived."""
     predicates = program.predicates
-    if any(p.kind is Kind.ACTION and p.name not in PROVIDED for p in predicates):
+    own_actions = any(p.kind is Kind.ACTION and p.name not in PROVIDED for p in predicates)
+    if own_actions or lab.actions is not None or lab.events is not None:
         return set(range(len(predicates)))
     stated = {program.index(fact.name) for fact in lab.stated_facts}
     outside = {i for i, p in enumerate(predicates) if p.kind is Kind.SENSED or p.provided or p.name in SENSED}

@@ -1,13 +1,14 @@
 """A lab and its program before they run: what makes a run senseless, and what a person should know.
 
-The same for `rmr sim`, `rmr up` and `rmr world`: areas and facts must fit the program, robots must have a way to where
-they are to go; what can hardly be meant and deadlines that nothing can meet are told, and the run goes on, for missing
-them may be its point.
+The same for `rmr sim`, `rmr up`, `rmr world` and `rmr check`: areas and facts must fit the program, robots must have a
+way to where they are to go. What can hardly be meant, deadlines that nothing can meet and turns that nobody takes are
+warnings, and the run goes on, for missing them may be its point.
 """
 
 from dataclasses import replace
 
-from rmr_world.document import LabError
+from rmr.bytecode.program import Program
+from rmr_world.document import LabError, Problem
 from rmr_world.doubts import doubtful
 from rmr_world.exclusion import unkept
 from rmr_world.lab import Lab
@@ -17,12 +18,20 @@ from rmr_world.reach import unreachable
 from rmr_world.usage import check_program
 
 
+def errors_of(lab: Lab, program: Program) -> list[Problem]:
+    """Return why `program` cannot run in `lab`."""
+    return check_program(lab, program) or unreachable(lab, program)
+
+
+def warnings_of(lab: Lab, program: Program) -> list[Problem]:
+    """Return what a person should know of a run of `program` in `lab`, which has no errors, in order of the files."""
+    return sorted([*doubtful(lab, program), *impossible(lab, program), *unkept(lab, program)])
+
+
 def judged(lab: Lab, loaded: LoadedProgram) -> LoadedProgram:
     """Return `loaded` with warnings of what it meets in `lab` beside its own. Raises LabError where they do not fit."""
-    problems = check_program(lab, loaded.program) or unreachable(lab, loaded.program)
+    problems = errors_of(lab, loaded.program)
     if problems:
         raise LabError(problems)
-    program = loaded.program
-    doubts = [*doubtful(lab, program), *impossible(lab, program), *unkept(lab, program)]
-    warnings = [f"{problem}\n" for problem in sorted(doubts)]
+    warnings = [f"{problem}\n" for problem in warnings_of(lab, loaded.program)]
     return replace(loaded, warnings="".join([loaded.warnings, *warnings]))

@@ -18,10 +18,10 @@ from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Path_, Problem, read
+from rmr_world.providedlabs import LAB_FILE, resolve
 from rmr_world.ranges import LabFact, StatedFact, drawn
 from rmr_world.terms import FinishPattern, parse_fact, parse_finish
 
-LAB_FILE = "lab.yaml"
 PROGRAMS = frozenset({".rmr", ".rbc"})
 """How the file of a program ends."""
 KEYED = "enc-mic-64"
@@ -150,6 +150,10 @@ class Lab:
     disturbances: tuple[Disturbance, ...] = ()
     """Of the radio: `radio.links` and `radio.partition`, then the `faults` that concern it."""
     path: Path = Path(LAB_FILE)
+    actions: Path | None = None
+    """The file with the handlers of the program's own actions."""
+    events: Path | None = None
+    """The file with the user's own events, for the simulator."""
     key_file: Path | None = None
     """Holds the radio's key. Not among the radio's settings, which all of the bus can read."""
     fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)
@@ -213,12 +217,13 @@ def _among(disturbance: Disturbance, ids: set[int]) -> Disturbance | None:
 
 
 def lab_path(path: Path) -> Path:
-    """Return the lab file that `path`, a lab file or its folder, means."""
+    """Return the lab file that `path` means: a lab file, its folder, or the name of a provided lab."""
+    path = resolve(path)
     return path / LAB_FILE if path.is_dir() else path
 
 
 def load_lab(path: Path) -> Lab:
-    """Return the lab in `path`, a lab file or a folder with a ``lab.yaml``.
+    """Return the lab in `path`: a lab file, a folder with a ``lab.yaml``, or the name of a provided lab.
 
     Raises LabError with everything that is wrong with it.
     """

@@ -55,11 +55,16 @@ def load_program(path: Path, *, color: bool = False, stated: Iterable[str] = ())
 def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
     """Return the program that `lab` names. Raises LabError if there is no such file, else as `load_program`."""
     if not lab.program.exists():
-        beside = sorted(path.name for path in lab.program.parent.glob("*.r[mb][rc]"))
-        line, column = lab.places.get(("program",), (1, 1))
-        message = f"there is no file {lab.program}{near_miss(lab.program.name, beside)}"
-        raise LabError([Problem(str(lab.path), line, column, "program", message)])
+        raise LabError(program_missing(lab))
     return load_program(lab.program, color=color, stated=[fact.name for fact in lab.stated_facts])
+
+
+def program_missing(lab: Lab) -> list[Problem]:
+    """Return the problem of a lab whose program is not there."""
+    beside = sorted(path.name for path in lab.program.parent.glob("*.r[mb][rc]"))
+    line, column = lab.places.get(("program",), (1, 1))
+    message = f"there is no file {lab.program}{near_miss(lab.program.name, beside)}"
+    return [Problem(str(lab.path), line, column, "program", message)]
 
 
 def _load_bytecode(path: Path) -> LoadedProgram:

@@ -76,6 +76,8 @@ IdsOrAll = Annotated[
         {"anyOf": [{"type": "integer"}, {"type": "string"}, {"type": "array", "items": {"type": "integer"}}]}
     ),
 ]
+PYTHON_FILE = r"^.+\.py$"
+PythonFile = Annotated[str, Field(pattern=PYTHON_FILE)]
 Link = tuple[RobotId, RobotId]
 Flag = Annotated[bool, Strict()]
 Groups = Annotated[list[Ids], Field(min_length=2, max_length=GROUPS_MAX)]
@@ -356,6 +358,8 @@ class LabFile(_Strict):
 
     lab: Annotated[str, Field(pattern=LAB_NAME)] = Field(description="Key prefix on the bus.")
     program: Annotated[str, Field(min_length=1)] = Field(description="Source or .rbc, relative to this file.")
+    actions: PythonFile | None = Field(None, description="Handlers of actions, relative to this file.")
+    events: PythonFile | None = Field(None, description="Your own events (rmr sim), relative to this file.")
     seed: Seed = 0
     duration: Annotated[DurationNs, Field(gt=0)] = 120 * NS_PER_S
     finish: str | None = Field(None, description="A fact that every robot holds in the end: at(R, exit).")

@@ -7,10 +7,18 @@ import click
 
 from rmr import __version__
 from rmr.base.streams import SEED_MAX
+from rmr_world.providedlabs import missing, resolve
+
+
+def _existing(ctx: click.Context, param: click.Parameter, lab: Path) -> Path:
+    """Return `lab` if it is a path that exists or a provided lab."""
+    if not resolve(lab).exists():
+        raise click.BadParameter(missing(lab), ctx, param)
+    return lab
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("lab", type=click.Path(exists=True, path_type=Path))
+@click.argument("lab", type=click.Path(path_type=Path), callback=_existing)
 @click.option("--robots", type=click.IntRange(min=1), metavar="N", help="The first N robots of the lab only.")
 @click.option("--seed", type=click.IntRange(0, SEED_MAX), metavar="S", help="In place of the lab's seed.")
 @click.option(
@@ -35,7 +43,7 @@ def command(
     processes: int | None,
     keep_going: bool,
 ) -> None:
-    """Start LAB, a folder or its lab.yaml, as processes: a world and one process for each robot.
+    """Start LAB, a folder, its lab.yaml or a provided lab, as processes: a world and one process for each robot.
 
     Waits until all are ready, runs until every robot holds the lab's finish fact, prints a table and leaves a
     run folder with report.json and logs. Ctrl-C stops in order, twice at once.

@@ -1,0 +1,137 @@
+"""`rmr new`: the files of a lab of one's own, which run as they are.
+
+The lab is small and shows what a lab has: a floor, a program with a time assertion, an action in Python, a test.
+Nothing is ever overwritten.
+"""
+
+import re
+from pathlib import Path
+
+from rmr_lab.provide import HEADER, CopyError, copy, refuse_existing, write_schema
+from rmr_world.providedlabs import LAB_FILE
+
+LAB_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")
+"""What a lab may be called (`rmr_world.schema.LAB_NAME`)."""
+
+LAB = """\
+# Three robots drive to a shelf and pack there, one at a time, each by its deadline.
+lab: NAME
+program: NAME.rmr
+actions: actions.py
+seed: 1
+duration: 60s
+finish: packed(R)
+
+arena: {size: [2.4, 1.6], cell: 0.05}
+obstacles:
+  - {box: [1.1, 0.0, 1.3, 0.6]}
+areas:
+  shelf: {slots: [[2.1, 0.4], [2.1, 0.8], [2.1, 1.2]]}
+
+robots:
+  - {id: 1, pose: [0.3, 0.4, 0deg]}
+  - {ids: 2-3, grid: {from: [0.3, 0.8], step: [0.0, 0.4], columns: 1}}
+facts:
+  - due(@1, 30)
+  - due(@2, 25)
+  - due(@3, 40)
+"""
+
+PROGRAM = """\
+// Three robots drive to a shelf and pack there, one at a time, each by its deadline.
+//
+// The time assertion makes packing an event of the whole group: the robots elect a leader, which orders them by
+// deadline, and the action that leads to its finish, `pack`, waits for the robot's turn.
+
+type action moveto(R: robot, A: area) -o at(R, A).
+type action pack(R: robot, T: float) -o packed(R) else dropped(R).
+type action say(robot, string).
+type sensor at(robot, area).
+type !due(robot, float).  // seconds; the lab file says who is due when
+
+start(R).
+
+start(R) -o moveto(R, shelf), waiting(R).
+waiting(R), at(R, shelf), due(R, D) -o ready(R, D).
+
+packing: assert(ready(R, D), packed(R), D, say(R, "too late")).
+
+ready(R, _) -o pack(R, 2.0).
+dropped(R) -o pack(R, 2.0).
+"""
+
+ACTIONS = '''\
+"""Handlers of the program's own actions."""
+
+from rmr import ActionFailed, action
+
+
+@action("pack")
+async def pack(robot, seconds):
+    """Pack for some time; fail if the robot is pushed meanwhile."""
+    await robot.sleep(seconds)
+    if robot.sense().bumped:
+        raise ActionFailed("pushed while packing")
+    robot.say(f"packed after {robot.now():.1f} s")
+'''
+
+TEST = '''\
+"""Runs the lab in virtual time: `pytest`."""
+
+
+def test_all_robots_finish(rmr_sim):
+    run = rmr_sim("lab.yaml", seed=1)
+    assert run.finished
+'''
+
+README = """\
+# NAME
+
+    rmr check . --svg floor.svg     # all that is judged before a run, and a picture of the floor
+    rmr sim .                       # the run in virtual time, the same for the same --seed
+    rmr up .                        # the same with a process for each robot
+    pytest                          # the test, which runs the lab
+
+`lab.yaml` is the floor, `PROGRAM` what all robots do.ACTIONS
+Editors that know YAML complete `lab.yaml` by `lab.schema.json`; `rmr lab schema` prints that of a newer RMR.
+"""
+
+
+def write_lab(folder: Path, origin: str | None = None) -> list[Path]:
+    """Write a lab named like `folder`, which must not exist; `origin` is a provided lab to begin with.
+
+    Returns the files. Raises CopyError, or OSError when it cannot be written.
+    """
+    name = folder.resolve().name
+    if LAB_NAME.fullmatch(name) is None:
+        raise CopyError(f"'{name}' cannot be the name of a lab: small letters, digits, _ and -, a letter first")
+    refuse_existing(folder)
+    if origin is not None:
+        return _from_provided(folder, name, origin)
+    texts = {LAB_FILE: HEADER + LAB, f"{name}.rmr": PROGRAM, "actions.py": ACTIONS}
+    folder.mkdir(parents=True)
+    written = [_written(folder / file, text.replace("NAME", name)) for file, text in texts.items()]
+    about = " `actions.py` has the program's action in Python."
+    return sorted([*written, write_schema(folder), *_beside(folder, name, f"{name}.rmr", about)])
+
+
+def _from_provided(folder: Path, name: str, origin: str) -> list[Path]:
+    """Write the files of the provided lab `origin`, under another name."""
+    files = copy(origin, folder)
+    file = folder / LAB_FILE
+    text = file.read_text(encoding="utf-8")
+    file.write_text(re.sub(r"^lab:[^\n#]*", f"lab: {name}", text, count=1, flags=re.MULTILINE), encoding="utf-8")
+    program = next(each.name for each in files if each.suffix in {".rmr", ".rbc"})
+    return sorted([*files, *_beside(folder, name, program, "")])
+
+
+def _beside(folder: Path, name: str, program: str, actions: str) -> list[Path]:
+    """Write what goes with any lab: a test and a README."""
+    readme = README.replace("NAME", name).replace("PROGRAM", program).replace("ACTIONS", actions)
+    test = folder / f"test_{name.replace('-', '_')}.py"
+    return [_written(test, TEST), _written(folder / "README.md", readme)]
+
+
+def _written(file: Path, text: str) -> Path:
+    file.write_text(text, encoding="utf-8")
+    return file
