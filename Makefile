@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test fast lint bench paper validate-radio lock clean install
+.PHONY: help demo test fast wheel lint bench paper validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -28,6 +28,9 @@ demo: $(STAMP) ## six robot processes pass a corridor in the order of their dead
 
 fast: $(STAMP) ## compile what robots spend their time in: the same results in less than half of it
 	$(BIN)/python -m rmr.compiled.build
+
+wheel: $(STAMP) ## a wheel in dist/; with RMR_COMPILE=1 one with compiled modules, for this machine's Python
+	$(BIN)/python -m hatchling build --target wheel
 
 test: $(STAMP) ## the whole test suite on all cores, the way CI runs it
 	RMR_COMPILED= $(BIN)/python -m pytest -n auto --dist loadfile
