@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from rmr_world.advice import advice
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
 from rmr_world.jsonschema import schema_items, schema_keys
 from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema, near_miss
@@ -65,7 +66,7 @@ def accepted(document: Document) -> Accepted:
     schema = json_schema()
     unread = {problem.path for problem in problems}
     found = [_problem(document, schema, item) for item in errors[:PROBLEMS_MAX]]
-    problems += [problem for problem in found if problem.path not in unread]
+    problems += [problem for problem in found if problem.path not in unread and "(key)" not in problem.path]
     if len(errors) > PROBLEMS_MAX:
         problems.append(Problem(document.file, END_LINE, 1, "", f"and {len(errors) - PROBLEMS_MAX} more mistakes"))
     kept = _prune(data, [item["loc"] for item in errors])
@@ -79,10 +80,11 @@ def _problem(document: Document, schema: dict[str, Any], error: ErrorDetails) ->
     kind, message = error["type"], error["msg"]
     if kind == "extra_forbidden":
         known = schema_keys(schema, path[:-1])
-        hint = near_miss(str(path[-1]), known) or "; known are " + ", ".join(known)
+        free = [key for key in known if (*path[:-1], key) not in document.keys]
+        hint = near_miss(str(path[-1]), free) or "; known are " + ", ".join(known)
         return document.problem(path, f"unknown key{hint}", key=True)
     if kind == "missing":
-        return document.problem(path, "is missing")
+        return document.problem(path, "is missing" + advice(path, kind, None))
     message = message.removeprefix("Value error, ").replace(" after validation", "")
     if kind in {"model_type", "dict_type"}:
         keys = schema_keys(schema, path)
@@ -96,8 +98,9 @@ def _problem(document: Document, schema: dict[str, Any], error: ErrorDetails) ->
     given = error["input"]
     if isinstance(given, str | int | float) or given is None:
         message += f", not {'null' if given is None else repr(given)[:60]}"
-    if path[0] == "robots" and path[-1] == "id" and isinstance(given, str):
+    if path[0] == "robots" and path[-1] == "id" and isinstance(given, str) and not given.isdigit():
         message += "; several robots are given by ids and grid"
+    message += advice(path, kind, given)
     return document.problem(path, message, key="[key]" in error["loc"])
 
 

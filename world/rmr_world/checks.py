@@ -6,6 +6,7 @@ and judged: robots and areas against walls, obstacles and one another, names aga
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from rmr_world.document import Document, LabError, Path_
 from rmr_world.faults import deaths, passing, standing
 from rmr_world.lab import KEYED, PROGRAMS, Fault, Lab, Localisation, RadioSettings, RobotStart
 from rmr_world.schema import (
+    RADIUS_M_MIN,
     AreaSpec,
     RadioSpec,
     RobotSpec,
@@ -106,6 +108,9 @@ class _Judge:
         shape = RobotShape(
             spec.robot.radius, spec.robot.speed, spec.robot.turn, spec.robot.view.angle, spec.robot.view.depth
         )
+        if 2.0 * shape.radius > min(width, height) and "arena" not in self._accepted.cut:
+            self._complain(("robot", "radius"), f"a robot of radius {shape.radius:g} m does not fit into the arena")
+            shape = replace(shape, radius=RADIUS_M_MIN)  # else every place would be too small as well
         bare = Arena(width, height, spec.arena.cell, self._obstacles(width, height), shape=shape)
         areas = tuple(area for name, item in spec.areas.items() if (area := self._area(name, item, bare)))
         arena = replace(bare, areas=areas, beacons=self._beacons(width, height))
@@ -223,7 +228,15 @@ class _Judge:
     def _texts(self, robots: list[tuple[int, RobotStart]], arena: Arena) -> None:
         """Judge `facts` and `finish`."""
         ids = {robot.id for _, robot in robots}
-        for i, text in self._accepted.items("facts"):
+        told = {problem.path for problem in self.problems}
+        facts = self._accepted.items("facts")
+        parted = _parted([text for _, text in facts])
+        if parted:
+            words = 'in [ ] a comma parts the items: put each fact in quotation marks, "..."'
+            self._complain(("facts", facts[parted[0]][0]), words)
+        for i, text in [each for number, each in enumerate(facts) if number not in parted]:
+            if f"facts.{i}" in told:
+                continue
             try:
                 owner = parse_fact(text).owner
             except TermError as error:
@@ -250,6 +263,8 @@ class _Judge:
             return
         name = str(patterns[0].value)
         area = arena.area(name)
+        if name not in self._area_names and name.lower() in map(str.lower, self._area_names):
+            return  # the area's name itself is told of
         if name not in self._area_names:
             self._complain(("finish",), f"area '{name}' is not defined{near_miss(name, self._area_names)}")
         elif area is not None and area.slotted and len(area.places) < robots:
@@ -280,6 +295,13 @@ class _Judge:
             message = f"the radio is disturbed in {len(disturbances)} ways; at most {DISTURBANCES_MAX} are possible"
             self._complain(("faults",), message)
         return tuple(fault for _, fault in befallen), disturbances
+
+
+def _parted(texts: Sequence[str]) -> list[int]:
+    """Return the indices of the parts of facts that a list in brackets has parted at their commas."""
+    open_ = [text.count("(") - text.count(")") for text in texts]
+    begins = any(a > 0 > b for a, b in pairwise(each for each in open_ if each))
+    return [i for i, each in enumerate(open_) if each] if begins else []
 
 
 def _radio(spec: RadioSpec) -> RadioSettings:

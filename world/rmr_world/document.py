@@ -16,6 +16,7 @@ from pathlib import Path
 import yaml
 
 from rmr.base.errors import Error
+from rmr_world.advice import yaml_advice
 
 FILE_OCTETS_MAX = 256 * 1024
 """Far above any lab written by hand; PyYAML reads about 100 kB a second, so this bounds the time too."""
@@ -110,7 +111,9 @@ def parse(text: str, file: str) -> Document:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         message = " ".join(filter(None, (error.context, error.problem)))
-        raise LabError([*document.problems, Problem(file, line, column, "", f"not YAML: {message}")]) from None
+        raise LabError(
+            [*document.problems, Problem(file, line, column, "", f"not YAML: {message}{yaml_advice(message)}")]
+        ) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
         line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
@@ -170,7 +173,7 @@ class _Reader:
             raise LabError([Problem(self._document.file, line, column, "", "is nested too deeply")])
         self._document.places[path] = _at(event)
         if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag not in {None, "!"}:
-            self._complain(event, path, f"tags ({event.tag}) are not allowed here")
+            self._complain(event, path, f"tags ({event.tag}) are not allowed here{_tag_advice(event.tag)}")
         if isinstance(event, yaml.SequenceStartEvent):
             return self._sequence(path)
         if isinstance(event, yaml.MappingStartEvent):
@@ -206,3 +209,8 @@ class _Reader:
         self._complain(event, path, "a key must be a word")
         self._value(event, (*path, "(key)"))
         return "(key)"
+
+
+def _tag_advice(tag: str) -> str:
+    """Return what whoever wrote text that begins with ! has to do; nothing for other tags."""
+    return "; put text that begins with ! in quotation marks" if re.match(r"!\w", tag) else ""

@@ -4,6 +4,7 @@ A duration that is over before the physical bound, faults that begin when the ru
 that tells no robot where it is though the program has it drive.
 """
 
+import re
 from collections.abc import Iterator
 from math import inf
 
@@ -21,7 +22,7 @@ DRIVES = ("moveto", "lineup", "goto", "reach")
 
 def doubtful(lab: Lab, program: Program) -> list[Problem]:
     """Return a warning for each thing that can hardly be meant."""
-    return [*_too_short(lab), *_too_late(lab), *_lost(lab, program)]
+    return [*_too_short(lab), *_too_late(lab), *_lost(lab, program), *_variable_for_area(lab)]
 
 
 def _too_short(lab: Lab) -> Iterator[Problem]:
@@ -29,6 +30,17 @@ def _too_short(lab: Lab) -> Iterator[Problem]:
     if duration_s < least_s < inf:
         message = f"warning: nothing can finish within {duration_s:g} s: no schedule takes less than {least_s:.2f} s"
         yield problem_at(lab, ("duration",), message)
+
+
+def _variable_for_area(lab: Lab) -> Iterator[Problem]:
+    """Yield a warning for a variable of `finish` that is spelt like an area: it matches any."""
+    for word in re.findall(r"\b[A-Z]\w*", lab.finish):
+        area = next(
+            (area.name for area in lab.arena.areas if area.name.lower() == word.lower() and len(word) > 1), None
+        )
+        if area is not None:
+            message = f"warning: {word} is a variable, which matches anything; did you mean '{area}'?"
+            yield problem_at(lab, ("finish",), message)
 
 
 def _too_late(lab: Lab) -> Iterator[Problem]:

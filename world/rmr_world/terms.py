@@ -188,7 +188,7 @@ def parse_fact(text: str) -> StatedFact:
 def parse_finish(text: str) -> FinishPattern:
     """Return the pattern written in `text`, a fact whose variables match anything. Raises TermError."""
     name, terms = _Terms(text).fact()
-    if not isinstance(_owner(terms, name), _Variable):
+    if not isinstance(_owner(terms, name, "R"), _Variable):
         raise TermError(f"every robot must hold it, so its owner is a variable: {name}(R, ...)")
     names = [term.name for term in terms if isinstance(term, _Variable) and term.name != "_"]
     repeated = next((n for i, n in enumerate(names) if n in names[:i]), None)
@@ -200,7 +200,7 @@ def parse_finish(text: str) -> FinishPattern:
     return FinishPattern(name, patterns)
 
 
-def _owner(terms: list[_Term], name: str) -> _Variable | Robot:
+def _owner(terms: list[_Term], name: str, example: str = "@1") -> _Variable | Robot:
     if not terms or not isinstance(terms[0], _Variable | Robot):
-        raise TermError(f"the first argument is the owner, a robot: {name}(@1, ...)")
+        raise TermError(f"the first argument is the owner, a robot: {name}({example}, ...)")
     return terms[0]

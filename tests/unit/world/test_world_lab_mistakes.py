@@ -211,7 +211,10 @@ def test_a_lab_has_a_bounded_number_of_disturbances(tmp_path):
 
 def test_a_wrong_arena_hides_no_other_mistake_and_causes_none(tmp_path):
     text = ROOM.replace("[3.0, 1.5]", "[3.0]") + "  - {id: 1, pose: [9, 9, 0]}\n"
-    assert complaints(tmp_path, text) == ["3:15: arena.size.1: is missing", "6:5: robots.1: robot 1 is there already"]
+    assert complaints(tmp_path, text) == [
+        "3:15: arena.size.1: is missing; write [width, height]",
+        "6:5: robots.1: robot 1 is there already",
+    ]
 
 
 def test_missing_sections_are_named_each(tmp_path):

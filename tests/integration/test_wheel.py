@@ -1,0 +1,52 @@
+"""The wheel: what it holds runs without the tree."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Return a folder with the content of the wheel, as an installer leaves it."""
+    folder = tmp_path_factory.mktemp("wheel")
+    words = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
+    environment = {name: value for name, value in os.environ.items() if name != "RMR_COMPILE"}
+    subprocess.run(words, cwd=ROOT, check=True, capture_output=True, env=environment)
+    [wheel] = folder.glob("*-py3-none-any.whl")
+    zipfile.ZipFile(wheel).extractall(folder / "site")
+    return folder / "site"
+
+
+def run(site, cwd, code, *words):
+    environment = {**os.environ, "PYTHONPATH": str(site), "RMR_COMPILED": ""}
+    return subprocess.run(
+        [sys.executable, "-c", code, *words], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+LAB = "from rmr_lab.main import main; main()"
+NEW = "from rmr_lab.main import new_main; new_main()"
+SIM = "import sys; from rmr_sim.main import main; sys.exit(main())"
+
+
+def test_wheel_holds_the_provided_labs_and_runs_them_by_name(site, tmp_path):
+    where = run(site, tmp_path, "import rmr_world; print(rmr_world.__file__)")
+    assert where.stdout.startswith(str(site))
+    names = run(site, tmp_path, LAB, "list")
+    expected = sorted(file.parent.name for file in (ROOT / "deploy" / "labs").glob("*/lab.yaml"))
+    assert [line.split()[0] for line in names.stdout.splitlines()] == expected
+    result = run(site, tmp_path, SIM, "testbed", "--robots", "2", "--run", "run")
+    assert result.returncode == 0, result.stderr
+    assert run(site, tmp_path, LAB, "check", *expected).returncode == 0
+
+
+def test_wheel_writes_a_new_lab_that_runs(site, tmp_path):
+    assert run(site, tmp_path, NEW, "shop").returncode == 0
+    assert run(site, tmp_path, LAB, "check", "shop", "--svg", "floor.svg").returncode == 0
+    assert run(site, tmp_path, SIM, "shop").returncode == 0
