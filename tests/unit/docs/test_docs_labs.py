@@ -23,6 +23,8 @@ from rmr_deploy.disturb import record
 from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan, Wishes
 from rmr_deploy.record import make_report
+from rmr_lab.commands import command as lab
+from rmr_lab.commands import new
 from rmr_sim.main import main as sim
 from rmr_sim.run import prepare, report_of
 from rmr_sim.violation import Violation
@@ -166,6 +168,15 @@ def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_other
     rows = table(text, "option", "does")
     documented = {code.split()[0] for row in rows for code in codes(row[0])}
     assert documented == {name for name in offered if name.startswith("-")}
+
+
+def test_the_commands_of_rmr_lab_and_their_options_are_documented_and_no_others():
+    text = section(PAGE, "rmr check LAB") + section(PAGE, "rmr lab") + section(PAGE, "rmr new NAME")
+    documented = set(re.findall(r"`(?:[^`]* )?(--?[a-z]+)[^`]*`", text)) - {"--help", "-h", "--version"}
+    commands = [*lab.commands.values(), new]
+    offered = {name for each in commands for option in each.params for name in option.opts if name.startswith("-")}
+    assert documented == offered - {"--help", "-h", "--version"}
+    assert {f"rmr lab {name}" for name in lab.commands} <= set(re.findall(r"`(rmr lab [a-z]+)", text))
 
 
 def test_what_rmr_fault_shows_of_a_disturbance_is_documented():
