@@ -50,8 +50,10 @@ def command(programs: tuple[Path, ...], as_json: bool, explain: bool, svg: Path 
 
 
 def _is_lab(path: Path) -> bool:
-    """Return whether `path` is a lab file, a folder, or a name without suffix that is no file."""
-    return path.suffix in {".yaml", ".yml"} or path.is_dir() or (not path.suffix and not path.exists())
+    """Return whether `path` is a lab file, the folder of one, or a bare name that may be a provided lab's."""
+    if path.is_dir():
+        return (path / "lab.yaml").exists()
+    return path.suffix in {".yaml", ".yml"} or (path.name == os.fspath(path) and not path.suffix and not path.exists())
 
 
 def _explain(compilations: Sequence["Compilation"], as_json: bool) -> None:
