@@ -20,7 +20,7 @@ from rmr.vm import assertions
 from rmr.vm.assertions import Assertions
 from rmr.vm.machine import Machine
 from rmr_sim.checkers.progress import STILL
-from rmr_sim.run import Options, load
+from rmr_sim.run import Options, load, prepare
 
 EVENT = b"charge"
 VALUES = Values()
@@ -410,6 +410,36 @@ def test_a_robot_that_drives_but_does_not_move_stands_still(tmp_path):
     simulation = small_lab(tmp_path, program, actions=sit, finish="done(R)", duration="32s")
     assert not simulation.run()
     assert found(simulation) == [("stands still", (1,), "robot 1 has stood still for 30 s")]
+
+
+def test_standing_still_names_who_is_in_the_way_and_who_has_the_turn(tmp_path):
+    hold = """
+    from rmr import action
+
+    @action("hold", wheels=True)
+    async def hold(robot):
+        await robot.until(lambda: False)
+    """
+    program = """
+    type action hold(R: robot) -o held(R).
+    start(R).
+    start(R) -o need(R).
+    holding: assert(need(R), held(R), 60, say(R, "late")).
+    need(R) -o hold(R).
+    """
+    simulation = small_lab(tmp_path, program, robots=2, actions=hold, finish="held(R)", duration="40s")
+    lab = simulation.lab.path
+    lab.write_text(lab.read_text().replace("pose: [0.5, 0.2", "pose: [0.35, 0.2"))
+    simulation = prepare(tmp_path, seed=1, actions=tmp_path / "actions.py")
+    assert not simulation.run()
+    words = {robots: words for check, robots, words in found(simulation) if check == "stands still"}
+    [inside] = {robots for robots, said in words.items() if "waits" not in said}
+    [waiting] = {(1,), (2,)} - {inside}
+    assert words[inside] == f"robot {inside[0]} has stood still for 30 s; robot {waiting[0]} stands in its way"
+    assert words[waiting] == (
+        f"robot {waiting[0]} has stood still for 30 s; it waits for its turn of holding, "
+        f"held by robot {inside[0]}; robot {inside[0]} stands in its way"
+    )
 
 
 def test_a_robot_that_waits_for_a_time_to_come_does_not_stand_still(tmp_path):

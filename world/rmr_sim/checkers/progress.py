@@ -82,7 +82,7 @@ class StandsStill:
         turn = scene.node(robot).turns.current
         if turn is not None and turn.waits:
             inside = [other for other in scene.robots if other != robot and self._inside(other, turn.event)]
-            holders = f", which {robots_named(inside)} in" if inside else ""
+            holders = f", held by robot {', '.join(map(str, inside))}" if inside else ""
             reasons.append(f"it waits for its turn of {turn.job.name}{holders}")
         x, y, _ = world.pose(robot)
         radius = arena.shape.radius
