@@ -86,7 +86,7 @@ def judge(path: Path) -> Findings:
     if not lab.program.exists():
         found.problems += program_missing(lab)
         return found
-    _load(found, lab.program)
+    _load(found, lab.program, [fact.name for fact in lab.stated_facts])
     if found.program is None:
         return found
     errors = errors_of(lab, found.program)
@@ -96,10 +96,10 @@ def judge(path: Path) -> Findings:
     return found
 
 
-def _load(found: Findings, program: Path) -> None:
-    """Compile or read the program."""
+def _load(found: Findings, program: Path, stated: Sequence[str]) -> None:
+    """Compile or read the program; facts of the predicates `stated` come from the lab."""
     if program.suffix == ".rmr":
-        _compile(found, program)
+        _compile(found, program, stated)
         return
     try:
         found.program = load_program(program).program
@@ -107,8 +107,8 @@ def _load(found: Findings, program: Path) -> None:
         found.problems.append(_problem_in(str(error), str(program)))
 
 
-def _compile(found: Findings, program: Path) -> None:
-    compilation = compile_file(program)
+def _compile(found: Findings, program: Path, stated: Sequence[str]) -> None:
+    compilation = compile_file(program, dict.fromkeys(stated, False))
     found.diagnostics, found.sources = compilation.diagnostics, compilation.sources
     found.program, found.unreadable = compilation.program, compilation.unreadable
 
@@ -121,7 +121,9 @@ def _compile_of_wrong_lab(found: Findings, file: Path) -> None:
         return
     name = value.get("program") if isinstance(value, dict) else None
     if isinstance(name, str) and Path(name).suffix in PROGRAMS and (file.parent / name).is_file():
-        _load(found, file.parent / name)
+        facts = value.get("facts")
+        stated = [str(fact).split("(")[0].strip(" !") for fact in facts] if isinstance(facts, list) else []
+        _load(found, file.parent / name, stated)
 
 
 def _handlers(lab: Lab, program: Program) -> Iterable[Problem]:
