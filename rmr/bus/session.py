@@ -17,6 +17,7 @@ import asyncio
 import json
 import os
 import re
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -30,12 +31,13 @@ os.environ.setdefault("ZENOH_RUNTIME", RUNTIME)  # read once, when the first ses
 import zenoh  # noqa: E402 - after the environment it reads
 from zenoh.handlers import Callback  # noqa: E402
 
-from rmr.bus import wire  # noqa: E402
+from rmr.bus import admission, wire  # noqa: E402
 from rmr.bus.checks import MalformedError  # noqa: E402
 from rmr.bus.endpoint import BusError, check_endpoint  # noqa: E402
 from rmr.bus.line import Handler, Line, Listener  # noqa: E402
 from rmr.bus.losses import Losses  # noqa: E402
 from rmr.bus.parts import cut  # noqa: E402
+from rmr.bus.secret import Secret  # noqa: E402
 
 LEASE_MS = 3000
 """A silent peer is given up after this time."""
@@ -57,6 +59,10 @@ Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
 
+REFUSED_PATIENCE_S = 2.0
+"""How long a client that is refused tries again: a router that is just starting, or ending, refuses for a moment."""
+
+
 class InUseError(BusError):
     """Another process listens at the address already."""
 
@@ -65,7 +71,11 @@ class NobodyThereError(BusError):
     """No router answers at the endpoint (yet)."""
 
 
-def _config(listen: str | None, connect: str | None) -> Any:
+class NotAdmittedError(NobodyThereError):
+    """What listens at the endpoint does not let this session in, or does not know its secret."""
+
+
+def _config(listen: str | None, connect: str | None, secret: Secret | None) -> Any:
     settings = {
         "mode": "client" if listen is None else "router",
         "listen/endpoints": [] if listen is None else [listen],
@@ -83,6 +93,7 @@ def _config(listen: str | None, connect: str | None) -> Any:
         "transport/link/tx/lease": LEASE_MS,
         "transport/unicast/open_timeout": HANDSHAKE_MS,
         "transport/unicast/accept_timeout": HANDSHAKE_MS,
+        **({} if secret is None else secret.settings(is_router=listen is not None)),
     }
     config = zenoh.Config()
     for key, value in settings.items():
@@ -101,29 +112,63 @@ def _explain(error: Exception, listen: str | None, connect: str | None) -> BusEr
     return BusError(f"cannot use {listen or connect}: {reason}")
 
 
-def open_bus(sender: int, *, listen: str | None = None, connect: str | None = None) -> "Bus":
+def open_bus(
+    sender: int, *, listen: str | None = None, connect: str | None = None, secret: Secret | None = None
+) -> "Bus":
     """Open the process's session: a router at `listen`, or else a client of the router at `connect`.
 
-    `sender` is written into every message. Must run on the event loop. Raises BusError (a bad endpoint, an
-    address in use) and `NobodyThereError` when no router answers at `connect`.
+    `sender` is written into every message. With a `secret` a router lets in only clients that know it, and a client
+    uses only a router that does. Must run on the event loop. Raises BusError (a bad endpoint, an address in use),
+    `NobodyThereError` when no router answers at `connect` and `NotAdmittedError` when it does not let this client in.
     """
     for endpoint in (listen, connect):
         if endpoint is not None:
             check_endpoint(endpoint)
+    began_s = time.monotonic()
     try:
-        session = zenoh.open(_config(listen, connect))
+        session: Any = zenoh.open(_config(listen, connect, secret))
     except zenoh.ZError as error:
-        raise _explain(error, listen, connect) from None
+        explained = _explain(error, listen, connect)
+        in_time = time.monotonic() - began_s < HANDSHAKE_MS / 2000  # else it may be a process that is stopped
+        if connect and isinstance(explained, NobodyThereError) and in_time and admission.accepts(connect):
+            explained = NotAdmittedError(_refusal(connect, secret))
+        raise explained from None
+    if connect and secret is not None and secret.router not in map(str, session.info.routers_zid()):
+        session.close()
+        raise NotAdmittedError(admission.impostor(connect, secret))
     return Bus(Line(session), sender, is_client=listen is None)
 
 
-async def open_when_there(sender: int, connect: str, waiting: Callable[[], None]) -> "Bus":
-    """Open a client's session as soon as a router answers; `waiting` is called after each attempt in vain."""
-    tries, pause_ms = 0, RETRY_FIRST_MS
+def _refusal(connect: str, secret: Secret | None) -> str:
+    """Return why what listens at `connect` refuses a client with this `secret`, and what to do."""
+    if secret is None:
+        return admission.without(connect)
+    try:
+        session: Any = zenoh.open(_config(None, connect, None))
+    except zenoh.ZError:
+        return admission.wrong(connect, secret)
+    session.close()
+    return admission.needless(connect, secret)
+
+
+async def open_when_there(
+    sender: int, connect: str, waiting: Callable[[], None], secret: Secret | None = None
+) -> "Bus":
+    """Open a client's session as soon as a router answers; `waiting` is called after each attempt in vain.
+
+    Raises NotAdmittedError when the router has refused it for `REFUSED_PATIENCE_S`.
+    """
+    tries, pause_ms, refused_s = 0, RETRY_FIRST_MS, None
     while True:
         try:
-            return open_bus(sender, connect=connect)
+            return open_bus(sender, connect=connect, secret=secret)
+        except NotAdmittedError:
+            now_s = time.monotonic()
+            refused_s = now_s if refused_s is None else refused_s
+            if now_s - refused_s >= REFUSED_PATIENCE_S:
+                raise
         except NobodyThereError:
+            refused_s = None
             waiting()
         await asyncio.sleep(pause_ms / 1000)
         tries += 1

@@ -70,7 +70,7 @@ def judge(path: Path) -> Findings:
     """Return what is wrong with `path`: a program, a lab file, a lab's folder, or the name of a provided lab."""
     if path.suffix == ".rmr":
         found = Findings(path)
-        _compile(found, path)
+        _compile(found, path, ())
         return found
     found = Findings(path)
     file = lab_path(path)

@@ -1,0 +1,246 @@
+"""The secret of a bus: its file, and who gets a session with it and without."""
+
+import asyncio
+import contextlib
+import os
+import socket
+import stat
+import threading
+
+import pytest
+from bus_star import free_endpoint, until
+
+from rmr.bus import session, wire
+from rmr.bus.endpoint import BusError
+from rmr.bus.secret import SecretError, make_secret, read_secret
+from rmr.bus.session import NobodyThereError, NotAdmittedError, open_bus, open_when_there
+
+
+@pytest.fixture
+def secret(tmp_path):
+    make_secret(tmp_path / "secret")
+    return read_secret(tmp_path / "secret")
+
+
+@pytest.fixture
+def other(tmp_path):
+    make_secret(tmp_path / "other")
+    return read_secret(tmp_path / "other")
+
+
+# --- the file ------------------------------------------------------------------------------------------------
+
+
+def test_secret_file_is_readable_by_its_owner_only_and_each_is_new(secret, other):
+    assert stat.S_IMODE(secret.file.stat().st_mode) == 0o600
+    assert len(secret.password) == 64
+    assert secret.password != other.password
+    with pytest.raises(FileExistsError):
+        make_secret(secret.file)
+
+
+def test_secret_file_stays_private_under_a_permissive_umask(tmp_path):
+    before = os.umask(0)
+    try:
+        make_secret(tmp_path / "secret")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "secret").stat().st_mode) == 0o600
+
+
+def test_secret_shows_no_password(secret):
+    assert secret.password not in repr(secret)
+    assert secret.password not in secret.router
+
+
+def test_router_id_depends_on_the_password_and_is_one_that_zenoh_accepts(secret, other):
+    assert secret.router != other.router
+    assert (len(secret.router), secret.router[0]) == (32, "1")
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o644])
+def test_secret_file_that_others_may_read_or_change_is_refused(secret, mode):
+    secret.file.chmod(mode)
+    with pytest.raises(SecretError, match="other users may read or change this secret; run: chmod 600 "):
+        read_secret(secret.file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "rmr",
+        "rmr:",
+        ":0123456789abcdef",
+        "rmr:tooshort",
+        "a:0123456789abcdef\nb:0123456789abcdef\n",
+        "ä:" + 16 * "x",
+    ],
+)
+def test_secret_file_that_holds_no_secret_is_refused_and_not_shown(tmp_path, text):
+    file = tmp_path / "secret"
+    file.write_text(text)
+    file.chmod(0o600)
+    with pytest.raises(SecretError, match="expected one line NAME:PASSWORD") as caught:
+        read_secret(file)
+    assert "0123456789abcdef" not in str(caught.value)
+
+
+def test_secret_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(SecretError, match="nothing: No such file or directory"):
+        read_secret(tmp_path / "nothing")
+    with pytest.raises(SecretError, match="Is a directory"):
+        read_secret(tmp_path)
+
+
+# --- sessions ------------------------------------------------------------------------------------------------
+
+
+def with_router(secret, scene):
+    """Run `scene(router, endpoint)` with a router that has `secret`."""
+
+    async def play():
+        endpoint = free_endpoint()
+        router = open_bus(wire.WORLD_ID, listen=endpoint, secret=secret)
+        try:
+            await scene(router, endpoint)
+        finally:
+            router.close()
+
+    asyncio.run(play())
+
+
+def test_client_with_the_secret_publishes_asks_and_sees_who_is_alive(secret):
+    async def scene(router, endpoint):
+        heard, alive = [], []
+        router.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
+        router.serve("rmr/x/clock", lambda *_: wire.Clock("waiting", 0, 0))
+        router.declare_alive("rmr/x/alive/world/0")
+        one = open_bus(1, connect=endpoint, secret=secret)
+        one.watch_alive("rmr/x/alive/**", lambda key, _: alive.append(key))
+        one.publish("rmr/x/ops/1/status", wire.Stop("x"))
+        assert len(await one.ask("rmr/x/clock", wire.AskClock(), 2.0)) == 1
+        await until(lambda: (heard, alive) == ([1], ["rmr/x/alive/world/0"]))
+        one.close()
+
+    with_router(secret, scene)
+
+
+def test_client_without_the_secret_or_with_another_gets_no_session_and_one_sentence(secret, other):
+    async def scene(_router, endpoint):
+        with pytest.raises(NotAdmittedError, match=r"its world has a secret, so name the file with --secret"):
+            open_bus(1, connect=endpoint)
+        with pytest.raises(NotAdmittedError, match=r"its world has another secret than the one in .*other"):
+            open_bus(1, connect=endpoint, secret=other)
+
+    with_router(secret, scene)
+
+
+def test_client_with_a_secret_does_not_use_a_router_without_one(secret):
+    async def scene(_router, endpoint):
+        with pytest.raises(
+            NotAdmittedError, match=r"has no secret: start it with --secret .*, or this process without"
+        ):
+            open_bus(1, connect=endpoint, secret=secret)
+
+    with_router(None, scene)
+
+
+def test_client_does_not_use_a_router_that_accepts_every_password(secret, monkeypatch):
+    """A program that took the world's port: it cannot check a password, and its id is not derived from the secret."""
+    with monkeypatch.context() as patch:
+        patch.setattr(type(secret), "router", "1234")
+
+        async def scene(_router, endpoint):
+            patch.undo()
+            with pytest.raises(NotAdmittedError, match=r"does not know the secret in .*: it is not the world"):
+                open_bus(1, connect=endpoint, secret=secret)
+
+        with_router(secret, scene)
+
+
+def test_waiting_client_that_is_refused_gives_up_after_its_patience(secret, monkeypatch):
+    monkeypatch.setattr(session, "REFUSED_PATIENCE_S", 0.2)
+
+    async def scene(_router, endpoint):
+        with pytest.raises(NotAdmittedError):
+            await open_when_there(1, endpoint, lambda: None)
+
+    with_router(secret, scene)
+
+
+def test_client_waits_for_a_router_that_does_not_answer_yet(secret):
+    async def play():
+        endpoint = free_endpoint()
+        routers = []
+
+        def waiting():
+            if not routers:
+                routers.append(open_bus(wire.WORLD_ID, listen=endpoint, secret=secret))
+
+        one = await open_when_there(1, endpoint, waiting, secret)
+        one.close()
+        routers[0].close()
+
+    asyncio.run(play())
+
+
+def test_process_that_accepts_and_says_nothing_is_not_taken_for_a_refusal():
+    """Such as a world that is stopped: a client waits for it."""
+
+    async def play():
+        with socket.create_server(("127.0.0.1", 0)) as silent:
+            with pytest.raises(NobodyThereError) as caught:
+                open_bus(1, connect=f"tcp/127.0.0.1:{silent.getsockname()[1]}")
+            assert not isinstance(caught.value, NotAdmittedError)
+
+    asyncio.run(play())
+
+
+def test_client_returns_by_itself_to_a_new_router_with_the_same_secret(secret):
+    async def play():
+        endpoint = free_endpoint()
+        router = open_bus(wire.WORLD_ID, listen=endpoint, secret=secret)
+        one = open_bus(1, connect=endpoint, secret=secret)
+        await until(lambda: one.connected)
+        router.close()
+        await until(lambda: not one.connected)
+        router = open_bus(wire.WORLD_ID, listen=endpoint, secret=secret)
+        await until(lambda: one.connected)
+        one.close()
+        router.close()
+
+    asyncio.run(play())
+
+
+def test_password_does_not_travel_in_clear(secret):
+    """What crosses a connection while a client opens its session, recorded between the two."""
+
+    async def scene(_router, endpoint):
+        seen, (host, port) = bytearray(), endpoint.removeprefix("tcp/").split(":")
+        with socket.create_server(("127.0.0.1", 0)) as between:
+
+            def pump(source, sink):
+                with contextlib.suppress(OSError), source:
+                    while data := source.recv(1 << 16):
+                        seen.extend(data)
+                        sink.sendall(data)
+
+            def serve():
+                client, _ = between.accept()
+                router = socket.create_connection((host, int(port)))
+                for ends in ((client, router), (router, client)):
+                    threading.Thread(target=pump, args=ends, daemon=True).start()
+
+            threading.Thread(target=serve, daemon=True).start()
+            one = open_bus(1, connect=f"tcp/127.0.0.1:{between.getsockname()[1]}", secret=secret)
+            await until(lambda: one.connected)
+            one.close()
+        assert secret.user.encode() in seen
+        assert secret.password.encode() not in seen
+
+    with_router(secret, scene)
+
+
+def test_not_admitted_is_an_error_of_the_bus():
+    assert issubclass(NotAdmittedError, BusError)
