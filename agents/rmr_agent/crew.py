@@ -10,19 +10,27 @@ from collections.abc import Sequence
 
 from rmr.bus.endpoint import host_problem
 from rmr.bus.process import Ending, Seldom
+from rmr.bus.secret import Secret
 from rmr.bus.session import open_when_there
 from rmr_agent.robot import SAY_AGAIN_S, Carried, HostedRobot
 
 log = logging.getLogger("rmr")
 
 
-async def live(robots: Sequence[int], connect: str, lab: str | None, carried: Carried, ending: Ending) -> None:
+async def live(
+    robots: Sequence[int],
+    connect: str,
+    lab: str | None,
+    carried: Carried,
+    ending: Ending,
+    secret: Secret | None = None,
+) -> None:
     """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
     whose = f"lab {lab}'s" if lab else "the"
     waiting = Seldom(
         lambda: log.info("waiting for %s world at %s%s", whose, connect, host_problem(connect)), SAY_AGAIN_S
     )
-    opening = asyncio.ensure_future(open_when_there(robots[0], connect, waiting))
+    opening = asyncio.ensure_future(open_when_there(robots[0], connect, waiting, secret))
     if not await ending.unless_asked(opening):
         return
     bus = opening.result()

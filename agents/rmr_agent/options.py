@@ -50,6 +50,12 @@ def parser() -> argparse.ArgumentParser:
     )
     it.add_argument("--actions", type=Path, metavar="FILE.py", help="handlers of the program's own actions")
     it.add_argument("--radio-key", type=Path, metavar="FILE", help="the radio's key, where the lab's is secured")
+    it.add_argument(
+        "--secret",
+        type=Path,
+        metavar="FILE",
+        help="the secret of the world's bus (of rmr up: secret in the run folder)",
+    )
     it.add_argument("--lab", type=_lab, metavar="NAME", help="the lab, where several run at one endpoint")
     it.add_argument("--log", type=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")
     it.add_argument("--version", action="version", version=f"%(prog)s {__version__}")

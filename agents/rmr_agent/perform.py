@@ -22,6 +22,7 @@ from rmr.bus.process import (
     run_precisely,
     start_logging,
 )
+from rmr.bus.secret import Secret, SecretError, read_secret
 from rmr.entry.files import unreadable
 from rmr.radio.keyfile import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
@@ -39,10 +40,10 @@ def _load(options: argparse.Namespace) -> Carried:
     return Carried(loaded, partial(load_handlers, options.actions), key)
 
 
-async def _live(options: argparse.Namespace, carried: Carried, ending: Ending) -> None:
+async def _live(options: argparse.Namespace, carried: Carried, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    await live(options.id, options.connect, options.lab, carried, ending)
+    await live(options.id, options.connect, options.lab, carried, ending, secret)
 
 
 def perform(options: argparse.Namespace) -> int:
@@ -58,12 +59,13 @@ def perform(options: argparse.Namespace) -> int:
         return EXIT_USAGE
     try:
         carried = _load(options)
-    except RefusedError as error:
+        secret = None if options.secret is None else read_secret(options.secret)
+    except (RefusedError, SecretError) as error:
         print(f"{who}: {error}", file=sys.stderr)
         return EXIT_INVALID
     ending = Ending()
     try:
-        run_precisely(_live(options, carried, ending))
+        run_precisely(_live(options, carried, secret, ending))
     except BusError as error:
         ending.ask(str(error), EXIT_FAILED)
     except Exception as error:

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator
 from math import isinf
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -16,10 +16,11 @@ from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
 from rmr.bus.keys import ANY_LAB, Keys
-from rmr.bus.process import EXIT_FAILED, EXIT_OK, EXIT_USAGE
+from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_OK, EXIT_USAGE
+from rmr.bus.secret import SecretError, read_secret
 from rmr.bus.session import Bus, open_bus
 from rmr.radio.links import Disturbance
-from rmr_deploy.running import endpoint_of, newest_endpoint
+from rmr_deploy.running import endpoint_of, newest_run, secret_of
 
 ASK_S = 2.0
 """How long the world may take to answer: it does so within milliseconds, unless its machine is overloaded."""
@@ -33,13 +34,28 @@ class FaultError(Exception):
         self.exit_code = exit_code
 
 
+class Place(NamedTuple):
+    """Where a lab's world is asked."""
+
+    endpoint: str
+    secret: Path | None
+    """The file with the secret of its bus; None if it has none."""
+
+
 def perform(
-    wish: str, added: Disturbance | None, *, connect: str | None, folder: Path | None, lab: str | None, as_json: bool
+    wish: str,
+    added: Disturbance | None,
+    *,
+    connect: str | None,
+    folder: Path | None,
+    secret: Path | None,
+    lab: str | None,
+    as_json: bool,
 ) -> int:
     """Put `wish`, one of `wire.WISHES`, to the world; return the exit code."""
     try:
-        endpoint, keys = find(connect, folder), _keys(lab)
-        told = asyncio.run(_ask(endpoint, keys, wire.AskDisturbances(wish, added)))
+        place, keys = find(connect, folder, secret), _keys(lab)
+        told = asyncio.run(_ask(place, keys, wire.AskDisturbances(wish, added)))
     except FaultError as error:
         click.echo(f"rmr fault: {error}", err=True)
         return error.exit_code
@@ -50,19 +66,20 @@ def perform(
     return EXIT_OK
 
 
-def find(connect: str | None, folder: Path | None) -> str:
+def find(connect: str | None, folder: Path | None, secret: Path | None) -> Place:
     """Return where the world listens: as said, as the run folder says, or as a run under way here does."""
     if connect is not None:
         try:
-            return check_endpoint(connect)
+            return Place(check_endpoint(connect), secret)
         except BusError as error:
             raise FaultError(str(error), EXIT_USAGE) from None
-    if folder is None:
-        return newest_endpoint(Path("runs")) or DEFAULT_ENDPOINT
-    endpoint = endpoint_of(folder)
+    where = folder or newest_run(Path("runs"))
+    if where is None:
+        return Place(DEFAULT_ENDPOINT, secret)
+    endpoint = endpoint_of(where)
     if endpoint is None:
-        raise FaultError(f"{folder} is no folder of a run of processes", EXIT_USAGE)
-    return endpoint
+        raise FaultError(f"{where} is no folder of a run of processes", EXIT_USAGE)
+    return Place(endpoint, secret or secret_of(where))
 
 
 def _keys(lab: str | None) -> Keys:
@@ -72,9 +89,13 @@ def _keys(lab: str | None) -> Keys:
         raise FaultError(str(error), EXIT_USAGE) from None
 
 
-async def _ask(endpoint: str, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
+async def _ask(place: Place, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
+    endpoint = place.endpoint
     try:
-        bus = open_bus(wire.OPERATOR_ID, connect=endpoint)
+        secret = None if place.secret is None else read_secret(place.secret)
+        bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
+    except SecretError as error:
+        raise FaultError(str(error), EXIT_INVALID) from None
     except BusError as error:
         raise FaultError(f"{error}{host_problem(endpoint)}", EXIT_FAILED) from None
     try:

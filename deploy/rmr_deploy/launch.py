@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rmr.base.ids import spelled
+from rmr.bus.endpoint import BusError
 from rmr_deploy.obituary import how, obituary
 from rmr_deploy.plan import INVALID, Plan, free_port
 from rmr_deploy.running import write_processes
@@ -105,6 +106,7 @@ class Run:
             self._family.kill()
             if self.watch is not None:
                 self.watch.close()
+            self.plan.secret.unlink(missing_ok=True)
             self.outcome.wall_s = time.monotonic() - self._began
         self._sweep()
         return self.outcome
@@ -140,12 +142,12 @@ class Run:
 
     async def _attend(self) -> None:
         """Return when the run is over; `outcome` says why."""
-        opening = asyncio.create_task(Watch.of(self.plan.lab.name, self._endpoint))
+        opening = asyncio.create_task(Watch.of(self.plan.lab.name, self._endpoint, self.plan.secret))
         try:
             await self._until(opening.done)
         finally:
             if opening.done() and not opening.cancelled():
-                self.watch = opening.result()
+                self._take_watch(opening)
             opening.cancel()
         if self.outcome.reason or self.watch is None:
             return
@@ -155,6 +157,13 @@ class Run:
             self.outcome.ready_s = time.monotonic() - self._began
             self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
             await self._until(self._finished)
+
+    def _take_watch(self, opened: asyncio.Task[Watch]) -> None:
+        """Take the launcher's own session, or the reason why the world, or what poses as it, refused it."""
+        try:
+            self.watch = opened.result()
+        except BusError as error:
+            self.outcome.reason = self.outcome.reason or str(error)
 
     def _finished(self) -> bool:
         """Whether the run has reached its end in good order."""
@@ -328,19 +337,19 @@ def _names(robots: Sequence[int]) -> str:
 
 
 def said(output: Path) -> list[str]:
-    """Return the last lines of a process's plain output that tell of something gone wrong."""
+    """Return the last lines of a process's plain output that tell of something gone wrong, or of an intruder."""
     try:
         lines = output.read_text(errors="replace").splitlines()
     except OSError:
         return []
-    return [line for line in lines if " failed: " in line][-SAID_MAX:]
+    return [line for line in lines if " failed: " in line or "refused a process" in line][-SAID_MAX:]
 
 
 def world_command(plan: Plan, endpoint: str) -> list[str]:
     """Return the command that starts the world."""
     lab = plan.lab
     options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
-    return [*python("rmr_world.main"), "--config", str(lab.path), *options]
+    return [*python("rmr_world.main"), "--config", str(lab.path), *options, "--secret", str(plan.secret)]
 
 
 def agent_command(plan: Plan, crew: Sequence[int], endpoint: str) -> list[str]:
@@ -348,7 +357,7 @@ def agent_command(plan: Plan, crew: Sequence[int], endpoint: str) -> list[str]:
     actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
     key = ["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []
     options = ["--id", spelled(crew), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
-    return [*python("rmr_agent.main"), *options, str(plan.byte_code)]
+    return [*python("rmr_agent.main"), *options, "--secret", str(plan.secret), str(plan.byte_code)]
 
 
 def python(module: str) -> list[str]:

@@ -5,11 +5,13 @@ file and the program are judged as a whole, with every mistake shown, and the la
 pattern are judged against the program. `RefusedError` carries the message and the exit code of the commands' contract.
 """
 
+import contextlib
 import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rmr.base.time import in_seconds
+from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry.files import unreadable
 from rmr_world.judge import judged
 from rmr_world.lab import Lab, LabError, lab_path, load_lab
@@ -70,6 +72,11 @@ class Plan:
         return self.folder / f"{self.lab.program.stem}.rbc"
 
     @property
+    def secret(self) -> Path:
+        """The file with the secret of the run's bus, which is there until the run is over."""
+        return self.folder / SECRET_FILE
+
+    @property
     def logs(self) -> Path:
         """The folder of the logs, one JSON-lines file per process."""
         return self.folder / "logs"
@@ -102,6 +109,7 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
         raise RefusedError(str(error), INVALID) from error
     try:
         plan = Plan(wishes, lab, program, make_run_folder(lab.name, wishes.folder))
+        _keep_private(plan)
         plan.logs.mkdir()
         plan.byte_code.write_bytes(plan.program.octets)
     except RunFolderError as error:
@@ -110,6 +118,19 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
         message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
         raise RefusedError(message, USAGE) from error
     return plan
+
+
+def _keep_private(plan: Plan) -> None:
+    """Close the run folder to other users and put the secret of the run's bus into it. Raises RefusedError, OSError."""
+    with contextlib.suppress(PermissionError):  # another user's folder that we may write to: the file is ours
+        plan.folder.chmod(0o700)
+    make_secret(plan.secret)
+    try:
+        read_secret(plan.secret)
+    except SecretError as error:
+        plan.secret.unlink()
+        message = f"{plan.folder}: no file in it can be kept from other users; name another run folder with --run DIR"
+        raise RefusedError(message, USAGE) from error
 
 
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:

@@ -1,7 +1,7 @@
 """Runs that are under way on this machine, as their run folders tell: there is no daemon that knows of them.
 
-`rmr up` leaves in the run folder where its world listens and the ids of its processes. A run is under way while its
-launcher lives and no report has been written.
+`rmr up` leaves in the run folder where its world listens, the ids of its processes and, while it runs, the secret of
+its bus. A run is under way while its launcher lives and no report has been written.
 """
 
 import json
@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from rmr.bus.secret import SECRET_FILE
 from rmr_world.report import REPORT_FILE
 
 PROCESSES_FILE = "processes.json"
@@ -26,12 +27,18 @@ def endpoint_of(folder: Path) -> str | None:
     return endpoint if isinstance(endpoint, str) else None
 
 
-def newest_endpoint(runs: Path) -> str | None:
-    """Return where the world of the newest run under way listens, of those whose folders are in `runs`."""
+def secret_of(folder: Path) -> Path | None:
+    """Return the file with the secret of the run in `folder`; None if it has none, or is over."""
+    path = folder / SECRET_FILE
+    return path if path.exists() else None
+
+
+def newest_run(runs: Path) -> Path | None:
+    """Return the folder of the newest run under way, of those in `runs`."""
     folders = [path.parent for path in runs.glob(f"*/{PROCESSES_FILE}")]
     for folder in sorted(folders, key=lambda folder: (_written(folder), folder), reverse=True):
         if not (folder / REPORT_FILE).exists() and _lives(_read(folder).get("launcher")):
-            return endpoint_of(folder)
+            return folder
     return None
 
 

@@ -9,11 +9,13 @@ is told under the session number of the dead process is then of an earlier life.
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
 from rmr.bus import wire
 from rmr.bus.keys import ROBOT_ROLE, WORLD, Keys, last_id
+from rmr.bus.secret import read_secret
 from rmr.bus.session import Bus, open_when_there
 
 AT_WORK = ("ready", "running", "finished")
@@ -44,9 +46,12 @@ class Watch:
         bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 
     @classmethod
-    async def of(cls, lab: str, endpoint: str) -> "Watch":
-        """Return the watch of `lab` as soon as its router answers at `endpoint`."""
-        return cls(await open_when_there(wire.OPERATOR_ID, endpoint, lambda: None), lab)
+    async def of(cls, lab: str, endpoint: str, secret: Path) -> "Watch":
+        """Return the watch of `lab` as soon as its router answers at `endpoint`; `secret` is a file.
+
+        Raises SecretError, and NotAdmittedError when the router refuses the session.
+        """
+        return cls(await open_when_there(wire.OPERATOR_ID, endpoint, lambda: None, read_secret(secret)), lab)
 
     def _status(self, _key: str, message: wire.Envelope) -> None:
         if not isinstance(message.body, wire.Status):

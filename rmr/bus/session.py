@@ -58,9 +58,11 @@ PART_PAUSE_S = 0.002
 Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
-
 REFUSED_PATIENCE_S = 2.0
 """How long a client that is refused tries again: a router that is just starting, or ending, refuses for a moment."""
+
+REFUSED_PAUSE_S = 0.4
+"""Between its attempts."""
 
 
 class InUseError(BusError):
@@ -75,7 +77,7 @@ class NotAdmittedError(NobodyThereError):
     """What listens at the endpoint does not let this session in, or does not know its secret."""
 
 
-def _config(listen: str | None, connect: str | None, secret: Secret | None) -> Any:
+def _config(listen: str | None, connect: str | None, secret: Secret | None = None) -> Any:
     settings = {
         "mode": "client" if listen is None else "router",
         "listen/endpoints": [] if listen is None else [listen],
@@ -167,6 +169,8 @@ async def open_when_there(
             refused_s = now_s if refused_s is None else refused_s
             if now_s - refused_s >= REFUSED_PATIENCE_S:
                 raise
+            await asyncio.sleep(REFUSED_PAUSE_S)
+            continue
         except NobodyThereError:
             refused_s = None
             waiting()

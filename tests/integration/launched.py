@@ -69,6 +69,12 @@ class Launched:
         pids: dict[str, int] = json.loads((self.folder / "processes.json").read_text())["processes"]
         return pids
 
+    @property
+    def endpoint(self) -> str:
+        """Where the world of the run listens."""
+        endpoint: str = json.loads((self.folder / "processes.json").read_text())["connect"]
+        return endpoint
+
     def left(self) -> list[str]:
         """Return the processes of the run that still live."""
         return [name for name, pid in self.pids.items() if runs(pid)]
@@ -92,7 +98,7 @@ class Launched:
 
     async def _leader(self, lab: str) -> int:
         robots = [int(name.removeprefix("robot-")) for name in self.pids if name != "world"]
-        watch = await Watch.of(lab, json.loads((self.folder / "processes.json").read_text())["connect"])
+        watch = await Watch.of(lab, self.endpoint, self.folder / "secret")
         try:
             while not all(watch.report(robot).get("schedules") for robot in robots):
                 await asyncio.sleep(0.05)

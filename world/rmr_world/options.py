@@ -45,6 +45,12 @@ def parser() -> argparse.ArgumentParser:
     )
     it.add_argument("--robots", type=_count, metavar="N", help="only the first N robots of the lab")
     it.add_argument("--seed", type=_seed, metavar="S", help="another seed than the lab file's")
+    it.add_argument(
+        "--secret",
+        type=Path,
+        metavar="FILE",
+        help="let in only those who know the secret in FILE, which is made if it does not exist (default: everybody)",
+    )
     it.add_argument("--when-ready", action="store_true", help="lab time starts when all robots are ready")
     it.add_argument("--log", type=Path, metavar="FILE", help="write a log as JSON lines")
     it.add_argument("--version", action="version", version=f"%(prog)s {__version__}")

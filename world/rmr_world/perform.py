@@ -10,8 +10,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+<<<<<<< HEAD
 from rmr.bus import wire
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
+=======
+from rmr.bus import refusals, wire
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
+>>>>>>> b211542 (up: a run has a secret, and its bus lets in nobody else)
 from rmr.bus.keys import Keys
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
@@ -25,9 +30,15 @@ from rmr.bus.process import (
     run_precisely,
     start_logging,
 )
+<<<<<<< HEAD
 from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
 from rmr.entry.files import unreadable
 from rmr_world.lab import Lab, LabError, lab_path, load_lab
+=======
+from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
+from rmr.bus.session import Bus, open_bus, open_when_there
+from rmr_world.lab import Lab, LabError, load_lab
+>>>>>>> b211542 (up: a run has a secret, and its bus lets in nobody else)
 from rmr_world.server import WorldServer
 
 SAY_AGAIN_S = 5.0
@@ -64,9 +75,38 @@ def _check_program(lab: Lab, path: Path) -> None:
         raise InvalidError(str(error)) from None
 
 
-async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
+def _secret(options: argparse.Namespace) -> Secret | None:
+    """Return the secret of the bus; a router without one to read makes it. Raises SecretError, OSError."""
+    if options.secret is None:
+        return None
+    if options.connect is None and not options.secret.exists():
+        make_secret(options.secret)
+        log.info("made a new secret: %s", options.secret)
+    return read_secret(options.secret)
+
+
+class Refused:
+    """Tells of sessions that were refused: the first at once, then now and then how many they were."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._reason = ""
+        self._say = Seldom(self._tell, SAY_AGAIN_S)
+
+    def __call__(self, reason: str) -> None:
+        """Count one more, for a reason of `refusals.REASONS`."""
+        self._count += 1
+        self._reason = reason
+        self._say()
+
+    def _tell(self) -> None:
+        log.warning("refused a process %s (attempts so far: %d)", self._reason, self._count)
+
+
+async def _open(options: argparse.Namespace, secret: Secret | None, ending: Ending) -> Bus | None:
     """Return the session; None when the end was asked for while waiting for the router."""
     if options.connect is None:
+<<<<<<< HEAD
         endpoint = options.listen or DEFAULT_ENDPOINT
         try:
             return open_bus(wire.WORLD_ID, listen=endpoint)
@@ -75,6 +115,13 @@ async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
     router = options.connect
     say = Seldom(lambda: log.info("waiting for the router at %s%s", router, host_problem(router)), SAY_AGAIN_S)
     opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say))
+=======
+        if secret is not None:
+            refusals.watch(Refused())
+        return open_bus(wire.WORLD_ID, listen=options.listen or DEFAULT_ENDPOINT, secret=secret)
+    say = Seldom(lambda: log.info("waiting for the router at %s", options.connect), SAY_AGAIN_S)
+    opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say, secret))
+>>>>>>> b211542 (up: a run has a secret, and its bus lets in nobody else)
     ended = asyncio.ensure_future(ending.wait())
     await asyncio.wait([opening, ended], return_when=asyncio.FIRST_COMPLETED)
     ended.cancel()
@@ -84,10 +131,10 @@ async def _open(options: argparse.Namespace, ending: Ending) -> Bus | None:
     return None
 
 
-async def _live(options: argparse.Namespace, lab: Lab, ending: Ending) -> None:
+async def _live(options: argparse.Namespace, lab: Lab, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    bus = await _open(options, ending)
+    bus = await _open(options, secret, ending)
     if bus is None:
         return
     log.info(
@@ -112,8 +159,8 @@ def perform(options: argparse.Namespace) -> int:
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:
-        lab = _load(options)
-    except (LabError, InvalidError) as error:
+        lab, secret = _load(options), _secret(options)
+    except (LabError, InvalidError, SecretError) as error:
         print(error, file=sys.stderr)
         return EXIT_INVALID
     except OSError as error:
@@ -121,7 +168,7 @@ def perform(options: argparse.Namespace) -> int:
         return EXIT_INVALID
     ending = Ending()
     try:
-        run_precisely(_live(options, lab, ending))
+        run_precisely(_live(options, lab, secret, ending))
     except BusError as error:
         ending.ask(str(error), EXIT_FAILED)
     except Exception as error:

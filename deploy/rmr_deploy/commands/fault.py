@@ -53,6 +53,9 @@ def _pair(text: str) -> list[list[int]]:
 _WHERE = (
     click.option("--connect", metavar="ENDPOINT", help=f"Where the world listens, such as {DEFAULT_ENDPOINT}."),
     click.option("--run", "folder", type=click.Path(path_type=Path), metavar="DIR", help="The run folder."),
+    click.option(
+        "--secret", type=click.Path(path_type=Path), metavar="FILE", help="Of the bus, where no run folder holds it."
+    ),
     click.option("--lab", metavar="NAME", help="The lab, where several run at one endpoint."),
     click.option("--json", "as_json", is_flag=True, help="What disturbs the radio now, as JSON."),
 )
@@ -151,6 +154,7 @@ def _ask(
     *,
     connect: str | None,
     folder: Path | None,
+    secret: Path | None,
     lab: str | None,
     as_json: bool,
 ) -> None:
@@ -158,4 +162,4 @@ def _ask(
         raise click.UsageError("Say --connect or --run, not both.")
     from rmr_deploy.disturb import perform  # noqa: PLC0415 - the bus loads only where a world is asked
 
-    sys.exit(perform(wish, added, connect=connect, folder=folder, lab=lab, as_json=as_json))
+    sys.exit(perform(wish, added, connect=connect, folder=folder, secret=secret, lab=lab, as_json=as_json))

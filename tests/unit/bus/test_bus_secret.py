@@ -138,9 +138,7 @@ def test_client_without_the_secret_or_with_another_gets_no_session_and_one_sente
 
 def test_client_with_a_secret_does_not_use_a_router_without_one(secret):
     async def scene(_router, endpoint):
-        with pytest.raises(
-            NotAdmittedError, match=r"has no secret: start it with --secret .*, or this process without"
-        ):
+        with pytest.raises(NotAdmittedError, match=r"has no secret: start it with --secret .*, or this"):
             open_bus(1, connect=endpoint, secret=secret)
 
     with_router(None, scene)

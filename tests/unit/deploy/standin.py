@@ -11,11 +11,13 @@ import asyncio
 import os
 import signal
 import sys
+from pathlib import Path
 
 from rmr.base.time import seconds
 from rmr.bus import wire
 from rmr.bus.keys import WORLD, Keys
 from rmr.bus.process import Ending, handle_signals, hold_lifeline
+from rmr.bus.secret import read_secret
 from rmr.bus.session import open_bus, open_when_there
 
 BEHAVIOURS = {
@@ -49,7 +51,7 @@ async def robot(options: argparse.Namespace, ending: Ending) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().remove_signal_handler(number)
             signal.signal(number, signal.SIG_IGN)
-    bus = await open_when_there(options.id, options.connect, lambda: None)
+    bus = await open_when_there(options.id, options.connect, lambda: None, read_secret(options.secret))
     keys = Keys(options.lab)
 
     def stop(_key: str, _message: wire.Envelope) -> None:
@@ -76,7 +78,7 @@ async def robot(options: argparse.Namespace, ending: Ending) -> None:
 
 
 async def world(options: argparse.Namespace, ending: Ending) -> None:
-    bus = open_bus(wire.WORLD_ID, listen=options.listen)
+    bus = open_bus(wire.WORLD_ID, listen=options.listen, secret=read_secret(options.secret))
     keys = Keys(os.environ["STANDIN_LAB"])
     bus.subscribe(keys.stop(WORLD), lambda _key, _message: ending.ask("told to"))
     await ending.wait()
@@ -93,6 +95,7 @@ async def main() -> None:
     parser.add_argument("--connect")
     parser.add_argument("--listen")
     parser.add_argument("--lab")
+    parser.add_argument("--secret", type=Path)
     options, _ = parser.parse_known_args()
     ending = Ending()
     handle_signals(ending)

@@ -13,7 +13,7 @@ from rmr.bus.endpoint import DEFAULT_ENDPOINT
 from rmr.radio.links import Disturbance, partition
 from rmr_deploy import disturb
 from rmr_deploy.commands.fault import command
-from rmr_deploy.running import PROCESSES_FILE, endpoint_of, newest_endpoint, write_processes
+from rmr_deploy.running import PROCESSES_FILE, endpoint_of, newest_run, write_processes
 from rmr_world.report import REPORT_FILE
 
 S, MS = NS_PER_S, NS_PER_MS
@@ -31,7 +31,7 @@ def asked(monkeypatch):
     """What would be put to the world, wish by wish."""
     wishes = []
 
-    async def answer(endpoint, keys, question):
+    async def answer(place, keys, question):
         wishes.append(question)
         return wire.Disturbances("x", 0, (), 0, "")
 
@@ -175,18 +175,18 @@ def test_the_newest_run_under_way_is_found(tmp_path):
     run_folder(runs, "strange", 5, 10, launcher='"x"')
     (runs / "damaged").mkdir()
     (runs / "damaged" / PROCESSES_FILE).write_text("{")
-    assert newest_endpoint(runs) == "tcp/127.0.0.1:2"
+    assert newest_run(runs) == runs / "newer"
 
 
 def test_without_a_run_it_is_the_default_endpoint(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert disturb.find(None, None) == DEFAULT_ENDPOINT
+    assert disturb.find(None, None, None) == (DEFAULT_ENDPOINT, None)
     run_folder(tmp_path / "runs", "one", 7, 0)
-    assert disturb.find(None, None) == "tcp/127.0.0.1:7"
-    assert disturb.find(NOBODY, None) == NOBODY
+    assert disturb.find(None, None, None) == ("tcp/127.0.0.1:7", None)
+    assert disturb.find(NOBODY, None, None) == (NOBODY, None)
 
 
 def test_a_run_folder_says_where_even_if_its_run_is_not_in_runs(tmp_path):
     folder = run_folder(tmp_path, "here", 8, 0)
-    assert disturb.find(None, folder) == "tcp/127.0.0.1:8"
+    assert disturb.find(None, folder, None) == ("tcp/127.0.0.1:8", None)
     assert endpoint_of(tmp_path) is None

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import rmr_deploy.launch as launching
+from rmr.bus.secret import make_secret
 from rmr_deploy.launch import Run
 from rmr_deploy.perform import exit_code
 from rmr_deploy.plan import Plan, Wishes
@@ -55,13 +56,16 @@ def start(tmp_path, monkeypatch):
     monkeypatch.setattr(
         launching,
         "world_command",
-        lambda plan, endpoint: [sys.executable, str(STANDIN), "world", "--listen", endpoint],
+        lambda plan, endpoint: [
+            *(sys.executable, str(STANDIN), "world", "--listen", endpoint, "--secret", str(plan.secret))
+        ],
     )
     monkeypatch.setattr(
         launching,
         "agent_command",
         lambda plan, crew, endpoint: [
-            *(sys.executable, str(STANDIN), "robot", "--id", str(crew[0]), "--connect", endpoint, "--lab", "standin")
+            *(sys.executable, str(STANDIN), "robot", "--id", str(crew[0]), "--connect", endpoint, "--lab", "standin"),
+            *("--secret", str(plan.secret)),
         ],
     )
     (tmp_path / "lab.yaml").write_text(LAB)
@@ -72,6 +76,8 @@ def start(tmp_path, monkeypatch):
         monkeypatch.setenv("STANDIN_2", second)
         loaded = LoadedProgram(None, b"", 0, "")
         plan = Plan(Wishes(lab=tmp_path, **wishes), load_lab(tmp_path), loaded, tmp_path / "run")
+        plan.secret.unlink(missing_ok=True)
+        make_secret(plan.secret)
         return Run(plan, Notes())
 
     return make

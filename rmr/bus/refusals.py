@@ -1,0 +1,54 @@
+"""Tells that a router has refused a session: zenoh itself says so in its log alone.
+
+zenoh can only log to standard output. So standard output becomes a pipe, which a thread reads: a line about a refusal
+is told, any other of that part of zenoh dropped, and the rest passed on to where standard output went before. The pipe
+never blocks zenoh: what does not fit into it is lost, which takes some hundred refusals at a time.
+"""
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable
+from typing import BinaryIO, Final
+
+import zenoh
+
+PART: Final = "zenoh_transport::unicast::establishment::accept"
+"""The part of zenoh in whose log refusals are, among much else."""
+
+REASONS: Final = {
+    b"UsrPwd extension - Recv InitSyn. Expected extension": "that has no secret",
+    b"UsrPwd extension - Recv OpenSyn. Invalid": "that has another secret",
+}
+"""What marks a refusal in that log, and what it means."""
+
+VARIABLE: Final = "RUST_LOG"
+"""What else a person wants to see of zenoh's log."""
+
+
+def watch(refused: Callable[[str], None]) -> None:
+    """Call `refused` with a clause of `REASONS` for each session that this process's router refuses, on a thread.
+
+    To be called once, before the router is opened.
+    """
+    os.environ[VARIABLE] = ",".join(filter(None, [os.environ.get(VARIABLE), f"{PART}=debug"]))
+    onward = os.fdopen(os.dup(1), "wb", buffering=0)
+    source, sink = os.pipe()
+    os.dup2(sink, 1)
+    os.close(sink)
+    os.set_blocking(1, False)
+    threading.Thread(
+        target=_read, args=(os.fdopen(source, "rb"), onward, refused), name="refusals", daemon=True
+    ).start()
+    zenoh.init_log_from_env_or("off")
+
+
+def _read(lines: BinaryIO, onward: BinaryIO, refused: Callable[[str], None]) -> None:
+    for line in lines:
+        if PART.encode() not in line:
+            with contextlib.suppress(OSError):  # where standard output went may be gone
+                onward.write(line)
+            continue
+        reason = next((words for mark, words in REASONS.items() if mark in line), None)
+        if reason is not None:
+            refused(reason)
