@@ -10,13 +10,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-<<<<<<< HEAD
-from rmr.bus import wire
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
-=======
 from rmr.bus import refusals, wire
-from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError
->>>>>>> b211542 (up: a run has a secret, and its bus lets in nobody else)
+from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
 from rmr.bus.keys import Keys
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
@@ -30,15 +25,10 @@ from rmr.bus.process import (
     run_precisely,
     start_logging,
 )
-<<<<<<< HEAD
+from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
 from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
 from rmr.entry.files import unreadable
 from rmr_world.lab import Lab, LabError, lab_path, load_lab
-=======
-from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
-from rmr.bus.session import Bus, open_bus, open_when_there
-from rmr_world.lab import Lab, LabError, load_lab
->>>>>>> b211542 (up: a run has a secret, and its bus lets in nobody else)
 from rmr_world.server import WorldServer
 
 SAY_AGAIN_S = 5.0
@@ -106,22 +96,16 @@ class Refused:
 async def _open(options: argparse.Namespace, secret: Secret | None, ending: Ending) -> Bus | None:
     """Return the session; None when the end was asked for while waiting for the router."""
     if options.connect is None:
-<<<<<<< HEAD
         endpoint = options.listen or DEFAULT_ENDPOINT
+        if secret is not None:
+            refusals.watch(Refused())
         try:
-            return open_bus(wire.WORLD_ID, listen=endpoint)
+            return open_bus(wire.WORLD_ID, listen=endpoint, secret=secret)
         except InUseError as error:
             raise BusError(f"{error}: {await who_listens(endpoint)}") from None
     router = options.connect
     say = Seldom(lambda: log.info("waiting for the router at %s%s", router, host_problem(router)), SAY_AGAIN_S)
-    opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say))
-=======
-        if secret is not None:
-            refusals.watch(Refused())
-        return open_bus(wire.WORLD_ID, listen=options.listen or DEFAULT_ENDPOINT, secret=secret)
-    say = Seldom(lambda: log.info("waiting for the router at %s", options.connect), SAY_AGAIN_S)
     opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say, secret))
->>>>>>> b211542 (up: a run has a secret, and its bus lets in nobody else)
     ended = asyncio.ensure_future(ending.wait())
     await asyncio.wait([opening, ended], return_when=asyncio.FIRST_COMPLETED)
     ended.cancel()
