@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from rmr.bus.endpoint import host_problem
 from rmr.bus.process import Ending, Seldom
 from rmr.bus.secret import Secret
-from rmr.bus.session import open_when_there
+from rmr.bus.session import open_when_there, watch_admission
 from rmr_agent.robot import SAY_AGAIN_S, Carried, HostedRobot
 
 log = logging.getLogger("rmr")
@@ -39,10 +39,12 @@ async def live(
     crew = [HostedRobot(robot, robots[0], seat, connect, lab, carried, ending) for robot, seat in seated]
     lives = asyncio.gather(*(robot.run() for robot in crew))
     asking = asyncio.ensure_future(_pass_on(ending, crew))
+    admission = asyncio.ensure_future(watch_admission(bus, connect, secret, lambda why: log.warning("%s", why)))
     try:
         await lives
     finally:
         asking.cancel()
+        admission.cancel()
     ending.ask(crew[-1].leaving.reason)
 
 

@@ -64,6 +64,9 @@ REFUSED_PATIENCE_S = 2.0
 REFUSED_PAUSE_S = 0.4
 """Between its attempts."""
 
+REFUSALS_TOLD = 2
+"""A client that has lost its router is told of the second refusal in a row."""
+
 
 class InUseError(BusError):
     """Another process listens at the address already."""
@@ -123,6 +126,11 @@ def open_bus(
     uses only a router that does. Must run on the event loop. Raises BusError (a bad endpoint, an address in use),
     `NobodyThereError` when no router answers at `connect` and `NotAdmittedError` when it does not let this client in.
     """
+    return Bus(Line(_open_session(listen, connect, secret)), sender, is_client=listen is None)
+
+
+def _open_session(listen: str | None, connect: str | None, secret: Secret | None) -> Any:
+    """Return a session of zenoh. Raises as `open_bus` does; may be called on any thread."""
     for endpoint in (listen, connect):
         if endpoint is not None:
             check_endpoint(endpoint)
@@ -138,7 +146,7 @@ def open_bus(
     if connect and secret is not None and secret.router not in map(str, session.info.routers_zid()):
         session.close()
         raise NotAdmittedError(admission.impostor(connect, secret))
-    return Bus(Line(session), sender, is_client=listen is None)
+    return session
 
 
 def _refusal(connect: str, secret: Secret | None) -> str:
@@ -178,6 +186,28 @@ async def open_when_there(
         tries += 1
         if tries > EAGER_TRIES:
             pause_ms = min(2 * pause_ms, RETRY_MAX_MS)
+
+
+async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refused: Callable[[str], None]) -> None:
+    """Call `refused` with the reason, once, whenever a router that has come back does not let this client in again.
+
+    zenoh connects again by itself, and says nothing where that is refused: the world may have been started anew with
+    another secret. Ends only when it is cancelled.
+    """
+    refusals = 0
+    while True:
+        await asyncio.sleep(REFUSED_PATIENCE_S)
+        if bus.connected:
+            refusals = 0
+            continue
+        try:
+            (await asyncio.to_thread(_open_session, None, connect, secret)).close()
+        except NotAdmittedError as error:
+            refusals += 1
+            if refusals == REFUSALS_TOLD:
+                refused(str(error))
+        except BusError:
+            refusals = 0
 
 
 class Bus:

@@ -211,6 +211,31 @@ def test_client_returns_by_itself_to_a_new_router_with_the_same_secret(secret):
     asyncio.run(play())
 
 
+def test_client_that_is_refused_when_its_router_comes_back_is_told_once(secret, monkeypatch):
+    monkeypatch.setattr(session, "REFUSED_PATIENCE_S", 0.1)
+
+    async def play():
+        endpoint, told = free_endpoint(), []
+        router = open_bus(wire.WORLD_ID, listen=endpoint)
+        one = open_bus(1, connect=endpoint)
+        watching = asyncio.ensure_future(session.watch_admission(one, endpoint, None, told.append))
+        await until(lambda: one.connected)
+        router.close()
+        await until(lambda: not one.connected)
+        await asyncio.sleep(0.3)
+        assert told == [], "nobody is there: that is no refusal"
+        router = open_bus(wire.WORLD_ID, listen=endpoint, secret=secret)
+        await until(lambda: told)
+        await asyncio.sleep(0.3)
+        assert len(told) == 1
+        assert told[0].startswith(f"{endpoint} does not let this process in: its world has a secret")
+        watching.cancel()
+        one.close()
+        router.close()
+
+    asyncio.run(play())
+
+
 def test_password_does_not_travel_in_clear(secret):
     """What crosses a connection while a client opens its session, recorded between the two."""
 
