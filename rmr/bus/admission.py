@@ -1,54 +1,61 @@
 """Why a router does not let a client in, in words for people.
 
-zenoh tells a client that is refused the same as one that finds nobody: it is "unable to connect". A refusal is what
-is left when the endpoint accepts a connection and the handshake fails at once.
+zenoh tells a client that is refused the same as one that finds nobody: it is "unable to connect". So the endpoint is
+asked once more, with the first message of zenoh's handshake (InitSyn, protocol version 9) and no credentials. A router
+with a secret answers with Close, one without with InitAck, any other program with something else or nothing.
 """
 
 import contextlib
+import os
 import socket
 from typing import Final
 
 from rmr.bus.endpoint import ENDPOINT
 from rmr.bus.secret import SECRET_FILE, Secret
 
-CONNECT_S: Final = 0.5
-"""How long an endpoint may take to accept a connection."""
+ANSWER_S: Final = 0.5
+"""How long what listens at an endpoint may take to accept the connection, and then to answer."""
 
-ON_TCP: Final = ("tcp", "tls", "ws")
-"""Protocols in which a connection is accepted before the handshake; in others a refusal is not recognised."""
+ID_OCTETS: Final = 16
+"""Of a session's id, which is drawn at random."""
 
-OTHERWISE: Final = "if another program listens there, choose another endpoint"
+INIT: Final = 0x01
+CLOSE: Final = 0x03
+MESSAGE: Final = 0x1F
+"""Kinds of message in zenoh's handshake, and the bits of the first octet that say which it is."""
 
+VERSION: Final = 9
 
-def accepts(endpoint: str) -> bool:
-    """Whether a process accepts connections at `endpoint`; False where the protocol does not tell."""
-    match = ENDPOINT.fullmatch(endpoint)
-    if match is None or match[1] not in ON_TCP:
-        return False
-    with contextlib.suppress(OSError), socket.create_connection((match[2].strip("[]"), int(match[3])), CONNECT_S):
-        return True
-    return False
+CLIENT: Final = 2
+"""What the asker claims to be."""
 
-
-def without(endpoint: str) -> str:
-    """Return the words for a client without a secret that is refused."""
-    return (
-        f"{endpoint} does not let this process in: its world has a secret, so name the file with --secret "
-        f"(of rmr up: {SECRET_FILE} in its run folder); {OTHERWISE}"
-    )
+LENGTH_OCTETS: Final = 2
+"""Of the length, little-endian, before each message on TCP."""
 
 
-def wrong(endpoint: str, secret: Secret) -> str:
-    """Return the words for a client with a secret that is refused."""
-    return (
-        f"{endpoint} does not let this process in: its world has another secret than the one in {secret.file}, "
-        f"so name the file of that world with --secret; {OTHERWISE}"
-    )
+ANSWER_OCTETS_MAX: Final = 1024
+"""An InitAck has some 75 octets, a Close has 2."""
 
 
-def needless(endpoint: str, secret: Secret) -> str:
-    """Return the words for a client with a secret whose world has none."""
-    return f"the world at {endpoint} has no secret: start it with --secret {secret.file}, or this process without"
+def refusal(endpoint: str, secret: Secret | None) -> str | None:
+    """Return why a client with this `secret` is not let in at `endpoint`, and what to do; None where it is not refused.
+
+    None, too, where nobody answers, no router does, or the protocol is not plain TCP.
+    """
+    kind = _first_answer(endpoint)
+    if kind == CLOSE and secret is None:
+        return (
+            f"{endpoint} does not let this process in: its world has a secret, so name the file with --secret "
+            f"(of rmr up: {SECRET_FILE} in its run folder)"
+        )
+    if kind == CLOSE and secret is not None:
+        return (
+            f"{endpoint} does not let this process in: its world has another secret than the one in {secret.file}, "
+            "so name the file of that world with --secret"
+        )
+    if kind == INIT and secret is not None:
+        return f"the world at {endpoint} has no secret: start it with --secret {secret.file}, or this process without"
+    return None
 
 
 def impostor(endpoint: str, secret: Secret) -> str:
@@ -57,3 +64,21 @@ def impostor(endpoint: str, secret: Secret) -> str:
         f"what listens at {endpoint} does not know the secret in {secret.file}: it is not the world, "
         "so find out which program it is, or choose another endpoint"
     )
+
+
+def _first_answer(endpoint: str) -> int | None:
+    """Return the kind of message that a router answers to an InitSyn; None where none does in time."""
+    match = ENDPOINT.fullmatch(endpoint)
+    if match is None or match[1] != "tcp":
+        return None
+    asked = bytes([INIT, VERSION, (ID_OCTETS - 1) << 4 | CLIENT]) + os.urandom(ID_OCTETS)
+    with (
+        contextlib.suppress(OSError),
+        socket.create_connection((match[2].strip("[]"), int(match[3])), ANSWER_S) as connection,
+    ):
+        connection.sendall(len(asked).to_bytes(LENGTH_OCTETS, "little") + asked)
+        answer = connection.recv(ANSWER_OCTETS_MAX)
+        length = int.from_bytes(answer[:LENGTH_OCTETS], "little")
+        if length and len(answer) == LENGTH_OCTETS + length:
+            return answer[LENGTH_OCTETS] & MESSAGE
+    return None

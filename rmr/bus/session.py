@@ -139,26 +139,15 @@ def _open_session(listen: str | None, connect: str | None, secret: Secret | None
         session: Any = zenoh.open(_config(listen, connect, secret))
     except zenoh.ZError as error:
         explained = _explain(error, listen, connect)
-        in_time = time.monotonic() - began_s < HANDSHAKE_MS / 2000  # else it may be a process that is stopped
-        if connect and isinstance(explained, NobodyThereError) and in_time and admission.accepts(connect):
-            explained = NotAdmittedError(_refusal(connect, secret))
+        in_time = time.monotonic() - began_s < HANDSHAKE_MS / 2000  # else the router is overloaded or stopped
+        if connect and isinstance(explained, NobodyThereError) and in_time:
+            refusal = admission.refusal(connect, secret)
+            explained = explained if refusal is None else NotAdmittedError(refusal)
         raise explained from None
     if connect and secret is not None and secret.router not in map(str, session.info.routers_zid()):
         session.close()
         raise NotAdmittedError(admission.impostor(connect, secret))
     return session
-
-
-def _refusal(connect: str, secret: Secret | None) -> str:
-    """Return why what listens at `connect` refuses a client with this `secret`, and what to do."""
-    if secret is None:
-        return admission.without(connect)
-    try:
-        session: Any = zenoh.open(_config(None, connect, None))
-    except zenoh.ZError:
-        return admission.wrong(connect, secret)
-    session.close()
-    return admission.needless(connect, secret)
 
 
 async def open_when_there(

@@ -174,7 +174,7 @@ def test_robot_started_by_hand_joins_a_run_with_its_secret_and_is_told_what_is_m
     assert bare.exit_code() == 1
     assert bare.said() == (
         f"rmr-agent 1: {endless.endpoint} does not let this process in: its world has a secret, so name the file with "
-        "--secret (of rmr up: secret in its run folder); if another program listens there, choose another endpoint\n"
+        "--secret (of rmr up: secret in its run folder)\n"
     )
     admitted = stage.agent(1, "--secret", endless.folder / "secret", program=program)
     assert admitted.exit_code() == 1

@@ -46,7 +46,8 @@ def command(
     """Start LAB, a folder, its lab.yaml or a provided lab, as processes: a world and one process for each robot.
 
     Waits until all are ready, runs until every robot holds the lab's finish fact, prints a table and leaves a
-    run folder with report.json and logs. Ctrl-C stops in order, twice at once.
+    run folder with report.json and logs. Ctrl-C stops in order, twice at once. Other users of the machine can neither
+    use the bus of the run, which has a secret (the file secret in the run folder), nor read the folder.
     """
     from rmr_deploy.perform import Wishes, perform  # noqa: PLC0415 - the compiler loads only where a lab is run
 

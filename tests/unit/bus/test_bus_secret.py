@@ -195,6 +195,29 @@ def test_process_that_accepts_and_says_nothing_is_not_taken_for_a_refusal():
     asyncio.run(play())
 
 
+def test_program_that_is_no_router_is_not_taken_for_a_refusal():
+    """Such as the proxy of a container whose world has not started yet: it accepts, and closes."""
+
+    async def play():
+        with socket.create_server(("127.0.0.1", 0)) as foreign:
+
+            def serve():
+                with contextlib.suppress(OSError):
+                    while True:
+                        connection, _ = foreign.accept()
+                        with connection:
+                            connection.recv(1 << 16)
+                            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+            threading.Thread(target=serve, daemon=True).start()
+            with pytest.raises(NobodyThereError) as caught:
+                open_bus(1, connect=f"tcp/127.0.0.1:{foreign.getsockname()[1]}")
+            assert not isinstance(caught.value, NotAdmittedError)
+            foreign.shutdown(socket.SHUT_RDWR)
+
+    asyncio.run(play())
+
+
 def test_client_returns_by_itself_to_a_new_router_with_the_same_secret(secret):
     async def play():
         endpoint = free_endpoint()
