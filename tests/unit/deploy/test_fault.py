@@ -3,6 +3,7 @@
 import json
 import os
 from math import inf
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -10,6 +11,7 @@ from click.testing import CliRunner
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.bus import wire
 from rmr.bus.endpoint import DEFAULT_ENDPOINT
+from rmr.bus.secret import SECRET_FILE, make_secret
 from rmr.radio.links import Disturbance, partition
 from rmr_deploy import disturb
 from rmr_deploy.commands.fault import command
@@ -190,3 +192,19 @@ def test_a_run_folder_says_where_even_if_its_run_is_not_in_runs(tmp_path):
     folder = run_folder(tmp_path, "here", 8, 0)
     assert disturb.find(None, folder, None) == ("tcp/127.0.0.1:8", None)
     assert endpoint_of(tmp_path) is None
+
+
+def test_secret_is_that_of_the_run_folder_unless_another_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder, other = run_folder(tmp_path / "runs", "one", 7, 0), tmp_path / "other"
+    make_secret(folder / SECRET_FILE)
+    found = Path("runs") / "one" / SECRET_FILE
+    assert disturb.find(None, None, None) == ("tcp/127.0.0.1:7", found)
+    assert disturb.find(None, folder, None) == ("tcp/127.0.0.1:7", folder / SECRET_FILE)
+    assert disturb.find(None, folder, other) == ("tcp/127.0.0.1:7", other)
+    assert disturb.find(NOBODY, None, other) == (NOBODY, other)
+
+
+def test_secret_file_that_cannot_be_used_is_exit_code_3(tmp_path):
+    answer = run("list", "--connect", NOBODY, "--secret", str(tmp_path / "none"))
+    assert (answer.exit_code, answer.stderr) == (3, f"rmr fault: {tmp_path / 'none'}: No such file or directory\n")

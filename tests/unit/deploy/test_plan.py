@@ -2,10 +2,13 @@
 
 import os
 import shutil
+import stat
 from pathlib import Path
 
 import pytest
 
+import rmr_deploy.plan as planning
+from rmr.bus.secret import read_secret
 from rmr_deploy.launch import agent_command, world_command
 from rmr_deploy.plan import INVALID, USAGE, RefusedError, Wishes, make_plan
 
@@ -54,3 +57,28 @@ def test_a_secured_lab_without_its_key_is_refused_before_anything_starts(tmp_pat
         make_plan(Wishes(lab=secured(tmp_path, settings), folder=tmp_path / "run"), color=False)
     assert refusal.value.exit_code == INVALID
     assert not (tmp_path / "run").exists()
+
+
+def test_run_folder_is_closed_to_other_users_even_one_that_was_open(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    folder.chmod(0o755)
+    plan = make_plan(Wishes(lab=DASH, folder=folder), color=False)
+    assert (stat.S_IMODE(folder.stat().st_mode), stat.S_IMODE(plan.secret.stat().st_mode)) == (0o700, 0o600)
+    for command in (world_command(plan, "tcp/127.0.0.1:1"), agent_command(plan, (1,), "tcp/127.0.0.1:1")):
+        assert command[command.index("--secret") + 1] == str(plan.secret)
+        assert read_secret(plan.secret).password not in " ".join(command)
+
+
+def test_run_folder_on_a_file_system_without_permissions_is_refused(tmp_path, monkeypatch):
+    """Such as FAT, where every file has the same mode: it cannot keep a secret from other users."""
+
+    def open_to_all(path):
+        path.write_text("rmr:0123456789abcdef\n")
+        path.chmod(0o777)
+
+    monkeypatch.setattr(planning, "make_secret", open_to_all)
+    with pytest.raises(RefusedError, match="no file in it can be kept from other users; name another run folder") as no:
+        make_plan(Wishes(lab=DASH, folder=tmp_path / "run"), color=False)
+    assert no.value.exit_code == USAGE
+    assert not (tmp_path / "run" / "secret").exists()
