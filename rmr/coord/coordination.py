@@ -15,8 +15,9 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.context import Context, Outbox, OwnJob
 from rmr.coord.events import CoordEvent, JobRequest, Send
 from rmr.coord.group import Group
-from rmr.coord.messages import EVENT_OCTETS, NOBODY, Beacon, Kind, MessageError, Phase, decode
+from rmr.coord.messages import EVENT_OCTETS, OVER, Beacon, Kind, MessageError, decode
 from rmr.coord.states import Passage, Role
+from rmr.coord.term import NOBODY
 from rmr.coord.values import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Values
 
 __all__ = ["Coordination", "JobRequest"]
@@ -115,7 +116,7 @@ class Coordination:
         if group is None:
             return False
         context = group.context
-        listed = (e.way for e in context.held.entries() if e.robot != NOBODY and e.phase is not Phase.OUT)
+        listed = (e.way for e in context.held.entries() if e.robot != NOBODY and e.phase not in OVER)
         heard = (record.beacon.way for record in context.fence.records.values())
         return any(way != EXCLUSIVE_WAY for way in (*listed, *heard))
 

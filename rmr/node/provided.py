@@ -83,15 +83,19 @@ async def _drive(
     await _located(robot)
     node.depart(goal, final_heading=final_heading, turn=turn)
     try:
-        await _under_way(robot, turn, taken, idle)
+        await _under_way(robot, goal, turn, taken, idle)
     finally:  # a handler of which this is one step may go on
         node.halt()
 
 
 async def _under_way(
-    robot: NodeHandle, turn: Turn | None, taken: Callable[[], bool] | None, idle: Callable[[], bool] | None
+    robot: NodeHandle,
+    goal: Point,
+    turn: Turn | None,
+    taken: Callable[[], bool] | None,
+    idle: Callable[[], bool] | None,
 ) -> None:
-    """Wait for the end of a drive that has begun. Raises ActionFailed as `_drive` does."""
+    """Wait for the end of a drive to `goal` that has begun. Raises ActionFailed as `_drive` does."""
     node, navigator = robot.node, robot.node.motion
     blocked_since: Instant | None = None
 

@@ -187,6 +187,7 @@ def by_hand(run, robot):
     """Start a robot of a run by hand, as a person would; return its process."""
     endpoint = json.loads((run.folder / "processes.json").read_text())["connect"]
     words = [sys.executable, "-P", "-m", "rmr_agent.main", "--id", str(robot), "--connect", endpoint]
+    words += ["--secret", str(run.folder / "secret")]
     with (run.folder / f"by-hand-{robot}").open("w") as said:
         return subprocess.Popen([*words, str(run.folder / "dash.rbc")], stdout=said, stderr=said)
 

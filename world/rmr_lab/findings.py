@@ -119,9 +119,10 @@ def _compile_of_wrong_lab(found: Findings, file: Path) -> None:
         value = read(file).value
     except LabError:
         return
-    name = value.get("program") if isinstance(value, dict) else None
+    if not isinstance(value, dict):
+        return
+    name, facts = value.get("program"), value.get("facts")
     if isinstance(name, str) and Path(name).suffix in PROGRAMS and (file.parent / name).is_file():
-        facts = value.get("facts")
         stated = [str(fact).split("(")[0].strip(" !") for fact in facts] if isinstance(facts, list) else []
         _load(found, file.parent / name, stated)
 
