@@ -38,12 +38,16 @@ def unkept(lab: Lab, program: Program) -> list[Problem]:
 
 
 def _crowded(lab: Lab, program: Program) -> Iterator[Problem]:
-    taken_in_turns = any(_drives(program, each) for each in program.assertions)
-    goals = destinations(lab) if taken_in_turns else bound_for(lab, program)
+    stands_at_end = lab.finish_pattern is not None and lab.finish_pattern.name == "at"
+    if any(_drives(program, each) for each in program.assertions):
+        # Robots that go by turns may leave before the next one comes, unless all must stand there to finish.
+        goals = destinations(lab) if stands_at_end else {}
+    else:
+        goals = bound_for(lab, program)
     for area, robots in Counter(goals.values()).items():
         room = _room(lab, area)
-        if room >= robots or (lab.finish_pattern is not None and lab.finish_pattern.name == "at" and area.box is None):
-            continue  # of places that `finish` names too few are an error
+        if room >= robots or (stands_at_end and area.box is None):
+            continue  # too few places of the area that `finish` names are an error of their own
         kind = "box" if area.box is not None else "slots" if area.slotted else "at"
         fit = f"{room} robot{'s' if room != 1 else ''} of radius {lab.arena.shape.radius:g} m"
         if area.box is not None and room == 0:
