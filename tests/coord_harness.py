@@ -416,8 +416,19 @@ class Model:
             self.violations.append(text + " under one term")
         elif self._has_heard(entry.robot, other) and not self.stalled_after(entry.robot, since):
             self.violations.append(text + " though one had heard the other")
+        elif self._hear_each_other(entry.robot, other.robot, since):
+            self.violations.append(text + " though nothing but chance kept them from hearing each other")
         else:
             self.excused.append(text)
+
+    def _hear_each_other(self, robot: int, other: int, since: Instant) -> bool:
+        """Whether both have been awake and linked since `since`, by links that are as good in both directions."""
+        even = not self.air.links and self.air.slow is None
+        return (
+            even
+            and self.linked_since(robot, other, since)
+            and not any(self.stalled_after(each, since) for each in (robot, other))
+        )
 
     def _has_heard(self, robot: int, other: Entry) -> bool:
         """Whether `robot` has heard that `other` claims its slot or is inside, and that no longer ago than silence
