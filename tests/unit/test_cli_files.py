@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from rmr.commands.group import command as rmr
 from rmr_agent.main import _command as agent
 from rmr_deploy.commands.up import command as up
+from rmr_lab.commands import command as lab
 from rmr_sim.main import main as sim
 from rmr_world.main import _command as world
 
@@ -25,6 +26,7 @@ CLICK = {
     **{f"rmr {name}": (rmr, name, "FILE") for name in ("check", "compile", "eval", "fmt", "dis")},
     "rmr eval --facts": (rmr, "eval", "tiny.rmr", "--facts", "FILE"),
     "rmr eval --topology": (rmr, "eval", "tiny.rmr", "--topology", "FILE"),
+    "rmr lab check": (lab, "check", "FILE"),
     "rmr up": (up, "FILE"),
     "rmr up --actions": (up, "lab.yaml", "--actions", "FILE"),
 }
@@ -70,7 +72,7 @@ def run(tmp_path, monkeypatch, capfd):
     return call
 
 
-@pytest.mark.parametrize("file", ["not-there", "folder", "no-permission"])
+@pytest.mark.parametrize("file", ["not-there.rmr", "folder", "no-permission"])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_file_that_cannot_be_read_is_wrong_usage_in_every_command(run, command, file, tmp_path):
     if file == "no-permission" and os.access(tmp_path / file, os.R_OK):

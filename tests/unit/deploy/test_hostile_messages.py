@@ -191,7 +191,7 @@ def hosted(process: Process, known: wire.Map) -> HostedRobot:
     program = compile_source((DASH / "dash.rmr").read_text()).program
     assert program is not None
     ending = Ending()
-    robot = HostedRobot(1, 1, process.bus, "tcp/127.0.0.1:1", "dash", Carried(Loaded(program, 1), {}, None), ending)
+    robot = HostedRobot(1, 1, process.bus, "tcp/127.0.0.1:1", "dash", Carried(Loaded(program, 1), dict, None), ending)
     robot._listen()
     robot._begin(wire.Envelope(wire.WORLD_ID, 9, 1, known))
     return robot

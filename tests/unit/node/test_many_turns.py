@@ -15,8 +15,8 @@ wanted(R, N) -o charge(R, N).
 
 
 def with_jobs(count: int) -> Flock:
-    """Return one robot with `count` open jobs: their actions wait for their turns."""
-    flock = Flock(CHARGES, 1, action_s=5.0)
+    """Return a robot, and an idle one that it asks, with `count` open jobs: their actions wait for their turns."""
+    flock = Flock(CHARGES, 2, action_s=5.0)
     for number in range(count):
         flock.insert(1, "need", number)
     return flock.wait(0.05)
