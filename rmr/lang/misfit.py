@@ -10,6 +10,7 @@ from rmr.lang.source import Span
 
 EXPECTED_SHOWN_MAX = 6
 WORD_SHOWN_MAX = 40
+OR_HINT = "write a rule for each case; between conditions, not facts, `||` is or"
 
 _CALLED = {
     "ARROW": "`-o`",
@@ -38,7 +39,8 @@ _FOREIGN_HINTS = (
     (re.compile(r"=<|≤"), "at most is written `<=`"),
     (re.compile(r"≥"), "at least is written `>=`"),
     (re.compile(r"\*\*|\^"), "there is no power: `X * X`"),
-    (re.compile(r"\+\+|[-+*/]="), "no variable changes its value: `N + 1` is another value"),
+    (re.compile(r"/="), "inequality is written `!=`; no variable changes its value"),
+    (re.compile(r"\+\+|[-+*]="), "no variable changes its value: `N + 1` is another value"),
     (re.compile(r"#"), "comments begin with `//`"),
     (re.compile(r"(?i:and)\b|&|∧"), "write `,` between conditions, or `&&`"),
     (re.compile(r"(?i:or)\b|\u2228"), "write `||`"),

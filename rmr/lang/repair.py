@@ -13,7 +13,7 @@ from rmr.lang.automaton import Automaton, Reach
 from rmr.lang.diagnostic import Note
 from rmr.lang.grammar import END
 from rmr.lang.lexer import Token, spelling
-from rmr.lang.misfit import Misfit, foreign_hint, quoted, unexpected
+from rmr.lang.misfit import OR_HINT, Misfit, foreign_hint, quoted, unexpected
 from rmr.lang.source import Span
 
 SURE = 3
@@ -81,6 +81,8 @@ def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     for kind, text in MEANT.get(word.text.lower(), ()):
         hint = foreign_hint(misfit.text, word.start)
         found = Repair((word._replace(kind=kind, text=text),), f"unexpected {quoted(word)}", misfit.span(word), hint)
+        if kind == "OR" and kinds[1:3] == ["NAME", "LPAR"]:  # between facts there is no or
+            found = found._replace(hint=OR_HINT, doubtful=True)
         yield automaton.reach(automaton.states, [kind, *kinds[1:]]), found
     if kinds[:2] == ["VARIABLE", "LPAR"]:
         yield automaton.reach(automaton.states, ["NAME", *kinds[1:]]), _uncapitalised(misfit, word)

@@ -13,7 +13,8 @@ def _aggregate(place: Place) -> Habit | None:
     bars, gives = [sum(word.text == sign for word in inner) for sign in ("|", "=>")]
     operator = inner[0].text if inner and inner[0].kind == "NAME" else ""
     form = f"[{operator or 'count'}{'' if operator in {'count', ''} else ' X'} => V | body | head]"
-    if not place.is_in_head and operator in AGGREGATES and place.word.text in {"=>", "|"}:
+    is_first = place.at == opening + 2 and place.word.kind == "VARIABLE"
+    if not place.is_in_head and operator in AGGREGATES and (is_first or place.word.text in {"=>", "|"}):
         hint = f"derive a fact by it in one rule, `... -o {form}.`, and read that in another"
         return place.given_up("an aggregate stands in a head, not in a body", hint, place.words[opening])
     if place.word.text == "|" and operator in AGGREGATES and not gives:

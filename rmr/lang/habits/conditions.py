@@ -2,6 +2,7 @@
 
 from rmr.lang.grammar import END
 from rmr.lang.habits.place import OPERANDS, RULE, Habit, Place, quoted
+from rmr.lang.misfit import OR_HINT
 
 COMPARING = {"EQ", "NE", "LT", "LE", "GT", "GE"}
 
@@ -36,8 +37,7 @@ def _semicolon(place: Place) -> Habit | None:
         return place.meant(message, "every item ends with `.`", word, word, ("DOT", "."))
     if place.is_in_head:
         return place.meant(message, "`,` stands between what a head derives", word, word, ("COMMA", ","))
-    hint = "write a rule for each case; between conditions, not facts, `||` is or"
-    return place.meant(message, hint, word, word, ("COMMA", ","))._replace(doubtful=True)
+    return place.meant(message, OR_HINT, word, word, ("COMMA", ","))._replace(doubtful=True)
 
 
 def _not(place: Place) -> Habit | None:
