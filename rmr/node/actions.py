@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
 from rmr.base.mistake import frames, place_in, words
+from rmr.base.printable import one_line
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
@@ -31,6 +32,8 @@ STOPPED: Final = "stopped"
 """The failure of an action that `stop` has interrupted."""
 TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
+FAILURE_CHARACTERS_MAX: Final = 500
+"""Of the reason why an action failed, which a user's own handler may have written: the rest is cut off."""
 NO_LOOP: Final = "no running event loop"
 """What asyncio says where there is no loop, as in the simulator."""
 
@@ -286,6 +289,8 @@ class Dispatcher:
             failure = _closed(coroutine, failure)
         if running.handler.wheels:
             self._host.halt()
+        if failure is not None:
+            failure = one_line(failure, FAILURE_CHARACTERS_MAX)
         self._host.action_ended(now, running, failure)
 
     def step(self, now: Instant) -> None:

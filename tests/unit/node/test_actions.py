@@ -108,6 +108,17 @@ def test_a_failed_action_ends_with_its_reason():
     assert node.ended == [("fail", "the door is shut")]
 
 
+def test_failure_reason_is_one_bounded_line_without_terminal_escapes():
+    async def fail(robot):
+        raise ActionFailed("red \x1b[31m\n" + "x" * 10_000)
+
+    node = FakeNode(fail=Handler("fail", fail))
+    node.derive("fail")
+    [(_, reason)] = node.ended
+    assert reason.startswith("red ?[31m xxx")
+    assert len(reason) == 500
+
+
 def test_a_mistake_in_a_users_action_fails_the_action_and_not_the_robot():
     async def broken(robot):
         raise KeyError("nothing")
