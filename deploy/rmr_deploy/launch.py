@@ -327,6 +327,8 @@ class Run:
                     self._screen.say(f"{child.name}: {line}")
                 with suppress(OSError):
                     child.output.unlink()
+        if not self.plan.logs.is_dir():
+            self._screen.say(f"{self.plan.folder} was removed during the run: its logs and compiled program are lost")
         for name, why in self.watch.cut_logs() if self.watch is not None else ():
             self._screen.say(f"the log of {name} is cut short: {why}")
 

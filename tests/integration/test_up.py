@@ -275,6 +275,7 @@ def test_a_run_folder_that_is_removed_is_made_anew_for_the_report(up):
     shutil.rmtree(run.folder)
     assert run.wait() == 0, run.out + run.err
     assert run.report()["finished"]
+    assert f"{run.folder} was removed during the run: its logs and compiled program are lost\n" in run.out + run.err
 
 
 # --- Ctrl-C -------------------------------------------------------------------------------------------------
