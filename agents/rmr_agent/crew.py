@@ -8,6 +8,7 @@ import asyncio
 import logging
 from collections.abc import Sequence
 
+from rmr.bus.admission import stranger
 from rmr.bus.endpoint import host_problem
 from rmr.bus.process import Ending, Seldom
 from rmr.bus.secret import Secret
@@ -28,7 +29,8 @@ async def live(
     """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
     whose = f"lab {lab}'s" if lab else "the"
     waiting = Seldom(
-        lambda: log.info("waiting for %s world at %s%s", whose, connect, host_problem(connect)), SAY_AGAIN_S
+        lambda: log.info("waiting for %s world at %s%s", whose, connect, host_problem(connect) or stranger(connect)),
+        SAY_AGAIN_S,
     )
     opening = asyncio.ensure_future(open_when_there(robots[0], connect, waiting, secret))
     if not await ending.unless_asked(opening):

@@ -54,7 +54,7 @@ def perform(options: argparse.Namespace) -> int:
     except OSError as error:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return EXIT_USAGE
-    if missing := unreadable((options.program, options.actions, options.radio_key)):
+    if missing := unreadable((options.program, options.actions, options.radio_key, options.secret)):
         print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:

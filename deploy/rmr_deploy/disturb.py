@@ -14,11 +14,13 @@ import click
 
 from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
+from rmr.bus.admission import stranger
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
 from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_OK, EXIT_USAGE
 from rmr.bus.secret import SecretError, read_secret
-from rmr.bus.session import Bus, open_bus
+from rmr.bus.session import Bus, NobodyThereError, open_bus
+from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
 from rmr_deploy.running import endpoint_of, newest_run, secret_of
 
@@ -91,13 +93,18 @@ def _keys(lab: str | None) -> Keys:
 
 async def _ask(place: Place, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
     endpoint = place.endpoint
+    if missing := unreadable((place.secret,)):
+        raise FaultError(missing[0], EXIT_USAGE)
     try:
         secret = None if place.secret is None else read_secret(place.secret)
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
     except SecretError as error:
         raise FaultError(str(error), EXIT_INVALID) from None
+    except NobodyThereError as error:
+        problem, foreign = host_problem(endpoint), stranger(endpoint)
+        raise FaultError(f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", EXIT_FAILED) from None
     except BusError as error:
-        raise FaultError(f"{error}{host_problem(endpoint)}", EXIT_FAILED) from None
+        raise FaultError(str(error), EXIT_FAILED) from None
     try:
         if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
             keys = Keys((await _answer(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)

@@ -58,6 +58,19 @@ def refusal(endpoint: str, secret: Secret | None) -> str | None:
     return None
 
 
+def stranger(endpoint: str) -> str:
+    """Return a clause that says so, `: ` before it, where something accepts connections but answers no handshake.
+
+    Empty where nobody does, a router does, or the protocol is not plain TCP.
+    """
+    match = ENDPOINT.fullmatch(endpoint)
+    if match is None or match[1] != "tcp" or _first_answer(endpoint) is not None:
+        return ""
+    with contextlib.suppress(OSError), socket.create_connection((match[2].strip("[]"), int(match[3])), ANSWER_S):
+        return ": a program listens there that does not answer as a world does; choose another endpoint"
+    return ""
+
+
 def impostor(endpoint: str, secret: Secret) -> str:
     """Return the words for a router that lets everybody in but does not know the secret."""
     return (

@@ -217,9 +217,18 @@ def test_unusable_secret_file_is_one_sentence_and_exit_code_3(stage):
         assert process.exit_code() == 3
         assert process.said().endswith(f"{file}: other users may read or change this secret; run: chmod 600 {file}\n")
         assert len(process.said().splitlines()) == 1
+
+
+def test_missing_secret_file_is_wrong_usage_in_every_command(stage):
     missing = stage.agent(1, "--secret", stage.folder / "nothing")
-    assert missing.exit_code() == 3
+    assert missing.exit_code() == 2
     assert missing.said() == f"rmr-agent 1: {stage.folder / 'nothing'}: No such file or directory\n"
+    words = [sys.executable, "-m", "rmr_deploy.fault", "list", "--connect", stage.endpoint]
+    fault = subprocess.run(
+        [*words, "--secret", str(stage.folder / "nothing")], capture_output=True, text=True, check=False
+    )
+    assert (fault.returncode, fault.stdout) == (2, "")
+    assert fault.stderr == f"rmr fault: {stage.folder / 'nothing'}: No such file or directory\n"
 
 
 def test_fault_by_endpoint_needs_the_secret(stage):

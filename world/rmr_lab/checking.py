@@ -14,7 +14,7 @@ from rmr_world.bound import bound_s, destinations
 from rmr_world.firstmoves import bound_for
 from rmr_world.lab import Lab
 
-EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
+EXIT_USAGE, EXIT_INVALID = 2, 3
 
 
 def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
@@ -70,5 +70,5 @@ def _draw(found: Findings, svg: Path) -> int:
         svg.write_text(draw(lab, goals), encoding="utf-8")
     except OSError as error:
         click.echo(f"{svg}: {error.strerror}", err=True)
-        return EXIT_FAILED
+        return EXIT_USAGE
     return 0

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rmr.bus import refusals, wire
+from rmr.bus.admission import stranger
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
 from rmr.bus.keys import Keys
 from rmr.bus.occupant import who_listens
@@ -104,7 +105,10 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
         except InUseError as error:
             raise BusError(f"{error}: {await who_listens(endpoint)}") from None
     router = options.connect
-    say = Seldom(lambda: log.info("waiting for the router at %s%s", router, host_problem(router)), SAY_AGAIN_S)
+    say = Seldom(
+        lambda: log.info("waiting for the router at %s%s", router, host_problem(router) or stranger(router)),
+        SAY_AGAIN_S,
+    )
     opening = asyncio.ensure_future(open_when_there(wire.WORLD_ID, options.connect, say, secret))
     ended = asyncio.ensure_future(ending.wait())
     await asyncio.wait([opening, ended], return_when=asyncio.FIRST_COMPLETED)
@@ -139,7 +143,8 @@ def perform(options: argparse.Namespace) -> int:
     except OSError as error:
         print(f"rmr-world: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return EXIT_USAGE
-    if missing := unreadable((lab_path(options.config), options.program)):
+    secret_of_router = None if options.connect is None else options.secret
+    if missing := unreadable((lab_path(options.config), options.program, secret_of_router)):
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:

@@ -9,6 +9,7 @@ import pytest
 from bus_star import FRAME, free_endpoint, on_a_star, until
 
 from rmr.bus import session, wire
+from rmr.bus.admission import stranger
 from rmr.bus.endpoint import BusError, check_endpoint, host_problem
 from rmr.bus.occupant import who_listens
 from rmr.bus.session import NobodyThereError, open_bus, open_when_there
@@ -299,3 +300,10 @@ def test_the_session_follows_the_rules_of_the_star():
         assert json.loads(each.get_json("scouting/multicast/enabled")) is False
         assert json.loads(each.get_json("transport/link/tx/lease")) == 3000
         assert json.loads(each.get_json("connect/exit_on_failure")) is False
+
+
+def test_program_that_is_no_router_is_told_from_nobody():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        assert "a program listens there that does not answer as a world does" in stranger(endpoint)
+    assert stranger(endpoint) == stranger("udp/127.0.0.1:1") == ""

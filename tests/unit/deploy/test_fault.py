@@ -205,6 +205,6 @@ def test_secret_is_that_of_the_run_folder_unless_another_is_named(tmp_path, monk
     assert disturb.find(NOBODY, None, other) == (NOBODY, other)
 
 
-def test_secret_file_that_cannot_be_used_is_exit_code_3(tmp_path):
+def test_secret_file_that_is_missing_or_cannot_be_used_has_its_exit_code(tmp_path):
     answer = run("list", "--connect", NOBODY, "--secret", str(tmp_path / "none"))
-    assert (answer.exit_code, answer.stderr) == (3, f"rmr fault: {tmp_path / 'none'}: No such file or directory\n")
+    assert (answer.exit_code, answer.stderr) == (2, f"rmr fault: {tmp_path / 'none'}: No such file or directory\n")

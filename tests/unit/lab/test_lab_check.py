@@ -197,3 +197,12 @@ def test_findings_hold_lab_and_program_where_they_are_valid(tmp_path):
     found = judge(room(tmp_path))
     assert found.lab is not None
     assert found.program is not None
+
+
+def test_picture_or_schema_that_cannot_be_written_is_wrong_usage(tmp_path):
+    place = tmp_path / "nothing" / "file"
+    result = check("corridor", "--svg", place)
+    assert result.exit_code == 2
+    assert f"{place}: No such file or directory" in result.output
+    result = CliRunner().invoke(command, ["schema", "-o", str(place)])
+    assert (result.exit_code, result.output) == (2, f"{place}: No such file or directory\n")
