@@ -44,6 +44,9 @@ def _crowded(lab: Lab, program: Program) -> Iterator[Problem]:
         goals = destinations(lab) if stands_at_end else {}
     else:
         goals = bound_for(lab, program)
+        if not stands_at_end and any(_handled(program, each) for each in program.assertions):
+            # A handler may drive by turns to the area that `finish` names, and leave it again.
+            goals = {robot: area for robot, area in goals.items() if robot not in destinations(lab)}
     for area, robots in Counter(goals.values()).items():
         room = _room(lab, area)
         if room >= robots or (stands_at_end and area.box is None):
@@ -81,6 +84,11 @@ def _unpassed(lab: Lab, program: Program) -> Iterator[Problem]:
 
 def _drives(program: Program, assertion: Assertion) -> bool:
     return assertion.scheduled and any(program.predicates[each.action].name == MOVES for each in assertion.serving)
+
+
+def _handled(program: Program, assertion: Assertion) -> bool:
+    actions = [program.predicates[each.action].name for each in assertion.serving]
+    return assertion.scheduled and any(name not in PROVIDED for name in actions)
 
 
 def _passed(lab: Lab) -> bool:

@@ -283,6 +283,21 @@ def test_box_too_small_for_robots_that_move_there_first_is_a_warning_without_a_f
     ]
 
 
+CARRY_IN_TURNS = """\
+type action carry(R: robot, A: area) -o dropped(R, A).
+type !due(robot, float).
+fetch(R, yard, 60.0).
+fetching: assert(fetch(R, A, D), dropped(R, A), D, broadcast(R)).
+fetch(R, A, _) -o carry(R, A).
+"""
+
+
+def test_area_with_room_for_one_is_no_warning_where_a_handler_drives_there_by_turns(tmp_path):
+    folder = room(tmp_path, yard="{at: [2.4, 0.4]}", program=CARRY_IN_TURNS)
+    bare(folder, (folder / "lab.yaml").read_text().replace("finish: at(R, yard)", "finish: dropped(R, yard)"))
+    assert told(folder) == ([], [])
+
+
 DOOR = "{box: [1.45, 0.0, 1.55, 0.6]}, {box: [1.45, 0.9, 1.55, 1.5]}"
 
 
