@@ -17,9 +17,7 @@ FILES = ["aisles/lab.yaml", "aisles/through.yaml", "charging/lab.yaml", "crossin
 @cache
 def ran(file, seed, *, chaos=False):
     """Return the simulation of a lab when it is over, and whether it finished."""
-    actions = LABS / Path(file).parent / "actions.py"
-    options = Options(actions=actions if actions.exists() else None, chaos=chaos)
-    simulation = load(LABS / file, options).simulation(seed)
+    simulation = load(LABS / file, Options(chaos=chaos)).simulation(seed)
     return simulation, simulation.run()
 
 
@@ -71,6 +69,13 @@ def test_both_aisles_are_in_use_at_one_time():
     north, south = (turns_of(simulation, f"fetching({aisle})")[0] for aisle in ("north", "south"))
     assert north[0] < south[1]
     assert south[0] < north[1]
+
+
+def test_turns_of_an_aisle_that_is_no_bottleneck_do_not_overlap():
+    simulation, _ = ran("aisles/through.yaml", 1)
+    turns = turns_of(simulation, "through(south)")
+    assert sorted(robot for _, _, robot in turns) == [5, 6, 7, 8]
+    assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
 def test_each_charging_place_has_one_robot_at_a_time():
