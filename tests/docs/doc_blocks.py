@@ -12,10 +12,13 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
+from click import Command
 from click.testing import CliRunner
 
 from rmr.commands.group import PROGRAMS
 from rmr.commands.group import command as main
+from rmr_lab.commands import command as lab
+from rmr_lab.commands import new
 from rmr_sim.main import main as simulate
 
 FENCE = re.compile(r"^```(?P<language>\w+)(?P<words>[^\n]*)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -65,10 +68,18 @@ def printed(command: str) -> str:
         return "".join(Path(each).read_text("utf-8") for each in arguments)
     if arguments[:1] == ["sim"]:  # a program of its own: as a subcommand it would take this process's place
         return _simulated(arguments[1:])
+    if arguments[:1] == ["new"]:  # likewise
+        return _clicked(new, arguments[1:])
+    if arguments[:1] == ["check"] and not any(each.endswith(".rmr") for each in arguments):  # a lab: `rmr lab check`
+        return _clicked(lab, arguments)
     assert arguments[:1] == [] or arguments[0] not in PROGRAMS, f"{command} would take this process's place"
     arguments = ["compile", *arguments] if name == "rmrc" else arguments
-    result = CliRunner().invoke(main, arguments)
-    assert result.exception is None or isinstance(result.exception, SystemExit), command
+    return _clicked(main, arguments)
+
+
+def _clicked(command: Command, arguments: list[str]) -> str:
+    result = CliRunner().invoke(command, arguments)
+    assert result.exception is None or isinstance(result.exception, SystemExit), arguments
     return result.output
 
 
