@@ -23,7 +23,8 @@ arena: {size: [1.0, 1.0]}
 robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]
 """
 CLICK = {
-    **{f"rmr {name}": (rmr, name, "FILE") for name in ("check", "compile", "eval", "fmt", "dis")},
+    **{f"rmr {name}": (rmr, name, "FILE") for name in ("compile", "eval", "fmt", "dis")},
+    "rmr check": (lab, "check", "FILE"),  # what `rmr check` becomes for a bare name: it would take this process's place
     "rmr eval --facts": (rmr, "eval", "tiny.rmr", "--facts", "FILE"),
     "rmr eval --topology": (rmr, "eval", "tiny.rmr", "--topology", "FILE"),
     "rmr lab check": (lab, "check", "FILE"),
@@ -39,6 +40,8 @@ PLAIN = {
     "rmr-agent": (agent, "--id", "1", "FILE"),
     "rmr-agent --actions": (agent, "--id", "1", "tiny.rbc", "--actions", "FILE"),
     "rmr-agent --radio-key": (agent, "--id", "1", "tiny.rbc", "--radio-key", "FILE"),
+    "rmr-agent --secret": (agent, "--id", "1", "tiny.rbc", "--secret", "FILE"),
+    "rmr-world --connect --secret": (world, "--config", "lab.yaml", "--connect", "tcp/127.0.0.1:9", "--secret", "FILE"),
 }
 COMMANDS = CLICK | PLAIN
 

@@ -143,8 +143,9 @@ def perform(options: argparse.Namespace) -> int:
     except OSError as error:
         print(f"rmr-world: cannot write {options.log}: {error.strerror}", file=sys.stderr)
         return EXIT_USAGE
-    secret_of_router = None if options.connect is None else options.secret
-    if missing := unreadable((lab_path(options.config), options.program, secret_of_router)):
+    is_made = options.connect is None and options.secret is not None and not options.secret.exists()
+    secret_file = None if is_made else options.secret
+    if missing := unreadable((lab_path(options.config), options.program, secret_file)):
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:
