@@ -1,5 +1,6 @@
 """The labs of docs/examples/labs: they are checked without a warning, finish, and survive faults at random."""
 
+import math
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -7,10 +8,14 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from rmr.base.time import in_seconds, seconds
 from rmr.commands.group import command as main
+from rmr.node.trace import Level
 from rmr_sim.run import Options, load
 
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
+SHELF = (1.8, 1.5)
+"""The area `north` of the lab aisles."""
 FILES = ["aisles/lab.yaml", "aisles/through.yaml", "charging/lab.yaml", "crossing/lab.yaml"]
 
 
@@ -62,6 +67,28 @@ def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
         turns = turns_of(simulation, event)
         assert len(turns) == 6
         assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
+
+
+def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_before_it_asks_for_a_turn():
+    lab = LABS / "aisles"
+    simulation = load(lab / "lab.yaml", Options(actions=lab / "actions.py")).simulation(1, Level.FACTS)
+    restarts = []
+
+    def restart_the_first_robot_at_the_north_shelf(now):
+        at_shelf = [r.robot for r in simulation.robots if math.dist(simulation.world.pose(r.robot)[:2], SHELF) < 0.05]
+        if at_shelf and not restarts:
+            restarts.append((in_seconds(now), at_shelf[0]))
+            simulation.kill(at_shelf[0])
+            simulation.silence(at_shelf[0], now + seconds(5))
+            simulation.restart(at_shelf[0])
+
+    simulation.observers.append(restart_the_first_robot_at_the_north_shelf)
+    assert simulation.run()
+    ((at, robot),) = restarts
+    new_life = [entry for entry in simulation.trace() if entry["robot"] == robot and entry["t"] > at]
+    left_aisle = next(e["t"] for e in new_life if e["what"] == "removed" and "in_" in e["fact"])
+    asked = next(e["t"] for e in new_life if e["what"] == "asks")
+    assert left_aisle < asked
 
 
 def test_both_aisles_are_in_use_at_one_time():
