@@ -7,6 +7,10 @@ before a body that brakes (`stopping`). A body that comes from behind, or that t
 stops it, and past one that stands abeam it creeps. Of two that cross or converge, the later in the order gives way
 early, the other late, so that one of them goes first; without an order, the one that has the other on its right.
 
+A robot that turns is judged twice: as if it drove on straight, and along the chord of the arc on which it would brake.
+The second covers a body abeam on the inner side of the turn, which is out of view and not ahead until shortly before
+the contact.
+
 The field of view is narrow: a body that has left it is remembered for a moment (`Watch`) where it would be now,
 and if it crept, where it was, for it may have stopped; so turning away from a body does not make it vanish. It is
 forgotten as soon as its robot says where it is.
@@ -25,7 +29,7 @@ from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist, hypot
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.hearing import Known
-from rmr.node.motion.stopping import stopping_speed
+from rmr.node.motion.stopping import BRAKE, LAG_S, stopping_speed
 from rmr.node.ports import SeenBody
 
 MISS_MARGIN_M: Final = 0.025
@@ -85,6 +89,8 @@ BACK_TRIES_MAX: Final = 5
 """Of the robot that gives way inside a bottleneck: each time it goes farther back, at most so many times as far."""
 BACK_MPS: Final = 0.08
 """Speed of a way back."""
+TURNS: Final = 0.1
+"""A robot whose direction of travel changes by less than this while it brakes counts as driving straight, radians."""
 NOBODY: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
 """No body that has a place in the order."""
 
@@ -160,7 +166,28 @@ def limit_twist(
     if twist.v <= 0.0 or not bodies:
         return twist
     v = safe_speed(twist.v, bodies, radius, first)
+    turn = _chord_angle(twist)
+    if abs(turn) > TURNS:
+        turned = [_turned(body, turn) for body in bodies]
+        ranked = {new: first[old] for new, old in zip(turned, bodies, strict=True) if old in first} if first else first
+        v = safe_speed(v, turned, radius, ranked)
     return twist if v >= twist.v else Twist(v, twist.w * v / twist.v)
+
+
+def _chord_angle(twist: Twist) -> float:
+    """Return the angle from the robot's heading to the chord of the arc on which it brakes to a stop, radians."""
+    return 0.5 * twist.w * (LAG_S + twist.v / (2.0 * BRAKE))
+
+
+def _turned(body: SeenBody, angle: float) -> SeenBody:
+    """Return `body` in the frame of the robot turned by `angle`, radians to the left."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return SeenBody(
+        body.x * cos + body.y * sin,
+        body.y * cos - body.x * sin,
+        body.vx * cos + body.vy * sin,
+        body.vy * cos - body.vx * sin,
+    )
 
 
 @final

@@ -54,6 +54,9 @@ PARKED_SPARE_M: Final = 0.02
 """A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
 SPARE_FROM_M: Final = 0.05
 """Nearer than this it is shifted by less: its direction is hardly more than noise."""
+BESIDE_M: Final = 0.1
+"""A robot that turns takes in also those heard abeam, at most this far behind its axle: they may be ahead before it
+stands."""
 JUMP_M: Final = 0.1
 """A place that is estimated is not corrected by more than this between two updates."""
 NEAR_M: Final = 0.5

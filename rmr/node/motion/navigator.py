@@ -22,7 +22,7 @@ from rmr.node.motion.estimate import Estimate, estimate_of, time_left
 from rmr.node.motion.follow import FACED, Follower, turn_towards
 from rmr.node.motion.gate import Gate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
-from rmr.node.motion.hearing import Hearing
+from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.route import Order, Route, follower_route, gated_again, leader_route, off_queue, shared_part
@@ -184,7 +184,7 @@ class Navigator:
         """Return `twist`, slowed as the bodies that are seen or heard demand."""
         if twist.v <= 0.0:
             return twist
-        bodies = [*seen, *self.hearing.around(now, pose, seen, 0.0)]
+        bodies = [*seen, *self.hearing.around(now, pose, seen, -BESIDE_M if twist.w else 0.0)]
         return limit_twist(twist, bodies, self.arena.shape.radius, self.hearing.goes_before(now, pose, bodies))
 
     def _ready(self, now: Instant, pose: Pose) -> bool:

@@ -76,6 +76,19 @@ def test_an_arc_keeps_its_curvature_when_it_is_slowed():
     assert math.isclose(slowed.w / slowed.v, 4.0)
 
 
+def test_a_moving_body_abeam_on_the_inner_side_of_a_turn_slows_the_robot():
+    abeam = body(-0.005, 0.168, 0.04, -0.045)
+    assert limit_twist(Twist(FULL, 2.2), [abeam], RADIUS).v < 0.06
+    assert limit_twist(Twist(FULL, 0.0), [abeam], RADIUS).v == FULL
+    assert limit_twist(Twist(FULL, -2.2), [abeam], RADIUS).v == FULL
+
+
+def test_in_a_turn_too_the_later_in_the_order_slows_more():
+    abeam = body(-0.005, 0.168, 0.04, -0.045)
+    later, earlier = (limit_twist(Twist(FULL, 2.2), [abeam], RADIUS, {abeam: first}).v for first in (False, True))
+    assert later < earlier
+
+
 def test_turning_in_place_and_driving_back_are_not_limited():
     near = [body(0.145)]
     assert limit_twist(Twist(0.0, 2.0), near, RADIUS) == Twist(0.0, 2.0)

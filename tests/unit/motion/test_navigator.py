@@ -11,6 +11,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist
 from rmr.base.time import Instant, in_seconds, seconds, tick_start
 from rmr.node.motion.avoid import ENDURED
+from rmr.node.motion.hearing import Known
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
@@ -202,6 +203,14 @@ def test_driving_by_hand_still_stops_if_dangerous():
     nav.drive(0.15, 0.0)
     assert nav.step(0, Pose(0.5, 0.5, 0.0), 0.01, (), False) == Twist(0.15, 0.0)
     assert nav.step(0, Pose(0.5, 0.5, 0.0), 0.01, (SeenBody(0.142, 0.0, 0.0, 0.0),), False).v == 0.0
+
+
+@pytest.mark.parametrize(("w", "slowed"), [(2.2, True), (0.0, False), (-2.2, False)], ids=["left", "straight", "right"])
+def test_a_robot_that_turns_slows_for_one_abeam_on_its_left_that_it_hears_but_does_not_see(w: float, slowed: bool):
+    nav, pose = Navigator(ROOM, 1), Pose(0.5, 0.5, 0.0)
+    nav.hearing.update(pose, [Known(2, 0.495, 0.668, 0.04, -0.045, 0, parked=False, silent=False)])
+    nav.drive(0.2, w)
+    assert (nav.step(0, pose, 0.01, (), False).v < 0.06) is slowed
 
 
 def test_a_robot_that_does_not_know_where_it_is_drives_slowly():
