@@ -1,5 +1,6 @@
 """What `import rmr` raises for a caller's mistake: the same sentences that the commands print."""
 
+import reprlib
 from typing import Any
 
 
@@ -9,6 +10,15 @@ class Error(Exception):
 
 class UsageError(Error, ValueError):
     """An argument cannot be used: a file that is not there, a value that is none."""
+
+
+def require(name: str, value: object, kinds: type | tuple[type, ...], takes: str) -> None:
+    """Raise UsageError unless `value`, given as the argument `name`, is one of `kinds`; `takes` describes these.
+
+    A bool is no number here, though it is an int in Python.
+    """
+    if not isinstance(value, kinds) or isinstance(value, bool):
+        raise UsageError(f"{name}: {takes}, not {reprlib.repr(value)}")
 
 
 class ProgramError(Error):

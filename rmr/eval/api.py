@@ -3,13 +3,17 @@
 They raise what `rmr.base.errors` names, print nothing and write no file.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
-from rmr.base.errors import CompileError, ProgramError, UsageError
+from rmr.base.errors import CompileError, ProgramError, UsageError, require
+from rmr.base.ids import spelled
+from rmr.base.time import Duration
 from rmr.bytecode.codec import BytecodeError, encode
 from rmr.bytecode.program import Program, Strategy
 from rmr.eval import options
@@ -60,8 +64,11 @@ class Evaluation:
         return bool(self.report["quiescent"])
 
     def facts(self, robot: int) -> list[str]:
-        """Return the facts of one robot, in program syntax. Raises KeyError for one that is not there."""
-        facts: list[str] = self.report["robots"][str(robot)]["facts"]
+        """Return the facts of one robot, in program syntax. Raises UsageError for one that is not there."""
+        parts = self.report["robots"]
+        if str(robot) not in parts:
+            raise UsageError(f"robot: one of {spelled(sorted(map(int, parts)))}, not {robot!r}")
+        facts: list[str] = parts[str(robot)]["facts"]
         return facts
 
 
@@ -113,19 +120,21 @@ def evaluate(
     Raises UsageError for an argument that cannot be used, CompileError or ProgramError if the program cannot.
     """
     ids = dict.fromkeys(options.robots(robots if isinstance(robots, str) else _ids(robots)))
-    times = {name: _duration(time) for name, time in (action_times or {}).items()}
+    times = _times(action_times)
     where = program.source if isinstance(program, Compiled) else _program(program)
-    wanted = Wanted(where, None if facts is None else Path(facts), edges, _texts(insert), _texts(fail), tuple(times))
+    _check_files_and_names(topology, edges, facts)
+    insert, fail = _texts("insert", insert), _texts("fail", fail)
+    wanted = Wanted(where, None if facts is None else Path(facts), edges, insert, fail, tuple(times))
     shape = read_topology(topology, ids)
     conditions = Conditions(
         ids,
         shape,
         _seed(seed),
-        options.share(str(loss)),
-        _duration(latency),
-        _duration(action_time),
+        _share(loss),
+        _duration("latency", latency),
+        _duration("action_time", action_time),
         times,
-        deaths(_texts(kill), _texts(restart), ids),
+        deaths(_texts("kill", kill), _texts("restart", restart), ids),
     )
     given = _given(wanted)
     assert given.program is not None
@@ -133,15 +142,8 @@ def evaluate(
     ordered = given.program if strategy is None else replace(given.program, strategy=_strategy(strategy))
     notes: list[Note] = []
     run, said = _prepared(engine, ordered, given, conditions, notes.extend if trace else None)
-    said = [
-        *_listed_texts(given),
-        *(
-            f"robot {robot} is not among the robots; `{name}` is dropped"
-            for name, robot in strangers(given, ordered, ids)
-        ),
-        *said,
-    ]
-    run.run(_duration(until), lambda: None)
+    said = [*_listed_texts(given), *_dropped(given, ordered, ids), *said]
+    run.run(_duration("until", until), lambda: None)
     said += [text for texts in run.warnings() for text in texts]
     return Evaluation(report(run), notes, said if run.quiescent else said + reasons(run))
 
@@ -185,35 +187,71 @@ def _listed_texts(given: Given) -> list[str]:
     return [text for text in texts if text]
 
 
+def _dropped(given: Given, program: Program, ids: Collection[int]) -> list[str]:
+    dropped = strangers(given, program, ids)
+    return [f"robot {robot} is not among the robots; `{name}` is dropped" for name, robot in dropped]
+
+
 # ---- arguments
 
 
 def _program(program: str | PathLike[str]) -> Path | Source:
+    require("program", program, (str, PathLike), "a path, a text, or what `rmr.compile` has returned")
     if isinstance(program, str) and ("\n" in program or not program.endswith((".rmr", ".rbc"))):
         return Source("<program>", program)
     return Path(program)
 
 
 def _ids(robots: int | Iterable[int]) -> str:
-    if isinstance(robots, int):
-        return str(robots)
+    require("robots", robots, (Integral, Iterable), "a number, ids, or text such as 0-5,9")
+    if not isinstance(robots, Iterable):
+        return str(int(robots))
     ids = list(robots)
     return ",".join(map(str, ids)) if len(ids) != 1 else f"{ids[0]}-{ids[0]}"
 
 
-def _texts(texts: Sequence[str]) -> tuple[str, ...]:
+def _check_files_and_names(topology: object, edges: object, facts: object) -> None:
+    require("topology", topology, str, "the name of a topology")
+    require("edges", edges, (str, NoneType), "the name of a predicate")
+    require("facts", facts, (str, PathLike, NoneType), "the path of a file")
+
+
+def _texts(name: str, texts: Sequence[str]) -> tuple[str, ...]:
     """Return several texts; a single one is taken for one."""
-    return (texts,) if isinstance(texts, str) else tuple(texts)
+    takes = f"a list of texts, as `--{name}` takes them"
+    require(name, texts, Iterable, takes)
+    several = (texts,) if isinstance(texts, str) else tuple(texts)
+    for text in several:
+        require(name, text, str, takes)
+    return several
 
 
-def _duration(time: Seconds) -> int:
-    return options.duration(time if isinstance(time, str) else repr(float(time)))
+def _times(times: Mapping[str, Seconds] | None) -> dict[str, Duration]:
+    require("action_times", times, (Mapping, NoneType), 'a dict of times by action, such as {"moveto": 2.0}')
+    return {name: _duration(f"action_times[{name!r}]", time) for name, time in (times or {}).items()}
+
+
+def _duration(name: str, time: Seconds) -> Duration:
+    require(name, time, (str, Real), "seconds, or a duration such as '500ms'")
+    try:
+        return options.duration(time if isinstance(time, str) else repr(float(time)))
+    except options.OptionError as error:
+        raise UsageError(f"{name}: {error}") from None
+
+
+def _share(loss: float) -> float:
+    require("loss", loss, (str, Real), "a share from 0 to 1")
+    try:
+        return options.share(str(loss))
+    except options.OptionError as error:
+        raise UsageError(f"loss: {error}") from None
 
 
 def _seed(seed: int) -> int:
+    require("seed", seed, Integral, "a whole number from 0")
     if seed < 0:
         raise UsageError(f"seed: a whole number from 0, not {seed}")
-    return seed
+    return int(seed)
 
 
 def _strategy(name: str) -> Strategy:

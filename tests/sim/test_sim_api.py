@@ -108,11 +108,27 @@ def test_robots_duration_actions_and_events_are_passed_on(lab):
         ({"duration": 0}, "duration: a number of seconds above 0, not 0"),
         ({"duration": float("nan")}, "duration: a number of seconds above 0, not nan"),
         ({"rate": 61}, "rate: samples per second, above 0 and 60 at most, not 61"),
+        ({"rate": None}, "rate: samples per second, above 0 and 60 at most, not None"),
+        ({"duration": "5s"}, "duration: a number of seconds above 0, not '5s'"),
+        ({"loss": "x"}, "loss: a share from 0 up to 1, not 'x'"),
+        ({"actions": 3}, "actions: the path of a file of handlers, not 3"),
+        ({"events": 3}, r"events: the path of a file of events, or a list of `rmr_sim\.event\.Event`, not 3"),
+        ({"events": [3]}, r"events: the path of a file of events, or a list of `rmr_sim\.event\.Event`, not 3"),
+        ({"order": None}, "order: None is none of ours, edf, fcfs, none"),
     ],
 )
 def test_an_argument_that_cannot_be_used_is_a_usage_error(lab, options, message):
     with pytest.raises(rmr.UsageError, match=message):
         rmr.simulate(lab, **options)
+
+
+def test_provided_lab_is_simulated_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert rmr.simulate("corridor", duration=0.5).lab == "corridor"
+    with pytest.raises(rmr.UsageError, match="there is no coridor; did you mean 'corridor'"):
+        rmr.simulate("coridor")
+    with pytest.raises(rmr.UsageError, match="lab: a path, or the name of a provided lab, not 3"):
+        rmr.simulate(3)
 
 
 def test_labs_programs_and_files_that_are_wrong_are_told_as_by_the_command(lab, tmp_path, capsys):

@@ -3,6 +3,7 @@
 import json
 import pickle
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -38,6 +39,8 @@ def printed(tmp_path, text, *arguments):
 def test_every_name_of_the_api_is_in_dir_and_loads():
     names = [*NAMES, "ActionFailed", "RobotHandle", "action", "compile", "evaluate", "simulate"]
     assert set(names) <= set(dir(rmr))
+    assert {name for name in dir(rmr) if not name.startswith("__")} == set(rmr.__all__)
+    assert "__version__" in dir(rmr)
     assert set(names) <= set(rmr.__all__)
     assert all(getattr(rmr, name).__name__ == name for name in rmr.__all__)
     with pytest.raises(AttributeError, match="module 'rmr' has no attribute 'simulat'"):
@@ -126,6 +129,27 @@ def test_what_goes_on_at_the_end_stands_in_the_messages():
         ({"seed": -1}, "seed: a whole number from 0, not -1"),
         ({"engine": "fast"}, "engine: 'fast' is none of interpreter, generated, columnar"),
         ({"strategy": "clever"}, "strategy: 'clever' is none of random, textual"),
+        ({"until": "soon"}, "until: 'soon' is no duration"),
+        ({"until": None}, "until: seconds, or a duration such as '500ms', not None"),
+        ({"latency": [1]}, "latency: seconds, or a duration such as '500ms', not [1]"),
+        ({"loss": "x"}, "loss: a share from 0 to 1, not 'x'"),
+        ({"loss": None}, "loss: a share from 0 to 1, not None"),
+        ({"seed": "x"}, "seed: a whole number from 0, not 'x'"),
+        ({"seed": 1.5}, "seed: a whole number from 0, not 1.5"),
+        ({"seed": True}, "seed: a whole number from 0, not True"),
+        ({"robots": 1.5}, "robots: a number, ids, or text such as 0-5,9, not 1.5"),
+        ({"insert": [3]}, "insert: a list of texts, as `--insert` takes them, not 3"),
+        ({"kill": 3}, "kill: a list of texts, as `--kill` takes them, not 3"),
+        ({"restart": [3]}, "restart: a list of texts, as `--restart` takes them, not 3"),
+        ({"fail": [None]}, "fail: a list of texts, as `--fail` takes them, not None"),
+        ({"action_times": 3}, 'action_times: a dict of times by action, such as {"moveto": 2.0}, not 3'),
+        (
+            {"action_times": {"charge": None}},
+            "action_times['charge']: seconds, or a duration such as '500ms', not None",
+        ),
+        ({"topology": 3}, "topology: the name of a topology, not 3"),
+        ({"edges": 3}, "edges: the name of a predicate, not 3"),
+        ({"facts": 3}, "facts: the path of a file, not 3"),
     ],
 )
 def test_an_argument_that_cannot_be_used_is_a_usage_error(options, message):
@@ -133,6 +157,24 @@ def test_an_argument_that_cannot_be_used_is_a_usage_error(options, message):
         rmr.evaluate(CHARGE, **options)
     assert message in str(caught.value)
     assert isinstance(caught.value, rmr.Error | ValueError)
+
+
+@pytest.mark.parametrize("call", [rmr.compile, rmr.evaluate])
+def test_program_of_a_wrong_type_is_a_usage_error(call):
+    with pytest.raises(rmr.UsageError, match=r"program: a path, a text, or what `rmr\.compile` has returned, not 3"):
+        call(3)
+
+
+def test_facts_of_a_robot_that_is_not_there_name_the_robots_that_are():
+    found = rmr.evaluate("p(R).", robots="0-2,7")
+    for robot in (9, "x", None):
+        with pytest.raises(rmr.UsageError, match=f"robot: one of 0-2,7, not {robot!r}"):
+            found.facts(robot)
+
+
+def test_numbers_of_numpy_are_numbers():
+    found = rmr.evaluate("p(R).", robots=np.int64(2), seed=np.int64(3), loss=np.float32(0.0), until=np.float32(1.0))
+    assert found.report == rmr.evaluate("p(R).", robots=2, seed=3, until=1.0).report
 
 
 def test_files_that_are_not_there_or_damaged_are_told_as_by_the_commands(tmp_path):

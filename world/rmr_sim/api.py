@@ -4,22 +4,25 @@ It raises what `rmr.base.errors` names, prints nothing and writes no file.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from os import PathLike
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from rmr.base.errors import UsageError
+from rmr.base.errors import UsageError, require
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
 from rmr.coord.values import Order
 from rmr.node.trace import Level
 from rmr_sim.event import Event
 from rmr_sim.run import Options, load, report_of
 from rmr_sim.simulation import Simulation
+from rmr_world.providedlabs import missing, resolve
 
 Trajectory = npt.NDArray[np.float64]
 """Rows of (t_s, x_m, y_m, heading_rad)."""
@@ -78,7 +81,8 @@ def simulate(
 ) -> Run:
     """Simulate a lab in virtual time; the same seed gives the same run.
 
-    `lab` is a folder with a ``lab.yaml``, or such a file. The other arguments are the options of `rmr sim`, and
+    `lab` is a folder with a ``lab.yaml``, such a file, or the name of a provided lab. The other arguments are the
+    options of `rmr sim`, and
 
     - `events`: the file of `--events`, or events themselves (`rmr_sim.event.Event`);
     - `duration`: seconds of lab time after which the run ends at the latest, instead of the lab's;
@@ -87,10 +91,12 @@ def simulate(
     Raises UsageError for an argument that cannot be used, LabError or ProgramError for a lab or a program that is
     wrong, EventError when an event's own code fails.
     """
-    path = Path(lab)
+    require("lab", lab, (str, PathLike), "a path, or the name of a provided lab")
+    path = resolve(Path(lab))
     if not path.exists():
-        raise UsageError(f"there is no {lab}")
-    event_file, own_events = (Path(events), ()) if isinstance(events, str | PathLike) else (None, events or ())
+        raise UsageError(missing(path))
+    require("actions", actions, (str, PathLike, NoneType), "the path of a file of handlers")
+    event_file, own_events = _file_or_events(events)
     wanted = Options(
         robots=_whole("robots", robots, 1),
         loss=_checked_loss(loss),
@@ -143,6 +149,17 @@ class Sampler:
 # ---- arguments
 
 
+def _file_or_events(events: str | PathLike[str] | Iterable[Event] | None) -> tuple[Path | None, Sequence[Event]]:
+    if isinstance(events, str | PathLike):
+        return Path(events), ()
+    takes = "the path of a file of events, or a list of `rmr_sim.event.Event`"
+    require("events", events, (Iterable, NoneType), takes)
+    own = tuple(events or ())
+    for event in own:
+        require("events", event, Event, takes)
+    return None, own
+
+
 def _whole(name: str, number: int | None, least: int) -> int | None:
     if number is not None and (type(number) is not int or number < least):
         raise UsageError(f"{name}: a whole number from {least}, not {number!r}")
@@ -150,12 +167,14 @@ def _whole(name: str, number: int | None, least: int) -> int | None:
 
 
 def _checked_loss(loss: float | None) -> float | None:
+    require("loss", loss, (Real, NoneType), "a share from 0 up to 1")
     if loss is not None and not 0.0 <= loss < 1.0:
         raise UsageError(f"loss: a share from 0 up to 1, not {loss!r}")
     return loss
 
 
 def _checked_duration(duration: float | None) -> int | None:
+    require("duration", duration, (Real, NoneType), "a number of seconds above 0")
     if duration is None:
         return None
     if not 0.0 < duration < math.inf:
@@ -164,8 +183,10 @@ def _checked_duration(duration: float | None) -> int | None:
 
 
 def _checked_rate(rate: float) -> float:
+    takes = f"samples per second, above 0 and {TICK_HZ} at most"
+    require("rate", rate, Real, takes)
     if not 0.0 < rate <= TICK_HZ:
-        raise UsageError(f"rate: samples per second, above 0 and {TICK_HZ} at most, not {rate!r}")
+        raise UsageError(f"rate: {takes}, not {rate!r}")
     return float(rate)
 
 
