@@ -165,7 +165,12 @@ class BottleneckSpec(_Strict):
     @model_validator(mode="before")
     @classmethod
     def _by_its_entry(cls, value: object) -> object:
-        return {"mouths": [value]} if isinstance(value, str) else value
+        if isinstance(value, str):
+            return {"mouths": [value]}
+        if isinstance(value, dict) and isinstance(value.get("mouths"), list) and len(value["mouths"]) == 1:
+            (mouth,) = value["mouths"]
+            raise ValueError(f"mouths should name two areas; for one entry write `bottleneck: {mouth}`")
+        return value
 
 
 class GridSpec(_Strict):
@@ -343,7 +348,9 @@ Bottleneck = Annotated[
                 {"type": "string"},
                 {
                     "type": "object",
-                    "properties": {"mouths": {"type": "array", "items": {"type": "string"}, "maxItems": 2}},
+                    "properties": {
+                        "mouths": {"type": "array", "items": {"type": "string"}, "minItems": 2, "maxItems": 2}
+                    },
                     "required": ["mouths"],
                     "additionalProperties": False,
                 },

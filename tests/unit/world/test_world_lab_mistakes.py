@@ -77,6 +77,11 @@ MISTAKES = [
     ("areas: {a: {at: [1, 1], queue: {path: [[1, 1], [2, 1]], spacing: 0}}}", "6:66: areas.a.queue.spacing: should be"),
     ("areas: {a: {at: [1, 1], queue: {path: [[1, 1], [2, 1]], spacing: 1e-9}}}", "6:12: areas.a: queue has more than"),
     ("bottleneck: entri\nareas: {entry: {at: [1, 1]}}", "6:13: bottleneck: area 'entri' is not defined; did you mean"),
+    (
+        "bottleneck: {mouths: [entry]}\nareas: {entry: {at: [1, 1]}}",
+        "6:13: bottleneck: mouths should name two areas; for one entry write `bottleneck: entry`",
+    ),
+    ("bottleneck: {mouths: []}", "6:22: bottleneck.mouths: should have at least 1 item"),
     ("facts: ['due(@1, 5)', 'due(@2, 5)']", "6:23: facts.1: robot 2 is not in this lab"),
     ("facts: ['due(@1, 5']", "6:9: facts.0: expected ',' or ')', found the end"),
     ("robot: {radius: 1e-9}", "6:17: robot.radius: should be greater than or equal to 0.001, not 1e-09"),
