@@ -12,6 +12,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Kind, Program
 from rmr.eval.given import Failing
 from rmr.node.actions import ActionFailed, Handler, RobotHandle
+from rmr.node.handle import wait
 from rmr.node.provided import FAILURE_REPEATS, NodeHandle
 from rmr.vm.match import pattern_agrees
 
@@ -66,7 +67,7 @@ class Acting:
 
     async def _pass_time(self, robot: RobotHandle, name: str, args: tuple[Value, ...]) -> None:
         if name == WAIT and name not in self._times and len(args) == 1 and isinstance(args[0], float):
-            await robot.sleep(args[0])
+            await wait(robot, args[0])
             return
         duration = self._times.get(name, self._usual)
         if duration:

@@ -78,8 +78,10 @@ class RobotHandle:
         return in_seconds(self._now())
 
     async def sleep(self, duration_s: float) -> None:
-        """Wait `duration_s` seconds, a millisecond at least."""
-        await Pause(self._now() + max(SLEEP_MIN, seconds(max(0.0, duration_s))))
+        """Wait `duration_s` seconds, a millisecond at least. Raises ValueError below 0 and for what is not finite."""
+        if not 0.0 <= duration_s < math.inf:
+            raise ValueError(f"cannot wait {duration_s} s; give a finite number of seconds, 0 or more")
+        await Pause(self._now() + max(SLEEP_MIN, seconds(duration_s)))
 
     async def until(self, condition: Callable[[], bool]) -> None:
         """Wait until `condition()` is true; it is looked at in each of the robot's frames."""
@@ -146,3 +148,11 @@ class RobotHandle:
     def say(self, text: str) -> None:
         """Write `text` into the robot's trace."""
         self._node.trace(self._now(), "said", text=str(text))
+
+
+async def wait(robot: RobotHandle, duration_s: float) -> None:
+    """Let time pass, seconds: the provided action. Raises ActionFailed below 0 and for what is not finite."""
+    try:
+        await robot.sleep(duration_s)
+    except ValueError as error:
+        raise ActionFailed(str(error)) from None

@@ -11,7 +11,7 @@ from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
 from rmr.node.actions import Handler, Running
-from rmr.node.handle import ActionFailed, Pause, RobotHandle
+from rmr.node.handle import ActionFailed, Pause, RobotHandle, wait
 from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
@@ -235,11 +235,6 @@ async def face(robot: NodeHandle, degrees: float) -> None:
 
 async def stop(_robot: NodeHandle) -> None:
     """Stop the wheels; the dispatcher has done so already."""
-
-
-async def wait(robot: NodeHandle, duration_s: float) -> None:
-    """Let time pass, seconds."""
-    await robot.sleep(duration_s)
 
 
 async def broadcast(robot: NodeHandle) -> None:

@@ -44,6 +44,11 @@ def test_wait_of_no_time_at_all_takes_a_millisecond_as_on_a_robot(bench):
     assert report["time_s"] == 3.001
 
 
+def test_wait_of_a_negative_time_fails_with_its_reason(bench):
+    text = "type action wait(R: robot, T: float) -o done(R) else no(R). go(R). go(R) -o wait(R, -1.0)."
+    assert facts(bench.run(text)) == ["no(@1)"]
+
+
 def test_each_action_takes_the_time_given_for_its_name(bench):
     text = "type action a(R: robot) -o x(R). type action b(R: robot) -o y(R). go(R). go(R) -o a(R) then b(R)."
     report = bench.run(text, "--action-time", "1s", "--action-time", "b=3s")

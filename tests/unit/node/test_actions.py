@@ -7,6 +7,7 @@ import pytest
 
 from rmr.base.time import seconds
 from rmr.node.actions import STOPPED, TAKEN_OVER, ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
+from rmr.node.handle import wait
 
 
 class Turn:
@@ -168,6 +169,17 @@ def test_an_action_that_sleeps_for_nothing_again_and_again_lets_time_pass():
         node.now = node.dispatcher.next_wake
         node.dispatcher.step(node.now)
     assert rounds == pytest.approx([0.001 * n for n in range(1, 11)])
+
+
+@pytest.mark.parametrize("duration_s", [-1.0, -1, float("nan"), float("inf")])
+def test_sleep_of_a_time_that_is_none_fails_the_action_and_provided_wait_fails_with_a_reason(duration_s):
+    why = f"cannot wait {duration_s} s; give a finite number of seconds, 0 or more"
+    node = FakeNode(a=Handler("a", drive), wait=Handler("wait", wait))
+    node.derive("a", duration_s)
+    node.derive("wait", duration_s)
+    (_, failure), (_, reason) = node.ended
+    assert failure == f"ValueError: {why} ({place_of(drive, 1)})"
+    assert reason == why
 
 
 def broken(on_the_way_out):
