@@ -23,6 +23,7 @@ from rmr.bus.session import Bus, NobodyThereError, open_bus
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
 from rmr_deploy.running import endpoint_of, newest_run, secret_of
+from rmr_world.report import REPORT_FILE
 
 ASK_S = 2.0
 """How long the world may take to answer: it does so within milliseconds, unless its machine is overloaded."""
@@ -81,6 +82,8 @@ def find(connect: str | None, folder: Path | None, secret: Path | None) -> Place
     endpoint = endpoint_of(where)
     if endpoint is None:
         raise FaultError(f"{where} is no folder of a run of processes", EXIT_USAGE)
+    if (where / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
+        raise FaultError(f"the run in {where} is over", EXIT_FAILED)
     return Place(endpoint, secret or secret_of(where))
 
 

@@ -42,7 +42,7 @@ PART: Final[dict[str, Check]] = {
     "bus": _COUNTERS,
     "left_out": each(text),
     "log_cut_short": people,
-    "faults": each(fields({"from": number, "to": number})),
+    "faults": each(fields({"from": number}, {"to": number})),
 }
 """Fields of a part that have a type of their own."""
 

@@ -104,7 +104,7 @@ def _start(fault: Fault | Disturbance) -> Instant:
 
 
 def entry(fault: Fault | Disturbance) -> dict[str, Any]:
-    """Return a fault as it may stand in a lab file, times in seconds."""
+    """Return a fault as it may stand in a lab file, times in seconds; `to` is left out of one without an end."""
     match fault:
         case Kill(at=at, robot=robot):
             return {"at": in_seconds(at), "kill": robot}
@@ -117,7 +117,8 @@ def entry(fault: Fault | Disturbance) -> dict[str, Any]:
         case Outage(robot=robot):
             what = {"outage": robot}
         case Disturbance():
-            return {"from": in_seconds(fault.since), "to": in_seconds(fault.until), **_told_harm(fault)}
+            end = {} if fault.until >= NEVER else {"to": in_seconds(fault.until)}
+            return {"from": in_seconds(fault.since), **end, **_told_harm(fault)}
     return {"from": in_seconds(fault.start), "to": in_seconds(fault.end), **what}
 
 
@@ -127,7 +128,8 @@ def befallen(lab: Lab, added: Iterable[Mapping[str, Any]], end_s: float) -> list
     `added` are entries by `rmr fault`; one that nobody has ended lasted until the run's end, `end_s` of lab time.
     """
     ended = [
-        {**fault, "from": round(fault["from"], 3), "to": round(max(fault["from"], min(fault["to"], end_s)), 3)}
+        {"from": round(fault["from"], 3), "to": round(max(fault["from"], min(fault.get("to", end_s), end_s)), 3)}
+        | {key: value for key, value in fault.items() if key not in {"from", "to"}}
         for fault in added
     ]
     return sorted([*told(replace(lab, faults=())), *ended], key=lambda fault: float(fault["from"]))

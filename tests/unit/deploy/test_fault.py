@@ -194,6 +194,15 @@ def test_a_run_folder_says_where_even_if_its_run_is_not_in_runs(tmp_path):
     assert endpoint_of(tmp_path) is None
 
 
+@pytest.mark.parametrize("words", [["list"], ["clear"], ["radio", "--cut"]])
+def test_run_that_is_over_is_not_asked_even_if_another_listens_at_its_endpoint(tmp_path, asked, words):
+    folder = run_folder(tmp_path, "here", 8, 0)
+    (folder / REPORT_FILE).write_text("{}")
+    answer = run(*words, "--run", str(folder))
+    assert (answer.exit_code, answer.stderr) == (1, f"rmr fault: the run in {folder} is over\n")
+    assert asked == []
+
+
 def test_secret_is_that_of_the_run_folder_unless_another_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder, other = run_folder(tmp_path / "runs", "one", 7, 0), tmp_path / "other"
