@@ -81,6 +81,24 @@ def test_no_more_than_five_failures_are_told():
     ]
 
 
+def test_actions_still_under_way_are_named_when_the_run_is_not_finished(tmp_path, capsys):
+    lab = tiny(
+        tmp_path,
+        "type action hang(R: robot, N: int) -o done(R).\n"
+        + "".join(f"a{n}(R).\na{n}(R) -o hang(R, {n}).\n" for n in range(7)),
+    )
+    (tmp_path / "hang.py").write_text(
+        'from rmr import action\n\n\n@action("hang")\n'
+        "async def hang(robot, n):\n    await robot.until(lambda: n == 7)\n"
+    )
+    words = ["--actions", str(tmp_path / "hang.py")]
+    assert main([str(lab), *words, "--run", str(tmp_path / "run")]) == 1
+    err = capsys.readouterr().err
+    assert err.count("is still under way, since 0.") == 5
+    assert "robot 1: hang(@1, 0) is still under way, since 0." in err
+    assert "more actions under way\n" in err
+
+
 def test_a_lab_without_its_program_is_told_where_it_names_it(tmp_path, capsys):
     lab = tiny(tmp_path, "done(R).\n", LAB.replace("tiny.rmr", "tini.rmr"))
     assert main([str(lab), "--run", str(tmp_path / "run")]) == 3

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from rmr.base.mistake import words
+from rmr.base.time import in_seconds
 from rmr.coord.values import Order
 from rmr.entry.files import unreadable
 from rmr.node.actions import STOPPED, TAKEN_OVER
@@ -25,6 +26,7 @@ from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
 from rmr_sim.rows import ResumeError, Rows, head, seeds_of, taken_up
 from rmr_sim.run import Loaded, Options, load, report_of
+from rmr_sim.simulation import Simulation
 from rmr_sim.summary import failing_lines, lines_of, summary_of
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
 from rmr_sim.trial import Row, fails, row_of
@@ -118,7 +120,8 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextI
     wall_s = time.perf_counter() - began
     report = report_of(simulation, finished)
     unwritten += _attempt(partial(write, report, folder))
-    for line in [*failures(trace), *violation_lines(report), *troubles(report)]:
+    going_on = [] if finished else under_way(simulation)
+    for line in [*failures(trace), *violation_lines(report), *troubles(report), *going_on]:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
@@ -222,6 +225,20 @@ def failures(trace: list[dict[str, object]]) -> list[str]:
         if entry["what"] == "action_ended" and entry["failure"] not in {None, STOPPED, TAKEN_OVER}:
             lines[f"robot {entry['robot']}: action {entry['action']} failed: {entry['failure']}"] = None
     return _first(list(lines), "failed; --trace FILE holds all")
+
+
+def under_way(simulation: Simulation) -> list[str]:
+    """Return a line for each action that has begun and not ended, the oldest first, FAILURES_MAX at most."""
+    found = [
+        (running.started or 0, robot.robot, running.text(robot.robot))
+        for robot in simulation.robots
+        if robot.alive
+        for running in robot.node.actions.running
+    ]
+    texts = [
+        f"robot {robot}: {text} is still under way, since {in_seconds(at):.3f} s" for at, robot, text in sorted(found)
+    ]
+    return _first(texts, "actions under way")
 
 
 def violation_lines(report: dict[str, Any]) -> list[str]:
