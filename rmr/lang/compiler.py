@@ -14,7 +14,8 @@ from rmr.lang.names import NOTHING_GIVEN, Given
 from rmr.lang.reach import with_leads
 from rmr.lang.serve import with_serving
 from rmr.lang.source import Source, SourceError, Span, read_source
-from rmr.lang.syntax import FactItem, GoalItem
+from rmr.lang.supply import is_brought, only_stated
+from rmr.lang.syntax import Fact, FactItem, GoalItem
 
 DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 """Errors that the declarations of a file which could not be read might disprove, as they might any warning."""
@@ -77,7 +78,7 @@ def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
     program = None if found.failed else emit(checked, loader.sources)
     if program is not None:
         _report_excess(program, checked, found)
-        _report_unserved(program, checked, found)
+        _report_unserved(program, checked, loader.sources, found)
     diagnostics = found.in_order(loader.sources)
     if loader.incomplete:
         diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in DOUBTFUL]
@@ -98,16 +99,26 @@ def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> No
         found.report("E008", f"this has {text}", places[table][index])
 
 
-def _report_unserved(program: Program, checked: Checked, found: Diagnostics) -> None:
+def _report_unserved(program: Program, checked: Checked, sources: Mapping[str, Source], found: Diagnostics) -> None:
     """Report time assertions that are to be scheduled, although no action has a declared effect that leads there."""
     for index, assertion in enumerate(program.assertions):
         item = checked.assertions[index].item
         if not assertion.scheduled or assertion.serving or found.reported_at("W104", item.finish.span):
             continue
+        if only_stated(item.finish, checked.names) and is_brought(item.start, checked.names):
+            start, finish = (_text(fact, sources) for fact in (item.finish, item.start))
+            message = f"start and finish fact seem to be swapped: `{item.finish.name.text}` is only an initial fact"
+            hint = f"the start fact stands first: `assert({start}, {finish}, ...)`"
+            found.report("W116", message, item.span, hint=hint)
+            continue
         message = f"no action's effect leads to `{item.finish.name.text}(...)`: this is only watched, never scheduled"
         hint = "if that is meant write `watch(...)`; else declare the effect: `type action go(R: robot) -o "
         hint += f"{item.finish.name.text}({', '.join(['R', *['...'][: len(item.finish.arguments) - 1]])}).`"
         found.report("W116", message, item.span, hint=hint)
+
+
+def _text(fact: Fact, sources: Mapping[str, Source]) -> str:
+    return " ".join(sources[fact.span.file].text[fact.span.start : fact.span.end].split())
 
 
 def emit(checked: Checked, sources: Mapping[str, Source]) -> Program:

@@ -36,6 +36,8 @@ def literal_hint(expression: Expression, wanted: Type) -> str | None:
     if type(value) is str and wanted.base is Base.SYMBOL:
         words = "_".join(re.findall(r"[a-z0-9]+", value.lower()))
         return f"a symbol has no quotes: `{words}`" if words[:1].isalpha() else None
+    if wanted.base in NUMBERS and (hint := _unquoted(expression)):
+        return hint
     if type(value) is str and wanted.base is Base.ROBOT:
         return "robots are written `@1`; a variable, `R`, is any robot"
     if isinstance(value, Symbol):
@@ -45,6 +47,13 @@ def literal_hint(expression: Expression, wanted: Type) -> str | None:
     if type(value) is float and wanted.base is Base.INT and value.is_integer():
         return f"`{int(value)}` is an int"
     return None
+
+
+def _unquoted(expression: Expression) -> str | None:
+    """Return the hint for a number or a time in quotes."""
+    value = expression.value if isinstance(expression, Literal) else None
+    is_number = type(value) is str and re.fullmatch(r"[0-9]+(\.[0-9]+)?(ms|s|min)?", value)
+    return f"a number has no quotes: `{value}`" if is_number else None
 
 
 class Demands:
@@ -111,7 +120,7 @@ class Demands:
     def number_now(self, expression: Expression, cell: Cell, message: str, hint: str | None = None) -> None:
         """Demand a number, when all types are known."""
         if cell.kind.base not in NUMBERS | {Base.OPEN}:
-            self.wrong(message, expression, cell, hint=hint)
+            self.wrong(message, expression, cell, hint=_unquoted(expression) or hint)
 
     def order_now(self, what: str, example: str, *sides: tuple[Expression, Cell]) -> None:
         """Demand values that have an order, when all types are known; the first of `sides` without one is reported.

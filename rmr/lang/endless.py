@@ -2,6 +2,7 @@
 
 Two kinds. A *loop*: a rule uses up temporary facts and derives facts that satisfy it again, alone or in a cycle of
 rules. A *growth*: a rule uses up nothing and derives a fact that is a new match of its own body, so that facts pile up.
+A *persistent counter* is told as well: a rule uses up a fact and counts a persistent one on, whose old values stay.
 
 The analysis is conservative. A match must hold again whatever the values are: each argument of the body's pattern is
 repeated in the head as it is, or is a variable that nothing else in the body looks at. Nothing else in the program
@@ -61,6 +62,8 @@ def warn_endless(module: Module, names: Names, found: Diagnostics) -> None:
         firing = _firing(rule, names)
         if not firing.consumed:
             _growth(firing, names, found)
+        elif _persistent_counter(firing, names, found):
+            continue
         elif all(consumers[fact.name.text] == 1 for fact in firing.consumed):
             if _is_loop(firing, names, consumers):
                 _report_loop(firing, found)
@@ -245,6 +248,25 @@ def _growth(firing: _Firing, names: Names, found: Diagnostics) -> None:
                     hint += "; to count, use up a temporary fact: `type count(robot, int).`"
                 found.report("W114", message, firing.rule.span, hint=hint)
                 return
+
+
+def _persistent_counter(firing: _Firing, names: Names, found: Diagnostics) -> bool:
+    """Report a rule that uses up some fact and counts a persistent one on; return whether it is one.
+
+    The old values stay, and what the rule uses up next meets any of them.
+    """
+    absent = {each.name.text for each in firing.rule.body if isinstance(each, Fact) and each.absent}
+    for fact in firing.kept:
+        name = fact.name.text
+        if names.of(fact).kind is not Kind.PERSISTENT or name in absent:
+            continue
+        for derived in firing.derived.get(name, ()):
+            if _matches(fact, derived, firing.free) and _is_other(fact, derived):
+                message = f"`{name}` is persistent: the old fact stays beside the new one, and this rule matches both"
+                hint = f"a temporary fact is replaced: `type {name}(...)` and `{name}(...)`, without `!`"
+                found.report("W114", message, firing.rule.span, hint=hint)
+                return True
+    return False
 
 
 def _is_other(pattern: Fact, derived: Fact) -> bool:

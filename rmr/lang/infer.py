@@ -147,7 +147,8 @@ class Inference:
         self._matched(item.start, scope)
         self._matched(item.finish, scope)
         deadline = self._expressions.cell(item.deadline, scope)
-        self._demands.number(item.deadline, deadline, "a deadline is a number of seconds")
+        hint = "it is written `10`, `2s` or `500ms`"
+        self._demands.number(item.deadline, deadline, "a deadline is a number of seconds", hint)
         self._derived(item.violation, scope)
 
     def _head(self, part: HeadItem, scope: Scope) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.program import Base
 from rmr.lang.diagnostic import Diagnostic, Diagnostics
+from rmr.lang.habits.brackets import AGGREGATES, aggregate_hint
 from rmr.lang.source import Span
 from rmr.lang.syntax import (
     Assertion,
@@ -34,7 +35,7 @@ from rmr.lang.syntax import (
     parts,
     walk,
 )
-from rmr.lang.types import Types
+from rmr.lang.types import FUNCTIONS, LIST_FUNCTIONS, Types
 
 GATHERING = {
     "count": "[count => N | offer(R, _) | many(R, N)]",
@@ -126,6 +127,12 @@ class _Reader:
                         continue
                     hint = f"aggregates stand in heads, between brackets: `{GATHERING[name]}`"
                     self._found.report("E015", f"there is no function `{name}`", node.name.span, hint=hint)
+                    return True
+                case ListTerm(items=[Literal(value=Symbol() as value)], rest=Call(name=called)) if (
+                    value in AGGREGATES and called.text not in FUNCTIONS and called.text not in LIST_FUNCTIONS
+                ):
+                    message = "an aggregate stands alone in a head, not in a body or among arguments"
+                    self._found.report("E001", message, node.span, hint=aggregate_hint(value))
                     return True
                 case ListTerm(items=[Variable(name=item), *_], rest=Call(name=called)) if self._is_declared(
                     called.text

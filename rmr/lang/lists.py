@@ -94,6 +94,8 @@ class Lists:
             message = f"`+` does not join {described(left.type)} and {described(right.type)}"
             appends = Base.LIST in {left.kind.base, right.kind.base} and left.kind.base is not right.kind.base
             hint = "`L + [X]` appends an item to a list" if appends else None
+            if Base.STRING in {left.kind.base, right.kind.base} and not appends:
+                hint = 'no value is turned into a string; hand both on as arguments: `shown(R, "load", N)`'
             self._demands.contradiction(message, expression.span, left, right, hint=hint)
 
     def call(self, call: Call, cells: list[Cell]) -> Cell:

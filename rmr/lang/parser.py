@@ -194,7 +194,7 @@ class _Parser:
         if found is None:
             return None
         self._repairs -= 1
-        self._found.report("E001", found.message, found.span, hint=found.hint)
+        self._found.report(found.code, found.message, found.span, hint=found.hint)
         self._is_doubtful |= found.doubtful
         return found
 

@@ -166,6 +166,24 @@ class Supply:
         return signature.provided or signature.declaration is not None or name in self._arriving
 
 
+def only_stated(fact: Fact, names: Names) -> bool:
+    """Whether facts of the predicate are stated as initial facts and come about in no other way."""
+    signature = names.of(fact)
+    if signature.kind is Kind.SENSED or signature.provided or fact.name.text in names.given:
+        return False
+    return _has_use(fact, names, {Role.FACT}) and not is_brought(fact, names)
+
+
+def is_brought(fact: Fact, names: Names) -> bool:
+    """Whether a rule or the declared effect of an action derives facts of the predicate."""
+    return _has_use(fact, names, {Role.HEAD, Role.EFFECT})
+
+
+def _has_use(fact: Fact, names: Names, roles: set[Role]) -> bool:
+    uses_of = (use for use in names.uses if use.fact.name.text == fact.name.text)
+    return any(use.role in roles and use.fact.mark is not Mark.GOAL for use in uses_of)
+
+
 def _supplied(name: str, waiting: dict[str, list[Firing]]) -> list[Firing]:
     """Return the firings that lack nothing any more now that `name` is there."""
     ready = []

@@ -5,7 +5,8 @@ Symbols are open sets, so that any word is legal. One is doubted only if
 - it stands at one place of the program, and is four letters long or longer;
 - another symbol differs from it by one letter that is missing, added, doubled, changed, or swapped with its neighbour;
   not by a digit, not by the first letter, not by what comes last (`wall_a` and `wall_b`, `slot1` and `slot2`);
-- both may stand for the same thing: their types have one name, or they are arguments of the same predicate;
+- both may stand for the same thing: their types have one name, or they are arguments of the same predicate, or
+  they stand where no type is declared, are six letters long or longer, end alike and differ by no changed letter;
 - the other one is used more often, or one of the two is only read and the other one only written.
 """
 
@@ -25,6 +26,9 @@ LETTERS_MIN = 4
 
 CHANGED_LETTERS_MIN = 5
 """Shorter symbols that differ by another letter are two words more often than one (`load`, `lead`)."""
+
+OPEN_LETTERS_MIN = 6
+"""Shorter symbols at different undeclared arguments are two words more often than one."""
 
 SYMBOLS_MAX = 2000
 """Symbols of one program that are compared; nobody spells more by hand."""
@@ -56,7 +60,9 @@ def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: D
     told: set[str] = set()
     for rare, other in pairs:
         here, there = places.get(rare, []), places.get(other, [])
-        if rare in told or len(here) != 1 or not there or not _are_one_set(here, there):
+        if rare in told or len(here) != 1 or not there:
+            continue
+        if not _are_one_set(here, there) and not _are_open(rare, other, here, there):
             continue
         if counts[other] == 1 and not _is_misspelt(here[0], there[0]):
             continue
@@ -82,6 +88,14 @@ def doubt_letters(letters: dict[str, Item | None], types: Types, found: Diagnost
 def _are_one_set(here: list[Place], there: list[Place]) -> bool:
     keys = {each.key for each in here}
     return any(each.key is None or each.key in keys or None in keys for each in there)
+
+
+def _are_open(rare: str, other: str, here: list[Place], there: list[Place]) -> bool:
+    """Whether two long symbols stand where no type is declared, and may be of one set although no rule says so."""
+    is_changed = len(rare) == len(other) and sorted(rare) != sorted(other)  # `packing` and `parking` are two words
+    if is_changed or min(len(rare), len(other)) < OPEN_LETTERS_MIN or rare[-1] != other[-1]:
+        return False
+    return all(each.key is not None and "/" in each.key for each in (*here, *there))
 
 
 def _is_misspelt(here: Place, there: Place) -> bool:

@@ -15,8 +15,8 @@ def _aggregate(place: Place) -> Habit | None:
     form = f"[{operator or 'count'}{'' if operator in {'count', ''} else ' X'} => V | body | head]"
     is_first = place.at == opening + 2 and place.word.kind == "VARIABLE"
     if not place.is_in_head and operator in AGGREGATES and (is_first or place.word.text in {"=>", "|"}):
-        hint = f"derive a fact by it in one rule, `... -o {form}.`, and read that in another"
-        return place.given_up("an aggregate stands in a head, not in a body", hint, place.words[opening])
+        message = "an aggregate stands in a head, not in a body"
+        return place.given_up(message, aggregate_hint(operator), place.words[opening])
     if place.word.text == "|" and operator in AGGREGATES and not gives:
         return place.given_up("this aggregate does not name its result", f"it is written `{form}`", inner[0])
     if place.word.text in {",", "then"} and gives and bars >= 2:
@@ -25,6 +25,23 @@ def _aggregate(place: Place) -> Habit | None:
     if place.word.text == "]" and gives and bars < 2:
         return place.given_up("this aggregate derives nothing", f"it is written `{form}`")
     return None
+
+
+def _aggregate_behind(place: Place) -> Habit | None:
+    """`[count | near(R, B)] => N`."""
+    if place.word.text != "=>" or place.kind(-1) != "RSQB":
+        return None
+    opening = place.before("LSQB")
+    operator = "" if opening is None else place.words[opening + 1].text
+    if opening is None or operator not in AGGREGATES:
+        return None
+    return place.given_up("this aggregate names its result behind the brackets", aggregate_hint(operator))
+
+
+def aggregate_hint(operator: str) -> str:
+    """Return how an aggregate is written and read."""
+    form = f"[{operator}{'' if operator == 'count' else ' X'} => V | body | head]"
+    return f"derive a fact by it in one rule, `... -o {form}.`, and read that in another"
 
 
 def _comprehension(place: Place) -> Habit | None:
@@ -59,6 +76,7 @@ def _assertion(place: Place) -> Habit | None:
 
 HABITS = (
     _aggregate,
+    _aggregate_behind,
     _comprehension,
     _assertion,
 )

@@ -20,6 +20,17 @@ def _is(place: Place) -> Habit | None:
     return place.meant(f"unexpected {quoted(word)}", "the remainder is `X % Y`", word, word, ("MODULO", "%"))
 
 
+def _let(place: Place) -> Habit | None:
+    """`p(R, N), let M = N + 1`; at the beginning of an item it is taken for a constant."""
+    if place.at < 2 or place.is_in_head or place.word.kind != "VARIABLE" or place.kind(1) != "EQ":
+        return None
+    word = place.words[place.at - 1]
+    if word.text not in {"let", "var"}:
+        return None
+    hint = f"an equation gives a variable its value: `{place.word.text} = ...`"
+    return place.meant(f"unexpected {quoted(word)}", hint, word, word)
+
+
 def _semicolon(place: Place) -> Habit | None:
     word = place.word
     if word.text != ";":
@@ -87,6 +98,9 @@ def _condition_in_head(place: Place) -> Habit | None:
     follows = place.kind(1) in COMPARING | {"PLUS", "MINUS", "FOREIGN"} or place.kind(1) == "->"
     behind = place.words[place.at + 1].text if place.at + 1 < len(place.words) else ""
     if place.word.kind == "VARIABLE" and (follows or behind in {"is", ":="}):
+        if behind in {"++", "--"}:
+            hint = f"what is derived is worked out in its arguments: `load(R, {place.word.text} {behind[0]} 1)`"
+            return place.given_up("a head derives facts, it sets no variable", hint)
         if behind in {"is", "=", ":=", "+=", "-="}:
             hint = "what is derived is worked out in its arguments, `load(R, N + 1)`, or in the body, `M = N + 1`"
             return place.given_up("a head derives facts, it sets no variable", hint)
@@ -124,6 +138,7 @@ def _cut(place: Place) -> Habit | None:
 
 HABITS = (
     _is,
+    _let,
     _semicolon,
     _not,
     _then,

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from itertools import pairwise
 
+from rmr.lang.build import RESERVED
 from rmr.lang.habits.place import RULE, Habit, Place, quoted, touch
 from rmr.lang.lexer import Token
 
@@ -76,6 +77,15 @@ def _foreign_item(place: Place) -> Habit | None:
     return None if hint is None else place.given_up(f"unexpected {quoted(first)}", hint, first)
 
 
+def _reserved(place: Place) -> Habit | None:
+    """`order(R, 1).`"""
+    first = place.words[0]
+    if place.at != 1 or place.word.kind != "LPAR" or first.text not in RESERVED:
+        return None
+    message = f"{quoted(first)} is a reserved word and names nothing"
+    return place.given_up(message, "choose another", first)._replace(code="E006")
+
+
 def _declared_kind(place: Place) -> Habit | None:
     """`type persistent edge(...)`."""
     if place.at != 2 or place.kind(-2) != "TYPE" or place.word.kind != "NAME":
@@ -107,6 +117,7 @@ HABITS = (
     _zero_arrow,
     _query,
     _foreign_item,
+    _reserved,
     _declared_kind,
     _attribute,
 )

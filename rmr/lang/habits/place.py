@@ -23,6 +23,7 @@ class Habit(NamedTuple):
     """From where to where these words stand instead; None: the item is given up."""
     doubtful: bool = False
     """The item may say something else than what is read instead."""
+    code: str = "E001"
 
 
 class Place(NamedTuple):
