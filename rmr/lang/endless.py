@@ -133,6 +133,14 @@ def _at_once(rule: Rule, names: Names) -> Iterator[Fact]:
                 yield fact
 
 
+def _derived(rule: Rule) -> Iterator[Fact]:
+    """Yield the facts that a head derives for its own match, those behind an action too."""
+    for part in rule.head:
+        for fact in part.derived if isinstance(part, Steps) else (part,):
+            if isinstance(fact, Fact) and fact.mark is not Mark.GOAL:
+                yield fact
+
+
 # ---- loops of one rule
 
 
@@ -260,8 +268,9 @@ def _persistent_counter(firing: _Firing, names: Names, found: Diagnostics) -> bo
         name = fact.name.text
         if names.of(fact).kind is not Kind.PERSISTENT or name in absent:
             continue
-        for derived in firing.derived.get(name, ()):
-            if _matches(fact, derived, firing.free) and _is_other(fact, derived):
+        for derived in _derived(firing.rule):
+            is_counted = derived.name.text == name and _is_same(derived.owner, fact.owner)
+            if is_counted and _matches(fact, derived, firing.free) and _is_other(fact, derived):
                 message = f"`{name}` is persistent: the old fact stays beside the new one, and this rule matches both"
                 hint = f"a temporary fact is replaced: `type {name}(...)` and `{name}(...)`, without `!`"
                 found.report("W114", message, firing.rule.span, hint=hint)

@@ -21,13 +21,16 @@ def _is(place: Place) -> Habit | None:
 
 
 def _let(place: Place) -> Habit | None:
-    """`p(R, N), let M = N + 1`; at the beginning of an item it is taken for a constant."""
-    if place.at < 2 or place.is_in_head or place.word.kind != "VARIABLE" or place.kind(1) != "EQ":
+    """`p(R, N), let M = N + 1 -o ...`"""
+    if place.at == 0 or place.is_in_head or place.word.kind not in {"VARIABLE", "NAME"} or place.kind(1) != "EQ":
         return None
     word = place.words[place.at - 1]
     if word.text not in {"let", "var"}:
         return None
-    hint = f"an equation gives a variable its value: `{place.word.text} = ...`"
+    name = place.word.text[0].upper() + place.word.text[1:]
+    hint = f"an equation gives a variable its value: `{name} = ...`"
+    if place.word.kind == "NAME":
+        return place.given_up(f"unexpected {quoted(word)}", hint, word)
     return place.meant(f"unexpected {quoted(word)}", hint, word, word)
 
 

@@ -73,6 +73,9 @@ def _foreign_item(place: Place) -> Habit | None:
         return None
     if first.text in RULE_WORDS:
         return place.given_up(f"unexpected {quoted(first)}", RULE, first)
+    is_equation = place.word.kind == "VARIABLE" and place.kind(1) == "EQ" and "ARROW" in place.item_kinds
+    if first.text in {"let", "var"} and is_equation:
+        return None
     hint = FOREIGN_ITEMS.get(first.text)
     return None if hint is None else place.given_up(f"unexpected {quoted(first)}", hint, first)
 

@@ -45,6 +45,12 @@ class Place(NamedTuple):
         index = self.at + offset
         return self.words[index].kind if 0 <= index < len(self.words) else ""
 
+    @property
+    def item_kinds(self) -> list[str]:
+        """The kinds of the item's words, as far as one has looked, up to its full stop."""
+        kinds = [word.kind for word in self.words]
+        return kinds[: kinds.index("DOT")] if "DOT" in kinds else kinds
+
     def span(self, first: Token, last: Token | None = None) -> Span:
         """Return the place of some words."""
         return Span(self.file, first.start, (last or first).end)

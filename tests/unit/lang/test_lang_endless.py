@@ -70,6 +70,7 @@ def test_a_rule_that_something_may_end_is_not_doubted(text):
         ("!c(R, 0). !c(R, N) -o !c(R, N + 0).", False),
         ("!c(R, 0). !c(R, N) -o !c(R, 7).", False),
         ("!c(R, 0). a(R). !c(R, N), a(R) -o !c(R, N + 1).", True),
+        ("!c(R, 0). a(R). type action f(robot). !c(R, N), a(R) -o f(R) then !c(R, N + 1).", True),
         ("!c(R, 0). a(R). !c(R, N), a(R), N < 9 -o !c(R, N + 1).", False),
         ("!c(R, 0). a(R). !c(R, N), a(R), not !c(R, N + 1) -o !c(R, N + 1).", False),
         ("!c(R, 0). a(R). !c(R, N), a(R), not !c(R, _) -o !c(R, N + 1).", False),
