@@ -49,9 +49,9 @@ class NodeHandle(RobotHandle):
         return node
 
     def needless(self) -> bool:
-        """Return whether the robot has had a turn since the action was derived, or has let one pass."""
+        """Return whether the robot has no reason to line up: it has had a turn since, let one pass, or is beyond."""
         turns = self.node.turns
-        return turns.hindered or turns.entered_since(self._running.derived)
+        return turns.hindered or turns.beyond or turns.entered_since(self._running.derived)
 
     @property
     def turn(self) -> Turn | None:

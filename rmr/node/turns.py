@@ -189,6 +189,11 @@ class Turns:
         return any(turn.hindered and turn.phase is not Phase.LEFT for turn in self._turns.values())
 
     @property
+    def beyond(self) -> bool:
+        """Whether the robot has the bottleneck behind it: there is no queue in which it should wait for its turn."""
+        return any(turn.beyond for turn in self._turns.values())
+
+    @property
     def rank(self) -> int:
         """The robot's place in the newest turn's schedule, 0 without one."""
         return next((turn.rank for turn in reversed(self._turns.values()) if turn.rank), 0)
