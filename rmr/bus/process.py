@@ -88,8 +88,12 @@ class LogFile(logging.FileHandler):
 
 
 def start_logging(who: str, file: Path | None) -> logging.Logger:
-    """Return the process's logger: people's lines on standard error, JSON lines in `file`. Raises OSError."""
+    """Return the process's logger: people's lines on standard error, JSON lines in `file`. Raises OSError.
+
+    A second start in one process replaces the first: no line goes to a stream or a file of an earlier one.
+    """
     logger = logging.getLogger("rmr")
+    stop_logging(logger)
     logger.setLevel(logging.DEBUG if file is not None else logging.INFO)
     logger.propagate = False
     people = logging.StreamHandler(sys.stderr)
@@ -102,6 +106,14 @@ def start_logging(who: str, file: Path | None) -> logging.Logger:
         programs.setFormatter(JsonLines(who))
         logger.addHandler(programs)
     return logger
+
+
+def stop_logging(logger: logging.Logger) -> None:
+    """Remove and close what `start_logging` gave to `logger`; handlers of others stay."""
+    for handler in list(logger.handlers):
+        if isinstance(handler.formatter, Plain | JsonLines):
+            logger.removeHandler(handler)
+            handler.close()
 
 
 class Ending:

@@ -102,6 +102,14 @@ def test_a_log_has_a_line_for_people_and_a_json_line_for_programs(logger, tmp_pa
     ]
 
 
+def test_a_second_start_of_logging_replaces_the_first_so_that_no_line_is_doubled(logger, tmp_path, capsys):
+    start_logging("first", tmp_path / "first.jsonl")
+    start_logging("second", None)
+    logger.info("here")
+    assert capsys.readouterr().err == "second: here\n"
+    assert (tmp_path / "first.jsonl").read_text() == ""
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_is_told_once_in_one_line_and_the_process_goes_on_without_its_log(logger, capsys):
     start_logging("robot", Path("/dev/full"))
