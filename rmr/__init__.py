@@ -13,9 +13,9 @@ from rmr.compiled import prefer
 __version__ = "0.1.0"
 
 _HOMES = {
-    "ActionFailed": "rmr.node.actions",
-    "RobotHandle": "rmr.node.actions",
-    "action": "rmr.node.actions",
+    "ActionFailed": "rmr.node.actions.dispatcher",
+    "RobotHandle": "rmr.node.actions.dispatcher",
+    "action": "rmr.node.actions.dispatcher",
     "CompileError": "rmr.base.errors",
     "Error": "rmr.base.errors",
     "ProgramError": "rmr.base.errors",

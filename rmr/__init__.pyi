@@ -6,9 +6,9 @@ from rmr.eval.api import Compiled as Compiled
 from rmr.eval.api import Evaluation as Evaluation
 from rmr.eval.api import compile as compile  # noqa: A004 - as in `re`
 from rmr.eval.api import evaluate as evaluate
-from rmr.node.actions import ActionFailed as ActionFailed
-from rmr.node.actions import RobotHandle as RobotHandle
-from rmr.node.actions import action as action
+from rmr.node.actions.dispatcher import ActionFailed as ActionFailed
+from rmr.node.actions.dispatcher import RobotHandle as RobotHandle
+from rmr.node.actions.dispatcher import action as action
 from rmr_sim.api import Run as Run
 from rmr_sim.api import simulate as simulate
 from rmr_sim.event import EventError as EventError

@@ -6,9 +6,9 @@ from typing import NamedTuple
 from rmr.bytecode import codec
 from rmr.bytecode.layout import SIZE_MAX
 from rmr.bytecode.program import Program
-from rmr.node.actions import Handler, MissingHandlers, check_handlers
-from rmr.node.provided import PROVIDED
-from rmr.node.userfile import ActionsError, load_actions
+from rmr.node.actions.built_in import PROVIDED
+from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
+from rmr.node.actions.user_file import ActionsError, load_actions
 
 
 class RefusedError(Exception):

@@ -17,9 +17,9 @@ from rmr.base.values import Value
 from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE
 from rmr.bytecode.program import ANY, Base, Constant, Program, Type
-from rmr.node import approach
-from rmr.node.actions import Handler
+from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
+from rmr.node.crossing import approach
 from rmr.node.node import Node
 from rmr.node.ports import Ports
 from rmr.radio.air import Announcement

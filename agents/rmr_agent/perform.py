@@ -24,7 +24,7 @@ from rmr.bus.process import (
 )
 from rmr.bus.secret import Secret, SecretError, read_secret
 from rmr.entry.files import unreadable
-from rmr.radio.keyfile import KeyFileError, read_key
+from rmr.radio.key_file import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
 from rmr_agent.crew import live
 from rmr_agent.robot import Carried

@@ -23,7 +23,7 @@ from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.losses import Losses
 from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, LogFile, Seldom
 from rmr.bus.session import Bus
-from rmr.node.actions import STOPPED, TAKEN_OVER, Handler
+from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
 from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from rmr.analysis.columnar import NUMBER, obstacles
 from rmr.base.values import Robot, format_fact
-from rmr.bytecode.columnar import NUMBER, obstacles
 from rmr.bytecode.program import InitialFact, Kind, Program, Strategy
 from rmr.columns.block import Block, Follows, owned, stated_values
 from rmr.columns.choices import below
@@ -35,7 +35,7 @@ class Columns:
     ) -> None:
         """Begin with the stated facts and goals, then the `given` facts; `streams` are what the robots draw from.
 
-        Raises ValueError if the program cannot be run as columns (`rmr.bytecode.columnar.obstacles`).
+        Raises ValueError if the program cannot be run as columns (`rmr.analysis.columnar.obstacles`).
         """
         found = obstacles(program, given)
         if found:

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rmr.analysis.straight import AND, CONST, IF, LOAD, NOTHING, OR, Operation
 from rmr.bytecode.program import Base
-from rmr.bytecode.straight import AND, CONST, IF, LOAD, NOTHING, OR, Operation
 from rmr.columns.layout import Layout
 from rmr.columns.numbers import WORK, Array, Held, also
 

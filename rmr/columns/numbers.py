@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from rmr.analysis.straight import work_out
 from rmr.base.values import INT_MIN
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.program import Base
-from rmr.bytecode.straight import work_out
 
 Array = npt.NDArray[Any]
 """A column, or a single value that stands for a column of it."""

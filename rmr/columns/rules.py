@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rmr.analysis.columnar import Slots, fallible
+from rmr.analysis.straight import BASES, straight
 from rmr.base.values import Value
-from rmr.bytecode.columnar import Slots, fallible
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, DeriveFact, Guard, Mode, Program, Rule, Steps
-from rmr.bytecode.straight import BASES, straight
 from rmr.columns.block import Block, Follows
 from rmr.columns.layout import Layout
 from rmr.columns.lines import Line

@@ -257,7 +257,7 @@ def _refused() -> Iterator[None]:
 
 def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
     """Run an experiment and print what it finds."""
-    from rmr.commands.radiorows import told
+    from rmr.commands.radio_rows import told
     from rmr.radio.trials import Runs
 
     seeds = range(others["seed"], others["seed"] + others["seeds"])

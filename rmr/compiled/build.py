@@ -34,7 +34,11 @@ HOT = (
     "rmr/bus/wire.py",
     "rmr/coord/*.py",
     "rmr/node/*.py",
+    "rmr/node/actions/*.py",
+    "rmr/node/crossing/*.py",
+    "rmr/node/logic/*.py",
     "rmr/node/motion/*.py",
+    "rmr/node/peers/*.py",
     "rmr/radio/*.py",
     "world/rmr_sim/robot.py",
     "world/rmr_sim/simulation.py",
@@ -46,9 +50,9 @@ INTERPRETED = {
     "rmr/base/mistake.py": "the same",
     "rmr/base/record.py": "makes classes at run time",
     "rmr/base/values.py": "its classes are strings and ints",
-    "rmr/node/handle.py": "a handler meets the same coroutines and classes in both forms",
-    "rmr/node/provided.py": "the same",
-    "rmr/node/userfile.py": "runs once, on a user's file",
+    "rmr/node/actions/handle.py": "a handler meets the same coroutines and classes in both forms",
+    "rmr/node/actions/built_in.py": "the same",
+    "rmr/node/actions/user_file.py": "runs once, on a user's file",
 }
 """What HOT names and is not compiled, and why."""
 OPTIONS = ROOT / "pyproject.toml"

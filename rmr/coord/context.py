@@ -8,7 +8,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from random import Random
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence

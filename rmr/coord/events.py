@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import Instant
 
 

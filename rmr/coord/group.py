@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import follower, leader, passage
 from rmr.coord.context import Context, Timer, stamp

@@ -12,7 +12,7 @@ robots pass, and not as all that pass later are shifted.
 
 from typing import Final
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Timer, stamp

@@ -7,8 +7,8 @@ on in every frame in which they have rules left over from the budget of the fram
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from rmr.analysis.columnar import Obstacle, obstacles
 from rmr.base.time import Instant, tick_start
-from rmr.bytecode.columnar import Obstacle, obstacles
 from rmr.bytecode.program import Program
 from rmr.columns.choices import streams
 from rmr.columns.columns import Columns

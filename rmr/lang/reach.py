@@ -15,8 +15,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from rmr.base.values import Robot
-from rmr.bytecode.backwards import (
+from rmr.analysis.backwards import (
     HOME,
     Backwards,
     Brought,
@@ -28,7 +27,8 @@ from rmr.bytecode.backwards import (
     unifier,
     value_key,
 )
-from rmr.bytecode.levels import STEPS_MAX, Levels, Reached
+from rmr.analysis.levels import STEPS_MAX, Levels, Reached
+from rmr.base.values import Robot
 from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
 
 COMPARISONS_MAX = 100_000

@@ -12,8 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from rmr.base.values import Robot
-from rmr.bytecode.backwards import (
+from rmr.analysis.backwards import (
     HOME,
     Backwards,
     Derivation,
@@ -27,6 +26,7 @@ from rmr.bytecode.backwards import (
     term_of,
     unifier,
 )
+from rmr.base.values import Robot
 from rmr.bytecode.program import ANY, Assertion, Constant, Effect, Pattern, Program, Serving, Slot
 
 STEPS_MAX = 2000

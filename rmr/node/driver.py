@@ -13,16 +13,16 @@ from typing import Final
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, distance
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, milliseconds
 from rmr.base.values import Symbol
-from rmr.node.approach import Approach
 from rmr.node.config import NodeConfig
+from rmr.node.crossing.approach import Approach
+from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
-from rmr.node.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
+from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
 from rmr.node.ports import Body, SeenBody
-from rmr.node.sensedfacts import SensedFacts
 from rmr.node.wire import Hello
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)

@@ -19,23 +19,23 @@ from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent
 from rmr.node import wire
-from rmr.node.actionlog import ActionLog
-from rmr.node.actions import ActionFailed, Dispatcher, Handler, Running, check_handlers
+from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.built_in import PROVIDED, NodeHandle
+from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Running, check_handlers
 from rmr.node.config import NodeConfig
-from rmr.node.coordlink import CoordLink
+from rmr.node.crossing.coordination_link import CoordLink
+from rmr.node.crossing.turn import Phase, Turn
+from rmr.node.crossing.turns import Turns
 from rmr.node.driver import Driver
-from rmr.node.exchange import Exchange
 from rmr.node.executive import Executive, Task
-from rmr.node.mind import Mind
+from rmr.node.logic.exchange import Exchange
+from rmr.node.logic.machine_runner import Mind
+from rmr.node.logic.sensed_facts import SensedFacts
+from rmr.node.messenger import Talk
 from rmr.node.motion.navigator import Navigator
-from rmr.node.perception import Peers, Percept
+from rmr.node.peers.perception import Peers, Percept
 from rmr.node.ports import Confirmed, Ports, Received, Spoken
-from rmr.node.provided import PROVIDED, NodeHandle
-from rmr.node.sensedfacts import SensedFacts
-from rmr.node.talk import Talk
 from rmr.node.trace import Level, Trace
-from rmr.node.turn import Phase, Turn
-from rmr.node.turns import Turns
 from rmr.vm.engines import new_machine
 
 ROUNDS_MAX: Final = 64

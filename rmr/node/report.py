@@ -3,8 +3,8 @@
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
+from rmr.node.crossing.turn import Phase
 from rmr.node.node import Node
-from rmr.node.turn import Phase
 from rmr.vm.job import Job
 
 

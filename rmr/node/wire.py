@@ -97,7 +97,7 @@ class Hello(NamedTuple):
     digest: int = 0
     """Identity of its program, 16 bits."""
     stays: bool = False
-    """It will stand for `rmr.node.hello.STAYS` from now on, whatever happens."""
+    """It will stand for `rmr.node.peers.hello.STAYS` from now on, whatever happens."""
 
 
 _HELLO: Final = struct.Struct(">BHhhBbBBhh")

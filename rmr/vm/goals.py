@@ -9,9 +9,9 @@ derives counts as its declared effects, as far as they are this robot's.
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from rmr.analysis.backwards import Patterns
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
-from rmr.bytecode.backwards import Patterns
 from rmr.bytecode.program import ANY, Constant, Program
 from rmr.vm.assertions import goal_text
 from rmr.vm.bounds import Dropped, remember

@@ -9,10 +9,10 @@ the same: the compiler is silent where the search might be cut short.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
+from rmr.analysis.backwards import HOME, Backwards, Patterns, Wanted
+from rmr.analysis.levels import Levels
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
-from rmr.bytecode.backwards import HOME, Backwards, Patterns, Wanted
-from rmr.bytecode.levels import Levels
 from rmr.bytecode.program import Constant, Lead, Program
 from rmr.bytecode.wire import identity
 from rmr.vm.store import Args

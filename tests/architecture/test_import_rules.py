@@ -13,13 +13,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.compiled": set(),
     "rmr.base": set(),
     "rmr.bytecode": {"rmr.base"},
-    "rmr.lang": {"rmr.base", "rmr.bytecode"},
-    "rmr.vm": {"rmr.base", "rmr.bytecode"},
+    "rmr.analysis": {"rmr.base", "rmr.bytecode"},
+    "rmr.lang": {"rmr.base", "rmr.bytecode", "rmr.analysis"},
+    "rmr.vm": {"rmr.base", "rmr.bytecode", "rmr.analysis"},
     "rmr.coord": {"rmr.base"},
     "rmr.radio": {"rmr.base"},
-    "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.vm"},
+    "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.vm"},
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
-    "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
+    "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
     "rmr.bus": {"rmr.base", "rmr.node", "rmr.radio"},
     "rmr.entry": set(),
     "rmr.cli": {"rmr.commands", "rmr.entry"},
@@ -43,7 +44,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 """Part -> the other parts that it may import."""
 
-OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_world.labtime"}
+OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_world.lab_time"}
 """The world as a process."""
 
 LIBRARIES: dict[str, set[str]] = {

@@ -15,7 +15,7 @@ from runs import Row, Run, simulated
 
 from rmr.base.time import in_seconds
 from rmr.coord.values import Order, Values
-from rmr.node.approach import HEADWAY_MARGIN_M, departures
+from rmr.node.crossing.approach import HEADWAY_MARGIN_M, departures
 from rmr_sim.simulation import Simulation
 from rmr_world.bound import destinations
 

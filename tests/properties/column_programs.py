@@ -2,8 +2,8 @@
 
 from random import Random
 
+from rmr.analysis.columnar import obstacles
 from rmr.base.streams import Choices
-from rmr.bytecode.columnar import obstacles
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source
 from rmr.vm.engines import Engine, new_machine

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.coord import messages as m
 from rmr.coord.leader import split_path
 from rmr.coord.term import COUNTER_MAX, Term

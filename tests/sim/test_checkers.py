@@ -13,7 +13,7 @@ from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, 
 from rmr.coord.messages import Entry, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
 from rmr.coord.values import EXCLUSIVE_WAY, Values
-from rmr.node.exchange import Exchange
+from rmr.node.logic.exchange import Exchange
 from rmr.node.ports import Spoken
 from rmr.radio.links import Disturbance
 from rmr.vm import assertions

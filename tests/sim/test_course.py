@@ -5,8 +5,8 @@ from pathlib import Path
 
 from rmr.base.geometry import Point
 from rmr.base.time import Instant
-from rmr.node.course import REPLAN_EVERY, bound_for, redirect
-from rmr.node.turn import Phase, Turn
+from rmr.node.crossing.destination import REPLAN_EVERY, bound_for, redirect
+from rmr.node.crossing.turn import Phase, Turn
 from rmr_sim.run import prepare
 
 FRAMES = 150

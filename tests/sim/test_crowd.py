@@ -6,8 +6,8 @@ import pytest
 
 from rmr.base.geometry import Pose, distance
 from rmr.base.time import in_seconds, milliseconds, seconds
-from rmr.node.approach import HEADWAY_MARGIN_M, Approach
 from rmr.node.config import CROWD_FROM
+from rmr.node.crossing.approach import HEADWAY_MARGIN_M, Approach
 from rmr.node.motion.navigator import Navigator
 from rmr_sim.run import prepare
 from rmr_sim.simulation import Simulation

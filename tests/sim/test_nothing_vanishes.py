@@ -5,7 +5,7 @@ import json
 import pytest
 from lab_maker import small_lab
 
-from rmr.node.actionlog import ACTIONS_MAX
+from rmr.node.actions.action_log import ACTIONS_MAX
 from rmr_sim.main import main
 from rmr_sim.run import report_of
 

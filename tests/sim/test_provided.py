@@ -7,7 +7,7 @@ from lab_maker import small_lab, traced
 
 from rmr.base.geometry import Point
 from rmr.base.time import seconds
-from rmr.node.course import bound_for
+from rmr.node.crossing.destination import bound_for
 from rmr_sim.run import prepare
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "labs" / "testbed"

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from rmr.commands import group
-from rmr.commands.radiorows import NAMES
+from rmr.commands.radio_rows import NAMES
 
 FILES = Path(__file__).parents[1] / "validation" / "reference"
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from coord_harness import EVENT, MS, Mind, Model, ms
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.time import Duration, Instant, in_seconds
 from rmr.coord.events import LeadershipBegan, Send

@@ -11,7 +11,7 @@ import click
 from rmr_lab.findings import ERROR, Findings, judge
 from rmr_lab.picture import draw
 from rmr_world.bound import bound_s, destinations
-from rmr_world.firstmoves import bound_for
+from rmr_world.first_moves import bound_for
 from rmr_world.lab import Lab
 
 EXIT_USAGE, EXIT_INVALID = 2, 3

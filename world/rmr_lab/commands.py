@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from rmr import __version__
-from rmr_world.providedlabs import missing, provided_labs, resolve
+from rmr_world.provided_labs import missing, provided_labs, resolve
 
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 EXIT_USAGE = 2

@@ -17,15 +17,15 @@ from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostic import Diagnostic
 from rmr.lang.render import render_text, to_json
 from rmr.lang.source import Source
-from rmr.node.actions import Handler
-from rmr.node.provided import PROVIDED
-from rmr.node.userfile import ActionsError, load_actions
-from rmr_sim.userevents import load_events
+from rmr.node.actions.built_in import PROVIDED
+from rmr.node.actions.dispatcher import Handler
+from rmr.node.actions.user_file import ActionsError, load_actions
+from rmr_sim.user_events import load_events
 from rmr_world.document import END_LINE, LabError, Problem, read
 from rmr_world.judge import errors_of, warnings_of
 from rmr_world.lab import PROGRAMS, Lab, lab_path, load_lab
 from rmr_world.program import ProgramError, load_program, program_missing
-from rmr_world.radiokey import radio_key
+from rmr_world.radio_key import radio_key
 
 ERROR, WARNING = "error", "warning"
 _WARNING = "warning: "

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from rmr_world.document import read
-from rmr_world.providedlabs import LAB_FILE, missing, provided_labs
+from rmr_world.provided_labs import LAB_FILE, missing, provided_labs
 
 SCHEMA_FILE = "lab.schema.json"
 HEADER = f"# yaml-language-server: $schema={SCHEMA_FILE}\n"

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from rmr_lab.provide import HEADER, CopyError, copy, refuse_existing, write_schema
-from rmr_world.providedlabs import LAB_FILE
+from rmr_world.provided_labs import LAB_FILE
 
 LAB_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")
 """What a lab may be called (`rmr_world.schema.LAB_NAME`)."""

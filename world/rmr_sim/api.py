@@ -22,7 +22,7 @@ from rmr.node.trace import Level
 from rmr_sim.event import Event
 from rmr_sim.run import Options, load, report_of
 from rmr_sim.simulation import Simulation
-from rmr_world.providedlabs import missing, resolve
+from rmr_world.provided_labs import missing, resolve
 
 Trajectory = npt.NDArray[np.float64]
 """Rows of (t_s, x_m, y_m, heading_rad)."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rmr import __version__
 from rmr.coord.values import Order
-from rmr_world.providedlabs import missing, resolve
+from rmr_world.provided_labs import missing, resolve
 
 SEEDS_MAX = 100_000
 """Of one sweep: days of work, and a sweep.json of 30 MB."""

@@ -7,8 +7,8 @@ is called when something happens. A thousand cost no more than what they say to 
 from collections.abc import Mapping
 
 from rmr.bytecode.program import Kind, Program
-from rmr.node.actions import Handler
-from rmr.node.provided import PROVIDED
+from rmr.node.actions.built_in import PROVIDED
+from rmr.node.actions.dispatcher import Handler
 from rmr_world.lab import Lab
 
 SENSED_BY_BODIES = frozenset({"at", "pose", "obstacle", "neighbor", "range"})

@@ -19,7 +19,7 @@ from rmr.base.mistake import words
 from rmr.base.time import in_seconds
 from rmr.coord.values import Order
 from rmr.entry.files import unreadable
-from rmr.node.actions import STOPPED, TAKEN_OVER
+from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
 from rmr.node.trace import Level
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
@@ -36,7 +36,7 @@ from rmr_world.faults import lines
 from rmr_world.lab import lab_path
 from rmr_world.program import ProgramError
 from rmr_world.report import REPORT_FILE, table_text, to_json, write
-from rmr_world.runfolder import RunFolderError, make_run_folder
+from rmr_world.run_folder import RunFolderError, make_run_folder
 from rmr_world.troubles import troubles
 
 FAILURES_MAX = 5

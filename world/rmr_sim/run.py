@@ -18,12 +18,12 @@ from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.watch import watch
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
-from rmr_sim.userevents import load_events
+from rmr_sim.user_events import load_events
 from rmr_world.faults import told
 from rmr_world.judge import judged
 from rmr_world.lab import Lab, load_lab
 from rmr_world.program import LoadedProgram, load_handlers, load_lab_program
-from rmr_world.radiokey import radio_key
+from rmr_world.radio_key import radio_key
 from rmr_world.report import assemble
 
 

@@ -16,7 +16,7 @@ from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.coord.values import Values
-from rmr.node.actions import Handler
+from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.trace import Level
@@ -61,7 +61,7 @@ class Simulation:
         `fresh` returns handlers of their own for each life of each robot, so that the globals of the user's file are
         one robot's, as in a process; without it all share `handlers`.
 
-        Raises `rmr.node.actions.MissingHandlers` when the program declares an action that nothing carries out.
+        Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
         self.lab = lab
         self._key = None if key is None else run_key(key, "simulator", lab.name, seed)

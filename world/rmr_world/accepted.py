@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 
 from rmr_world.advice import advice
 from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
-from rmr_world.jsonschema import schema_items, schema_keys
+from rmr_world.json_schema import schema_items, schema_keys
 from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema, near_miss
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}

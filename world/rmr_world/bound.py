@@ -22,7 +22,7 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
-from rmr_world.freeflow import FreeFlow
+from rmr_world.free_flow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
 
 BOX_SIDE_PLACES = 8

@@ -15,12 +15,12 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.bytecode.heads import items
 from rmr.bytecode.program import Assertion, Atom, Kind, Mode, Program, Rule
+from rmr.node.actions.built_in import PROVIDED
 from rmr.node.driver import spots
 from rmr.node.motion.route import leader_route
-from rmr.node.provided import PROVIDED
 from rmr_world.bound import destinations
 from rmr_world.document import Problem
-from rmr_world.firstmoves import MOVES, bound_for
+from rmr_world.first_moves import MOVES, bound_for
 from rmr_world.lab import Lab
 from rmr_world.usage import PROVIDED as SENSED
 from rmr_world.usage import problem_at

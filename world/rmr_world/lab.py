@@ -18,7 +18,7 @@ from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Path_, Problem, read
-from rmr_world.providedlabs import LAB_FILE, resolve
+from rmr_world.provided_labs import LAB_FILE, resolve
 from rmr_world.ranges import LabFact, StatedFact, drawn
 from rmr_world.terms import FinishPattern, parse_fact, parse_finish
 

@@ -16,8 +16,8 @@ from rmr.bytecode.program import Program
 from rmr.vm.job import Job
 from rmr_world.bound import approachable, destinations
 from rmr_world.document import Problem
-from rmr_world.firstmoves import ROBOTS_MAX, at_most, started
-from rmr_world.freeflow import FreeFlow
+from rmr_world.first_moves import ROBOTS_MAX, at_most, started
+from rmr_world.free_flow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
 from rmr_world.terms import TermError, parse_fact
 from rmr_world.usage import problem_at

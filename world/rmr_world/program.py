@@ -16,9 +16,9 @@ from rmr.bytecode.layout import SIZE_MAX
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file
 from rmr.lang.render import render_text, to_json
-from rmr.node.actions import Handler, MissingHandlers, check_handlers
-from rmr.node.provided import PROVIDED
-from rmr.node.userfile import ActionsError, load_actions
+from rmr.node.actions.built_in import PROVIDED
+from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
+from rmr.node.actions.user_file import ActionsError, load_actions
 from rmr_world.document import LabError, Problem
 from rmr_world.lab import Lab
 from rmr_world.schema import near_miss

@@ -26,7 +26,7 @@ from rmr.bytecode.program import Constant
 from rmr_world.disturbed import Disturbed
 from rmr_world.faults import entry, line
 from rmr_world.lab import Lab
-from rmr_world.labtime import LabTime
+from rmr_world.lab_time import LabTime
 from rmr_world.physics import World
 
 START_DELAY = milliseconds(100)

@@ -7,7 +7,7 @@ import click
 
 from rmr import __version__
 from rmr.base.streams import SEED_MAX
-from rmr_world.providedlabs import missing, resolve
+from rmr_world.provided_labs import missing, resolve
 
 
 def _existing(ctx: click.Context, param: click.Parameter, lab: Path) -> Path:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rmr.analysis.backwards import Patterns
 from rmr.base.values import format_value
-from rmr.bytecode.backwards import Patterns
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
 from rmr.lang.format import one_line
 from rmr.lang.source import Source, Span

@@ -18,7 +18,7 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
-from rmr.base.gridpath import STEPS, GridPath
+from rmr.base.grid_path import STEPS, GridPath
 from rmr.node.motion.grid import (
     MARGIN_M,
     RELAXED_M,

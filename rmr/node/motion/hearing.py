@@ -14,7 +14,8 @@ to stop-if-dangerous.
 are overdue are a silence; and a robot that sets out waits for a single one of a parked robot near it, which may have
 set out unheard as well.
 
-*Who says that it stays is not silent meanwhile* (`rmr.node.hello`): in a crowd most robots stand, and speak seldom.
+*Who says that it stays is not silent meanwhile* (`rmr.node.peers.hello`): in a crowd most robots stand, and
+speak seldom.
 
 *Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
 it is, or has had long enough to (`rmr.node.config`).
@@ -32,8 +33,8 @@ from typing import Final, final
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
-from rmr.node.hello import period_max
 from rmr.node.motion.priority import order_key
+from rmr.node.peers.hello import period_max
 from rmr.node.ports import SeenBody
 
 SILENT_MOVING: Final[Duration] = milliseconds(1200)

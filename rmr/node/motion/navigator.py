@@ -14,7 +14,7 @@ from typing import Final
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
 from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside, ways_of
 from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.node.motion.astar import Floor, plan
 from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 

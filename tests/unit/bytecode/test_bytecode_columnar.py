@@ -2,12 +2,12 @@
 
 import pytest
 
+from rmr.analysis import columnar
+from rmr.analysis.columnar import obstacles
+from rmr.analysis.straight import Unsuitable, straight
 from rmr.base.values import Symbol
-from rmr.bytecode import columnar
-from rmr.bytecode.columnar import obstacles
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, InitialFact, Instruction, Program, Type
-from rmr.bytecode.straight import Unsuitable, straight
 from rmr.lang.compiler import compile_source
 
 REASONS = {

@@ -2,8 +2,8 @@
 
 import pytest
 
-from rmr.bytecode import single
-from rmr.bytecode.single import several
+from rmr.analysis import single
+from rmr.analysis.single import several
 from rmr.lang.compiler import compile_source
 
 SINGLE = {

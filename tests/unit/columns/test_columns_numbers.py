@@ -7,11 +7,11 @@ from random import Random
 import numpy as np
 import pytest
 
+from rmr.analysis.straight import work_out
 from rmr.base.streams import Choices
 from rmr.base.values import INT_MAX, INT_MIN
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.program import Base
-from rmr.bytecode.straight import work_out
 from rmr.columns.choices import below, streams
 from rmr.columns.numbers import WORK, write
 

@@ -8,7 +8,7 @@ import pytest
 from coord_campaign import SHORT, run, run_wide
 from coord_harness import EVENT, MS, Air, Model, ms
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.coord import events
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send

@@ -3,7 +3,7 @@
 import pytest
 from coord_harness import EVENT, Air, Model, ms
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.coord.events import PathReceived
 from rmr.coord.messages import Sched, decode
 from rmr.coord.values import Values

@@ -10,7 +10,7 @@ from rmr.base.time import NS_PER_MS, in_seconds
 from rmr.coord import insertion, messages, schedule, states, values
 from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched
 from rmr.coord.values import Values
-from rmr.node import approach, turn, turns
+from rmr.node.crossing import approach, turn, turns
 from rmr.node.motion import avoid, gate, route
 
 PAGE = page("coordination")

@@ -12,8 +12,8 @@ from rmr.base.time import NS_PER_MS
 from rmr.base.values import ROBOT_ID_MAX
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, ENDPOINT
 from rmr.bus.wire import Disturbances
-from rmr.node.actions import RobotHandle
-from rmr.node.provided import PROVIDED
+from rmr.node.actions.built_in import PROVIDED
+from rmr.node.actions.dispatcher import RobotHandle
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr_agent.main import main as agent
 from rmr_deploy import launch

@@ -14,7 +14,7 @@ from rmr_lab.provide import HEADER, SCHEMA_FILE
 from rmr_lab.scaffold import LAB_NAME
 from rmr_sim.run import prepare
 from rmr_world import schema
-from rmr_world.providedlabs import labs_folder, provided_labs, resolve
+from rmr_world.provided_labs import labs_folder, provided_labs, resolve
 
 
 def run(group, *words):

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner, Result
 from lang_source import compiled
 
+from rmr.analysis import levels
 from rmr.base.values import Robot, Symbol
-from rmr.bytecode import levels
 from rmr.commands.group import command as main
 from rmr.lang import octets as sizes
 from rmr.lang import serve

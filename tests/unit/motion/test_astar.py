@@ -9,7 +9,7 @@ import bench
 
 from rmr.base.arena import Arena, Disc
 from rmr.base.geometry import Point, point_segment_distance
-from rmr.base.gridpath import STEPS
+from rmr.base.grid_path import STEPS
 from rmr.node.motion.astar import plan, search
 from rmr.node.motion.grid import Grid, blocked_cells, discs_around, grid_of, segment_clearance
 

@@ -5,11 +5,11 @@ import pytest
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant, in_seconds, milliseconds, seconds
-from rmr.node.hello import STAYS
 from rmr.node.motion.avoid import safe_speed
 from rmr.node.motion.hearing import SILENT_PARKED, Hearing, Known
 from rmr.node.motion.priority import order_key
-from rmr.node.perception import Peers
+from rmr.node.peers.hello import STAYS
+from rmr.node.peers.perception import Peers
 from rmr.node.ports import SeenBody
 from rmr.node.wire import Hello
 

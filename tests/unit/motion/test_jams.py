@@ -10,12 +10,12 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
+from rmr.node.crossing.turn import Phase, Turn, gets_nowhere
 from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away, ways_of
 from rmr.node.motion.avoid import ENDURED, StandOff
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
-from rmr.node.turn import Phase, Turn, gets_nowhere
 from rmr.vm.job import Job
 
 ARENA = Arena(

@@ -7,9 +7,9 @@ import pytest
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import seconds
-from rmr.node.approach import Approach, departures
+from rmr.node.crossing.approach import Approach, departures
 from rmr.node.motion.aside import aside
 from rmr.node.motion.gate import PUT_OFF_S, Gate
 from rmr.node.motion.navigator import Navigator

@@ -122,7 +122,7 @@ def test_a_followers_leg_goes_around_what_stands_in_it():
 
 
 def test_a_shared_path_that_lies_outside_the_arena_is_not_followed():
-    from rmr.base.gridpath import GridPath
+    from rmr.base.grid_path import GridPath
 
     route = follower_route(TESTBED, STARTS[0], EXITS[0], (), GridPath((500, 500), (0, 0)))
     assert route is not None

@@ -12,7 +12,7 @@ from rmr.base.values import Value
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.program import Kind, Program
 from rmr.lang.compiler import compile_source
-from rmr.node.actions import ActionFailed, Handler, RobotHandle
+from rmr.node.actions.dispatcher import ActionFailed, Handler, RobotHandle
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received

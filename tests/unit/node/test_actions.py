@@ -6,8 +6,17 @@ from pathlib import Path
 import pytest
 
 from rmr.base.time import seconds
-from rmr.node.actions import STOPPED, TAKEN_OVER, ActionFailed, Dispatcher, Handler, Pause, RobotHandle, Running
-from rmr.node.handle import wait
+from rmr.node.actions.dispatcher import (
+    STOPPED,
+    TAKEN_OVER,
+    ActionFailed,
+    Dispatcher,
+    Handler,
+    Pause,
+    RobotHandle,
+    Running,
+)
+from rmr.node.actions.handle import wait
 
 
 class Turn:

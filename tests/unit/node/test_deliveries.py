@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rmr.base.time import seconds
 from rmr.base.values import Robot
 from rmr.node import wire
-from rmr.node.exchange import TIME_TO_LIVE, Outcome
+from rmr.node.logic.exchange import TIME_TO_LIVE, Outcome
 from rmr.node.ports import Received
 from rmr.node.wire import Delivery, Kind, Role
 

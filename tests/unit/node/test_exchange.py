@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from rmr.base.time import NEVER, seconds
 from rmr.node import wire
-from rmr.node.exchange import IN_FLIGHT_MAX, REMEMBERED_MAX, TIME_TO_LIVE, WAITING_MAX, Exchange, Outcome
+from rmr.node.logic.exchange import IN_FLIGHT_MAX, REMEMBERED_MAX, TIME_TO_LIVE, WAITING_MAX, Exchange, Outcome
 from rmr.node.wire import Delivery, Kind, Role
 
 FACT = Delivery(Role.FACT, 3, (1,))

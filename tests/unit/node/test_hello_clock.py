@@ -6,8 +6,8 @@ from random import Random
 import pytest
 
 from rmr.base.time import Duration, in_seconds, seconds
-from rmr.node.hello import EAGER, STAYS, HelloClock
 from rmr.node.motion.hearing import SILENT_MOVING, SILENT_PARKED
+from rmr.node.peers.hello import EAGER, STAYS, HelloClock
 
 
 def periods(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rmr.base.time import tick_start
-from rmr.node.perception import Localiser
+from rmr.node.peers.perception import Localiser
 from rmr_world.lab import load_lab
 from rmr_world.physics import World
 

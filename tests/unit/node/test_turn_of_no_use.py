@@ -8,10 +8,8 @@ import pytest
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.actions import Running
-from rmr.node.motion.gate import PUT_OFF_S
-from rmr.node.motion.navigator import Navigator
-from rmr.node.turn import (
+from rmr.node.actions.dispatcher import Running
+from rmr.node.crossing.turn import (
     APPROACHES,
     HINDERED_MAX,
     HINDERED_WAIT,
@@ -24,6 +22,8 @@ from rmr.node.turn import (
     stands_in_way,
     stands_within,
 )
+from rmr.node.motion.gate import PUT_OFF_S
+from rmr.node.motion.navigator import Navigator
 from rmr.vm.job import Job
 from rmr_world.lab import load_lab
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rmr.node.userfile import ActionsError, load_actions
+from rmr.node.actions.user_file import ActionsError, load_actions
 
 BLINK = "from rmr import action\n@action('blink')\nasync def blink(robot): ...\n"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rmr.radio.keyfile import FILE_OCTETS_MAX, KeyFileError, read_key
+from rmr.radio.key_file import FILE_OCTETS_MAX, KeyFileError, read_key
 
 DIGITS = "00112233445566778899aAbBcCdDeEfF"
 

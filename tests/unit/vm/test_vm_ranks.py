@@ -3,10 +3,10 @@
 import pytest
 from vm_hand import INT, Hand, V, actions, code, fired, guard, machine_of, started
 
+from rmr.analysis import levels
+from rmr.analysis.backwards import Backwards
+from rmr.analysis.levels import Levels
 from rmr.base.values import Robot, Symbol
-from rmr.bytecode import levels
-from rmr.bytecode.backwards import Backwards
-from rmr.bytecode.levels import Levels
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Lead, Program
 from rmr.lang.compiler import compile_source

@@ -11,7 +11,7 @@ from rmr.base.arena import Arena, Disc, Polygon, RobotShape
 from rmr.base.geometry import Point
 from rmr_world.bound import bound_s, destinations, free_times
 from rmr_world.deadlines import _through_bottleneck, best_possible
-from rmr_world.freeflow import FreeFlow
+from rmr_world.free_flow import FreeFlow
 from rmr_world.lab import load_lab
 
 R = 0.07

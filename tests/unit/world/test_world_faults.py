@@ -4,7 +4,7 @@ import pytest
 from world_labs import ROOM, complaints, lab_of
 
 from rmr.base.time import NS_PER_MS, NS_PER_S
-from rmr.bus import reportchecks
+from rmr.bus import report_checks
 from rmr.radio.links import partition
 from rmr_world.faults import befallen, entry, line, lines, told
 from rmr_world.lab import Outage, Slow
@@ -23,7 +23,7 @@ def test_a_slow_robot_and_an_outage_are_kept_as_values_of_one_robot_each(tmp_pat
 def test_fault_without_an_end_has_no_to_and_lasts_to_the_end_of_the_run(tmp_path):
     endless = entry(partition([[1], [2]], 2 * S))
     assert line(endless) == "{from: 2.0, link: [1, 2], cut: true}"
-    reportchecks.report({"faults": [endless]})
+    report_checks.report({"faults": [endless]})
     (fault,) = befallen(lab_of(tmp_path, TWO), [endless], 7.5)
     assert list(fault.items())[:2] == [("from", 2.0), ("to", 7.5)]
 

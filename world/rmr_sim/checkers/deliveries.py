@@ -9,7 +9,7 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import Duration, Instant
-from rmr.node.exchange import TIME_TO_LIVE, Progress, Stage
+from rmr.node.logic.exchange import TIME_TO_LIVE, Progress, Stage
 from rmr_sim.checkers.scene import Scene
 
 CHECK = "delivery"

@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
-from rmr.node.hello import STAYS
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
 from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.motion.priority import Heard
+from rmr.node.peers.hello import STAYS
 from rmr.node.ports import SeenBody, Sensed
 from rmr.node.wire import Hello
 

@@ -28,11 +28,10 @@ from rmr.coord.events import (
     SlotLost,
 )
 from rmr.coord.values import Order
-from rmr.node.asking import estimate, finds_itself_within, request_of
-from rmr.node.course import keep_course, rank_changed
-from rmr.node.leading import Leading
-from rmr.node.motion.navigator import Navigator
-from rmr.node.turn import (
+from rmr.node.crossing.destination import keep_course, rank_changed
+from rmr.node.crossing.request import estimate, finds_itself_within, request_of
+from rmr.node.crossing.shared_path import Leading
+from rmr.node.crossing.turn import (
     EVENTS_KEPT,
     EXTEND_BEFORE,
     HINDERED_MAX,
@@ -50,6 +49,7 @@ from rmr.node.turn import (
     keep,
     passage_of,
 )
+from rmr.node.motion.navigator import Navigator
 from rmr.vm.job import Job
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ is told of which assertions the robot leads an event: it may lead one event of a
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import Instant
 from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
-from rmr.node.turn import Turn, keep
+from rmr.node.crossing.turn import Turn, keep
 
 if TYPE_CHECKING:
     from rmr.node.node import Node

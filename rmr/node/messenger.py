@@ -14,15 +14,15 @@ from rmr.base.streams import stream
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol, Value
 from rmr.node import wire
-from rmr.node.course import bound_for, redirect
-from rmr.node.deliveries import Deliveries
-from rmr.node.exchange import Exchange
-from rmr.node.hello import STAYS, STAYS_SPARE, HelloClock
+from rmr.node.crossing.destination import bound_for, redirect
+from rmr.node.crossing.turn import Phase, Turn
+from rmr.node.logic.deliveries import Deliveries
+from rmr.node.logic.exchange import Exchange
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
-from rmr.node.perception import driving_of
+from rmr.node.peers.hello import STAYS, STAYS_SPARE, HelloClock
+from rmr.node.peers.perception import driving_of
 from rmr.node.ports import Received
-from rmr.node.turn import Phase, Turn
 from rmr.node.wire import Hello, Kind, WireError
 from rmr.radio.phy import LOSS_AT_1_M_DB
 

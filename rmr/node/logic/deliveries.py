@@ -13,8 +13,8 @@ from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
 from rmr.bytecode.program import Kind
 from rmr.node import wire
-from rmr.node.exchange import Exchange, News, Outcome
-from rmr.node.symbols import symbols_of
+from rmr.node.logic.exchange import Exchange, News, Outcome
+from rmr.node.logic.symbols import symbols_of
 from rmr.node.trace import Level, fact_text
 from rmr.node.wire import Delivery, Role, WireError
 from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
-from rmr.node.actions import Running
+from rmr.node.actions.dispatcher import Running
+from rmr.node.crossing.turn import Turn
 from rmr.node.trace import Level, fact_text, goal_text, rule_text
-from rmr.node.turn import Turn
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
     ActionDerived,

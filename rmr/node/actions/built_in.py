@@ -1,6 +1,6 @@
 """The actions that every robot provides, written as a user would write them.
 
-Like `rmr.node.handle` this module is never compiled.
+Like `rmr.node.actions.handle` this module is never compiled.
 """
 
 import math
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
-from rmr.node.actions import Handler, Running
-from rmr.node.handle import ActionFailed, Pause, RobotHandle, wait
+from rmr.node.actions.dispatcher import Handler, Running
+from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
+from rmr.node.crossing.turn import Turn
 from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
-from rmr.node.turn import Turn
 
 if TYPE_CHECKING:
     from rmr.node.node import Node

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
-from rmr.node.turn import Phase, Turn
+from rmr.node.crossing.turn import Phase, Turn
 
 if TYPE_CHECKING:
     from rmr.node.node import Node

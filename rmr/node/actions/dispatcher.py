@@ -5,8 +5,8 @@ own. They are not asyncio coroutines: each `await` hands a `Pause` to the dispat
 the first call at which the pause is over, so that actions run in virtual time as they do in a process.
 
 Rules. An action that uses the wheels waits until the wheels are free, first come first served; `stop` does not
-wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.turns`), and does
-not keep others from the wheels meanwhile; if its slot moves away before it has begun, it is held again.
+wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing.turns`), and
+does not keep others from the wheels meanwhile; if its slot moves away before it has begun, it is held again.
 Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
 
@@ -20,7 +20,7 @@ from rmr.base.printable import one_line
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
-from rmr.node.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
+from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
 
 __all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "Running", "action"]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from rmr.base.time import Instant, in_seconds
-from rmr.node.actions import STOPPED, TAKEN_OVER
+from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
 
 ACTIONS_MAX: Final = 10_000
 """Started actions kept for the report; the oldest go first."""

@@ -10,7 +10,7 @@ from typing import Final
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
-from rmr.base.gridpath import GridPath
+from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, milliseconds, seconds
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.motion.estimate import Estimate

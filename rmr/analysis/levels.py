@@ -12,8 +12,7 @@ machine); who does not looks at all that is wanted (the compiler).
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from rmr.base.values import Robot, Value
-from rmr.bytecode.backwards import (
+from rmr.analysis.backwards import (
     HOME,
     Backwards,
     Derivation,
@@ -24,6 +23,7 @@ from rmr.bytecode.backwards import (
     premises,
     value_key,
 )
+from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Anything, Constant, Slot
 
 STEPS_MAX = 10_000

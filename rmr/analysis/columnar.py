@@ -8,6 +8,8 @@ no values without a fixed size. What stands in the way is told with its place an
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from rmr.analysis.single import Several, several
+from rmr.analysis.straight import BASES, NUMBERS, Operation, Unsuitable, straight
 from rmr.bytecode.program import (
     SELF,
     SELF_SLOT,
@@ -34,8 +36,6 @@ from rmr.bytecode.program import (
     Slot,
     Steps,
 )
-from rmr.bytecode.single import Several, several
-from rmr.bytecode.straight import BASES, NUMBERS, Operation, Unsuitable, straight
 
 FALLIBLE_MAX = 256
 """Places in the rules of a program at which an expression may have no value; a robot remembers the matches that failed

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rmr.base.mistake import place, words
-from rmr.node.userfile import UserFileError, run_file
+from rmr.node.actions.user_file import UserFileError, run_file
 from rmr_sim.event import Event, checked
 from rmr_world.lab import Lab
 from rmr_world.program import ProgramError

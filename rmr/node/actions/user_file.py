@@ -5,7 +5,7 @@ from pathlib import Path
 from types import ModuleType
 
 from rmr.base.mistake import place, words
-from rmr.node.actions import Handler, registered
+from rmr.node.actions.dispatcher import Handler, registered
 
 
 class UserFileError(Exception):

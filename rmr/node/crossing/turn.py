@@ -1,7 +1,7 @@
 """One turn: a job's part in its event, as a value.
 
 A turn goes ``asking -> slotted -> inside -> left``; a slot that is lost goes back to asking, and so does a
-turn of which the job starts anew, or that an action has used up in vain. `rmr.node.turns` moves it.
+turn of which the job starts anew, or that an action has used up in vain. `rmr.node.crossing.turns` moves it.
 """
 
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
-from rmr.node.actions import Running
+from rmr.node.actions.dispatcher import Running
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route

@@ -3,7 +3,7 @@
 The world server does not read it: it tells the robots the level alone, for the bus is clear text.
 """
 
-from rmr.radio.keyfile import KeyFileError, read_key
+from rmr.radio.key_file import KeyFileError, read_key
 from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Problem
 from rmr_world.lab import Lab

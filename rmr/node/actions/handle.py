@@ -1,7 +1,8 @@
 """What an action's coroutine gets and awaits: the `robot` of an `async def`.
 
-This module and `rmr.node.provided` are never compiled, so that a handler meets the same classes, and the same messages,
-in both forms: a coroutine that mypyc has made differs from Python's when it is closed after its end, for example.
+This module and `rmr.node.actions.built_in` are never compiled, so that a handler meets the same classes, and the same
+messages, in both forms: a coroutine that mypyc has made differs from Python's when it is closed after its end, for
+example.
 
 A handle belongs to one action and is gone with it. What a robot shall remember from one action to the next stands in
 `RobotHandle.state`, which lives as long as the robot's node: until its process ends, or another run begins.
@@ -15,8 +16,8 @@ from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Value
 
 if TYPE_CHECKING:
-    from rmr.node.actions import Running
-    from rmr.node.perception import Percept
+    from rmr.node.actions.dispatcher import Running
+    from rmr.node.peers.perception import Percept
 
 SLEEP_MIN = NS_PER_MS
 """Of a handler's sleep: one that sleeps for nothing again and again would keep its host from ever going on."""

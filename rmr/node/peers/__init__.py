@@ -1,0 +1,1 @@
+"""What a robot knows of the others: their hellos and who is where."""
