@@ -14,7 +14,7 @@ from coord_harness import EVENT, MS, Air, Model, ms
 
 from rmr.coord.messages import Entry, Kind, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 
 @dataclass

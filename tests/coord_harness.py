@@ -17,7 +17,7 @@ from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest, Send
 from rmr.coord.messages import Beacon, Job, Phase, Sched, decode
 from rmr.coord.states import Passage, Role
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 MS = NS_PER_MS
 EVENT = b"corrid"

@@ -8,7 +8,7 @@ from random import Random
 from typing import NamedTuple
 
 from rmr.coord.schedule import Placed, Rules, Task
-from rmr.coord.values import EXCLUSIVE_WAY, MS
+from rmr.coord.timing import EXCLUSIVE_WAY, MS
 
 GRID_MS = 10
 

@@ -12,12 +12,12 @@ from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
-from rmr.coord.held import Held
+from rmr.coord.known_schedule import Held
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job, Message, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
 from rmr.coord.term import NO_TERM, NOBODY, Term, newer
-from rmr.coord.values import GRID, MS, OUTPUT_MAX, Values
+from rmr.coord.timing import GRID, MS, OUTPUT_MAX, Values
 
 
 class Timer(IntEnum):

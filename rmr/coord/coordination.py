@@ -18,7 +18,7 @@ from rmr.coord.group import Group
 from rmr.coord.messages import EVENT_OCTETS, OVER, Beacon, Kind, MessageError, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NOBODY
-from rmr.coord.values import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Values
+from rmr.coord.timing import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Values
 
 __all__ = ["Coordination", "JobRequest"]
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.messages import Beacon, Phase
-from rmr.coord.values import RECORDS_MAX, Values, same_way
+from rmr.coord.timing import RECORDS_MAX, Values, same_way
 
 
 class Claim(NamedTuple):

@@ -11,11 +11,11 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeaderChanged
-from rmr.coord.held import extract
+from rmr.coord.known_schedule import extract
 from rmr.coord.messages import Job, Phase, Sched
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NO_TERM, NOBODY, Term
-from rmr.coord.values import BANS_MAX, RECORDS_MAX
+from rmr.coord.timing import BANS_MAX, RECORDS_MAX
 
 
 def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None:

@@ -17,12 +17,12 @@ from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
-from rmr.coord.held import Held
+from rmr.coord.known_schedule import Held
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import OVER, PARTS_MAX, Beacon, Entry, Job, PathPart, Phase, Sched, entries_max, steps_max
 from rmr.coord.states import Role
 from rmr.coord.term import NOBODY, Term, successor
-from rmr.coord.values import MS, PAYLOAD_MAX
+from rmr.coord.timing import MS, PAYLOAD_MAX
 
 _WHOLE_PARTS: Final = 2
 """Schedules of more parts than this are not sent whole each time."""

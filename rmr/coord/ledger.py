@@ -18,11 +18,11 @@ from typing import Final
 
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.fence import Fence
-from rmr.coord.line import Line, entry_of, task_of
+from rmr.coord.ledger_job import Line, entry_of, task_of
 from rmr.coord.messages import PARTS_MAX, Entry, Job, Phase, entries_max
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
 from rmr.coord.term import NOBODY
-from rmr.coord.values import JOBS_MAX, Order, Values
+from rmr.coord.timing import JOBS_MAX, Order, Values
 
 _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 

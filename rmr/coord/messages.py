@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.values import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
+from rmr.coord.timing import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
 
 ENTRIES_MAX: Final = 10
 """Entries of one SCHED frame: 24 + 9 x 10 = 114 octets. Where frames are shorter, `entries_max`."""

@@ -11,7 +11,7 @@ from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, Slo
 from rmr.coord.fence import Claim
 from rmr.coord.messages import OVER, Beacon, Entry, Phase, Sched
 from rmr.coord.states import Passage
-from rmr.coord.values import ABSENT_MAX, same_way
+from rmr.coord.timing import ABSENT_MAX, same_way
 
 
 def begin(c: Context, request: JobRequest) -> None:

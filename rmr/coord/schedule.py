@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.insertion import insertion, settle
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
-from rmr.coord.values import GRID, Order, same_way
+from rmr.coord.timing import GRID, Order, same_way
 
 EXACT_MAX: Final = 11
 """Jobs ordered exactly: 60 ms at worst where gaps are triangular, and each further one doubles that."""

@@ -24,7 +24,7 @@ from rmr.base.time import seconds
 from rmr.coord.insertion import insertion
 from rmr.coord.schedule import Rules, Task, by_deadline, on_time, place, problem_of
 from rmr.coord.search import layers, punctual
-from rmr.coord.values import MS, Order
+from rmr.coord.timing import MS, Order
 from rmr_sim.simulation import Simulation
 from rmr_world.bound import destinations
 

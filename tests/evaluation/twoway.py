@@ -14,7 +14,7 @@ from intervals import mean, percent, quantile, share, text
 from runs import Row, Run, simulated
 
 from rmr.base.time import in_seconds
-from rmr.coord.values import Order, Values
+from rmr.coord.timing import Order, Values
 from rmr.node.crossing.approach import HEADWAY_MARGIN_M, departures
 from rmr_sim.simulation import Simulation
 from rmr_world.bound import destinations

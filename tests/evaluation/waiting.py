@@ -18,7 +18,7 @@ from runs import Row, pooled
 
 from rmr.base.streams import stream
 from rmr.base.time import in_seconds
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 sys.path.append(str(Path(__file__).parents[1]))
 

@@ -7,7 +7,7 @@ from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job, Sched, decode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.values import MS, Values
+from rmr.coord.timing import MS, Values
 
 
 def sent(model: Model) -> list[tuple[int, int, object]]:

@@ -8,7 +8,7 @@ from rmr.base.grid_path import GridPath
 from rmr.coord import messages as m
 from rmr.coord.leader import split_path
 from rmr.coord.term import COUNTER_MAX, Term
-from rmr.coord.values import GRID, HEADWAY_UNIT, MS
+from rmr.coord.timing import GRID, HEADWAY_UNIT, MS
 
 EVENTS = st.binary(min_size=6, max_size=6)
 ROBOTS = st.integers(0, 65533)

@@ -12,7 +12,7 @@ from rmr.coord import search as searching
 from rmr.coord.insertion import insertion
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, gap, on_time, order_jobs, place, search
 from rmr.coord.search import Problem, branch, layers, punctual, triangular
-from rmr.coord.values import GRID, MS, Order
+from rmr.coord.timing import GRID, MS, Order
 
 RULES = Rules(floor=600 * MS, opposed=280 * MS)
 

@@ -26,7 +26,7 @@ from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.time import Duration, Instant, in_seconds
 from rmr.coord.events import LeadershipBegan, Send
 from rmr.coord.messages import Kind, Sched, decode
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.ether import Ether
 from rmr.radio.frame import ACK_OCTETS, HEADER_OCTETS

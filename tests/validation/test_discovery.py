@@ -3,7 +3,7 @@
 import pytest
 from coordination import DISCOVERY, Row, discovery, rounds
 
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 ENOUGH = 0.95
 SEEDS = {5: range(10), 10: range(10), 50: range(3)}

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from rmr.base.errors import UsageError, require
 from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
-from rmr.coord.values import Order
+from rmr.coord.timing import Order
 from rmr.node.trace import Level
 from rmr_sim.event import Event
 from rmr_sim.run import Options, load, report_of

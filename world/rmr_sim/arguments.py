@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 from rmr import __version__
-from rmr.coord.values import Order
+from rmr.coord.timing import Order
 from rmr_world.provided_labs import missing, resolve
 
 SEEDS_MAX = 100_000

@@ -17,7 +17,7 @@ from typing import Any, TextIO
 
 from rmr.base.mistake import words
 from rmr.base.time import in_seconds
-from rmr.coord.values import Order
+from rmr.coord.timing import Order
 from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
 from rmr.node.trace import Level

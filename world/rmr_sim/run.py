@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.base.time import Duration
-from rmr.coord.values import Order, Values
+from rmr.coord.timing import Order, Values
 from rmr.node.trace import Level
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.watch import watch

@@ -15,7 +15,7 @@ from rmr.base.kernel import EVENT, Kernel
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node

@@ -12,7 +12,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, milliseconds, seconds
-from rmr.coord.values import EXCLUSIVE_WAY
+from rmr.coord.timing import EXCLUSIVE_WAY
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.grid import grid_of
 from rmr.node.motion.navigator import Navigator

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rmr.base.time import Instant
 from rmr.coord.events import JobRequest
-from rmr.coord.values import EXCLUSIVE_WAY
+from rmr.coord.timing import EXCLUSIVE_WAY
 from rmr.node.crossing.turn import Turn, stands_in_way, stands_within
 
 if TYPE_CHECKING:

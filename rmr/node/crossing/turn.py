@@ -15,7 +15,7 @@ from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
-from rmr.coord.values import EXCLUSIVE_WAY
+from rmr.coord.timing import EXCLUSIVE_WAY
 from rmr.node.actions.dispatcher import Running
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator

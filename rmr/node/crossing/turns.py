@@ -27,7 +27,7 @@ from rmr.coord.events import (
     SlotAssigned,
     SlotLost,
 )
-from rmr.coord.values import Order
+from rmr.coord.timing import Order
 from rmr.node.crossing.destination import keep_course, rank_changed
 from rmr.node.crossing.request import estimate, finds_itself_within, request_of
 from rmr.node.crossing.shared_path import Leading

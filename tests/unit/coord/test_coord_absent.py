@@ -6,7 +6,7 @@ import pytest
 from coord_harness import EVENT, MS, Model, ms
 
 from rmr.coord import events
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 VALUES = Values()
 

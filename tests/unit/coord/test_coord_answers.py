@@ -12,7 +12,7 @@ from rmr.coord.events import Send
 from rmr.coord.messages import Beacon, Entry, Job, Message, Phase, Sched, decode, encode
 from rmr.coord.states import Role
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 PEERS = 49
 PER_ANSWER = 5.0

@@ -9,7 +9,7 @@ from coord_harness import EVENT, MS, Model, ms
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.messages import Job, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 TICK_MS = 16
 

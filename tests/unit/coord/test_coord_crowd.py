@@ -9,7 +9,7 @@ from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
 from rmr.coord.term import Term
-from rmr.coord.values import GRID, MS, Values
+from rmr.coord.timing import GRID, MS, Values
 
 RULES = Rules(floor=600 * MS, opposed=280 * MS)
 COUNT = EXACT_MAX + 9

@@ -5,7 +5,7 @@ from coord_harness import EVENT, ms
 from rmr.coord.fence import Claim, Fence
 from rmr.coord.messages import Beacon, Phase
 from rmr.coord.term import Term
-from rmr.coord.values import EXCLUSIVE_WAY, Values
+from rmr.coord.timing import EXCLUSIVE_WAY, Values
 
 
 def beacon(who: int, phase: Phase, time: float, *, way: int = 0, start: float = 1000, end: float = 4000) -> Beacon:

@@ -6,7 +6,7 @@ from coord_harness import EVENT, Air, Model, ms
 from rmr.base.grid_path import GridPath
 from rmr.coord.events import PathReceived
 from rmr.coord.messages import Sched, decode
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 
 @pytest.mark.parametrize(("limit", "parts"), [(107, 2), (95, 3)])

@@ -8,7 +8,7 @@ from coord_harness import Model, ms
 
 from rmr.coord import context
 from rmr.coord.states import PASSAGES, ROLES, Passage, Role, check_passage, check_role
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 
 
 def test_a_change_that_the_tables_do_not_list_is_our_bug() -> None:

@@ -6,7 +6,7 @@ from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job
 from rmr.coord.term import Term
-from rmr.coord.values import MS, Values
+from rmr.coord.timing import MS, Values
 
 LED = Term(1, 1)
 

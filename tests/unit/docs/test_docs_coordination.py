@@ -7,9 +7,9 @@ import pytest
 from doc_pages import codes, page, section, table
 
 from rmr.base.time import NS_PER_MS, in_seconds
-from rmr.coord import insertion, messages, schedule, states, values
+from rmr.coord import insertion, messages, schedule, states, timing
 from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched
-from rmr.coord.values import Values
+from rmr.coord.timing import Values
 from rmr.node.crossing import approach, turn, turns
 from rmr.node.motion import avoid, gate, route
 
@@ -41,7 +41,7 @@ def sizes(layout: struct.Struct) -> list[int]:
     return [struct.calcsize(f">{unit}") for unit in (["B", "6s", *form[3:]] if "6s" in form else form)]
 
 
-def text_of(value: int | values.Order | None) -> str:
+def text_of(value: int | timing.Order | None) -> str:
     if not isinstance(value, int):
         return "none" if value is None else value.value
     return f"{value // NS_PER_MS} ms" if value >= NS_PER_MS else str(value)
@@ -54,9 +54,9 @@ def test_every_value_is_documented_with_its_default():
 
 def test_the_bounds_are_those_of_the_code():
     bounds = (
-        f"Bounds: {values.RECORDS_MAX} robots remembered per event, {values.JOBS_MAX} jobs per leader, "
-        f"{values.EVENTS_MAX} events per robot, {values.BANS_MAX} avoided leaders, {values.OUTPUT_MAX} frames "
-        f"and events waiting for the host, {values.IN_FLIGHT_MAX} unicasts whose outcome is awaited."
+        f"Bounds: {timing.RECORDS_MAX} robots remembered per event, {timing.JOBS_MAX} jobs per leader, "
+        f"{timing.EVENTS_MAX} events per robot, {timing.BANS_MAX} avoided leaders, {timing.OUTPUT_MAX} frames "
+        f"and events waiting for the host, {timing.IN_FLIGHT_MAX} unicasts whose outcome is awaited."
     )
     assert bounds in PAGE.replace("\n", " ")
 
@@ -108,7 +108,7 @@ def test_the_transitions_are_those_of_the_code(title, steps):
 
 
 def test_the_methods_of_ordering_bear_the_limits_of_the_code():
-    beam = next(count for count in range(values.JOBS_MAX, 0, -1) if schedule.BEAM_WORK // count**3)
+    beam = next(count for count in range(timing.JOBS_MAX, 0, -1) if schedule.BEAM_WORK // count**3)
     assert f"the optimum for up to {schedule.EXACT_MAX} jobs" in PAGE.replace("\n", " ")
     rows = table(page("scheduling"), "jobs on time at best", "method", "result")
     assert [row[0] for row in rows] == [f"up to {schedule.EXACT_MAX}", f"up to {beam}", "more"]
@@ -129,7 +129,7 @@ def test_the_figures_of_motion_are_those_of_the_code():
         f"slot - approach - {in_seconds(turn.LEAVE_EARLY):g} s",
         f"at the line within {in_seconds(turns.READY):g} s",
         f"{in_seconds(turn.UNKNOWN_INSIDE):g} s if nothing is known",
-        f"| {values.EXCLUSIVE_WAY}: such turns exclude every other one |",
+        f"| {timing.EXCLUSIVE_WAY}: such turns exclude every other one |",
         f"its front {gate.MARGIN_M * 100:.0f} cm before",
         f"a margin of {gate.EARLY_S:g} s and a tenth of the time left",
     ):

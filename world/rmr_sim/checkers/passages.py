@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
-from rmr.coord.values import Values, same_way
+from rmr.coord.timing import Values, same_way
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import TICK, Scene
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from rmr.base.time import NEVER, Instant
 from rmr.coord.messages import OVER, Entry, Phase, Sched, encode
 from rmr.coord.term import NO_TERM, NOBODY
-from rmr.coord.values import EXCLUSIVE_WAY, RECORDS_MAX
+from rmr.coord.timing import EXCLUSIVE_WAY, RECORDS_MAX
 
 
 class Extract(NamedTuple):

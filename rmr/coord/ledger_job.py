@@ -5,7 +5,7 @@ from typing import Final
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.messages import Entry, Job, Phase, on_grid
 from rmr.coord.schedule import Task
-from rmr.coord.values import MS
+from rmr.coord.timing import MS
 
 SETS_OUT: Final[Duration] = 500 * MS
 """A robot may have set out so much before its way to the gate asks for it."""
