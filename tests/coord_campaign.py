@@ -14,7 +14,7 @@ from coord_harness import EVENT, MS, Air, Model, ms
 
 from rmr.coord.messages import Entry, Kind, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 
 
 @dataclass
@@ -40,11 +40,11 @@ HEALED = ms(12_000)
 FAULTS = ("crash", "restart", "stall", "partition", "withdraw", "overrun")
 
 
-SHORT = Values(payload_max=42)
+SHORT = Timing(payload_max=42)
 """Frames of two entries: the schedules of a few robots take as many of them as those of a crowd."""
 
 
-def run(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
     """Run one seed: faults for 12 s, then a healed air until all are served."""
     rng = Random(f"campaign/{seed}")
     count = rng.randint(*robots)
@@ -53,7 +53,7 @@ def run(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6
         duplicate=rng.choice((0.0, 0.1)),
         late=rng.choice((0.0, 0.0, 0.05)),
     )
-    model = Model(seed, count, air, values)
+    model = Model(seed, count, air, timing)
     ways = rng.choice((1, 2))
     faults = rng.sample(FAULTS, rng.randint(0, 2))
     spread = rng.choice((20, 300, 5000))
@@ -81,7 +81,7 @@ def run(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6
     )
 
 
-def run_wide(seed: int, values: Values | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
+def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
     """Run one seed of the wide draw: faults, the longest until some 75 s, then a healed air until all are served."""
     rng = Random(f"campaign/wide/{seed}")
     count = rng.randint(*robots)
@@ -90,7 +90,7 @@ def run_wide(seed: int, values: Values | None = None, robots: tuple[int, int] = 
         duplicate=rng.choice((0.0, 0.1)),
         late=rng.choice((0.0, 0.05)),
     )
-    model = Model(seed, count, air, values)
+    model = Model(seed, count, air, timing)
     kinds = rng.sample(("links", "slow", "echo", "loop", "long stall", "forged", *FAULTS), rng.randint(1, 4))
     if "links" in kinds:
         air.links = {(a, b): rng.choice((0.0, 0.2, 0.5, 0.9, 1.0)) for a in model.ids for b in model.ids if a != b}

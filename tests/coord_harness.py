@@ -17,7 +17,7 @@ from rmr.coord.coordination import Coordination
 from rmr.coord.events import JobRequest, Send
 from rmr.coord.messages import Beacon, Job, Phase, Sched, decode
 from rmr.coord.states import Passage, Role
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 
 MS = NS_PER_MS
 EVENT = b"corrid"
@@ -94,7 +94,7 @@ class Mind:
     def boot(self) -> None:
         model = self.model
         self.core = Coordination(
-            self.robot, Random(f"{model.seed}/{self.robot}/{model.boots}"), len(model.ids) - 1, model.values
+            self.robot, Random(f"{model.seed}/{self.robot}/{model.boots}"), len(model.ids) - 1, model.timing
         )
         model.boots += 1
 
@@ -102,10 +102,10 @@ class Mind:
 class Model:
     """All robots, the air and the checkers."""
 
-    def __init__(self, seed: int, count: int, air: Air | None = None, values: Values | None = None) -> None:
+    def __init__(self, seed: int, count: int, air: Air | None = None, timing: Timing | None = None) -> None:
         self.seed = seed
         self.rng = Random(f"harness/{seed}")
-        self.values = values or Values()
+        self.timing = timing or Timing()
         self.air = air or Air()
         self.ids = list(range(1, count + 1))
         self.boots = 0
@@ -293,7 +293,7 @@ class Model:
 
     def _take_in(self, mind: Mind, payload: bytes) -> None:
         """Remember what `mind` has heard of others that claim or are inside."""
-        beacon = decode(payload, self.values.payload_max)
+        beacon = decode(payload, self.timing.payload_max)
         if isinstance(beacon, Beacon) and beacon.phase in (Phase.CLAIM, Phase.IN):
             known = mind.heard.get(beacon.who)
             if known is None or (beacon.trigger, beacon.time) > (known.trigger, known.time):
@@ -308,7 +308,7 @@ class Model:
 
     def _sent(self, mind: Mind, item: Send) -> None:
         assert item.at >= self.now
-        if len(item.payload) > self.values.payload_max:
+        if len(item.payload) > self.timing.payload_max:
             self.violations.append(f"a frame of {len(item.payload)} octets")
         self.at(item.at, lambda: self._transmit(mind, item))
 
@@ -381,7 +381,7 @@ class Model:
         assert job is not None
         if job.inside:  # without a slot and of no term
             slot = events.SlotAssigned(EVENT, job.trigger, 0, 0, self.now, self.now, mind.robot, -1)
-        if slot is None or not slot.start <= self.now <= slot.start + self.values.window:
+        if slot is None or not slot.start <= self.now <= slot.start + self.timing.schedule.window:
             self.violations.append(f"{mind.robot} entered outside its slot at {self.now / MS}")
             return
         entry = Entry(
@@ -406,12 +406,12 @@ class Model:
         text = f"{entry.robot} and {other.robot} overlap at {self.now / MS}"
         if entry.cautious:
             return
-        since = self.now - self.values.quiet - self.values.beacon
+        since = self.now - self.timing.claim.quiet - self.timing.claim.beacon
         as_announced = self.now < other.announced
         if (
             entry.term == other.term
             and as_announced
-            and not self.forgot(entry.term[1], other.start - self.values.lease)
+            and not self.forgot(entry.term[1], other.start - self.timing.schedule.lease)
         ):
             self.violations.append(text + " under one term")
         elif self._has_heard(entry.robot, other) and not self.stalled_after(entry.robot, since):
@@ -434,7 +434,7 @@ class Model:
         """Whether `robot` has heard that `other` claims its slot or is inside, and that no longer ago than silence
         counts."""
         beacon = self.minds[robot].heard.get(other.robot)
-        if beacon is None or self.now >= beacon.time + self.values.gone:
+        if beacon is None or self.now >= beacon.time + self.timing.liveness.gone:
             return False
         return (beacon.phase is Phase.IN and beacon.start >= other.start - MS) or (
             beacon.phase is Phase.CLAIM and beacon.start == other.slot
@@ -464,7 +464,7 @@ class Model:
         mind.core.leave(self.now, EVENT)
 
     def _check_frame(self, mind: Mind, payload: bytes) -> None:
-        message = decode(payload, self.values.payload_max)
+        message = decode(payload, self.timing.payload_max)
         if isinstance(message, Sched) and message.term.leader == mind.robot:
             known = self.senders.setdefault(message.term, id(mind.core))
             if known != id(mind.core) and not self.forgot(mind.robot, 0):
@@ -486,7 +486,7 @@ class Model:
             promised = self.promised.get(key)
             if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
                 log = self.minds[entry.robot].log if entry.robot in self.minds else []
-                waits = self.told.get(entry.robot, -NEVER) > promised + self.values.window
+                waits = self.told.get(entry.robot, -NEVER) > promised + self.timing.schedule.window
                 let_pass = (
                     waits
                     or (entry.robot, promised) in self.yielded
@@ -494,11 +494,11 @@ class Model:
                         isinstance(e, events.EntryMissed | events.SlotLost) and t >= promised - ms(1200) for t, e in log
                     )
                 )
-                over = sched.issued > promised + entry.duration + self.values.window
+                over = sched.issued > promised + entry.duration + self.timing.schedule.window
                 if not let_pass and not over and not self.stalled_after(entry.robot, 0):
                     self.violations.append(f"frozen slot of {entry.robot} moved at {self.now / MS}")
                 del self.promised[key]
-            if entry.start is not None and entry.start <= sched.issued + self.values.frozen:
+            if entry.start is not None and entry.start <= sched.issued + self.timing.schedule.frozen:
                 self.promised[key] = entry.start
 
     # -- questions ---------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job, Message, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
 from rmr.coord.term import NO_TERM, NOBODY, Term, newer
-from rmr.coord.timing import GRID, MS, OUTPUT_MAX, Values
+from rmr.coord.timing import GRID, MS, OUTPUT_MAX, Timing
 
 
 class Timer(IntEnum):
@@ -101,21 +101,21 @@ class Context:
     """The state of one event's machine."""
 
     def __init__(
-        self, event: bytes, robot: int, rng: Random, peers: Callable[[], int], values: Values, outbox: Outbox
+        self, event: bytes, robot: int, rng: Random, peers: Callable[[], int], timing: Timing, outbox: Outbox
     ) -> None:
         self.event = event
         self.robot = robot
         self.rng = rng
         self.peers = peers
-        self.values = values
+        self.timing = timing
         self.outbox = outbox
         self.role = Role.NONE
         self.passage = Passage.OUT
         self.job: OwnJob | None = None
         self.next_job: JobRequest | None = None
         """Triggered while inside; begins on leaving."""
-        self.fence = Fence(robot, values)
-        self.held = Held(entries_max(values.payload_max))
+        self.fence = Fence(robot, timing)
+        self.held = Held(entries_max(timing.payload_max))
         self.counter = 0
         """Newest counter of a term heard of; 0: none."""
         self.ledger: Ledger | None = None
@@ -176,8 +176,10 @@ class Context:
 
         Where few answer, waits reach up to `least`; where many do, as far as their answers need.
         """
-        values = self.values
-        return self.uniform(0, max(least, values.reply_spread * min(max(answers, 1), values.answers_max)))
+        timing = self.timing
+        return self.uniform(
+            0, max(least, timing.election.reply_spread * min(max(answers, 1), timing.election.answers_max))
+        )
 
     @property
     def alone(self) -> bool:
@@ -190,7 +192,7 @@ class Context:
 
     def quiet(self, now: Instant) -> Duration:
         """Return how long to claim before entering."""
-        return 0 if self.undisputed(now) else self.values.quiet
+        return 0 if self.undisputed(now) else self.timing.claim.quiet
 
     def unlisted(self) -> int:
         """Return how many robots, this one included, may have a job that the schedule held does not list."""
@@ -224,7 +226,7 @@ class Context:
         if destination is not None:
             box.handle = handle = box.handle % 0xFFFF + 1
             box.owners[handle] = self.event
-        box.put(Send(payload, destination, handle, at + self.uniform(0, self.values.dither)))
+        box.put(Send(payload, destination, handle, at + self.uniform(0, self.timing.dither)))
 
     def emit(self, event: CoordEvent) -> None:
         """Report what has happened."""
@@ -232,7 +234,7 @@ class Context:
 
     def fresh(self, now: Instant) -> bool:
         """Return whether the schedule held is one that somebody may act upon."""
-        return now < self.held.issued + self.values.lease + 2 * self.values.clock_error
+        return now < self.held.issued + self.timing.schedule.lease + 2 * self.timing.clock_error
 
     def banned(self, leader: int, now: Instant) -> bool:
         """Return whether `leader` is avoided."""

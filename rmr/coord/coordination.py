@@ -1,6 +1,6 @@
 """All events of one robot: who leads, who goes when, and what to tell the radio.
 
-The core is values in, values out. The host hands it triggers, frames and `now`, calls `wake` at `next_wake`
+The core is timing in, timing out. The host hands it triggers, frames and `now`, calls `wake` at `next_wake`
 or a little later, and takes frames and events away with `drain`. Robots that have no job of an event hear its
 frames all the same and keep its newest schedule and beacons, so that they know who is inside when they come.
 """
@@ -18,7 +18,7 @@ from rmr.coord.group import Group
 from rmr.coord.messages import EVENT_OCTETS, OVER, Beacon, Kind, MessageError, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NOBODY
-from rmr.coord.timing import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Values
+from rmr.coord.timing import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Timing
 
 __all__ = ["Coordination", "JobRequest"]
 
@@ -32,7 +32,7 @@ class Coordination:
     """The coordination core of one robot."""
 
     def __init__(
-        self, robot: int, rng: Random, known_peers: "Callable[[], int] | int", values: Values | None = None
+        self, robot: int, rng: Random, known_peers: "Callable[[], int] | int", timing: Timing | None = None
     ) -> None:
         """`known_peers`: how many other robots there are, as far as known; who hears so many ask knows that nobody
         leads, and it tunes waiting times."""
@@ -41,7 +41,7 @@ class Coordination:
         """Frames that were no frames of coordination or from a broken clock."""
         self._rng = rng
         self._peers: Callable[[], int] = known_peers if callable(known_peers) else lambda: known_peers
-        self._values = Values() if values is None else values
+        self._timing = Timing() if timing is None else timing
         self._outbox = Outbox()
         self._groups: dict[bytes, Group] = {}
         self.next_wake: Instant = NEVER
@@ -72,12 +72,12 @@ class Coordination:
         if not payload or not 0 < payload[0] <= _KIND_LAST:
             return False
         try:
-            message = _decoded(payload, self._values.payload_max)
+            message = _decoded(payload, self._timing.payload_max)
         except MessageError:
             self.malformed += 1
             return False
         time = message[1]
-        if time > now + self._values.future:
+        if time > now + self._timing.future:
             self.malformed += 1
             return False
         self._group(message.event).receive(now, message, source)
@@ -89,11 +89,11 @@ class Coordination:
         if not payload or payload[0] != Kind.BEACON:
             return False
         try:
-            beacon = _decoded(payload, self._values.payload_max)
+            beacon = _decoded(payload, self._timing.payload_max)
         except MessageError:
             return False
         group = self._groups.get(beacon.event)
-        if group is None or not isinstance(beacon, Beacon) or beacon.time > now + self._values.future:
+        if group is None or not isinstance(beacon, Beacon) or beacon.time > now + self._timing.future:
             return False
         return group.overhear(now, beacon)
 
@@ -170,7 +170,7 @@ class Coordination:
         if group is None:
             if len(self._groups) >= EVENTS_MAX:
                 self._forget()
-            context = Context(event, self.robot, self._rng, self._peers, self._values, self._outbox)
+            context = Context(event, self.robot, self._rng, self._peers, self._timing, self._outbox)
             group = self._groups[event] = Group(context)
         return group
 

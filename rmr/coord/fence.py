@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.messages import Beacon, Phase
-from rmr.coord.timing import RECORDS_MAX, Values, same_way
+from rmr.coord.timing import RECORDS_MAX, Timing, same_way
 
 
 class Claim(NamedTuple):
@@ -53,9 +53,9 @@ class Record:
 class Fence:
     """All records of one event."""
 
-    def __init__(self, robot: int, values: Values) -> None:
+    def __init__(self, robot: int, timing: Timing) -> None:
         self._robot = robot
-        self._values = values
+        self._timing = timing
         self.records: dict[int, Record] = {}
         self.finished: dict[int, Instant] = {}
         """Greatest finished trigger per robot."""
@@ -115,27 +115,27 @@ class Fence:
             return False
         if beacon.phase is Phase.IN:
             return True
-        return beacon.phase is Phase.CLAIM and now > beacon.start + self._values.window
+        return beacon.phase is Phase.CLAIM and now > beacon.start + self._timing.schedule.window
 
     def believed(self, beacon: Beacon) -> Instant:
         """Return until when silence does not end what `beacon` announces: T_GONE, and at least the announced end."""
-        return max(beacon.time + self._values.gone, beacon.end)
+        return max(beacon.time + self._timing.liveness.gone, beacon.end)
 
     def judge(self, now: Instant, claim: Claim) -> Verdict:
         """Return whether `claim` may be entered upon now, as far as the records go."""
-        values = self._values
+        timing = self._timing
         is_open, cautious = True, False
         for who, record in self.records.items():
             beacon = record.beacon
             if who == claim.robot or beacon.phase is Phase.YIELD:
                 continue
-            if beacon.phase is Phase.IN or now > beacon.start + values.window:
+            if beacon.phase is Phase.IN or now > beacon.start + timing.schedule.window:
                 if same_way(beacon.way, claim.way):
                     is_open = is_open and now >= beacon.start + claim.headway
                 elif now < self.believed(beacon):
                     is_open = False
                 else:
-                    cautious = cautious or now < self.believed(beacon) + 2 * values.gone
+                    cautious = cautious or now < self.believed(beacon) + 2 * timing.liveness.gone
             elif self._conflict(claim, beacon):
                 if (beacon.start, who) < (claim.start, claim.robot):
                     return Verdict(False, True, False)
@@ -145,13 +145,13 @@ class Fence:
     def _conflict(self, claim: Claim, other: Beacon) -> bool:
         if same_way(claim.way, other.way):
             return abs(claim.start - other.start) < claim.headway
-        window = self._values.window
+        window = self._timing.schedule.window
         return claim.start <= other.end + window and other.start <= claim.end + window
 
     def unheard(self, now: Instant, claim: Beacon) -> int | None:
         """Return a robot inside, in the way of `claim`, that has been silent for a while; None when there is none."""
         for beacon in self.inside(now):
-            silent = now - beacon.time > 2 * self._values.beacon
+            silent = now - beacon.time > 2 * self._timing.claim.beacon
             if beacon.who not in (claim.who, self._robot) and not same_way(beacon.way, claim.way) and silent:
                 return beacon.who
         return None

@@ -28,8 +28,8 @@ def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
     if c.alone:
-        c.asks, first = c.values.asks, now  # there is nobody to ask
-    c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.values.ask_spread) if first is None else first)
+        c.asks, first = c.timing.election.asks, now  # there is nobody to ask
+    c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.timing.election.ask_spread) if first is None else first)
 
 
 def on_ask_timer(c: Context, now: Instant) -> bool:
@@ -37,13 +37,13 @@ def on_ask_timer(c: Context, now: Instant) -> bool:
     c.set(Timer.ASK, NEVER)
     if c.role is not Role.ASKING or c.job is None:
         return False
-    if c.asks >= c.values.asks:
+    if c.asks >= c.timing.election.asks:
         return True
     if c.asked is None:
         c.asked = stamp(now)  # as others read it, or two who ask within one millisecond both yield
     c.asks += 1
     c.send(c.job_frame(now, Term(c.counter, NOBODY)), now)
-    c.set(Timer.ASK, now + c.values.ask_gap + c.uniform(0, c.values.ask_jitter))
+    c.set(Timer.ASK, now + c.timing.election.ask_gap + c.uniform(0, c.timing.election.ask_jitter))
     return False
 
 
@@ -53,7 +53,7 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
     Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
     """
     if c.role is Role.ASKING:
-        if now - job.time > c.values.lease:
+        if now - job.time > c.timing.schedule.lease:
             return False  # it follows or leads by now
         if source in c.asked_by or len(c.asked_by) < RECORDS_MAX:
             c.asked_by[source] = job
@@ -61,14 +61,14 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
             _let_go_first(c, now, source, job)
         return c.asks > 0 and len(c.asked_by) >= c.peers()
     if c.role is Role.FOLLOWING and c.fresh(now):
-        relay_soon(c, now + c.values.relay_wait)
+        relay_soon(c, now + c.timing.election.relay_wait)
     return False
 
 
 def _let_go_first(c: Context, now: Instant, asker: int, job: Job) -> None:
     """Ask again only if `asker` has not led by then, and tell it the own job, once: it waits for no more than that."""
     c.asks = 0
-    c.set(Timer.ASK, now + c.values.yield_wait + c.spread(c.peers(), c.values.yield_jitter))
+    c.set(Timer.ASK, now + c.timing.election.backoff + c.spread(c.peers(), c.timing.election.backoff_jitter))
     first = c.asked_by.get(c.asker)
     if first is None or (job.asked, asker) < (first.asked, c.asker):
         c.asker = asker
@@ -129,7 +129,7 @@ def _remind(c: Context, now: Instant, sched: Sched) -> None:
     for entry in sched.entries:
         if entry.robot != c.robot or entry.phase is Phase.OUT:  # one that is presumed over is confirmed
             continue
-        if c.fence.is_finished(c.robot, entry.trigger) and now - c.reminded >= c.values.reminder_gap:
+        if c.fence.is_finished(c.robot, entry.trigger) and now - c.reminded >= c.timing.claim.reminder_gap:
             c.reminded = now
             passage.repeat_out(c, now + c.spread(len(sched.entries)), entry)
 
@@ -155,7 +155,7 @@ def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
 
 def _reminder(c: Context, now: Instant) -> Instant:
     """Return when to repeat a job that is listed: not when all others do that one schedule listed."""
-    return now + c.values.keep - c.spread(c.peers() + 1)
+    return now + c.timing.liveness.keep - c.spread(c.peers() + 1)
 
 
 def listed(c: Context) -> bool:
@@ -190,7 +190,7 @@ def on_join_timer(c: Context, now: Instant) -> None:
 
 def _back_off(c: Context) -> Duration:
     """Return how long to wait before telling the leader again."""
-    gap = min(c.values.rejoin_first << min(max(c.joins - 1, 0), 8), c.values.rejoin_max)
+    gap = min(c.timing.liveness.rejoin_first << min(max(c.joins - 1, 0), 8), c.timing.liveness.rejoin_max)
     return c.uniform(gap, gap + gap // 2)
 
 
@@ -198,19 +198,19 @@ def tell(c: Context, now: Instant) -> None:
     """Tell the leader at once that the own job has changed."""
     if c.role is Role.FOLLOWING:
         c.joins = max(c.joins, 1)
-        c.set(Timer.JOIN, now + c.uniform(0, c.values.join_jitter))
+        c.set(Timer.JOIN, now + c.uniform(0, c.timing.election.join_jitter))
 
 
 def _suspect_later(c: Context) -> None:
     """The leader is suspected when it is silent for long; the next in the list moves first, the unlisted last."""
-    values, held = c.values, c.held
+    timing, held = c.timing, c.held
     coming, leader = held.coming(), held.term.leader
     unlisted = c.robot == leader or c.robot not in coming
     before = coming if unlisted else coming[: coming.index(c.robot)]
     rank = len(before) - before.count(leader)
-    wait = values.lease if held.resigned else values.suspicion
+    wait = timing.schedule.lease if held.resigned else timing.liveness.suspicion
     spread = c.spread(c.unlisted()) if unlisted else 0
-    c.set(Timer.SUSPECT, held.issued + wait + rank * values.stagger + spread)
+    c.set(Timer.SUSPECT, held.issued + wait + rank * timing.liveness.stagger + spread)
 
 
 def on_suspect_timer(c: Context, now: Instant) -> None:
@@ -218,7 +218,7 @@ def on_suspect_timer(c: Context, now: Instant) -> None:
     c.set(Timer.SUSPECT, NEVER)
     if c.role is Role.FOLLOWING and c.job is not None:
         if c.passage is Passage.INSIDE:
-            c.set(Timer.SUSPECT, now + c.values.suspicion)
+            c.set(Timer.SUSPECT, now + c.timing.liveness.suspicion)
         else:
             begin_asking(c, now, now)
 
@@ -232,7 +232,7 @@ def on_confirmed(c: Context, now: Instant, status: str) -> None:
     if status == "ok":
         c.no_acks = 0
         if c.timers[Timer.JOIN] < NEVER:
-            gap = c.values.repetition
+            gap = c.timing.schedule.repetition
             c.set(Timer.JOIN, max(c.timers[Timer.JOIN], now + c.uniform(gap, gap + gap // 2)))
         return
     if c.role is Role.FOLLOWING and c.joins:
@@ -240,9 +240,9 @@ def on_confirmed(c: Context, now: Instant, status: str) -> None:
     if status != "no_ack" or c.role is not Role.FOLLOWING:
         return
     c.no_acks += 1
-    if c.no_acks >= c.values.no_acks and c.passage is Passage.WAITING:
+    if c.no_acks >= c.timing.liveness.no_acks and c.passage is Passage.WAITING:
         while len(c.bans) >= BANS_MAX:
             del c.bans[next(iter(c.bans))]
-        c.bans[c.held.term.leader] = now + c.values.ban
+        c.bans[c.held.term.leader] = now + c.timing.liveness.ban
         c.held.take(Sched(c.event, -NEVER, NO_TERM, False, NOBODY, 0, 0, 0, 1, ()))
         begin_asking(c, now)

@@ -51,8 +51,8 @@ class Group:
         elif c.fresh(now) and not c.held.resigned and not c.banned(c.held.term.leader, now):
             c.become(Role.FOLLOWING)
             c.joins, c.untold = 1, True
-            c.set(Timer.JOIN, now + c.spread(c.unlisted(), c.values.join_jitter))
-            c.set(Timer.SUSPECT, c.held.issued + c.values.suspicion)
+            c.set(Timer.JOIN, now + c.spread(c.unlisted(), c.timing.election.join_jitter))
+            c.set(Timer.SUSPECT, c.held.issued + c.timing.liveness.suspicion)
             c.emit(LeaderChanged(c.event, c.held.term.leader, c.held.term.counter))
         elif c.role is not Role.ASKING:
             follower.begin_asking(c, now)
@@ -75,11 +75,11 @@ class Group:
         release = request.release if release is None else release
         duration = request.duration if duration is None else duration
         deadline = request.deadline if deadline is None else deadline
-        material = max(abs(release - job.told[0]), abs(duration - job.told[1])) > c.values.revision
+        material = max(abs(release - job.told[0]), abs(duration - job.told[1])) > c.timing.schedule.revision
         underway = request.underway if underway is None else underway
         material = material or deadline != request.deadline or underway is not request.underway
         job.request = replace(request, release=release, duration=duration, deadline=deadline, underway=underway)
-        frozen = job.slot is not None and job.slot[0] <= now + c.values.frozen
+        frozen = job.slot is not None and job.slot[0] <= now + c.timing.schedule.frozen
         if not material or frozen or (c.untold and not follower.listed(c)):
             return  # or the JOB that is due anyway says it
         self._begin_input(now)
@@ -198,13 +198,15 @@ class Group:
             silent = c.fence.unheard(now, beacon)
             if silent is not None:
                 c.witnessed = silent
-                c.set(Timer.WITNESS, now + c.values.witness_min + c.spread(c.peers(), c.values.witness_spread))
+                c.set(
+                    Timer.WITNESS, now + c.timing.claim.witness_min + c.spread(c.peers(), c.timing.claim.witness_spread)
+                )
 
     def _on_job(self, now: Instant, job: Job, source: int) -> None:
         c = self.context
         question = job.term.leader == NOBODY
         c.hear_of(job.term.counter)
-        if source == c.robot or now - job.time >= c.values.drop:
+        if source == c.robot or now - job.time >= c.timing.liveness.drop:
             return
         if c.role is Role.LEADING:
             leader.on_job(c, now, source, job, question)
@@ -215,10 +217,10 @@ class Group:
             follower.relay_soon(c, now)
 
     def _on_sched(self, now: Instant, sched: Sched, source: int) -> None:
-        c, values = self.context, self.context.values
+        c, timing = self.context, self.context.timing
         term = sched.term
         c.hear_of(term.counter)
-        if sched.issued + values.lease + 2 * values.clock_error <= now:
+        if sched.issued + timing.schedule.lease + 2 * timing.clock_error <= now:
             return
         if c.banned(term.leader, now):
             if source != term.leader:
@@ -231,7 +233,7 @@ class Group:
         elif c.role is Role.LEADING and not sched.resign:
             self._on_rival(now, sched)
         elif c.fresh(now) and c.held.term.better(term) and not c.held.resigned:
-            if c.role is Role.FOLLOWING and now - c.relayed >= values.repetition:
+            if c.role is Role.FOLLOWING and now - c.relayed >= timing.schedule.repetition:
                 follower.relay_soon(c, now)
         elif self._is_news(sched):
             follower.accept(c, now, sched)
@@ -253,7 +255,7 @@ class Group:
             return
         c.led = sched.term
         if c.job is not None:
-            first = sched.issued + c.values.lease
+            first = sched.issued + c.timing.schedule.lease
             follower.begin_asking(c, now, max(first, now))
 
     def _on_rival(self, now: Instant, sched: Sched) -> None:
@@ -310,11 +312,11 @@ class Group:
 
     def _begin_input(self, now: Instant) -> None:
         c = self.context
-        if c.job is not None and now - c.awake > c.values.stall:
+        if c.job is not None and now - c.awake > c.timing.claim.stall:
             c.job.assured = -NEVER
             if c.passage is Passage.CLAIMING:
                 c.job.since = now
-        if c.role is Role.LEADING and now - c.last_issued > c.values.lease:
+        if c.role is Role.LEADING and now - c.last_issued > c.timing.schedule.lease:
             leader.end(c)
             if c.job is None:
                 c.become(Role.NONE)

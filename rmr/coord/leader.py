@@ -33,7 +33,7 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     held = c.held
     passed = held.parts[0].passed if 0 in held.parts else 0
     headway = c.job.request.headway if c.job is not None else 0
-    ledger = c.ledger = Ledger(c.robot, c.values, passed, headway)
+    ledger = c.ledger = Ledger(c.robot, c.timing, passed, headway)
     predecessor = any(e.phase not in OVER for e in held.entries())
     c.counter = successor(c.counter)
     c.become(Role.LEADING)
@@ -49,13 +49,15 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     if _contiguous(held):
         for entry in ledger.inherit(now, held.entries(), heir, c.fence):
             _assume_inside(c, now, entry)
-    c.held = Held(entries_max(c.values.payload_max))
+    c.held = Held(entries_max(c.timing.payload_max))
     c.held.term, c.held.order = own, held.order
     c.idle_since = None
     c.extras = 0
-    answers = c.values.reply_spread * min(c.peers(), c.values.answers_max) + c.values.answer_time
+    answers = (
+        c.timing.election.reply_spread * min(c.peers(), c.timing.election.answers_max) + c.timing.election.answer_time
+    )
     ledger.answered = now + answers
-    takeover = max(c.values.takeover_wait, answers)
+    takeover = max(c.timing.election.takeover_wait, answers)
     wait = 0 if heir else takeover if predecessor else ledger.wait(now, c.peers())
     ledger.opens = now + wait
     c.emit(LeadershipBegan(c.event, c.counter))
@@ -74,7 +76,7 @@ def _assure(c: Context) -> None:
     takes longer than W.
     """
     if c.job is not None and 0 < c.peers() <= len(c.asked_by):
-        c.job.assured = min(job.time for job in c.asked_by.values()) + c.values.quiet
+        c.job.assured = min(job.time for job in c.asked_by.values()) + c.timing.claim.quiet
 
 
 def _contiguous(held: Held) -> bool:
@@ -128,7 +130,7 @@ def on_job(c: Context, now: Instant, source: int, job: Job, question: bool) -> N
         else:
             _shorten_wait(c, now)
     if question:
-        c.sooner(Timer.ISSUE, now + c.uniform(0, c.values.answer_jitter))
+        c.sooner(Timer.ISSUE, now + c.uniform(0, c.timing.election.answer_jitter))
 
 
 def _shorten_wait(c: Context, now: Instant) -> None:
@@ -170,7 +172,7 @@ def replan(c: Context, now: Instant, reorder: bool) -> None:
     c.set(Timer.PLAN, NEVER)
     ledger.observe(now, c.fence)
     ledger.plan(now, reorder, eager=_eager(c, now))
-    c.extras = c.values.extra
+    c.extras = c.timing.schedule.extra
     issue(c, now)
     if c.paths_due and ledger.open:
         c.paths_due = False
@@ -195,14 +197,14 @@ def on_issue_timer(c: Context, now: Instant) -> None:
     if not ledger.lines:
         if c.idle_since is None:
             c.idle_since = now
-        elif now >= c.idle_since + c.values.repetition:
-            c.set(Timer.ISSUE, c.last_issued + c.values.lease + MS)
+        elif now >= c.idle_since + c.timing.schedule.repetition:
+            c.set(Timer.ISSUE, c.last_issued + c.timing.schedule.lease + MS)
             return
     changed = ledger.observe(now, c.fence)
     if changed or ledger.open:
         changed = ledger.plan(now, changed, eager=_eager(c, now)) or changed
     if changed:
-        c.extras = c.values.extra
+        c.extras = c.timing.schedule.extra
     issue(c, now)
 
 
@@ -218,10 +220,10 @@ def issue(c: Context, now: Instant) -> None:
         c.send(part, now)
         c.held.take(part)
     c.last_issued = now
-    gap = c.values.repetition
+    gap = c.timing.schedule.repetition
     if c.extras > 0:
         c.extras -= 1
-        gap = c.values.extra_gap
+        gap = c.timing.schedule.extra_gap
     c.set(Timer.ISSUE, now + gap)
     c.report_order()
     passage.on_schedule(c, now)
@@ -231,7 +233,7 @@ def _due(c: Context, now: Instant, parts: list[Sched]) -> list[Sched]:
     """Return those of `parts` that are to be sent now."""
     if len(parts) <= _WHOLE_PARTS:
         return parts
-    held, soon = c.held, now + c.values.soon
+    held, soon = c.held, now + c.timing.schedule.soon
     told = {(entry.robot, entry.trigger): entry for entry in held.entries()}
     chosen = [
         part
@@ -262,7 +264,7 @@ def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[S
     """Return the schedule as it stands."""
     ledger = c.ledger
     assert ledger is not None
-    entries, full = ledger.entries(), entries_max(c.values.payload_max)
+    entries, full = ledger.entries(), entries_max(c.timing.payload_max)
     opens = 0 if ledger.open else max(ledger.opens - now, 0)
     parts = max(1, min(PARTS_MAX, -(-len(entries) // full)))
     return [
@@ -294,7 +296,7 @@ def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
             c.sooner(Timer.PLAN, now)
     elif beacon.phase is Phase.YIELD:
         if ledger.missed(beacon.who, beacon.start):
-            c.sooner(Timer.PLAN, now + c.values.replan_wait)
+            c.sooner(Timer.PLAN, now + c.timing.schedule.replan_wait)
     elif line is None or line.trigger != beacon.trigger:
         c.sooner(Timer.PLAN, now)
     else:
@@ -305,7 +307,7 @@ def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
 
 def answer_worse(c: Context, now: Instant) -> None:
     """A worse leader was heard: let it hear this one, not too often."""
-    if now - c.answered >= c.values.answer_gap:
+    if now - c.answered >= c.timing.schedule.answer_gap:
         c.answered = now
         issue(c, now)
 
@@ -318,8 +320,8 @@ def resign(c: Context, now: Instant) -> None:
     heir = ledger.heir()
     for part in schedule_frames(c, now, resign=True, heir=heir):
         c.held.take(part)
-        for i in range(1 + c.values.extra):
-            c.send(part, now + i * c.values.extra_gap)
+        for i in range(1 + c.timing.schedule.extra):
+            c.send(part, now + i * c.timing.schedule.extra_gap)
     end(c)
 
 
@@ -333,9 +335,9 @@ def send_path(c: Context, now: Instant, way: int) -> None:
     offered = c.paths.get(way)
     if offered is None or c.role is not Role.LEADING:
         return
-    for part in split_path(c.event, offered[0], c.led, way, offered[1], c.values.payload_max):
-        for i in range(c.values.path_repeats):
-            c.send(part, now + i * c.values.path_gap)
+    for part in split_path(c.event, offered[0], c.led, way, offered[1], c.timing.payload_max):
+        for i in range(c.timing.schedule.path_repeats):
+            c.send(part, now + i * c.timing.schedule.path_gap)
 
 
 def split_path(

@@ -22,7 +22,7 @@ from rmr.coord.ledger_job import Line, entry_of, task_of
 from rmr.coord.messages import PARTS_MAX, Entry, Job, Phase, entries_max
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
 from rmr.coord.term import NOBODY
-from rmr.coord.timing import JOBS_MAX, Order, Values
+from rmr.coord.timing import JOBS_MAX, Order, Timing
 
 _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 
@@ -30,9 +30,9 @@ _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 class Ledger:
     """All jobs of one group, as its leader sees them."""
 
-    def __init__(self, robot: int, values: Values, passed: int, headway: Duration) -> None:
+    def __init__(self, robot: int, timing: Timing, passed: int, headway: Duration) -> None:
         self._robot = robot
-        self._values = values
+        self._timing = timing
         self._headway = headway
         """For robots whose own headway is not known."""
         self.passed = passed
@@ -63,7 +63,7 @@ class Ledger:
             line.heard = job.time
         elif job.time < line.said:
             return False
-        values = self._values
+        timing = self._timing
         line.heard = max(line.heard, job.time)
         changed = line.said < 0
         fence.refute(robot, job.time)
@@ -71,7 +71,7 @@ class Ledger:
             line.inside, line.start, changed = False, None, True
         if job.missed is not None:
             changed = self.missed(robot, job.missed) or changed
-        retry = now + _doubled(values.absent_wait, job.absent, values.absent_wait_max)
+        retry = now + _doubled(timing.schedule.absent_wait, job.absent, timing.schedule.absent_wait_max)
         changed = line.set_absent(job, retry) or changed
         return line.tell(job) or changed
 
@@ -131,12 +131,12 @@ class Ledger:
         """Return whether a job goes before all others, for as many have overtaken it as may."""
         if line.absent > 0:
             return line.overtaken >= self._passes(line)
-        return line.bypassed >= self._values.bypass_max
+        return line.bypassed >= self._timing.schedule.bypass_max
 
     def _passes(self, line: Line) -> int:
         """Return how many others may pass before a job whose owner was not ready."""
-        values = self._values
-        return _doubled(values.absent_passes, line.absent, values.absent_passes_max)
+        timing = self._timing
+        return _doubled(timing.schedule.absent_passes, line.absent, timing.schedule.absent_passes_max)
 
     def inherit(self, now: Instant, entries: Iterable[Entry], exact: bool, fence: Fence) -> list[Entry]:
         """Take over a predecessor's list; return the entries that had started. `exact`: keep the slots."""
@@ -170,7 +170,7 @@ class Ledger:
 
     def observe(self, now: Instant, fence: Fence) -> bool:
         """Bring the reservations up to date with the beacons; return whether anything is free or taken anew."""
-        values = self._values
+        timing = self._timing
         changed = False
         for beacon in fence.inside(now):
             line = self.lines.get(beacon.who)
@@ -180,7 +180,7 @@ class Ledger:
                 line.duration = beacon.end - beacon.start
             if line.trigger != beacon.trigger or line.missed == beacon.start:
                 continue
-            this_slot = line.start is not None and line.start <= beacon.start <= line.start + values.window
+            this_slot = line.start is not None and line.start <= beacon.start <= line.start + timing.schedule.window
             until = beacon.end if this_slot and beacon.phase is Phase.IN else max(beacon.end, line.until)
             until = max(until, now)
             changed = changed or not line.inside or beacon.start != line.start
@@ -191,7 +191,7 @@ class Ledger:
         return changed
 
     def _expire(self, now: Instant, line: Line, fence: Fence) -> bool:
-        values = self._values
+        timing = self._timing
         if line.inside:
             record = fence.records.get(line.robot)
             if record is not None and record.beacon.phase is Phase.YIELD:
@@ -201,14 +201,14 @@ class Ledger:
                 return False
             line.presumed = not fence.is_finished(line.robot, line.trigger)
             return self.finish(line.robot, line.trigger, entered=True)
-        if line.start is not None and now > line.until + values.window:
+        if line.start is not None and now > line.until + timing.schedule.window:
             line.start = None
             return True
         if line.robot == self._robot:
             return False
         silent = now - line.heard
-        waiting = line.start is None or line.start > now + values.frozen
-        if waiting and silent > (values.drop_provisional if line.provisional else values.drop):
+        waiting = line.start is None or line.start > now + timing.schedule.frozen
+        if waiting and silent > (timing.liveness.drop_provisional if line.provisional else timing.liveness.drop):
             del self.lines[line.robot]
             return True
         return False
@@ -217,7 +217,7 @@ class Ledger:
         """Return whether a line's slot is not to be moved."""
         if line.inside:
             return True
-        return line.start is not None and (line.start <= now + self._values.frozen or line.provisional)
+        return line.start is not None and (line.start <= now + self._timing.schedule.frozen or line.provisional)
 
     def plan(self, now: Instant, reorder: bool, eager: bool = False) -> bool:
         """Give slots and ranks; return whether any has changed. `eager`: the leader's own job may start at once."""
@@ -232,7 +232,7 @@ class Ledger:
         return before != [(line.start, line.rank) for line in self.lines.values()]
 
     def _place(self, now: Instant, standing: list[Line], reorder: bool) -> None:
-        values = self._values
+        timing = self._timing
         known = {line.robot for line in standing}
         movable = [line for line in self.lines.values() if line.robot not in known and not line.provisional]
         if not movable:
@@ -242,9 +242,9 @@ class Ledger:
             for line in standing
             if line.start is not None
         ]
-        opposed = values.window + 2 * values.clock_error + values.clear
-        rules = Rules(now if self._eager else now + values.lead, opposed, values.order)
-        many = len(movable) > EXACT_MAX and values.order is Order.OURS
+        opposed = timing.schedule.window + 2 * timing.clock_error + timing.schedule.clear
+        rules = Rules(now if self._eager else now + timing.schedule.lead, opposed, timing.order)
+        many = len(movable) > EXACT_MAX and timing.order is Order.OURS
         for line in movable:
             was, line.behind = line.behind, self._is_behind(line)
             if was and not line.behind:
@@ -284,7 +284,7 @@ class Ledger:
         Not before a job that is due sooner by more than the time that the others need to claim.
         """
         own = [task for task in order if task.robot == self._robot]
-        if not own or own[0].deadline > order[0].deadline + self._values.lead:
+        if not own or own[0].deadline > order[0].deadline + self._timing.schedule.lead:
             return order
         moved = own + [task for task in order if task.robot != self._robot]
         met = on_time(order, place(order, fixed, rules))
@@ -292,10 +292,10 @@ class Ledger:
 
     def _task(self, line: Line, now: Instant) -> Task:
         """Return a job as the order sees it: only the leader's own one may start before it could be claimed."""
-        task = task_of(line, now, self._values.grace)
+        task = task_of(line, now, self._timing.schedule.grace)
         if not self._eager or line.robot == self._robot:
             return task
-        return task._replace(release=max(task.release, now + self._values.lead))
+        return task._replace(release=max(task.release, now + self._timing.schedule.lead))
 
     def _give(self, tasks: list[Task], fixed: list[Placed], rules: Rules) -> list[Placed]:
         """Give slots behind those `fixed` to the jobs of `tasks`, in this order, and return these."""
@@ -331,13 +331,13 @@ class Ledger:
         A job that is only presumed to be over stays listed for a while, so that newcomers enter with caution.
         """
         live = {line.rank for line in self.lines.values()}
-        cautious = now - 3 * self._values.gone
+        cautious = now - 3 * self._timing.liveness.gone
         live |= {rank for rank, line in self.done.items() if line.presumed and line.heard > cautious}
         top = max(self.done, default=self.passed)
         first = self.passed + 1
         while first <= top and first not in live:
             first += 1
-        full = entries_max(self._values.payload_max)
+        full = entries_max(self._timing.payload_max)
         if len(live) > 2 * full:
             first -= (first - 1 - self.passed) % full
         for rank in range(self.passed + 1, first):
@@ -349,7 +349,7 @@ class Ledger:
     def entries(self) -> list[Entry]:
         """Return all lines by rank; ranks that nobody holds are void."""
         by_rank = {line.rank: line for line in self.lines.values() if line.rank is not None} | self.done
-        room = entries_max(self._values.payload_max) * PARTS_MAX
+        room = entries_max(self._timing.payload_max) * PARTS_MAX
         top = min(max(by_rank, default=self.passed), self.passed + room)
         return [entry_of(by_rank[rank]) if rank in by_rank else _VOID for rank in range(self.passed + 1, top + 1)]
 
@@ -362,10 +362,13 @@ class Ledger:
 
         A plan costs more the more jobs there are, and so does telling it: news that concerns nobody soon waits longer.
         """
-        values, line = self._values, self.lines.get(robot)
-        if line is not None and line.start is not None and line.start <= now + values.soon:
-            return values.replan_wait
-        return max(values.replan_wait, values.replan_job * (len(self.lines) - entries_max(values.payload_max)))
+        timing, line = self._timing, self.lines.get(robot)
+        if line is not None and line.start is not None and line.start <= now + timing.schedule.soon:
+            return timing.schedule.replan_wait
+        return max(
+            timing.schedule.replan_wait,
+            timing.schedule.replan_job * (len(self.lines) - entries_max(timing.payload_max)),
+        )
 
     def heir(self) -> int:
         """Return the waiting robot with the latest slot, NOBODY when nobody else waits."""
@@ -382,17 +385,17 @@ class Ledger:
         turns into misses as 1 / slack, so the slack only bounds it. While somebody is missing, answers to the
         announcement are waited for, too. Who is known from a predecessor's list only is missing.
         """
-        values = self._values
-        if values.wait is not None:
-            return values.wait
+        timing = self._timing
+        if timing.schedule.wait is not None:
+            return timing.schedule.wait
         told = [line for line in self.lines.values() if not line.provisional]
         missing = peers - sum(line.robot != self._robot for line in told)
         if missing <= 0 or not told:
             return 0
-        delay = values.frozen / 2 + max(line.headway for line in told)
-        best = values.spread * math.log(max(missing * delay / (len(told) * values.spread), 1.0))
+        delay = timing.schedule.frozen / 2 + max(line.headway for line in told)
+        best = timing.schedule.spread * math.log(max(missing * delay / (len(told) * timing.schedule.spread), 1.0))
         slack = min(line.deadline - line.duration - max(now, line.release) for line in told)
-        return int(max(0.0, min(max(best, self.answered - now), slack / 4, values.wait_max)))
+        return int(max(0.0, min(max(best, self.answered - now), slack / 4, timing.schedule.wait_max)))
 
 
 def _doubled(first: int, times: int, most: int) -> int:

@@ -70,13 +70,13 @@ def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> Non
     if c.passage is Passage.CLAIMING and entry.start != job.claimed:
         _withdraw_claim(c, now)
     job.slot = slot
-    job.lease = part.issued + c.values.lease - c.values.clock_error
+    job.lease = part.issued + c.timing.schedule.lease - c.timing.clock_error
     if (*slot, place, part.term) != job.announced:
         job.announced = (*slot, place, part.term)
         leader, term = part.term.leader, part.term.counter
         c.emit(SlotAssigned(c.event, job.request.trigger, rank, place, slot[0], slot[1], leader, term))
     if c.passage is Passage.WAITING:
-        c.set(Timer.POLL, max(now, entry.start - c.values.quiet - c.values.claim_ahead))
+        c.set(Timer.POLL, max(now, entry.start - c.timing.claim.quiet - c.timing.claim.ahead))
 
 
 def _lose(c: Context, now: Instant) -> None:
@@ -91,7 +91,7 @@ def _lose(c: Context, now: Instant) -> None:
 
 
 def _withdraw_claim(c: Context, now: Instant) -> None:
-    _say(c, now, Phase.YIELD, c.values.finals)
+    _say(c, now, Phase.YIELD, c.timing.claim.finals)
     c.proceed(Passage.WAITING)
     c.set(Timer.BEACON, NEVER)
     assert c.job is not None
@@ -110,29 +110,29 @@ def on_poll(c: Context, now: Instant) -> bool:
 
 
 def _consider_claim(c: Context, now: Instant) -> bool:
-    job, values = c.job, c.values
+    job, timing = c.job, c.timing
     assert job is not None
     assert job.slot is not None
     start, _, _ = job.slot
-    if now + c.quiet(now) > start + values.window:
+    if now + c.quiet(now) > start + timing.schedule.window:
         return miss(c, now)
     if now >= job.lease:
-        c.set(Timer.POLL, now + values.poll)
+        c.set(Timer.POLL, now + timing.claim.poll)
         return False
     c.proceed(Passage.CLAIMING)
     job.claimed, job.since = start, now
     on_beacon(c, now)
-    c.set(Timer.POLL, min(now + values.poll, max(start, now + values.entry_poll)))
+    c.set(Timer.POLL, min(now + timing.claim.poll, max(start, now + timing.claim.entry_poll)))
     return False
 
 
 def _consider_entry(c: Context, now: Instant) -> bool:
-    job, values = c.job, c.values
+    job, timing = c.job, c.timing
     assert job is not None
     assert job.slot is not None
     start, end, _ = job.slot
     claimed = job.since + c.quiet(now)
-    if now > start + values.window or max(now, claimed) > start + values.window:
+    if now > start + timing.schedule.window or max(now, claimed) > start + timing.schedule.window:
         return miss(c, now)
     verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.way))
     if verdict.lost:
@@ -141,7 +141,7 @@ def _consider_entry(c: Context, now: Instant) -> bool:
     if may_enter and not _waits_for_listed(c, now, start):
         enter(c, now, cautious=verdict.cautious or _somebody_presumed_gone(c))
         return False
-    c.set(Timer.POLL, min(now + values.poll, start) if now < start else now + values.entry_poll)
+    c.set(Timer.POLL, min(now + timing.claim.poll, start) if now < start else now + timing.claim.entry_poll)
     return False
 
 
@@ -219,14 +219,14 @@ def on_beacon(c: Context, now: Instant) -> None:
     else:
         c.set(Timer.BEACON, NEVER)
         return
-    c.set(Timer.BEACON, now + c.values.beacon)
+    c.set(Timer.BEACON, now + c.timing.claim.beacon)
 
 
 def end(c: Context, now: Instant, phase: Phase) -> None:
     """The own job is over: say OUT (was inside) or GONE."""
     job = c.job
     assert job is not None
-    _say(c, now, phase, c.values.finals)
+    _say(c, now, phase, c.timing.claim.finals)
     abandon(c)
 
 
@@ -244,7 +244,7 @@ def _say(c: Context, now: Instant, phase: Phase, times: int = 1) -> None:
     )
     c.fence.note(beacon)
     for i in range(times):
-        c.send(beacon, now + i * c.values.final_gap)
+        c.send(beacon, now + i * c.timing.claim.final_gap)
 
 
 def repeat_out(c: Context, now: Instant, entry: Entry) -> None:

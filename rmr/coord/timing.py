@@ -1,14 +1,14 @@
-"""The constants of coordination: how often, how long, how many, each with its reason.
+"""The constants of coordination: intervals, time-outs and bounds, each with its reason.
 
-The safety of a schedule rests on relations between them, checked when a `Values` is made:
+The safety of a schedule rests on three relations between them. They are checked when a `Timing` is made.
 
-* the frozen zone outlasts a lease, clock errors and a frame's way, so that whoever may still enter under an
-  old schedule finds the same slot in the newest one;
-* slots are given far enough ahead for the claims that precede every entry;
-* whoever is silent is presumed gone only after longer than any stall.
+* The frozen zone outlasts a lease, two clock errors and the delay of a frame. A robot that may still enter under an
+  old schedule finds the same slot in the newest one.
+* A new slot lies far enough ahead for the claims that precede every entry.
+* A silent leader is replaced only after all of its leases have ended.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
@@ -64,146 +64,179 @@ def same_way(a: int, b: int) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Values:
-    """Durations in nanoseconds and counts. The defaults are those that the models were explored with."""
-
-    order: Order = Order.OURS
-    """How a leader orders the jobs of its group."""
-    wait: Duration | None = None
-    """The paper's waiting time n, where it is fixed instead of worked out."""
-
-    payload_max: int = PAYLOAD_MAX
-    """Octets that a frame may have; fewer where the radio secures frames. The same for all robots."""
-
-    clock_error: Duration = 5 * MS
-    """No robot's clock is farther than this from lab time (EPS)."""
-    future: Duration = 100 * MS
-    """A frame dated farther ahead than this is a broken clock's and is dropped."""
+class ElectionTiming:
+    """Discovery and election of a leader (paper IV.C), and answers to a question."""
 
     ask_spread: Duration = 50 * MS
-    """The first question comes after at most this, so that of several robots one usually speaks first."""
+    """Upper bound of the random delay before the first question, so that one of several candidates speaks first."""
     reply_spread: Duration = 6 * MS
-    """Per expected answer to a broadcast. A JOB with access and acknowledgement takes 4 ms; of 50 at 5 ms one in twenty
-    would find no free channel, at 6 ms one in thirty."""
+    """Spread per expected answer to a broadcast. A JOB frame with channel access and acknowledgement takes 4 ms. Of 50
+    answers at 5 ms each one in twenty would find no free channel, at 6 ms one in thirty."""
     answer_time: Duration = 20 * MS
-    """What an answer needs besides: the dither, access to the channel and a repeat."""
+    """Time that an answer needs beside the spread: dither, channel access and one retransmission."""
     answers_max: int = JOBS_MAX
-    """Answers are spread for at most so many: a leader takes no more jobs."""
+    """Answers are spread for at most this many robots: a leader takes no more jobs."""
     asks: int = 3
-    """Unanswered questions after which a robot leads: three in a row are rarely all lost."""
+    """Unanswered questions after which a candidate leads: three in a row are rarely all lost."""
     ask_gap: Duration = 110 * MS
-    """Between questions: room for a relay after the longest spread."""
+    """Interval of questions: room for a relay after the longest spread."""
     ask_jitter: Duration = 20 * MS
-    yield_wait: Duration = 460 * MS
-    """Who let an earlier asker go first asks again after this: just longer than that one needs to lead."""
-    yield_jitter: Duration = 50 * MS
+    """Random part of the interval of questions."""
+    backoff: Duration = 460 * MS
+    """Retry delay after deferring to an earlier candidate; slightly longer than an election."""
+    backoff_jitter: Duration = 50 * MS
+    """Random part of the retry delay."""
     answer_jitter: Duration = 20 * MS
-    """The leader answers a question within this."""
+    """Upper bound of the leader's delay before it answers a question."""
     relay_wait: Duration = 20 * MS
-    """A member answers a question only if the leader has not within this (plus a spread)."""
+    """A member relays the schedule in answer to a question after this and a spread, unless the leader has answered."""
     join_jitter: Duration = 10 * MS
-    dither: Duration = 8 * MS
-    """Robots tick on one grid; frames leave this much scattered so that they do not all meet on the air."""
+    """Upper bound of the random delay before a member sends its JOB frame."""
+    takeover_wait: Duration = 300 * MS
+    """Waiting time of a leader that replaces another one, while the members join again."""
 
-    absent_wait: Duration = 1000 * MS
-    """Back-off of a job that was not ready for its slot; doubles with each further slot missed in a row ..."""
-    absent_wait_max: Duration = 8000 * MS
-    """... up to this."""
-    absent_passes: int = 2
-    """Passages of others that may go before such a job; doubles likewise ..."""
-    absent_passes_max: int = 16
-    """... up to this many. Then the job goes before all others, for one slot."""
-    bypass_max: int = 32
-    """A waiting job that so many later ones have passed goes before all others: nobody is overtaken for ever."""
+
+@dataclass(frozen=True, slots=True)
+class ScheduleTiming:
+    """Schedules, leases and slots; the order in which jobs are given them."""
+
+    wait: Duration | None = None
+    """The paper's waiting time n where it is fixed; None: computed (`Ledger.wait`)."""
+    wait_max: Duration = 1000 * MS
+    """Upper bound of the computed waiting time n."""
+    spread: Duration = 250 * MS
+    """Usual spread of the triggers of one occasion (tau of the waiting time)."""
 
     repetition: Duration = 250 * MS
-    """A schedule is repeated this often (R)."""
+    """Interval of schedules (R)."""
     extra_gap: Duration = 80 * MS
-    """A changed schedule is sent again after this ..."""
+    """Interval of the additional repeats of a changed schedule."""
     extra: int = 2
-    """... this many times."""
+    """Number of additional repeats of a changed schedule."""
     answer_gap: Duration = 100 * MS
-    """A leader answers a worse one at most this often."""
+    """Minimum interval of a leader's answers to worse leaders."""
     lease: Duration = 1000 * MS
-    """How long a schedule entitles to enter (L): three of four repetitions may be lost."""
+    """Time for which a schedule entitles to enter (L): three of four repetitions may be lost."""
     frozen: Duration = 1100 * MS
-    """A slot nearer than this is neither moved nor given away (F)."""
+    """Frozen zone (F): a slot nearer than this is neither moved nor given to another job."""
     window: Duration = 250 * MS
-    """How late one may enter (w)."""
+    """Entry window (w): how late a robot may enter its slot."""
     lead: Duration = 600 * MS
-    """A new slot is at least this far ahead (LEAD)."""
+    """Minimum distance of a new slot from now (LEAD)."""
     clear: Duration = 20 * MS
-    """Between opposite slots, beside window and clock errors."""
+    """Margin between slots of opposite directions, beside window and clock errors."""
+
     replan_wait: Duration = 30 * MS
-    """A leader gathers joins for this long before it plans again."""
+    """Time for which a leader gathers JOB frames before it plans again."""
     replan_job: Duration = 10 * MS
-    """... or for this long for each job beyond those of one frame, where the news concerns nobody soon."""
+    """The same per job beyond those of one frame, where the news concerns no slot that is near."""
     soon: Duration = 3000 * MS
-    """Whoever has a slot within this is told of changes at once, others in their turn: two claim meanwhile, and none of
-    the others is under way for long or may enter under what it holds, for a lease is shorter."""
-    takeover_wait: Duration = 300 * MS
-    """The same after taking over, while members join again."""
-    wait_max: Duration = 1000 * MS
-    """The paper's waiting time n is at most this."""
+    """A robot with a slot within this is told of changes at once, the others in turn. Two robots claim in this time.
+    None of the others may enter under a schedule that it holds, for a lease is shorter."""
+    revision: Duration = 100 * MS
+    """A change of release or duration larger than this is told to the leader."""
     grace: Duration = 400 * MS
-    """A slot in time stays so for the order while its owner's news make it late by no more than this: estimates are
-    upper bounds, and one that fell behind all others for tenths of a second would certainly be late."""
-    spread: Duration = 250 * MS
-    """How far apart the triggers of one occasion usually are (tau of the waiting time)."""
+    """A slot in time counts as in time for the order while its owner's estimates make it late by no more than this.
+    Estimates are upper bounds, and a job that fell behind all others for tenths of a second would certainly be late."""
+
+    absent_wait: Duration = 1000 * MS
+    """First back-off of a job whose robot was not ready for its slot; doubles with each slot missed in a row."""
+    absent_wait_max: Duration = 8000 * MS
+    """Upper bound of that back-off."""
+    absent_passes: int = 2
+    """Passages of others that may go before a job whose robot was not ready; doubles likewise."""
+    absent_passes_max: int = 16
+    """Upper bound of those passages. After them the job goes before all others, for one slot."""
+    bypass_max: int = 32
+    """A waiting job that this many later ones have overtaken goes before all others: overtaking is bounded."""
+
+    path_repeats: int = 3
+    """How often the leader's path is sent."""
+    path_gap: Duration = 120 * MS
+    """Interval of those repeats."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimTiming:
+    """Claims and beacons of the robots that enter or are inside."""
 
     beacon: Duration = 100 * MS
-    """Who claims or is inside says so this often (H)."""
+    """Interval of the beacons of a robot that claims or is inside (H)."""
     quiet: Duration = 500 * MS
-    """One claims at least this long before entering (W)."""
-    claim_ahead: Duration = 50 * MS
-    """Claims begin this much earlier than they must."""
+    """Minimum time of claiming before entry (W)."""
+    ahead: Duration = 50 * MS
+    """Claims begin earlier than they must by this."""
     stall: Duration = 100 * MS
-    """Who was not awake for longer than this begins its claims anew."""
+    """A robot that was not awake for longer than this begins its claims anew."""
     poll: Duration = 40 * MS
-    """While claiming, one looks this often: less than a stall even when woken a tick late."""
+    """Poll interval while claiming: shorter than a stall even when woken one tick late."""
     entry_poll: Duration = 10 * MS
-    """While the window is open, one looks this often."""
+    """Poll interval while the entry window is open."""
     final_gap: Duration = 60 * MS
-    """Between the repeats of OUT, GONE and YIELD ..."""
+    """Interval of the repeats of OUT, GONE and YIELD."""
     finals: int = 3
-    """... which are sent this many times."""
+    """How often OUT, GONE and YIELD are sent."""
     reminder_gap: Duration = 200 * MS
-    """Who is listed though finished says OUT at most this often."""
+    """Minimum interval of the OUT of a robot whose finished job is still listed."""
     witness_min: Duration = 5 * MS
+    """Minimum delay before a witness repeats the beacon of a robot inside that has become silent."""
     witness_spread: Duration = 40 * MS
-    """A witness repeats the beacon of a silent robot inside after the first, and within the second of these after it
-    (or 6 ms for each known robot, if that is more), unless another has done so."""
+    """Random part of that delay, at least 6 ms for each known robot. Another witness's repeat cancels it."""
+
+
+@dataclass(frozen=True, slots=True)
+class LivenessTiming:
+    """When silence counts: of a leader, of a robot inside, of a waiting job."""
 
     suspicion: Duration = 1500 * MS
     """A leader that is silent for this long is replaced (T_SUS); all its leases have ended by then."""
     stagger: Duration = 150 * MS
-    """The next in the list tries this much later."""
+    """Additional delay of each further member of the list, so that one of them takes over."""
     gone: Duration = 10_000 * MS
     """A robot inside that is silent for this long is presumed gone (T_GONE): longer than any stall."""
     keep: Duration = 2000 * MS
-    """A member repeats its job to the leader this often, or a spread sooner: one schedule has set all their clocks."""
+    """Interval at which a member repeats its job to the leader, less a spread: one schedule sets all their clocks."""
     drop: Duration = 5000 * MS
     """A waiting job that is not heard of for this long is dropped: two repeats may be lost."""
     drop_provisional: Duration = 3000 * MS
-    """The same for jobs known only from the predecessor's list."""
+    """The same for jobs known from the predecessor's list alone."""
     ban: Duration = 5000 * MS
     """A leader that does not acknowledge is avoided for this long."""
     no_acks: int = 3
-    """Unicasts in a row without acknowledgement after which it is."""
+    """Unicasts in a row without acknowledgement after which a leader is avoided."""
     rejoin_first: Duration = 100 * MS
-    """An unlisted job is sent again after this, doubling up to ..."""
+    """First delay after which an unlisted job is sent again; doubles."""
     rejoin_max: Duration = 800 * MS
-    revision: Duration = 100 * MS
-    """A change of release or duration larger than this is told to the leader."""
-    path_repeats: int = 3
-    """The leader's path is sent this many times ..."""
-    path_gap: Duration = 120 * MS
-    """... this far apart."""
+    """Upper bound of that delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Intervals and time-outs in nanoseconds, and counts. The defaults are those of the explored models.
+
+    Raises ValueError when the values break one of the relations of this module.
+    """
+
+    order: Order = Order.OURS
+    """How a leader orders the jobs of its group."""
+    payload_max: int = PAYLOAD_MAX
+    """Octets of a frame's payload; fewer where the radio secures frames. The same for all robots."""
+    clock_error: Duration = 5 * MS
+    """Upper bound of the distance of any robot's clock from lab time (EPS)."""
+    future: Duration = 100 * MS
+    """A frame dated farther ahead than this has a broken clock and is dropped."""
+    dither: Duration = 8 * MS
+    """Random delay of each frame. Robots tick on one grid, and their frames must not all meet on the air."""
+
+    election: ElectionTiming = field(default_factory=ElectionTiming)
+    schedule: ScheduleTiming = field(default_factory=ScheduleTiming)
+    claim: ClaimTiming = field(default_factory=ClaimTiming)
+    liveness: LivenessTiming = field(default_factory=LivenessTiming)
 
     def __post_init__(self) -> None:
-        if self.frozen < self.lease + 2 * self.clock_error:
-            raise ValueError("the frozen zone must outlast a lease and two clock errors: raise `frozen`")
-        if self.lead < self.quiet + self.stall:
-            raise ValueError("a slot must leave time to claim it: raise `lead` to quiet + stall or more")
-        if self.suspicion <= self.lease + 2 * self.clock_error:
-            raise ValueError("a leader may be replaced only after its leases have ended: raise `suspicion`")
+        if self.schedule.frozen < self.schedule.lease + 2 * self.clock_error:
+            raise ValueError("the frozen zone must outlast a lease and two clock errors: raise `schedule.frozen`")
+        if self.schedule.lead < self.claim.quiet + self.claim.stall:
+            raise ValueError("a slot must leave time to claim it: raise `schedule.lead` to quiet + stall or more")
+        if self.liveness.suspicion <= self.schedule.lease + 2 * self.clock_error:
+            raise ValueError("a leader may be replaced only after its leases have ended: raise `liveness.suspicion`")

@@ -9,7 +9,7 @@ from rmr.base.arena import Arena
 from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 from rmr.node.crossing.turn import UNKNOWN_INSIDE
 from rmr.node.trace import Level
 from rmr.radio.phy import RadioConfig, path_loss_db
@@ -56,7 +56,7 @@ class NodeConfig:
     """What runs the program; all engines do the same."""
     turn: Duration = UNKNOWN_INSIDE
     """How long a turn is expected to last where no drive tells; extended while its action lasts longer."""
-    values: Values = field(default_factory=Values)
+    timing: Timing = field(default_factory=Timing)
     """The constants of coordination; how much a frame holds is the link's to say."""
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""

@@ -71,8 +71,8 @@ class Node:
         """None: a robot without a body."""
         if ports.body is not None:
             self.driver = Driver(config, ports.body)
-        values = replace(config.values, payload_max=ports.link.payload_max)
-        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, values)
+        timing = replace(config.timing, payload_max=ports.link.payload_max)
+        core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, timing)
         self.turns = Turns(self, core, digest)
         self.core = core
         """The coordination core, for whoever checks a run to look at."""

@@ -14,7 +14,7 @@ from intervals import mean, percent, quantile, share, text
 from runs import Row, Run, simulated
 
 from rmr.base.time import in_seconds
-from rmr.coord.timing import Order, Values
+from rmr.coord.timing import Order, Timing
 from rmr.node.crossing.approach import HEADWAY_MARGIN_M, departures
 from rmr_sim.simulation import Simulation
 from rmr_world.bound import destinations
@@ -69,9 +69,10 @@ def problem_of(simulation: Simulation, report: dict[str, Any]) -> Problem:
         (job,) = report["robots"][str(robot)]["assertions"]
         release = entry["t"] + entry["approach_s"]
         trips.append(Trip(release, entry["inside_s"], tails, entry["way"], job["deadline_s"]))
-    values = Values()
+    timing = Timing()
     headway = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
-    return Problem(tuple(trips), headway, in_seconds(values.window + 2 * values.clock_error + values.clear))
+    gap = timing.schedule.window + 2 * timing.clock_error + timing.schedule.clear
+    return Problem(tuple(trips), headway, in_seconds(gap))
 
 
 def met_by(problem: Problem, order: Sequence[Trip]) -> int:

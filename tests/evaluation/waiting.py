@@ -18,7 +18,7 @@ from runs import Row, pooled
 
 from rmr.base.streams import stream
 from rmr.base.time import in_seconds
-from rmr.coord.timing import Values
+from rmr.coord.timing import ScheduleTiming, Timing
 
 sys.path.append(str(Path(__file__).parents[1]))
 
@@ -50,7 +50,7 @@ def carried_out(case: Case) -> Row:
     """Carry out one run; return jobs in time and seconds from the first start until all are through."""
     wait = None if case.wait_ms is None else ms(case.wait_ms)
     rng = stream(f"evaluation/waiting/{case.seed}")
-    model = Model(case.seed, ROBOTS, Air(loss=LOSS), Values(wait=wait))
+    model = Model(case.seed, ROBOTS, Air(loss=LOSS), Timing(schedule=ScheduleTiming(wait=wait)))
     deadlines = {robot: started(model, rng, robot, case.spread_ms) for robot in model.ids}
     model.run(ms(case.spread_ms + 2000))
     model.run_until(model.all_served, LIMIT)

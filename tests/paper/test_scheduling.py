@@ -7,7 +7,7 @@ from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job, Sched, decode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import MS, Values
+from rmr.coord.timing import MS, Timing
 
 
 def sent(model: Model) -> list[tuple[int, int, object]]:
@@ -58,16 +58,16 @@ def test_iv_c_otherwise_it_creates_a_group_and_leads_it() -> None:
 
 def waiting_time(deadline: int, peers: int) -> int:
     """Return n of a leader with one job of that deadline and that many peers that have not joined."""
-    ledger = Ledger(1, Values(), 0, 0)
+    ledger = Ledger(1, Timing(), 0, 0)
     job = Job(EVENT, 0, Term(1, 1), 0, 0, 0, ms(3000), deadline, ms(950), 0, None)
-    ledger.note(0, 1, job, Fence(1, Values()))
+    ledger.note(0, 1, job, Fence(1, Timing()))
     return ledger.wait(0, peers)
 
 
 def test_iv_c_the_leader_waits_n_for_participants_set_by_the_deadline() -> None:
     relaxed, tight, hopeless = waiting_time(ms(30_000), 5), waiting_time(ms(4000), 5), waiting_time(ms(2000), 5)
     assert hopeless == 0, "who waits too long is more likely to miss the deadline"
-    assert 0 < tight < relaxed <= Values().wait_max, "who waits too little coordinates too few"
+    assert 0 < tight < relaxed <= Timing().schedule.wait_max, "who waits too little coordinates too few"
     assert tight <= ms(1000) // 4
     assert waiting_time(ms(30_000), 0) == 0, "nobody else can come"
 

@@ -12,7 +12,7 @@ from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, SlotAssigned
 from rmr.coord.messages import Entry, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import EXCLUSIVE_WAY, Values
+from rmr.coord.timing import EXCLUSIVE_WAY, Timing
 from rmr.node.logic.exchange import Exchange
 from rmr.node.ports import Spoken
 from rmr.radio.links import Disturbance
@@ -23,7 +23,7 @@ from rmr_sim.checkers.progress import STILL
 from rmr_sim.run import Options, load, prepare
 
 EVENT = b"charge"
-VALUES = Values()
+TIMING = Timing()
 
 IDLE = "idle(R).\nidle(R), never(R) -o done(R).\n"
 CHARGE = """

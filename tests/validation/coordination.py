@@ -26,7 +26,7 @@ from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.time import Duration, Instant, in_seconds
 from rmr.coord.events import LeadershipBegan, Send
 from rmr.coord.messages import Kind, Sched, decode
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.ether import Ether
 from rmr.radio.frame import ACK_OCTETS, HEADER_OCTETS
@@ -83,9 +83,9 @@ class Tally:
 class OnAir(Model):
     """The harness's model, its frames carried by the radio model."""
 
-    def __init__(self, seed: int, count: int, config: RadioConfig, values: Values | None = None) -> None:
+    def __init__(self, seed: int, count: int, config: RadioConfig, timing: Timing | None = None) -> None:
         self.kernel = Kernel()
-        super().__init__(seed, count, values=values)
+        super().__init__(seed, count, timing=timing)
         self.tally = Tally()
         self.first: Sched | None = None
         """The first announcement of a leader."""
@@ -169,9 +169,9 @@ class OnAir(Model):
         self.settle(mind)
 
 
-def group(seed: int, count: int, config: RadioConfig, release: Instant = 0, values: Values | None = None) -> OnAir:
+def group(seed: int, count: int, config: RadioConfig, release: Instant = 0, timing: Timing | None = None) -> OnAir:
     """Return `count` robots that all get a job of one event within `SPREAD`, with deadlines 4 s apart."""
-    model = OnAir(seed, count, config, values)
+    model = OnAir(seed, count, config, timing)
     rng = Random(f"jobs/{seed}")
     places = list(range(count))
     rng.shuffle(places)
@@ -183,31 +183,31 @@ def group(seed: int, count: int, config: RadioConfig, release: Instant = 0, valu
 # -- discovery ---------------------------------------------------------------------------------------------------
 
 
-def round_time(members: int, values: Values) -> Duration:
+def round_time(members: int, timing: Timing) -> Duration:
     """Return how long a round of discovery is: the spread of the answers, and the time to the next repetition."""
-    return values.reply_spread * members + values.answer_time + values.repetition
+    return timing.election.reply_spread * members + timing.election.answer_time + timing.schedule.repetition
 
 
 def discovery(
-    members: int, seeds: Iterable[int], interference: str, loss: float = 0.0, values: Values | None = None
+    members: int, seeds: Iterable[int], interference: str, loss: float = 0.0, timing: Timing | None = None
 ) -> Row:
     """Return what one announcement to `members` robots with jobs that its leader does not know brings in."""
     config = RadioConfig(interference=interference, loss=loss)
-    runs = [_discover(seed, members, config, values or Values()) for seed in seeds]
+    runs = [_discover(seed, members, config, timing or Timing()) for seed in seeds]
     scalars = {name: over_few([run[name] for run in runs]) for name in runs[0]}
     return {
         "members": members,
         "interference": interference,
         "loss": loss,
         "seeds": len(runs),
-        "round_ms": round_time(members, values or Values()) / MS,
+        "round_ms": round_time(members, timing or Timing()) / MS,
         **scalars,
         "worst": min(run["answered"] for run in runs),
     }
 
 
-def _discover(seed: int, members: int, config: RadioConfig, values: Values) -> dict[str, float]:
-    model = OnAir(seed, members + 1, config, values)
+def _discover(seed: int, members: int, config: RadioConfig, timing: Timing) -> dict[str, float]:
+    model = OnAir(seed, members + 1, config, timing)
     leader, *others = model.ids
     model.trigger(0, leader, deadline=ms(60_000))
     model.hushed = True
@@ -217,7 +217,7 @@ def _discover(seed: int, members: int, config: RadioConfig, values: Values) -> d
     first, begun = model.first, model.now
     assert first is not None
     model.tally.take()
-    model.run(begun + round_time(members, values))
+    model.run(begun + round_time(members, timing))
     known = {entry.robot for entry in first.entries}
     expected = [robot for robot in model.ids if robot not in known]
     came = [model.answers[robot] for robot in expected if robot in model.answers]
@@ -237,7 +237,7 @@ def _discover(seed: int, members: int, config: RadioConfig, values: Values) -> d
 
 
 def rounds(
-    members: int, seeds: Iterable[int], interference: str, loss: float = 0.0, values: Values | None = None
+    members: int, seeds: Iterable[int], interference: str, loss: float = 0.0, timing: Timing | None = None
 ) -> Row:
     """Return what a scheduling round of `members` robots costs, and what the group costs per second after it."""
     config = RadioConfig(interference=interference, loss=loss)

@@ -3,14 +3,14 @@
 import pytest
 from coordination import DISCOVERY, Row, discovery, rounds
 
-from rmr.coord.timing import Values
+from rmr.coord.timing import ElectionTiming, Timing
 
 ENOUGH = 0.95
 SEEDS = {5: range(10), 10: range(10), 50: range(3)}
 
 
-def found(members: int, interference: str = "capture_3db", values: Values | None = None) -> Row:
-    return discovery(members, SEEDS[members], interference, values=values)
+def found(members: int, interference: str = "capture_3db", timing: Timing | None = None) -> Row:
+    return discovery(members, SEEDS[members], interference, timing=timing)
 
 
 @pytest.mark.parametrize("interference", ["capture_3db", "awgn"])
@@ -25,18 +25,18 @@ def test_one_round_of_discovery_brings_in_19_of_20_answers(members: int, interfe
 
 @pytest.mark.parametrize("members", [10, 50])
 def test_without_the_spread_the_first_answers_of_many_are_lost(members: int) -> None:
-    row = found(members, values=Values(reply_spread=0))
+    row = found(members, timing=Timing(election=ElectionTiming(reply_spread=0)))
     assert row["heard"]["mean"] == 1.0
     assert row["first"]["mean"] < ENOUGH
 
 
 def test_without_the_spread_a_round_of_50_fails() -> None:
-    row = found(50, values=Values(reply_spread=0))
+    row = found(50, timing=Timing(election=ElectionTiming(reply_spread=0)))
     assert row["answered"]["mean"] < ENOUGH
 
 
 def test_who_lost_its_answer_repeats_it_after_a_back_off_within_the_round() -> None:
-    row = found(50, values=Values(reply_spread=Values().reply_spread // 4))
+    row = found(50, timing=Timing(election=ElectionTiming(reply_spread=Timing().election.reply_spread // 4)))
     assert row["first"]["mean"] < 0.8
     assert row["answered"]["mean"] > row["first"]["mean"] + 0.1
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.base.time import Duration
-from rmr.coord.timing import Order, Values
+from rmr.coord.timing import Order, ScheduleTiming, Timing
 from rmr.node.trace import Level
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.watch import watch
@@ -68,9 +68,9 @@ class Loaded:
         seed = lab.seed if seed is None else seed
         if self.options.chaos:
             lab = with_chaos(lab, seed)
-        values = Values(order=self.options.order, wait=self.options.wait)
+        timing = Timing(self.options.order, schedule=ScheduleTiming(wait=self.options.wait))
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
-        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values, fresh)
+        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh)
         watch(simulation)
         for event in load_events(lab.events, lab, seed):
             simulation.schedule(event)

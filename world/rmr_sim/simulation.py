@@ -15,7 +15,7 @@ from rmr.base.kernel import EVENT, Kernel
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
@@ -53,7 +53,7 @@ class Simulation:
         handlers: Mapping[str, Handler] | None = None,
         trace: Level = Level.NOTES,
         key: bytes | None = None,
-        values: Values | None = None,
+        timing: Timing | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
     ) -> None:
         """`key` is the lab's, where its radio is secured; `values` are those of coordination, where they are others.
@@ -93,7 +93,7 @@ class Simulation:
         """When the next frame begins."""
         self._fresh = fresh
         self._bodily = needs_bodies(lab, program, handlers or {})
-        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, values or Values()))
+        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, timing or Timing()))
         self._calls: list[tuple[Instant, int]] = []
         """When robots without bodies want to be called, beyond the present frame, and their indices: a heap."""
         self._served, self._waiting = list[SimulatedRobot](), list[SimulatedRobot]()
@@ -119,7 +119,7 @@ class Simulation:
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
-    def _config(self, trace: Level, values: Values) -> NodeConfig:
+    def _config(self, trace: Level, timing: Timing) -> NodeConfig:
         """Return what all robots are told, as the first one is."""
         lab = replace(self.lab, seed=self.seed)
         facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)
@@ -133,7 +133,7 @@ class Simulation:
             facts,
             None if pattern is None else (pattern.name, pattern.patterns),
             trace=trace,
-            values=values,
+            timing=timing,
             witness=self.tell,
         )
 

@@ -86,7 +86,7 @@ class Turns:
     def started(self, now: Instant, job: Job) -> None:
         """Handle a job that has started: it asks for a turn as soon as the robot knows where it is."""
         assertion = self._node.program.assertions[job.assertion]
-        alone = self._node.config.values.order is Order.NONE
+        alone = self._node.config.timing.order is Order.NONE
         if alone or not assertion.scheduled or not assertion.serving:
             return
         event = self.event_of(job)

@@ -6,9 +6,9 @@ import pytest
 from coord_harness import EVENT, MS, Model, ms
 
 from rmr.coord import events
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 
-VALUES = Values()
+TIMING = Timing()
 
 
 class Absentees(Model):
@@ -54,8 +54,9 @@ def test_back_off_of_an_absent_job_doubles_up_to_its_bound() -> None:
     model.run(ms(90_000))
     gaps = [(b - a) / MS for a, b in pairwise(model.missed(1))]
     assert all(later > sooner - 60 for sooner, later in pairwise(gaps))
-    assert gaps[0] >= VALUES.absent_wait / MS
-    assert all(VALUES.absent_wait_max / MS <= gap <= VALUES.absent_wait_max / MS + 400 for gap in gaps[4:])
+    assert gaps[0] >= TIMING.schedule.absent_wait / MS
+    longest = TIMING.schedule.absent_wait_max / MS
+    assert all(longest <= gap <= longest + 400 for gap in gaps[4:])
     assert len(gaps) >= 10
 
 
@@ -94,7 +95,7 @@ def test_absent_job_is_overtaken_by_a_bounded_number_of_passages_between_two_slo
     slots = [0, *model.missed(1)]
     overtaken = [sum(a < entry.start <= b for entry in model.entries) for a, b in pairwise(slots)]
     assert len(slots) >= 5
-    assert max(overtaken) <= VALUES.absent_passes_max + 3  # and those whose slots stand already
+    assert max(overtaken) <= TIMING.schedule.absent_passes_max + 3  # and those whose slots stand already
     assert len(model.entries) > 80
     assert model.violations == []
 
@@ -105,7 +106,7 @@ def test_ready_job_that_is_late_is_overtaken_by_a_bounded_number_of_later_jobs()
         keep_coming(model, robot)
     model.trigger(ms(2000), 1, deadline=ms(2100), duration=ms(600), way=15)
     assert model.run_until(lambda: 1 in model.order(), ms(120_000))
-    assert len(model.entries) <= VALUES.bypass_max + 8
+    assert len(model.entries) <= TIMING.schedule.bypass_max + 8
     assert model.violations == []
 
 

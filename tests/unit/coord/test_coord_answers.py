@@ -12,7 +12,7 @@ from rmr.coord.events import Send
 from rmr.coord.messages import Beacon, Entry, Job, Message, Phase, Sched, decode, encode
 from rmr.coord.states import Role
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 
 PEERS = 49
 PER_ANSWER = 5.0
@@ -271,9 +271,9 @@ def sent_first_join() -> Robot:
 def test_a_job_that_has_arrived_is_not_repeated_before_the_next_schedule_is_due() -> None:
     robot = outcome(sent_first_join(), "ok")
     sent = robot.now
-    robot.run(sent + Values().repetition - ms(1))
+    robot.run(sent + Timing().schedule.repetition - ms(1))
     assert joined(robot) == 1
-    assert joined(robot.run(sent + 2 * Values().repetition)) == 2, "it is still not listed"
+    assert joined(robot.run(sent + 2 * Timing().schedule.repetition)) == 2, "it is still not listed"
 
 
 @pytest.mark.parametrize("status", ["no_ack", "access_failure"])

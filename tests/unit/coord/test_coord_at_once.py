@@ -9,7 +9,7 @@ from coord_harness import EVENT, MS, Model, ms
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.messages import Job, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 
 TICK_MS = 16
 
@@ -88,4 +88,4 @@ def test_a_robot_that_has_heard_another_one_is_not_alone_though_the_roster_says_
     assert context_of(core).alone
     core.receive(ms(10), question(ms(5), ms(5)), 2)
     assert not context_of(core).alone
-    assert context_of(core).quiet(ms(20)) == Values().quiet
+    assert context_of(core).quiet(ms(20)) == Timing().claim.quiet

@@ -9,7 +9,7 @@ from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job
 from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
 from rmr.coord.term import Term
-from rmr.coord.timing import GRID, MS, Values
+from rmr.coord.timing import GRID, MS, Timing
 
 RULES = Rules(floor=600 * MS, opposed=280 * MS)
 COUNT = EXACT_MAX + 9
@@ -77,7 +77,7 @@ def told(ledger: Ledger, robot: int, now_ms: int, approach_ms: int, deadline_ms:
     """Let `robot` tell its job at `now_ms`, when it needs `approach_ms` to the gate."""
     release = ms(now_ms + approach_ms)
     job = Job(EVENT, ms(now_ms), Term(1, 1), 0, 0, release, ms(3000), ms(deadline_ms), ms(HEADWAY_MS), 0, None, False)
-    ledger.note(ms(now_ms), robot, job, Fence(1, Values()))
+    ledger.note(ms(now_ms), robot, job, Fence(1, Timing()))
 
 
 def order(ledger: Ledger, now_ms: int) -> list[int]:
@@ -89,7 +89,7 @@ def order(ledger: Ledger, now_ms: int) -> list[int]:
 
 def test_who_has_set_out_keeps_its_place_in_a_crowd_though_another_order_met_one_deadline_more() -> None:
     for count, first in ((EXACT_MAX - 1, [1, EXACT_MAX]), (COUNT, [1, 2])):
-        ledger = Ledger(99, Values(), 0, 0)
+        ledger = Ledger(99, Timing(), 0, 0)
         for robot in range(1, count + 1):
             told(ledger, robot, 0, 2500, 6500 + 1000 * robot)
         assert order(ledger, 10)[:3] == [1, 2, 3]

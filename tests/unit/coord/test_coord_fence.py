@@ -5,7 +5,7 @@ from coord_harness import EVENT, ms
 from rmr.coord.fence import Claim, Fence
 from rmr.coord.messages import Beacon, Phase
 from rmr.coord.term import Term
-from rmr.coord.timing import EXCLUSIVE_WAY, Values
+from rmr.coord.timing import EXCLUSIVE_WAY, Timing
 
 
 def beacon(who: int, phase: Phase, time: float, *, way: int = 0, start: float = 1000, end: float = 4000) -> Beacon:
@@ -17,7 +17,7 @@ def claim(start: float = 2000, way: int = 0) -> Claim:
 
 
 def fence(*beacons: Beacon) -> Fence:
-    made = Fence(1, Values())
+    made = Fence(1, Timing())
     for item in beacons:
         made.note(item)
     return made
@@ -100,7 +100,7 @@ def test_a_yield_in_the_very_millisecond_of_the_claim_is_news() -> None:
 
 
 def test_a_witness_is_asked_for_a_silent_opposed_robot_only() -> None:
-    made = Fence(9, Values())
+    made = Fence(9, Timing())
     made.note(beacon(2, Phase.IN, 1000, way=1))
     assert made.unheard(ms(1150), beacon(3, Phase.CLAIM, 1150)) is None
     assert made.unheard(ms(1250), beacon(3, Phase.CLAIM, 1250)) == 2
@@ -108,7 +108,7 @@ def test_a_witness_is_asked_for_a_silent_opposed_robot_only() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    made = Fence(1, Values())
+    made = Fence(1, Timing())
     for robot in range(1000):
         made.note(beacon(robot + 2, Phase.IN, robot))
         made.note(beacon(robot + 2000, Phase.OUT, robot))

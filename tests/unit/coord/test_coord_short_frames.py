@@ -6,7 +6,7 @@ from coord_harness import EVENT, Air, Model, ms
 from rmr.base.grid_path import GridPath
 from rmr.coord.events import PathReceived
 from rmr.coord.messages import Sched, decode
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 
 
 @pytest.mark.parametrize(("limit", "parts"), [(107, 2), (95, 3)])
@@ -18,7 +18,7 @@ def test_a_schedule_of_several_short_parts_gives_every_robot_a_rank_of_its_own(l
         seen.append(message.parts if isinstance(message, Sched) else 0)
         return True
 
-    model = Model(3, 15, Air(filter=measure), Values(payload_max=limit))
+    model = Model(3, 15, Air(filter=measure), Timing(payload_max=limit))
     for robot in model.ids:
         model.trigger(ms(robot), robot, deadline=ms(60_000 + 1000 * robot))
     assert model.run_until(model.all_slotted, ms(10_000))
@@ -31,7 +31,7 @@ def test_a_schedule_of_several_short_parts_gives_every_robot_a_rank_of_its_own(l
 
 
 def test_a_path_of_several_short_frames_arrives_whole() -> None:
-    model = Model(4, 3, values=Values(payload_max=95))
+    model = Model(4, 3, timing=Timing(payload_max=95))
     for robot in model.ids:
         model.trigger(ms(robot), robot, deadline=ms(60_000))
     model.run(ms(2000))

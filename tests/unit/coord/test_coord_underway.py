@@ -6,7 +6,7 @@ from rmr.coord.fence import Fence
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job
 from rmr.coord.term import Term
-from rmr.coord.timing import MS, Values
+from rmr.coord.timing import MS, Timing
 
 LED = Term(1, 1)
 
@@ -18,7 +18,7 @@ def told(
     now = ms(now_ms)
     release = now + ms(approach_ms)
     job = Job(EVENT, now, LED, 0, 0, release, ms(3000), ms(deadline_ms), ms(1000), 0, None, underway)
-    return ledger.note(now, robot, job, Fence(1, Values()))
+    return ledger.note(now, robot, job, Fence(1, Timing()))
 
 
 def order(ledger: Ledger, now_ms: int) -> list[int]:
@@ -30,7 +30,7 @@ def order(ledger: Ledger, now_ms: int) -> list[int]:
 
 def crowd() -> Ledger:
     """Return the books of five robots: 2 and 3 are too late already, 4, 5 and 6 just in time if none goes before."""
-    ledger = Ledger(1, Values(), 0, 0)
+    ledger = Ledger(1, Timing(), 0, 0)
     for robot, deadline_ms in ((2, 1000), (3, 1000), (4, 5200), (5, 6200), (6, 7200)):
         told(ledger, robot, 0, 2000, deadline_ms)
     return ledger

@@ -1,7 +1,8 @@
 """docs/coordination.md says what the code of coordination says."""
 
 import struct
-from dataclasses import fields
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 
 import pytest
 from doc_pages import codes, page, section, table
@@ -9,7 +10,7 @@ from doc_pages import codes, page, section, table
 from rmr.base.time import NS_PER_MS, in_seconds
 from rmr.coord import insertion, messages, schedule, states, timing
 from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched
-from rmr.coord.timing import Values
+from rmr.coord.timing import Timing
 from rmr.node.crossing import approach, turn, turns
 from rmr.node.motion import avoid, gate, route
 
@@ -47,9 +48,18 @@ def text_of(value: int | timing.Order | None) -> str:
     return f"{value // NS_PER_MS} ms" if value >= NS_PER_MS else str(value)
 
 
+def timing_rows(group: object, prefix: str = "") -> Iterator[tuple[str, str]]:
+    for field in fields(group):
+        value = getattr(group, field.name)
+        if is_dataclass(value):
+            yield from timing_rows(value, f"{field.name}.")
+        else:
+            yield prefix + field.name, text_of(value)
+
+
 def test_every_value_is_documented_with_its_default():
     rows = {codes(name)[0]: default for name, default, _ in table(PAGE, "value", "default", "what it is")}
-    assert rows == {field.name: text_of(getattr(Values(), field.name)) for field in fields(Values)}
+    assert rows == dict(timing_rows(Timing()))
 
 
 def test_the_bounds_are_those_of_the_code():

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
-from rmr.coord.timing import Values, same_way
+from rmr.coord.timing import Timing, same_way
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import TICK, Scene
 
-VALUES = Values()
+TIMING = Timing()
 NO_COUNTER = -1
 """Of the term of a robot that is inside without a slot."""
 
@@ -85,7 +85,7 @@ class Passages:
 
     def _judge_entry(self, robot: int, start: Instant, slot: SlotAssigned, job: OwnJob) -> None:
         violate = self._scene.violate
-        if not slot.start <= start <= slot.start + VALUES.window:
+        if not slot.start <= start <= slot.start + TIMING.schedule.window:
             late_ms = (start - slot.start) // 1_000_000
             violate(start, "entry", (robot,), f"robot {robot} entered out of its window, at {late_ms} ms of its slot")
         if start >= job.lease:
@@ -104,7 +104,7 @@ class Passages:
             words = f"robot {one.robot} entered while robot {other.robot} was inside another way"
             self._scene.violate(now, "overlap", pair, words)
             return
-        least = min(one.headway, other.headway) - VALUES.window - TICK
+        least = min(one.headway, other.headway) - TIMING.schedule.window - TICK
         if one.start - other.start < least:
             apart_ms, least_ms = (one.start - other.start) // 1_000_000, least // 1_000_000
             words = f"robot {one.robot} entered {apart_ms} ms behind robot {other.robot}; {least_ms} ms is the least"
@@ -114,8 +114,8 @@ class Passages:
         """Return whether the protocol promises anything of these two."""
         scene = self._scene
         if one.term == other.term:
-            return not scene.forgot(one.term[1], other.start - VALUES.lease)
-        since = now - VALUES.quiet - VALUES.beacon
+            return not scene.forgot(one.term[1], other.start - TIMING.schedule.lease)
+        since = now - TIMING.claim.quiet - TIMING.claim.beacon
         if any(scene.held_up(robot, since, now) or scene.forgot(robot, since) for robot in (one.robot, other.robot)):
             return False
         return scene.linked(one.robot, other.robot, since, now)

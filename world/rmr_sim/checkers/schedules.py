@@ -11,7 +11,7 @@ from rmr.coord.messages import Entry, Kind, MessageError, Phase, Sched, decode
 from rmr.coord.term import Term
 from rmr.node.ports import Spoken
 from rmr_sim.checkers.newest import Newest
-from rmr_sim.checkers.passages import VALUES
+from rmr_sim.checkers.passages import TIMING
 from rmr_sim.checkers.scene import Scene
 
 LET_PASS = milliseconds(1200)
@@ -72,11 +72,11 @@ class Schedules:
             return
         if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
             del self._promised[key]
-            over = sched.issued > promised + entry.duration + VALUES.window
+            over = sched.issued > promised + entry.duration + TIMING.schedule.window
             if not over and not self._excused(entry.robot, sched, promised, now):
                 words = f"leader {sched.term.leader} moved the slot of robot {entry.robot}, which stood already"
                 self._scene.violate(now, "frozen slot", (sched.term.leader, entry.robot), words)
-        if entry.start is not None and entry.start <= sched.issued + VALUES.frozen:
+        if entry.start is not None and entry.start <= sched.issued + TIMING.schedule.frozen:
             self._promised[key] = entry.start, sched.issued
 
     def _excused(self, robot: int, sched: Sched, promised: Instant, now: Instant) -> bool:
@@ -84,7 +84,7 @@ class Schedules:
         if robot not in self._scene.robots:
             return True
         gave_up = self._given_up.get((robot, sched.event), -LET_PASS)
-        since = promised - VALUES.gone
+        since = promised - TIMING.liveness.gone
         return (
             gave_up >= promised - LET_PASS
             or bool(self._scene.held_up(robot, since, now))
