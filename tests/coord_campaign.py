@@ -161,7 +161,7 @@ def _trigger(model: Model, rng: Random, robot: int, when: float, ways: int, long
         release=ms(when + rng.choice((0, rng.uniform(0, 3000)))),
         duration=ms(rng.uniform(500, longest)),
         headway=ms(950),
-        way=rng.randrange(ways),
+        direction=rng.randrange(ways),
     )
 
 

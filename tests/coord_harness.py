@@ -35,7 +35,7 @@ class Entry:
 
     robot: int
     trigger: Instant
-    way: int
+    direction: int
     start: Instant
     end: Instant
     slot: Instant
@@ -159,7 +159,7 @@ class Model:
         release: Instant = 0,
         duration: int = ms(3000),
         headway: int = ms(950),
-        way: int = 0,
+        direction: int = 0,
         inside: bool = False,
     ) -> None:
         def start() -> None:
@@ -169,7 +169,9 @@ class Model:
             if mind.inside is not None or self.now < mind.stalled_until:  # one job after the other
                 self.at(max(self.now + ms(500), mind.stalled_until), start)
                 return
-            request = JobRequest(EVENT, self.now, max(release, self.now), duration, deadline, headway, way, inside)
+            request = JobRequest(
+                EVENT, self.now, max(release, self.now), duration, deadline, headway, direction, inside
+            )
             mind.job = request
             mind.core.trigger(self.now, request)
             self.at(request.release, lambda: self._set_ready(mind, request))
@@ -385,14 +387,14 @@ class Model:
             self.violations.append(f"{mind.robot} entered outside its slot at {self.now / MS}")
             return
         entry = Entry(
-            mind.robot, job.trigger, job.way, self.now, self.now + job.duration + mind.overrun,
+            mind.robot, job.trigger, job.direction, self.now, self.now + job.duration + mind.overrun,
             slot.start, slot.rank, (slot.term, slot.leader), event.cautious, dict(mind.heard),
             self.now + job.duration + mind.overrun,
         )  # fmt: skip
         if any(e.robot == mind.robot and e.trigger == job.trigger for e in self.entries):
             self.violations.append(f"{mind.robot} entered twice for one job")
         for other in self.entries:
-            if other.way != entry.way and other.start <= self.now < other.end and other.robot != mind.robot:
+            if other.direction != entry.direction and other.start <= self.now < other.end and other.robot != mind.robot:
                 self._overlap(entry, other)
         self.entries.append(entry)
         mind.inside = entry

@@ -8,7 +8,7 @@ from random import Random
 from typing import NamedTuple
 
 from rmr.coord.schedule import Placed, Rules, Task
-from rmr.coord.timing import EXCLUSIVE_WAY, MS
+from rmr.coord.timing import EXCLUSIVE, MS
 
 GRID_MS = 10
 
@@ -25,7 +25,7 @@ class Best(NamedTuple):
 def apart_ms(first: Task | Placed, second: Task | Placed, rules: Rules) -> int:
     """Return the milliseconds that must lie between the starts of two passages."""
     ahead, behind = first.duration // MS, second.duration // MS
-    if first.way != second.way or first.way == EXCLUSIVE_WAY:
+    if first.direction != second.direction or first.direction == EXCLUSIVE:
         return ahead + rules.opposed // MS
     headway = max(first.headway, second.headway) // MS
     overtaken = ahead - behind  # the second must not be through before the first by less than a headway
@@ -63,7 +63,7 @@ def optimum(tasks: list[Task], standing: list[Placed], rules: Rules) -> Best:
     return Best(-best[0], best[1], tuple(jobs[i].robot for i in best[2]))
 
 
-WAYS = ((0,), (0, 1), (0, 1), (0, 1, 2), (0, EXCLUSIVE_WAY), (EXCLUSIVE_WAY,))
+WAYS = ((0,), (0, 1), (0, 1), (0, 1, 2), (0, EXCLUSIVE), (EXCLUSIVE,))
 
 
 def instance(rng: Random, most: int = 8) -> tuple[list[Task], list[Placed], Rules]:
@@ -83,8 +83,8 @@ def instance(rng: Random, most: int = 8) -> tuple[list[Task], list[Placed], Rule
     for robot in rng.sample(range(1, 100), count):
         release, duration = some(0, horizon), some(shortest, longest)
         deadline = release + duration + some(0, slack)
-        way, headway = rng.choice(ways), rng.choice(headways)
-        tasks.append(Task(robot, release * MS, duration * MS, deadline * MS, headway * MS, way))
+        direction, headway = rng.choice(ways), rng.choice(headways)
+        tasks.append(Task(robot, release * MS, duration * MS, deadline * MS, headway * MS, direction))
     standing = [
         Placed(some(-2000, 1100) * MS, some(0, longest) * MS, rng.choice(headways) * MS, rng.choice(ways))
         for _ in range(rng.choice((0, 0, 1, 3)))

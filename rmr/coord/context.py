@@ -12,7 +12,7 @@ from rmr.base.grid_path import GridPath
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.events import CoordEvent, JobRequest, ScheduleChanged, Send
 from rmr.coord.fence import Fence
-from rmr.coord.known_schedule import Held
+from rmr.coord.known_schedule import KnownSchedule
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import Job, Message, encode, entries_max, on_grid
 from rmr.coord.states import Passage, Role, check_passage, check_role
@@ -101,9 +101,9 @@ class Context:
     """The state of one event's machine."""
 
     def __init__(
-        self, event: bytes, robot: int, rng: Random, peers: Callable[[], int], timing: Timing, outbox: Outbox
+        self, group_id: bytes, robot: int, rng: Random, peers: Callable[[], int], timing: Timing, outbox: Outbox
     ) -> None:
-        self.event = event
+        self.group_id = group_id
         self.robot = robot
         self.rng = rng
         self.peers = peers
@@ -115,7 +115,7 @@ class Context:
         self.next_job: JobRequest | None = None
         """Triggered while inside; begins on leaving."""
         self.fence = Fence(robot, timing)
-        self.held = Held(entries_max(timing.payload_max))
+        self.held = KnownSchedule(entries_max(timing.payload_max))
         self.counter = 0
         """Newest counter of a term heard of; 0: none."""
         self.ledger: Ledger | None = None
@@ -129,9 +129,9 @@ class Context:
 
         self.asked: Instant | None = None
         self.asks = 0
-        self.asker = NOBODY
+        self.candidate = NOBODY
         """The earlier asker that goes first."""
-        self.asked_by: dict[int, Job] = {}
+        self.candidates: dict[int, Job] = {}
         """Jobs of other askers, for the ledger should this robot lead."""
         self.bans: dict[int, Instant] = {}
         self.no_acks = 0
@@ -225,7 +225,7 @@ class Context:
         handle = 0
         if destination is not None:
             box.handle = handle = box.handle % 0xFFFF + 1
-            box.owners[handle] = self.event
+            box.owners[handle] = self.group_id
         box.put(Send(payload, destination, handle, at + self.uniform(0, self.timing.dither)))
 
     def emit(self, event: CoordEvent) -> None:
@@ -248,7 +248,7 @@ class Context:
         job.told = (request.release, request.duration)
         asked = now if self.asked is None else self.asked
         return Job(
-            self.event,
+            self.group_id,
             now,
             term,
             asked,
@@ -257,7 +257,7 @@ class Context:
             request.duration,
             request.deadline,
             request.headway,
-            request.way,
+            request.direction,
             job.missed,
             request.underway,
             job.absent,
@@ -271,7 +271,7 @@ class Context:
             return
         held.order = order
         held.formed = held.issued
-        self.emit(ScheduleChanged(self.event, held.term.leader, held.term.counter, order, held.formed))
+        self.emit(ScheduleChanged(self.group_id, held.term.leader, held.term.counter, order, held.formed))
 
 
 def stamp(now: Instant) -> Instant:

@@ -15,10 +15,10 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.context import Context, Outbox, OwnJob
 from rmr.coord.events import CoordEvent, JobRequest, Send
 from rmr.coord.group import Group
-from rmr.coord.messages import EVENT_OCTETS, OVER, Beacon, Kind, MessageError, decode
+from rmr.coord.messages import GROUP_ID_OCTETS, OVER, Beacon, Kind, MessageError, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NOBODY
-from rmr.coord.timing import EVENTS_MAX, EXCLUSIVE_WAY, IN_FLIGHT_MAX, WAY_MAX, Timing
+from rmr.coord.timing import DIRECTION_MAX, EXCLUSIVE, GROUPS_MAX, IN_FLIGHT_MAX, Timing
 
 __all__ = ["Coordination", "JobRequest"]
 
@@ -48,15 +48,15 @@ class Coordination:
 
     def trigger(self, now: Instant, request: JobRequest) -> None:
         """A job starts. Raises ValueError for an event that is not six octets or a way out of 0..15."""
-        if len(request.event) != EVENT_OCTETS or not 0 <= request.way <= WAY_MAX:
+        if len(request.group_id) != GROUP_ID_OCTETS or not 0 <= request.direction <= DIRECTION_MAX:
             raise ValueError("an event has six octets and a way is 0..15")
-        self._group(request.event).trigger(now, request)
+        self._group(request.group_id).trigger(now, request)
         self._settle()
 
     def revise(
         self,
         now: Instant,
-        event: bytes,
+        group_id: bytes,
         *,
         release: Instant | None = None,
         duration: Duration | None = None,
@@ -64,7 +64,7 @@ class Coordination:
         underway: bool | None = None,
     ) -> None:
         """The robot's own estimate has changed; the leader is told when it matters and the slot can still move."""
-        self._group(event).revise(now, release, duration, deadline, underway)
+        self._group(group_id).revise(now, release, duration, deadline, underway)
         self._settle()
 
     def receive(self, now: Instant, payload: bytes, source: int) -> bool:
@@ -80,7 +80,7 @@ class Coordination:
         if time > now + self._timing.future:
             self.malformed += 1
             return False
-        self._group(message.event).receive(now, message, source)
+        self._group(message.group_id).receive(now, message, source)
         self._settle()
         return True
 
@@ -92,56 +92,56 @@ class Coordination:
             beacon = _decoded(payload, self._timing.payload_max)
         except MessageError:
             return False
-        group = self._groups.get(beacon.event)
+        group = self._groups.get(beacon.group_id)
         if group is None or not isinstance(beacon, Beacon) or beacon.time > now + self._timing.future:
             return False
         return group.overhear(now, beacon)
 
     def confirmed(self, now: Instant, handle: int, status: str) -> None:
         """The outcome of a unicast: ``ok``, ``no_ack`` or ``access_failure``. Unknown handles are ignored."""
-        event = self._outbox.owners.pop(handle, None)
-        group = None if event is None else self._groups.get(event)
+        group_id = self._outbox.owners.pop(handle, None)
+        group = None if group_id is None else self._groups.get(group_id)
         if group is not None:
             group.confirmed(now, status)
             self._settle()
 
-    def job(self, event: bytes) -> OwnJob | None:
+    def job(self, group_id: bytes) -> OwnJob | None:
         """Return the robot's live job of `event`, to be looked at only; None when there is none."""
-        group = self._groups.get(event)
+        group = self._groups.get(group_id)
         return None if group is None else group.context.job
 
-    def passes(self, event: bytes) -> bool:
+    def passes(self, group_id: bytes) -> bool:
         """Return whether a job of `event` that is not over is known to pass in one way, by a schedule or a beacon."""
-        group = self._groups.get(event)
+        group = self._groups.get(group_id)
         if group is None:
             return False
         context = group.context
-        listed = (e.way for e in context.held.entries() if e.robot != NOBODY and e.phase not in OVER)
-        heard = (record.beacon.way for record in context.fence.records.values())
-        return any(way != EXCLUSIVE_WAY for way in (*listed, *heard))
+        listed = (e.direction for e in context.held.entries() if e.robot != NOBODY and e.phase not in OVER)
+        heard = (record.beacon.direction for record in context.fence.records.values())
+        return any(direction != EXCLUSIVE for direction in (*listed, *heard))
 
-    def ready(self, now: Instant, event: bytes, ready: bool) -> None:
+    def ready(self, now: Instant, group_id: bytes, ready: bool) -> None:
         """The robot is at its gate, or will be within the entry window: entering is allowed; or no more."""
-        if self._group(event).ready(now, ready):
+        if self._group(group_id).ready(now, ready):
             self._settle()
 
-    def inside_until(self, now: Instant, event: bytes, end: Instant) -> None:
+    def inside_until(self, now: Instant, group_id: bytes, end: Instant) -> None:
         """While inside: the end has moved."""
-        self._group(event).inside_until(now, end)
+        self._group(group_id).inside_until(now, end)
 
-    def leave(self, now: Instant, event: bytes) -> None:
+    def leave(self, now: Instant, group_id: bytes) -> None:
         """Clear of it: the job is done."""
-        self._group(event).leave(now)
+        self._group(group_id).leave(now)
         self._settle()
 
-    def withdraw(self, now: Instant, event: bytes) -> None:
+    def withdraw(self, now: Instant, group_id: bytes) -> None:
         """The job is over without entering."""
-        self._group(event).withdraw(now)
+        self._group(group_id).withdraw(now)
         self._settle()
 
-    def offer_path(self, now: Instant, event: bytes, way: int, path: GridPath) -> None:
+    def offer_path(self, now: Instant, group_id: bytes, direction: int, path: GridPath) -> None:
         """The leader's path for one way, to be sent to the others."""
-        self._group(event).offer_path(now, way, path)
+        self._group(group_id).offer_path(now, direction, path)
         self._settle()
 
     def wake(self, now: Instant) -> None:
@@ -165,20 +165,20 @@ class Coordination:
             self._outbox.items = []
         return items
 
-    def _group(self, event: bytes) -> Group:
-        group = self._groups.get(event)
+    def _group(self, group_id: bytes) -> Group:
+        group = self._groups.get(group_id)
         if group is None:
-            if len(self._groups) >= EVENTS_MAX:
+            if len(self._groups) >= GROUPS_MAX:
                 self._forget()
-            context = Context(event, self.robot, self._rng, self._peers, self._timing, self._outbox)
-            group = self._groups[event] = Group(context)
+            context = Context(group_id, self.robot, self._rng, self._peers, self._timing, self._outbox)
+            group = self._groups[group_id] = Group(context)
         return group
 
     def _forget(self) -> None:
         """Make room: drop the event that has been quiet longest and has no live job here."""
         idle = [
-            (group.context.awake, event)
-            for event, group in self._groups.items()
+            (group.context.awake, group_id)
+            for group_id, group in self._groups.items()
             if group.context.passage is Passage.OUT and group.context.role is Role.NONE
         ]
         if idle:

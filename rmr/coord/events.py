@@ -23,7 +23,7 @@ class Send(NamedTuple):
 class JobRequest:
     """One robot's timed work on a shared place."""
 
-    event: bytes
+    group_id: bytes
     """Six octets that name the group (a hash of program, assertion and finish arguments)."""
     trigger: Instant
     """When the job started; with the robot it is the job's identity."""
@@ -35,7 +35,7 @@ class JobRequest:
     """By when it shall be outside again."""
     headway: int
     """Nanoseconds between two entries in the same way."""
-    way: int
+    direction: int
     """0..15: robots of different ways exclude each other."""
     inside: bool = False
     """The robot finds itself inside as the job starts, as after a restart: it is so, and needs no slot."""
@@ -50,7 +50,7 @@ class JobRequest:
 class SlotAssigned:
     """The job has a slot, or its slot or rank has changed."""
 
-    event: bytes
+    group_id: bytes
     trigger: Instant
     rank: int
     """From 1: the robot is the rank-th of this event. Fixed from the frozen zone on."""
@@ -67,14 +67,14 @@ class SlotAssigned:
 class SlotLost:
     """The slot holds no more; another will follow."""
 
-    event: bytes
+    group_id: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Entered:
     """The robot is inside: it may drive now."""
 
-    event: bytes
+    group_id: bytes
     start: Instant
     end: Instant
     """By when it said it would be outside."""
@@ -86,14 +86,14 @@ class Entered:
 class EntryMissed:
     """The entry window has passed, or another robot went first; another slot will follow."""
 
-    event: bytes
+    group_id: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class LeadershipBegan:
     """This robot leads the event."""
 
-    event: bytes
+    group_id: bytes
     term: int
 
 
@@ -101,14 +101,14 @@ class LeadershipBegan:
 class LeadershipEnded:
     """This robot leads the event no more."""
 
-    event: bytes
+    group_id: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class LeaderChanged:
     """This robot follows another leader than before."""
 
-    event: bytes
+    group_id: bytes
     leader: int
     term: int
 
@@ -117,7 +117,7 @@ class LeaderChanged:
 class ScheduleChanged:
     """The newest schedule known here has another order (not merely lost those that are done)."""
 
-    event: bytes
+    group_id: bytes
     leader: int
     term: int
     order: tuple[int, ...]
@@ -130,8 +130,8 @@ class ScheduleChanged:
 class PathReceived:
     """The leader's path for one way is complete here."""
 
-    event: bytes
-    way: int
+    group_id: bytes
+    direction: int
     path: GridPath
 
 

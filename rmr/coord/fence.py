@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.messages import Beacon, Phase
-from rmr.coord.timing import RECORDS_MAX, Timing, same_way
+from rmr.coord.timing import RECORDS_MAX, Timing, same_direction
 
 
 class Claim(NamedTuple):
@@ -27,7 +27,7 @@ class Claim(NamedTuple):
     start: Instant
     end: Instant
     headway: Duration
-    way: int
+    direction: int
 
 
 class Verdict(NamedTuple):
@@ -130,7 +130,7 @@ class Fence:
             if who == claim.robot or beacon.phase is Phase.YIELD:
                 continue
             if beacon.phase is Phase.IN or now > beacon.start + timing.schedule.window:
-                if same_way(beacon.way, claim.way):
+                if same_direction(beacon.direction, claim.direction):
                     is_open = is_open and now >= beacon.start + claim.headway
                 elif now < self.believed(beacon):
                     is_open = False
@@ -143,7 +143,7 @@ class Fence:
         return Verdict(is_open, False, cautious)
 
     def _conflict(self, claim: Claim, other: Beacon) -> bool:
-        if same_way(claim.way, other.way):
+        if same_direction(claim.direction, other.direction):
             return abs(claim.start - other.start) < claim.headway
         window = self._timing.schedule.window
         return claim.start <= other.end + window and other.start <= claim.end + window
@@ -152,7 +152,11 @@ class Fence:
         """Return a robot inside, in the way of `claim`, that has been silent for a while; None when there is none."""
         for beacon in self.inside(now):
             silent = now - beacon.time > 2 * self._timing.claim.beacon
-            if beacon.who not in (claim.who, self._robot) and not same_way(beacon.way, claim.way) and silent:
+            if (
+                beacon.who not in (claim.who, self._robot)
+                and not same_direction(beacon.direction, claim.direction)
+                and silent
+            ):
                 return beacon.who
         return None
 

@@ -18,12 +18,12 @@ from rmr.coord.term import NO_TERM, NOBODY, Term
 from rmr.coord.timing import BANS_MAX, RECORDS_MAX
 
 
-def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None:
+def begin_election(c: Context, now: Instant, first: Instant | None = None) -> None:
     """Ask who leads, from `first` on (default: after a short random wait)."""
-    c.become(Role.ASKING)
+    c.become(Role.CANDIDATE)
     c.asks = 0
     c.asked = None
-    c.asked_by.clear()
+    c.candidates.clear()
     c.no_acks = 0
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
@@ -35,7 +35,7 @@ def begin_asking(c: Context, now: Instant, first: Instant | None = None) -> None
 def on_ask_timer(c: Context, now: Instant) -> bool:
     """Ask, or return True: nobody answered and this robot must lead."""
     c.set(Timer.ASK, NEVER)
-    if c.role is not Role.ASKING or c.job is None:
+    if c.role is not Role.CANDIDATE or c.job is None:
         return False
     if c.asks >= c.timing.election.asks:
         return True
@@ -52,26 +52,26 @@ def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
 
     Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
     """
-    if c.role is Role.ASKING:
+    if c.role is Role.CANDIDATE:
         if now - job.time > c.timing.schedule.lease:
             return False  # it follows or leads by now
-        if source in c.asked_by or len(c.asked_by) < RECORDS_MAX:
-            c.asked_by[source] = job
+        if source in c.candidates or len(c.candidates) < RECORDS_MAX:
+            c.candidates[source] = job
         if c.asked is None or (job.asked, source) < (c.asked, c.robot):
-            _let_go_first(c, now, source, job)
-        return c.asks > 0 and len(c.asked_by) >= c.peers()
+            _defer_to(c, now, source, job)
+        return c.asks > 0 and len(c.candidates) >= c.peers()
     if c.role is Role.FOLLOWING and c.fresh(now):
         relay_soon(c, now + c.timing.election.relay_wait)
     return False
 
 
-def _let_go_first(c: Context, now: Instant, asker: int, job: Job) -> None:
+def _defer_to(c: Context, now: Instant, candidate: int, job: Job) -> None:
     """Ask again only if `asker` has not led by then, and tell it the own job, once: it waits for no more than that."""
     c.asks = 0
     c.set(Timer.ASK, now + c.timing.election.backoff + c.spread(c.peers(), c.timing.election.backoff_jitter))
-    first = c.asked_by.get(c.asker)
-    if first is None or (job.asked, asker) < (first.asked, c.asker):
-        c.asker = asker
+    first = c.candidates.get(c.candidate)
+    if first is None or (job.asked, candidate) < (first.asked, c.candidate):
+        c.candidate = candidate
         c.sooner(Timer.JOIN, now + c.spread(c.peers()))
 
 
@@ -117,11 +117,11 @@ def accept(c: Context, now: Instant, sched: Sched) -> None:
 def _follow(c: Context, term: Term) -> None:
     c.become(Role.FOLLOWING)
     c.asked, c.asks = None, 0
-    c.asked_by.clear()
+    c.candidates.clear()
     c.set(Timer.ASK, NEVER)
     c.no_acks, c.joins, c.untold = 0, 0, True
     c.set(Timer.JOIN, NEVER)
-    c.emit(LeaderChanged(c.event, term.leader, term.counter))
+    c.emit(LeaderChanged(c.group_id, term.leader, term.counter))
 
 
 def _remind(c: Context, now: Instant, sched: Sched) -> None:
@@ -175,8 +175,8 @@ def on_join_timer(c: Context, now: Instant) -> None:
     c.set(Timer.JOIN, NEVER)
     if c.job is None or c.passage is Passage.INSIDE:
         return
-    if c.role is Role.ASKING:
-        c.send(c.job_frame(now, Term(c.counter, NOBODY)), now, c.asker)
+    if c.role is Role.CANDIDATE:
+        c.send(c.job_frame(now, Term(c.counter, NOBODY)), now, c.candidate)
     if c.role is not Role.FOLLOWING:
         return
     c.untold = False
@@ -220,7 +220,7 @@ def on_suspect_timer(c: Context, now: Instant) -> None:
         if c.passage is Passage.INSIDE:
             c.set(Timer.SUSPECT, now + c.timing.liveness.suspicion)
         else:
-            begin_asking(c, now, now)
+            begin_election(c, now, now)
 
 
 def on_confirmed(c: Context, now: Instant, status: str) -> None:
@@ -244,5 +244,5 @@ def on_confirmed(c: Context, now: Instant, status: str) -> None:
         while len(c.bans) >= BANS_MAX:
             del c.bans[next(iter(c.bans))]
         c.bans[c.held.term.leader] = now + c.timing.liveness.ban
-        c.held.take(Sched(c.event, -NEVER, NO_TERM, False, NOBODY, 0, 0, 0, 1, ()))
-        begin_asking(c, now)
+        c.held.take(Sched(c.group_id, -NEVER, NO_TERM, False, NOBODY, 0, 0, 0, 1, ()))
+        begin_election(c, now)

@@ -18,7 +18,7 @@ from rmr.coord.messages import Beacon, Job, Message, PathPart, Phase, Sched
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NOBODY, newer
 
-_PATH_WAYS_MAX: Final = 16
+_PATHS_MAX: Final = 16
 
 
 class Group:
@@ -53,9 +53,9 @@ class Group:
             c.joins, c.untold = 1, True
             c.set(Timer.JOIN, now + c.spread(c.unlisted(), c.timing.election.join_jitter))
             c.set(Timer.SUSPECT, c.held.issued + c.timing.liveness.suspicion)
-            c.emit(LeaderChanged(c.event, c.held.term.leader, c.held.term.counter))
-        elif c.role is not Role.ASKING:
-            follower.begin_asking(c, now)
+            c.emit(LeaderChanged(c.group_id, c.held.term.leader, c.held.term.counter))
+        elif c.role is not Role.CANDIDATE:
+            follower.begin_election(c, now)
         c.awake = now
 
     def revise(
@@ -139,12 +139,12 @@ class Group:
         if following is not None:
             self.trigger(now, following)
 
-    def offer_path(self, now: Instant, way: int, path: GridPath) -> None:
+    def offer_path(self, now: Instant, direction: int, path: GridPath) -> None:
         """As leader: send this path to the others."""
         c = self.context
-        if len(c.paths) < _PATH_WAYS_MAX or way in c.paths:
-            c.paths[way] = (stamp(now), path)
-            leader.send_path(c, now, way)
+        if len(c.paths) < _PATHS_MAX or direction in c.paths:
+            c.paths[direction] = (stamp(now), path)
+            leader.send_path(c, now, direction)
 
     def _tell(self, now: Instant) -> None:
         """The own job has changed: the leader must know."""
@@ -256,7 +256,7 @@ class Group:
         c.led = sched.term
         if c.job is not None:
             first = sched.issued + c.timing.schedule.lease
-            follower.begin_asking(c, now, max(first, now))
+            follower.begin_election(c, now, max(first, now))
 
     def _on_rival(self, now: Instant, sched: Sched) -> None:
         """Two lead: the worse steps down."""
@@ -276,20 +276,20 @@ class Group:
 
     def _on_path(self, part: PathPart) -> None:
         c = self.context
-        if part.term != c.held.term or c.role is Role.LEADING or c.paths_known.get(part.way, -1) >= part.time:
+        if part.term != c.held.term or c.role is Role.LEADING or c.paths_known.get(part.direction, -1) >= part.time:
             return
-        time, pieces = c.path_parts.get(part.way, (part.time, {}))
+        time, pieces = c.path_parts.get(part.direction, (part.time, {}))
         if time != part.time:
             if part.time < time:
                 return
             pieces = {}
         pieces[part.part] = part.steps
-        c.path_parts[part.way] = (part.time, pieces)
+        c.path_parts[part.direction] = (part.time, pieces)
         steps = tuple(step for index in sorted(pieces) for step in pieces[index])
         if len(steps) == part.total:
-            c.paths_known[part.way] = part.time
-            del c.path_parts[part.way]
-            c.emit(PathReceived(c.event, part.way, GridPath(part.first, steps)))
+            c.paths_known[part.direction] = part.time
+            del c.path_parts[part.direction]
+            c.emit(PathReceived(c.group_id, part.direction, GridPath(part.first, steps)))
 
     def confirmed(self, now: Instant, status: str) -> None:
         """The outcome of a unicast."""
@@ -321,7 +321,7 @@ class Group:
             if c.job is None:
                 c.become(Role.NONE)
             else:
-                follower.begin_asking(c, now)
+                follower.begin_election(c, now)
 
     def _poll(self, now: Instant) -> None:
         if passage.on_poll(self.context, now):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from rmr.base.time import NEVER, Instant
 from rmr.coord.messages import OVER, Entry, Phase, Sched, encode
 from rmr.coord.term import NO_TERM, NOBODY
-from rmr.coord.timing import EXCLUSIVE_WAY, RECORDS_MAX
+from rmr.coord.timing import EXCLUSIVE, RECORDS_MAX
 
 
 class Extract(NamedTuple):
@@ -45,10 +45,10 @@ def extract(entries: tuple[Entry, ...]) -> Extract:
     )
 
 
-class Held:
+class KnownSchedule:
     """The newest schedule known: per part the newest frame of one term."""
 
-    __slots__ = ("_extracts", "_full", "_ways", "formed", "issued", "order", "parts", "term")
+    __slots__ = ("_directions", "_extracts", "_full", "formed", "issued", "order", "parts", "term")
 
     def __init__(self, full: int) -> None:
         """`full` is how many entries all parts but the last have."""
@@ -61,7 +61,7 @@ class Held:
         """The newest instant of issue; far in the past when nothing is held."""
         self.order: tuple[int, ...] = ()
         self.formed: Instant = 0
-        self._ways: dict[int, int] = {}
+        self._directions: dict[int, int] = {}
         """Ways by rank, also of jobs that are listed no more."""
 
     @property
@@ -91,20 +91,20 @@ class Held:
         first = self._first_rank(sched)
         for rank, entry in enumerate(sched.entries, first):
             if entry.robot != NOBODY:
-                self._ways[rank] = entry.way
+                self._directions[rank] = entry.direction
         if first > RECORDS_MAX:
-            for rank in [rank for rank in self._ways if rank <= first - RECORDS_MAX]:
-                del self._ways[rank]
+            for rank in [rank for rank in self._directions if rank <= first - RECORDS_MAX]:
+                del self._directions[rank]
 
     def _first_rank(self, part: Sched) -> int:
         return part.passed + self._full * part.part + 1
 
-    def place(self, rank: int, way: int) -> int:
+    def place(self, rank: int, direction: int) -> int:
         """Return which one of its own way the robot of `rank` is, from 1; ranks never seen count as its way."""
-        mine = {way, EXCLUSIVE_WAY}
-        if way == EXCLUSIVE_WAY or mine.issuperset(self._ways.values()):
+        mine = {direction, EXCLUSIVE}
+        if direction == EXCLUSIVE or mine.issuperset(self._directions.values()):
             return rank
-        return rank - sum([earlier < rank and other not in mine for earlier, other in self._ways.items()])
+        return rank - sum([earlier < rank and other not in mine for earlier, other in self._directions.items()])
 
     def find(self, robot: int, trigger: Instant) -> tuple[Sched, int, Entry] | None:
         """Return the part, the rank and the entry of a job; None when no part lists it.

@@ -17,7 +17,7 @@ from rmr.base.time import NEVER, Instant
 from rmr.coord import passage
 from rmr.coord.context import Context, Timer, stamp
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
-from rmr.coord.known_schedule import Held
+from rmr.coord.known_schedule import KnownSchedule
 from rmr.coord.ledger import Ledger
 from rmr.coord.messages import OVER, PARTS_MAX, Beacon, Entry, Job, PathPart, Phase, Sched, entries_max, steps_max
 from rmr.coord.states import Role
@@ -43,13 +43,13 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     c.led = own
     _note_own(c, now)
     _assure(c)
-    for source, job in c.asked_by.items():
+    for source, job in c.candidates.items():
         ledger.note(now, source, job, c.fence)
-    c.asked_by.clear()
+    c.candidates.clear()
     if _contiguous(held):
         for entry in ledger.inherit(now, held.entries(), heir, c.fence):
             _assume_inside(c, now, entry)
-    c.held = Held(entries_max(c.timing.payload_max))
+    c.held = KnownSchedule(entries_max(c.timing.payload_max))
     c.held.term, c.held.order = own, held.order
     c.idle_since = None
     c.extras = 0
@@ -60,7 +60,7 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
     takeover = max(c.timing.election.takeover_wait, answers)
     wait = 0 if heir else takeover if predecessor else ledger.wait(now, c.peers())
     ledger.opens = now + wait
-    c.emit(LeadershipBegan(c.event, c.counter))
+    c.emit(LeadershipBegan(c.group_id, c.counter))
     if wait:
         c.set(Timer.OPEN, ledger.opens)
         replan(c, now, reorder=False)
@@ -75,11 +75,11 @@ def _assure(c: Context) -> None:
     Who asks is not inside, does not claim, and does not claim before it has asked in vain or been given a slot, which
     takes longer than W.
     """
-    if c.job is not None and 0 < c.peers() <= len(c.asked_by):
-        c.job.assured = min(job.time for job in c.asked_by.values()) + c.timing.claim.quiet
+    if c.job is not None and 0 < c.peers() <= len(c.candidates):
+        c.job.assured = min(job.time for job in c.candidates.values()) + c.timing.claim.quiet
 
 
-def _contiguous(held: Held) -> bool:
+def _contiguous(held: KnownSchedule) -> bool:
     return sorted(held.parts) == list(range(len(held.parts)))
 
 
@@ -87,13 +87,13 @@ def _assume_inside(c: Context, now: Instant, entry: Entry) -> None:
     assert entry.start is not None
     c.fence.assume(
         Beacon(
-            c.event,
+            c.group_id,
             stamp(now),
             c.held.term,
             entry.robot,
             entry.trigger,
             Phase.IN,
-            entry.way,
+            entry.direction,
             entry.start,
             entry.start + entry.duration,
         ),
@@ -113,14 +113,14 @@ def end(c: Context) -> None:
     c.paths.clear()
     for timer in (Timer.OPEN, Timer.PLAN, Timer.ISSUE):
         c.set(timer, NEVER)
-    c.emit(LeadershipEnded(c.event))
+    c.emit(LeadershipEnded(c.group_id))
 
 
 def on_job(c: Context, now: Instant, source: int, job: Job, question: bool) -> None:
     """A robot asks or tells its job: note it, answer a question soon, plan again."""
     ledger = c.ledger
     assert ledger is not None
-    known = source in ledger.lines
+    known = source in ledger.bookings
     changed = ledger.note(now, source, job, c.fence)
     if changed:
         c.paths_due = c.paths_due or not known
@@ -176,8 +176,8 @@ def replan(c: Context, now: Instant, reorder: bool) -> None:
     issue(c, now)
     if c.paths_due and ledger.open:
         c.paths_due = False
-        for way in c.paths:
-            send_path(c, now, way)
+        for direction in c.paths:
+            send_path(c, now, direction)
 
 
 def _eager(c: Context, now: Instant) -> bool:
@@ -194,7 +194,7 @@ def on_issue_timer(c: Context, now: Instant) -> None:
     if ledger is None:
         c.set(Timer.ISSUE, NEVER)
         return
-    if not ledger.lines:
+    if not ledger.bookings:
         if c.idle_since is None:
             c.idle_since = now
         elif now >= c.idle_since + c.timing.schedule.repetition:
@@ -269,7 +269,7 @@ def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[S
     parts = max(1, min(PARTS_MAX, -(-len(entries) // full)))
     return [
         Sched(
-            c.event,
+            c.group_id,
             stamp(now),
             c.led,
             resign,
@@ -288,7 +288,7 @@ def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
     """A beacon was news: mind it in the plan."""
     ledger = c.ledger
     assert ledger is not None
-    line = ledger.lines.get(beacon.who)
+    booking = ledger.bookings.get(beacon.who)
     if beacon.phase in (Phase.OUT, Phase.GONE):
         if ledger.finish(beacon.who, beacon.trigger, beacon.phase is Phase.OUT):
             replan(c, now, reorder=beacon.phase is Phase.GONE)
@@ -297,11 +297,11 @@ def on_beacon(c: Context, now: Instant, beacon: Beacon) -> None:
     elif beacon.phase is Phase.YIELD:
         if ledger.missed(beacon.who, beacon.start):
             c.sooner(Timer.PLAN, now + c.timing.schedule.replan_wait)
-    elif line is None or line.trigger != beacon.trigger:
+    elif booking is None or booking.trigger != beacon.trigger:
         c.sooner(Timer.PLAN, now)
     else:
-        line.heard = max(line.heard, beacon.time)
-        if beacon.phase is Phase.IN and not line.inside:
+        booking.heard = max(booking.heard, beacon.time)
+        if beacon.phase is Phase.IN and not booking.inside:
             c.sooner(Timer.PLAN, now)
 
 
@@ -330,18 +330,18 @@ def others_wait(c: Context) -> bool:
     return c.ledger is not None and c.ledger.heir() != NOBODY
 
 
-def send_path(c: Context, now: Instant, way: int) -> None:
+def send_path(c: Context, now: Instant, direction: int) -> None:
     """Send the path offered for `way`, three times."""
-    offered = c.paths.get(way)
+    offered = c.paths.get(direction)
     if offered is None or c.role is not Role.LEADING:
         return
-    for part in split_path(c.event, offered[0], c.led, way, offered[1], c.timing.payload_max):
+    for part in split_path(c.group_id, offered[0], c.led, direction, offered[1], c.timing.payload_max):
         for i in range(c.timing.schedule.path_repeats):
             c.send(part, now + i * c.timing.schedule.path_gap)
 
 
 def split_path(
-    event: bytes, time: Instant, term: Term, way: int, path: GridPath, payload_max: int = PAYLOAD_MAX
+    group_id: bytes, time: Instant, term: Term, direction: int, path: GridPath, payload_max: int = PAYLOAD_MAX
 ) -> list[PathPart]:
     """Return the frames of a whole path. Raises ValueError for a path of more than 65535 steps or cells beyond."""
     total = len(path.steps)
@@ -350,6 +350,6 @@ def split_path(
     full = steps_max(payload_max)
     offsets = range(0, max(total, 1), full)
     return [
-        PathPart(event, time, term, way, i, path.first, total, at, path.steps[at : at + full])
+        PathPart(group_id, time, term, direction, i, path.first, total, at, path.steps[at : at + full])
         for i, at in enumerate(offsets)
     ]

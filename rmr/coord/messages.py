@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from rmr.base.time import Duration, Instant
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX, WAY_MAX
+from rmr.coord.timing import DIRECTION_MAX, GRID, HEADWAY_UNIT, MS, PAYLOAD_MAX
 
 ENTRIES_MAX: Final = 10
 """Entries of one SCHED frame: 24 + 9 x 10 = 114 octets. Where frames are shorter, `entries_max`."""
@@ -26,7 +26,7 @@ PARTS_MAX: Final = 15
 """Parts of one schedule: four bits."""
 STEPS_MAX: Final = 242
 """Steps of one PATH frame: three bits each in 91 octets. Where frames are shorter, `steps_max`."""
-EVENT_OCTETS: Final = 6
+GROUP_ID_OCTETS: Final = 6
 
 _U16: Final = 0xFFFF
 _U32: Final = 0xFFFFFFFF
@@ -77,7 +77,7 @@ OVER: Final = frozenset((Phase.OUT, Phase.GONE))
 class Job(NamedTuple):
     """JOB, 35 octets: "who leads this event?" (broadcast) or "list me" (unicast). The sender is its owner."""
 
-    event: bytes
+    group_id: bytes
     time: Instant
     term: Term
     asked: Instant
@@ -87,7 +87,7 @@ class Job(NamedTuple):
     duration: Duration
     deadline: Instant
     headway: Duration
-    way: int
+    direction: int
     missed: Instant | None
     """Start of the slot that the owner let pass."""
     underway: bool = False
@@ -103,14 +103,14 @@ class Entry(NamedTuple):
     trigger: Instant
     start: Instant | None
     duration: Duration
-    way: int
+    direction: int
     phase: Phase
 
 
 class Sched(NamedTuple):
     """SCHED, 24 + 9k octets: entries in order of rank; rank = passed + `entries_max` x part + position, from 1."""
 
-    event: bytes
+    group_id: bytes
     issued: Instant
     term: Term
     resign: bool
@@ -128,13 +128,13 @@ class Sched(NamedTuple):
 class Beacon(NamedTuple):
     """BEACON, 28 octets: what `who` is about to do, does or has done; repeated unchanged by witnesses."""
 
-    event: bytes
+    group_id: bytes
     time: Instant
     term: Term
     who: int
     trigger: Instant
     phase: Phase
-    way: int
+    direction: int
     start: Instant
     """CLAIM and YIELD: of the slot; else the instant of entry."""
     end: Instant
@@ -143,10 +143,10 @@ class Beacon(NamedTuple):
 class PathPart(NamedTuple):
     """PATH, 25 octets and three bits a step: up to `steps_max` of the leader's path. Parts of one path share `time`."""
 
-    event: bytes
+    group_id: bytes
     time: Instant
     term: Term
-    way: int
+    direction: int
     part: int
     first: tuple[int, int]
     total: int
@@ -207,18 +207,18 @@ def _clamp(value: int, low: int, high: int) -> int:
     return low if value < low else min(value, high)
 
 
-def _header(kind: Kind, event: bytes, time: Instant, term: Term) -> bytes:
-    return _HEADER.pack(kind, event, _ms(time), term.counter, term.leader)
+def _header(kind: Kind, group_id: bytes, time: Instant, term: Term) -> bytes:
+    return _HEADER.pack(kind, group_id, _ms(time), term.counter, term.leader)
 
 
 def _ms(instant: Instant) -> int:
     return _clamp(instant // MS, 0, _U32)
 
 
-def _way_phase(way: int, phase: Phase) -> int:
-    if not 0 <= way <= WAY_MAX:
-        raise ValueError(f"way {way} does not fit four bits: use 0..{WAY_MAX}")
-    return way << 4 | phase
+def _direction_phase(direction: int, phase: Phase) -> int:
+    if not 0 <= direction <= DIRECTION_MAX:
+        raise ValueError(f"direction {direction} does not fit four bits: use 0..{DIRECTION_MAX}")
+    return direction << 4 | phase
 
 
 def _split(octet: int, allowed: frozenset[int]) -> tuple[int, Phase]:
@@ -234,14 +234,14 @@ _ENTRY_PHASES: Final = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.GONE
 def _encode_job(job: Job) -> bytes:
     base = job.time // GRID
     missed = _NO_START if job.missed is None else _clamp(job.missed // GRID - base, -0x8000, _START_MAX)
-    return _header(Kind.JOB, job.event, job.time, job.term) + _JOB.pack(
+    return _header(Kind.JOB, job.group_id, job.time, job.term) + _JOB.pack(
         _ms(job.asked),
         _ms(job.trigger),
         _clamp(-(-job.release // GRID) - base, 0, _U16),
         _clamp(-(-job.duration // GRID), 0, _U16),
         _ms(job.deadline),
         _clamp(-(-job.headway // HEADWAY_UNIT), 0, 0xFF),
-        _way_phase(job.way, Phase.WAITING) >> 4 | _UNDERWAY * job.underway | job.absent << _ABSENT_SHIFT,
+        _direction_phase(job.direction, Phase.WAITING) >> 4 | _UNDERWAY * job.underway | job.absent << _ABSENT_SHIFT,
         missed,
     )
 
@@ -249,11 +249,11 @@ def _encode_job(job: Job) -> bytes:
 def _decode_job(payload: bytes) -> Job:
     if len(payload) != JOB_OCTETS:
         raise MessageError(f"a JOB has {JOB_OCTETS} octets, not {len(payload)}")
-    _, event, time, counter, leader = _HEADER.unpack_from(payload)
-    asked, trigger, release, duration, deadline, headway, way, missed = _JOB.unpack_from(payload, _HEADER.size)
+    _, group_id, time, counter, leader = _HEADER.unpack_from(payload)
+    asked, trigger, release, duration, deadline, headway, direction, missed = _JOB.unpack_from(payload, _HEADER.size)
     base = time * MS // GRID
     return Job(
-        event,
+        group_id,
         time * MS,
         Term(counter, leader),
         asked * MS,
@@ -262,10 +262,10 @@ def _decode_job(payload: bytes) -> Job:
         duration * GRID,
         deadline * MS,
         headway * HEADWAY_UNIT,
-        way & WAY_MAX,
+        direction & DIRECTION_MAX,
         None if missed == _NO_START else (base + missed) * GRID,
-        bool(way & _UNDERWAY),
-        way >> _ABSENT_SHIFT,
+        bool(direction & _UNDERWAY),
+        direction >> _ABSENT_SHIFT,
     )
 
 
@@ -274,7 +274,7 @@ def _encode_sched(sched: Sched) -> bytes:
         raise ValueError("a SCHED has at most 10 entries and 15 parts")
     base = sched.issued // GRID
     pieces = [
-        _header(Kind.SCHED, sched.event, sched.issued, sched.term),
+        _header(Kind.SCHED, sched.group_id, sched.issued, sched.term),
         _SCHED.pack(
             sched.resign,
             sched.heir,
@@ -284,17 +284,17 @@ def _encode_sched(sched: Sched) -> bytes:
             len(sched.entries),
         ),
     ]
-    for robot, trigger, start, duration, way, phase in sched.entries:
+    for robot, trigger, start, duration, direction, phase in sched.entries:
         offset = _NO_START if start is None else _clamp(start // GRID - base, -0x8000, _START_MAX)
         duration_units = _clamp(-(-duration // GRID), 0, _U16)
-        pieces.append(_ENTRY.pack(robot, trigger // GRID & _U16, offset, duration_units, _way_phase(way, phase)))
+        pieces.append(_ENTRY.pack(robot, trigger // GRID & _U16, offset, duration_units, _direction_phase(direction, phase)))
     return b"".join(pieces)
 
 
 def _decode_sched(payload: bytes) -> Sched:
     if len(payload) < SCHED_OCTETS:
         raise MessageError("a SCHED is cut short")
-    _, event, issued, counter, leader = _HEADER.unpack_from(payload)
+    _, group_id, issued, counter, leader = _HEADER.unpack_from(payload)
     flags, heir, opens, passed, part, count = _SCHED.unpack_from(payload, _HEADER.size)
     if flags > 1 or not part >> 4 < (part & 15) or count > ENTRIES_MAX or leader == NOBODY or counter == 0:
         raise MessageError("a SCHED with impossible fields")
@@ -304,12 +304,12 @@ def _decode_sched(payload: bytes) -> Sched:
     latest = base + _TRIGGER_SLACK
     entries = []
     for robot, trigger, offset, duration, octet in _ENTRY.iter_unpack(payload[SCHED_OCTETS:]):
-        way, phase = _split(octet, _ENTRY_PHASES)
+        direction, phase = _split(octet, _ENTRY_PHASES)
         start = None if offset == _NO_START else (base + offset) * GRID
         trigger_at = (latest - ((latest - trigger) & _U16)) * GRID
-        entries.append(Entry(robot, trigger_at, start, duration * GRID, way, phase))
+        entries.append(Entry(robot, trigger_at, start, duration * GRID, direction, phase))
     return Sched(
-        event,
+        group_id,
         issued * MS,
         Term(counter, leader),
         bool(flags),
@@ -323,10 +323,10 @@ def _decode_sched(payload: bytes) -> Sched:
 
 
 def _encode_beacon(beacon: Beacon) -> bytes:
-    return _header(Kind.BEACON, beacon.event, beacon.time, beacon.term) + _BEACON.pack(
+    return _header(Kind.BEACON, beacon.group_id, beacon.time, beacon.term) + _BEACON.pack(
         beacon.who,
         _ms(beacon.trigger),
-        _way_phase(beacon.way, beacon.phase),
+        _direction_phase(beacon.direction, beacon.phase),
         _ms(beacon.start),
         _clamp(-(-(beacon.end - beacon.start) // GRID), 0, _U16),
     )
@@ -335,14 +335,22 @@ def _encode_beacon(beacon: Beacon) -> bytes:
 def _decode_beacon(payload: bytes) -> Beacon:
     if len(payload) != BEACON_OCTETS:
         raise MessageError(f"a BEACON has {BEACON_OCTETS} octets, not {len(payload)}")
-    _, event, time, counter, leader = _HEADER.unpack_from(payload)
+    _, group_id, time, counter, leader = _HEADER.unpack_from(payload)
     who, trigger, octet, start, length = _BEACON.unpack_from(payload, _HEADER.size)
-    way, phase = _split(octet, _BEACON_PHASES)
+    direction, phase = _split(octet, _BEACON_PHASES)
     if who == NOBODY:
         raise MessageError("a BEACON of nobody")
     start_at = start * MS
     return Beacon(
-        event, time * MS, Term(counter, leader), who, trigger * MS, phase, way, start_at, start_at + length * GRID
+        group_id,
+        time * MS,
+        Term(counter, leader),
+        who,
+        trigger * MS,
+        phase,
+        direction,
+        start_at,
+        start_at + length * GRID,
     )
 
 
@@ -355,8 +363,8 @@ def _encode_path(path: PathPart) -> bytes:
     octets = (3 * len(path.steps) + 7) // 8
     bits <<= 8 * octets - 3 * len(path.steps)
     return (
-        _header(Kind.PATH, path.event, path.time, path.term)
-        + _PATH.pack(path.way, path.part, *path.first, path.total, path.offset)
+        _header(Kind.PATH, path.group_id, path.time, path.term)
+        + _PATH.pack(path.direction, path.part, *path.first, path.total, path.offset)
         + bits.to_bytes(octets, "big")
     )
 
@@ -364,15 +372,15 @@ def _encode_path(path: PathPart) -> bytes:
 def _decode_path(payload: bytes, full: int) -> PathPart:
     if len(payload) < PATH_OCTETS:
         raise MessageError("a PATH is cut short")
-    _, event, time, counter, leader = _HEADER.unpack_from(payload)
-    way, part, column, row, total, offset = _PATH.unpack_from(payload, _HEADER.size)
+    _, group_id, time, counter, leader = _HEADER.unpack_from(payload)
+    direction, part, column, row, total, offset = _PATH.unpack_from(payload, _HEADER.size)
     count = min(full, total - offset)
     octets = (3 * max(count, 0) + 7) // 8
-    if way > WAY_MAX or offset != part * full or count < 0 or len(payload) != PATH_OCTETS + octets:
+    if direction > DIRECTION_MAX or offset != part * full or count < 0 or len(payload) != PATH_OCTETS + octets:
         raise MessageError("a PATH with impossible fields")
     bits = int.from_bytes(payload[PATH_OCTETS:], "big") >> (8 * octets - 3 * count)
     steps = tuple(bits >> 3 * (count - 1 - i) & 7 for i in range(count))
-    return PathPart(event, time * MS, Term(counter, leader), way, part, (column, row), total, offset, steps)
+    return PathPart(group_id, time * MS, Term(counter, leader), direction, part, (column, row), total, offset, steps)
 
 
 _ENCODERS: Final[dict[type, Callable[[Any], bytes]]] = {

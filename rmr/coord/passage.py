@@ -11,7 +11,7 @@ from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, Slo
 from rmr.coord.fence import Claim
 from rmr.coord.messages import OVER, Beacon, Entry, Phase, Sched
 from rmr.coord.states import Passage
-from rmr.coord.timing import ABSENT_MAX, same_way
+from rmr.coord.timing import ABSENT_MAX, same_direction
 
 
 def begin(c: Context, request: JobRequest) -> None:
@@ -65,7 +65,7 @@ def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> Non
     job = c.job
     assert job is not None
     assert entry.start is not None
-    place = c.held.place(rank, entry.way)
+    place = c.held.place(rank, entry.direction)
     slot = (entry.start, entry.start + entry.duration, rank)
     if c.passage is Passage.CLAIMING and entry.start != job.claimed:
         _withdraw_claim(c, now)
@@ -74,7 +74,7 @@ def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> Non
     if (*slot, place, part.term) != job.announced:
         job.announced = (*slot, place, part.term)
         leader, term = part.term.leader, part.term.counter
-        c.emit(SlotAssigned(c.event, job.request.trigger, rank, place, slot[0], slot[1], leader, term))
+        c.emit(SlotAssigned(c.group_id, job.request.trigger, rank, place, slot[0], slot[1], leader, term))
     if c.passage is Passage.WAITING:
         c.set(Timer.POLL, max(now, entry.start - c.timing.claim.quiet - c.timing.claim.ahead))
 
@@ -86,7 +86,7 @@ def _lose(c: Context, now: Instant) -> None:
         _withdraw_claim(c, now)
     if job.slot is not None:
         job.slot = job.announced = None
-        c.emit(SlotLost(c.event))
+        c.emit(SlotLost(c.group_id))
     c.set(Timer.POLL, NEVER)
 
 
@@ -134,7 +134,7 @@ def _consider_entry(c: Context, now: Instant) -> bool:
     claimed = job.since + c.quiet(now)
     if now > start + timing.schedule.window or max(now, claimed) > start + timing.schedule.window:
         return miss(c, now)
-    verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.way))
+    verdict = c.fence.judge(now, Claim(c.robot, start, end, job.request.headway, job.request.direction))
     if verdict.lost:
         return miss(c, now)
     may_enter = start <= now < job.lease and job.ready and now >= claimed and verdict.open
@@ -158,7 +158,7 @@ def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
                 continue
             if c.fence.is_finished(entry.robot, entry.trigger):
                 continue
-            if same_way(entry.way, job.request.way):
+            if same_direction(entry.direction, job.request.direction):
                 first = entry.phase is Phase.IN and now < entry.start + job.request.headway
             else:
                 first = entry.start < start
@@ -170,10 +170,10 @@ def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
 def _somebody_presumed_gone(c: Context) -> bool:
     """Return whether the schedule lists an opposed robot that entered and has been silent for too long since."""
     assert c.job is not None
-    way = c.job.request.way
+    direction = c.job.request.direction
     return any(
         entry.phase is Phase.GONE
-        and not same_way(entry.way, way)
+        and not same_direction(entry.direction, direction)
         and not c.fence.is_finished(entry.robot, entry.trigger)
         for part in c.held.parts.values()
         for entry in part.entries
@@ -189,7 +189,7 @@ def enter(c: Context, now: Instant, *, cautious: bool) -> None:
     c.set(Timer.POLL, NEVER)
     c.set(Timer.JOIN, NEVER)
     on_beacon(c, now)
-    c.emit(Entered(c.event, now, job.until, cautious))
+    c.emit(Entered(c.group_id, now, job.until, cautious))
 
 
 def miss(c: Context, now: Instant) -> bool:
@@ -204,7 +204,7 @@ def miss(c: Context, now: Instant) -> bool:
         _withdraw_claim(c, now)
     job.slot = job.announced = None
     c.set(Timer.POLL, NEVER)
-    c.emit(EntryMissed(c.event))
+    c.emit(EntryMissed(c.group_id))
     return True
 
 
@@ -240,7 +240,15 @@ def _say(c: Context, now: Instant, phase: Phase, times: int = 1) -> None:
     else:
         start = until = stamp(now)
     beacon = Beacon(
-        c.event, stamp(now), c.held.term, c.robot, job.trigger, phase, job.request.way, start, max(until, start)
+        c.group_id,
+        stamp(now),
+        c.held.term,
+        c.robot,
+        job.trigger,
+        phase,
+        job.request.direction,
+        start,
+        max(until, start),
     )
     c.fence.note(beacon)
     for i in range(times):
@@ -251,6 +259,6 @@ def repeat_out(c: Context, now: Instant, entry: Entry) -> None:
     """Say once more that a finished job, still listed as `entry`, is over."""
     start = stamp(now) if entry.start is None else entry.start
     c.send(
-        Beacon(c.event, stamp(now), c.held.term, c.robot, entry.trigger, Phase.OUT, entry.way, start, start),
+        Beacon(c.group_id, stamp(now), c.held.term, c.robot, entry.trigger, Phase.OUT, entry.direction, start, start),
         now,
     )

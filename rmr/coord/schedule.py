@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.insertion import insertion, settle
 from rmr.coord.search import Found, Problem, branch, chain, fill, layers, punctual, triangular
-from rmr.coord.timing import GRID, Order, same_way
+from rmr.coord.timing import GRID, Order, same_direction
 
 EXACT_MAX: Final = 11
 """Jobs ordered exactly: 60 ms at worst where gaps are triangular, and each further one doubles that."""
@@ -39,7 +39,7 @@ class Task(NamedTuple):
     duration: Duration
     deadline: Instant
     headway: Duration
-    way: int
+    direction: int
     joined: Instant = 0
     """When the leader heard of it first."""
     grace: Duration = 0
@@ -52,7 +52,7 @@ class Placed(NamedTuple):
     start: Instant
     duration: Duration
     headway: Duration
-    way: int
+    direction: int
 
 
 class Rules(NamedTuple):
@@ -67,7 +67,7 @@ class Rules(NamedTuple):
 
 def gap(first: Task | Placed, second: Task | Placed, opposed: Duration) -> Duration:
     """Return the least time from the start of `first` to the start of `second` behind it."""
-    if not same_way(first.way, second.way):
+    if not same_direction(first.direction, second.direction):
         return first.duration + opposed
     headway = max(first.headway, second.headway)
     return max(headway, first.duration + headway - second.duration)
@@ -111,19 +111,22 @@ class _Chart:
         self._rules = rules
         self._fronts: dict[int, _Front] = {}
         for item in standing:
-            self._fronts.setdefault(item.way, _Front()).add(item.start, item)
+            self._fronts.setdefault(item.direction, _Front()).add(item.start, item)
 
     def start(self, task: Task) -> Instant:
         """Return when `task` may start at the earliest, on the grid."""
         start = max(self._rules.floor, task.release)
-        for way, front in self._fronts.items():
-            start = max(start, front.frees(task) if same_way(way, task.way) else front.end + self._rules.opposed)
+        for direction, front in self._fronts.items():
+            start = max(
+                start,
+                front.frees(task) if same_direction(direction, task.direction) else front.end + self._rules.opposed,
+            )
         return _up(start)
 
     def add(self, task: Task) -> Instant:
         """Place `task` as early as it may start, and return when that is."""
         start = self.start(task)
-        self._fronts.setdefault(task.way, _Front()).add(start, task)
+        self._fronts.setdefault(task.direction, _Front()).add(start, task)
         return start
 
 
@@ -180,7 +183,7 @@ def order_jobs(tasks: Sequence[Task], standing: Sequence[Placed], rules: Rules, 
 def problem_of(jobs: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> Problem:
     """Return what the search needs to know of `jobs`, which are sorted by (deadline, robot)."""
     # Of many jobs most take as long as others: gaps are worked out once for each kind.
-    kinds = [(task.duration, task.headway, task.way) for task in jobs]
+    kinds = [(task.duration, task.headway, task.direction) for task in jobs]
     samples = dict(zip(kinds, jobs, strict=True))
     gaps = {one: {two: _up(gap(a, b, rules.opposed)) for two, b in samples.items()} for one, a in samples.items()}
     return Problem(

@@ -14,7 +14,7 @@ class Role(IntEnum):
 
     NONE = 0
     """No job here; frames are heard and remembered."""
-    ASKING = 1
+    CANDIDATE = 1
     FOLLOWING = 2
     LEADING = 3
 
@@ -38,17 +38,17 @@ class Step(NamedTuple):
 
 
 ROLES: Final[tuple[Step, ...]] = (
-    Step(Role.NONE, Role.ASKING, "a job without a fresh schedule"),
+    Step(Role.NONE, Role.CANDIDATE, "a job without a fresh schedule"),
     Step(Role.NONE, Role.FOLLOWING, "a job and a fresh schedule"),
-    Step(Role.ASKING, Role.FOLLOWING, "a fresh schedule"),
-    Step(Role.ASKING, Role.LEADING, "K questions unanswered, or named heir"),
-    Step(Role.ASKING, Role.NONE, "the job is over"),
-    Step(Role.FOLLOWING, Role.ASKING, "the leader is silent, or does not acknowledge"),
+    Step(Role.CANDIDATE, Role.FOLLOWING, "a fresh schedule"),
+    Step(Role.CANDIDATE, Role.LEADING, "K questions unanswered, or named heir"),
+    Step(Role.CANDIDATE, Role.NONE, "the job is over"),
+    Step(Role.FOLLOWING, Role.CANDIDATE, "the leader is silent, or does not acknowledge"),
     Step(Role.FOLLOWING, Role.LEADING, "the leader resigned and named this robot heir"),
     Step(Role.FOLLOWING, Role.NONE, "the job is over"),
     Step(Role.LEADING, Role.FOLLOWING, "a better leader, and a job"),
     Step(Role.LEADING, Role.NONE, "a better leader, resigned, or nobody waits; no job"),
-    Step(Role.LEADING, Role.ASKING, "nothing issued for a lease, and a job"),
+    Step(Role.LEADING, Role.CANDIDATE, "nothing issued for a lease, and a job"),
 )
 
 PASSAGES: Final[tuple[Step, ...]] = (

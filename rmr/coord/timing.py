@@ -23,15 +23,15 @@ GRID: Final[Duration] = 10 * MS
 """Slots and triggers lie on this grid: two octets of it reach 10.9 minutes."""
 HEADWAY_UNIT: Final[Duration] = 20 * MS
 """A headway travels in one octet of this unit: up to 5.1 s."""
-WAY_MAX: Final = 15
+DIRECTION_MAX: Final = 15
 """A way (direction of passage) shares an octet with the phase."""
-EXCLUSIVE_WAY: Final = WAY_MAX
+EXCLUSIVE: Final = DIRECTION_MAX
 """The way of a passage that excludes every other one, those of the same way too."""
 RECORDS_MAX: Final = 128
 """Robots remembered per event. More than a group may hold; the oldest of the finished make room first."""
 JOBS_MAX: Final = 100
 """Jobs that one leader takes at a time; further robots ask again until there is room."""
-EVENTS_MAX: Final = 32
+GROUPS_MAX: Final = 32
 """Events remembered per robot; idle ones make room, oldest first."""
 BANS_MAX: Final = 8
 """Leaders that one robot avoids at a time."""
@@ -58,9 +58,9 @@ class Order(Enum):
     """No coordination: nobody asks for a turn."""
 
 
-def same_way(a: int, b: int) -> bool:
+def same_direction(a: int, b: int) -> bool:
     """Return whether two passages may follow each other by a headway; else one ends before the other begins."""
-    return a == b != EXCLUSIVE_WAY
+    return a == b != EXCLUSIVE
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,7 @@ class Trip(NamedTuple):
     inside: float
     tails: tuple[float, ...]
     """From out of the corridor to the K-th place of its side."""
-    way: int
+    direction: int
     deadline: float
 
 
@@ -51,7 +51,7 @@ class Problem(NamedTuple):
         """Return when `trip` may enter at the earliest if `last` has entered at `at`."""
         if last is None:
             return trip.release
-        gap = self.headway if last.way == trip.way else last.inside + self.opposed
+        gap = self.headway if last.direction == trip.direction else last.inside + self.opposed
         return max(trip.release, at + gap)
 
 
@@ -64,11 +64,11 @@ def problem_of(simulation: Simulation, report: dict[str, Any]) -> Problem:
             asked.setdefault(entry["robot"], entry)
     trips = []
     for robot, entry in sorted(asked.items()):
-        ways = departures(arena, goals[robot].name, entry["way"])
-        tails = tuple(entry["after_s"] + (way - ways[0]) / arena.shape.speed for way in ways)
+        ways = departures(arena, goals[robot].name, entry["direction"])
+        tails = tuple(entry["after_s"] + (direction - ways[0]) / arena.shape.speed for direction in ways)
         (job,) = report["robots"][str(robot)]["assertions"]
         release = entry["t"] + entry["approach_s"]
-        trips.append(Trip(release, entry["inside_s"], tails, entry["way"], job["deadline_s"]))
+        trips.append(Trip(release, entry["inside_s"], tails, entry["direction"], job["deadline_s"]))
     timing = Timing()
     headway = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
     gap = timing.schedule.window + 2 * timing.clock_error + timing.schedule.clear
@@ -80,8 +80,8 @@ def met_by(problem: Problem, order: Sequence[Trip]) -> int:
     met, at, last, placed = 0, 0.0, None, [0, 0]
     for trip in order:
         at, last = problem.entry(trip, last, at), trip
-        met += at + trip.inside + trip.tails[placed[trip.way]] <= trip.deadline
-        placed[trip.way] += 1
+        met += at + trip.inside + trip.tails[placed[trip.direction]] <= trip.deadline
+        placed[trip.direction] += 1
     return met
 
 
@@ -98,7 +98,7 @@ def by_deadline(problem: Problem) -> int:
 def best_batch(problem: Problem) -> int:
     """Return how many deadlines are met when all of one side go first, of the better side."""
     ordered = sorted(problem.trips, key=due_out)
-    sides = [[trip for trip in ordered if trip.way == way] for way in (0, 1)]
+    sides = [[trip for trip in ordered if trip.direction == direction] for direction in (0, 1)]
     return max(met_by(problem, [*sides[first], *sides[1 - first]]) for first in (0, 1))
 
 
@@ -118,7 +118,7 @@ def optimum(problem: Problem) -> int:
                 if done >> i & 1:
                     continue
                 start = problem.entry(trip, trips[last] if last >= 0 else None, at)
-                place = sum(done >> k & 1 for k, other in enumerate(trips) if other.way == trip.way)
+                place = sum(done >> k & 1 for k, other in enumerate(trips) if other.direction == trip.direction)
                 key = (done | 1 << i, i)
                 if start + trip.inside + trip.tails[place] <= trip.deadline and start < after.get(key, float("inf")):
                     after[key] = start

@@ -62,8 +62,10 @@ def started(model: Model, rng: Random, robot: int, spread_ms: int) -> int:
     """Let a job of `robot` start some time; return its deadline. Draws the same whatever the spread."""
     start, release, duration = ms(rng.random() * spread_ms), rng.randint(0, 3000), rng.randint(2000, 3000)
     deadline = start + ms(release + duration + rng.randint(1000, 14_000))
-    way = rng.randrange(2)
-    model.trigger(start, robot, deadline=deadline, release=start + ms(release), duration=ms(duration), way=way)
+    direction = rng.randrange(2)
+    model.trigger(
+        start, robot, deadline=deadline, release=start + ms(release), duration=ms(duration), direction=direction
+    )
     return deadline
 
 

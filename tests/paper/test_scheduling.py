@@ -106,9 +106,9 @@ def test_iv_c_the_list_is_kept_by_deadline() -> None:
 def test_iv_c_more_robots_meet_their_deadlines_than_by_deadline_alone() -> None:
     """Opposed jobs: the one whose deadline is first would by itself make two others late."""
     model = Model(2, 3)
-    model.trigger(0, 1, deadline=ms(7000), release=ms(3500), duration=ms(3000), way=0)
-    model.trigger(ms(1), 2, deadline=ms(7100), duration=ms(3000), way=1)
-    model.trigger(ms(2), 3, deadline=ms(7200), duration=ms(3000), way=1)
+    model.trigger(0, 1, deadline=ms(7000), release=ms(3500), duration=ms(3000), direction=0)
+    model.trigger(ms(1), 2, deadline=ms(7100), duration=ms(3000), direction=1)
+    model.trigger(ms(2), 3, deadline=ms(7200), duration=ms(3000), direction=1)
     assert model.run_until(lambda: model.now > ms(50) and model.all_served(), ms(60_000))
     met = [entry.robot for entry in model.entries if entry.end <= model_deadline(entry.robot)]
     assert met == [2, 3]

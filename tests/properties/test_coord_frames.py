@@ -76,8 +76,10 @@ def test_frames_have_the_sizes_of_their_table(job: m.Job, sched: m.Sched, beacon
 
 
 @given(st.lists(st.integers(0, 7), max_size=600), EVENTS, TIMES, TERMS, WAYS)
-def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: int, term: Term, way: int) -> None:
-    parts = split_path(event, time, term, way, GridPath((3, 4), tuple(steps)))
+def test_a_path_comes_back_from_its_parts(
+    steps: list[int], event: bytes, time: int, term: Term, direction: int
+) -> None:
+    parts = split_path(event, time, term, direction, GridPath((3, 4), tuple(steps)))
     decoded = [m.decode(m.encode(part)) for part in parts]
     assert decoded == parts
     assert [step for part in parts for step in part.steps] == steps
@@ -86,9 +88,9 @@ def test_a_path_comes_back_from_its_parts(steps: list[int], event: bytes, time: 
 
 @given(st.sampled_from((107, 103, 95)), st.lists(st.integers(0, 7), max_size=600), EVENTS, TIMES, TERMS, WAYS)
 def test_a_path_fits_frames_that_security_has_made_shorter(
-    limit: int, steps: list[int], event: bytes, time: int, term: Term, way: int
+    limit: int, steps: list[int], event: bytes, time: int, term: Term, direction: int
 ) -> None:
-    parts = split_path(event, time, term, way, GridPath((3, 4), tuple(steps)), limit)
+    parts = split_path(event, time, term, direction, GridPath((3, 4), tuple(steps)), limit)
     assert [m.decode(m.encode(part), limit) for part in parts] == parts
     assert [step for part in parts for step in part.steps] == steps
     assert max(len(m.encode(part)) for part in parts) <= limit

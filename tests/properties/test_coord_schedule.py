@@ -22,8 +22,8 @@ def tasks(count: int, ways: int = 2) -> st.SearchStrategy[list[Task]]:
     one = st.tuples(unit, st.integers(100, 300).map(lambda k: k * GRID), unit, st.integers(0, ways - 1))
     return st.lists(one, min_size=1, max_size=count).map(
         lambda rows: [
-            Task(i + 1, release, duration, release + duration + slack * 2, 950 * MS, way)
-            for i, (release, duration, slack, way) in enumerate(rows)
+            Task(i + 1, release, duration, release + duration + slack * 2, 950 * MS, direction)
+            for i, (release, duration, slack, direction) in enumerate(rows)
         ]
     )
 
@@ -146,7 +146,7 @@ def test_every_job_is_ordered_once_and_no_fewer_meet_their_deadlines_than_first_
 @settings(max_examples=60, deadline=None)
 @given(tasks(8), st.lists(st.tuples(st.integers(0, 400), st.integers(50, 300), st.integers(0, 1)), max_size=3))
 def test_placed_jobs_keep_every_gap_to_all_before_them(jobs: list[Task], standing: list[tuple[int, int, int]]) -> None:
-    fixed = [Placed(start * GRID, duration * GRID, 950 * MS, way) for start, duration, way in standing]
+    fixed = [Placed(start * GRID, duration * GRID, 950 * MS, direction) for start, duration, direction in standing]
     starts = place(jobs, fixed, RULES)
     before: list[tuple[Task | Placed, int]] = [(item, item.start) for item in fixed]
     for task, start in zip(jobs, starts, strict=True):

@@ -12,7 +12,7 @@ from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, SlotAssigned
 from rmr.coord.messages import Entry, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
-from rmr.coord.timing import EXCLUSIVE_WAY, Timing
+from rmr.coord.timing import EXCLUSIVE, Timing
 from rmr.node.logic.exchange import Exchange
 from rmr.node.ports import Spoken
 from rmr.radio.links import Disturbance
@@ -84,14 +84,21 @@ def test_a_robot_that_drives_into_a_wall_is_told_with_the_place(tmp_path):
 class Passage:
     """One robot's job, as the checker is told of it."""
 
-    def __init__(self, simulation, robot, *, way=EXCLUSIVE_WAY, trigger=0, term=1, leader=9, slot_s=10.0):
+    def __init__(self, simulation, robot, *, direction=EXCLUSIVE, trigger=0, term=1, leader=9, slot_s=10.0):
         self.simulation, self.robot = simulation, robot
-        request = JobRequest(EVENT, trigger, 0, seconds(3), seconds(60), milliseconds(1000), way)
+        request = JobRequest(EVENT, trigger, 0, seconds(3), seconds(60), milliseconds(1000), direction)
         self.job = OwnJob(request, trigger)
         self.job.lease = seconds(1000)
         start = seconds(slot_s)
         slot = SlotAssigned(
-            event=EVENT, trigger=trigger, rank=1, place=1, start=start, end=start + seconds(3), leader=leader, term=term
+            group_id=EVENT,
+            trigger=trigger,
+            rank=1,
+            place=1,
+            start=start,
+            end=start + seconds(3),
+            leader=leader,
+            term=term,
         )
         simulation.tell(robot, 0, slot)
 
@@ -115,7 +122,7 @@ def test_an_entry_in_its_window_under_its_lease_is_fine(tmp_path):
 
 def test_an_entry_before_or_after_its_window_is_told(tmp_path):
     simulation = idle(tmp_path)
-    early, late = Passage(simulation, 1, way=1), Passage(simulation, 2, way=1, slot_s=20.0)
+    early, late = Passage(simulation, 1, direction=1), Passage(simulation, 2, direction=1, slot_s=20.0)
     early.enters(9.99)
     late.enters(20.26)
     assert [check for check, _, _ in found(simulation)] == ["entry", "entry"]
@@ -148,7 +155,7 @@ def test_two_entries_for_one_job_are_told(tmp_path):
 def test_two_inside_opposite_ways_under_one_term_are_told_whatever_is_lost(tmp_path):
     simulation = idle(tmp_path)
     simulation.disturb(Disturbance(attenuation_db=float("inf")))
-    one, other = Passage(simulation, 1, way=0), Passage(simulation, 2, way=1)
+    one, other = Passage(simulation, 1, direction=0), Passage(simulation, 2, direction=1)
     one.enters(10)
     other.enters(10.1)
     assert found(simulation) == [("overlap", (1, 2), "robot 2 entered while robot 1 was inside another way")]
@@ -156,7 +163,7 @@ def test_two_inside_opposite_ways_under_one_term_are_told_whatever_is_lost(tmp_p
 
 def test_one_behind_the_other_is_no_overlap(tmp_path):
     simulation = idle(tmp_path)
-    one, other = Passage(simulation, 1, way=0), Passage(simulation, 2, way=1)
+    one, other = Passage(simulation, 1, direction=0), Passage(simulation, 2, direction=1)
     one.enters(10)
     one.leaves()
     other.enters(10.1)
@@ -171,7 +178,7 @@ def test_two_inside_under_two_terms_are_told_only_where_they_could_have_known(tm
     if excuse == "stalled":
         simulation.kernel.now = seconds(9.8)
         simulation.stall(2, seconds(9.9))
-    one, other = Passage(simulation, 1, way=0, leader=1), Passage(simulation, 2, way=1, leader=2)
+    one, other = Passage(simulation, 1, direction=0, leader=1), Passage(simulation, 2, direction=1, leader=2)
     one.enters(10)
     other.enters(10.1, cautious=excuse == "cautious")
     assert [check for check, _, _ in found(simulation)] == ([] if excuse else ["overlap"])
@@ -179,7 +186,7 @@ def test_two_inside_under_two_terms_are_told_only_where_they_could_have_known(tm
 
 def test_robots_that_follow_each_other_too_closely_are_told(tmp_path):
     simulation = idle(tmp_path, robots=3)
-    passages = [Passage(simulation, robot, way=0) for robot in (1, 2, 3)]
+    passages = [Passage(simulation, robot, direction=0) for robot in (1, 2, 3)]
     passages[1].job.request = replace(passages[1].job.request, headway=milliseconds(300))
     passages[0].enters(10)
     passages[1].enters(10.1)  # its headway of 300 ms may lack the window of 250 ms

@@ -27,7 +27,7 @@ def test_tables_of_events_that_are_over_stay_bounded(tmp_path, monkeypatch):
     for number in range(EVENTS):
         event, now = number.to_bytes(6, "big"), seconds(number)
         slot = SlotAssigned(
-            event=event, trigger=now, rank=1, place=1, start=now, end=now + seconds(3), leader=1, term=number
+            group_id=event, trigger=now, rank=1, place=1, start=now, end=now + seconds(3), leader=1, term=number
         )
         simulation.tell(1, now, LeadershipBegan(event, number))
         simulation.tell(1, now, slot)

@@ -12,7 +12,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, milliseconds, seconds
-from rmr.coord.timing import EXCLUSIVE_WAY
+from rmr.coord.timing import EXCLUSIVE
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.grid import grid_of
 from rmr.node.motion.navigator import Navigator
@@ -67,7 +67,7 @@ class Approach:
         navigator = self._navigator
         paths = {way: navigator.plan_shared(pose, goal)}
         mouths = navigator.arena.mouths
-        if len(mouths) == 2 and way != EXCLUSIVE_WAY:
+        if len(mouths) == 2 and way != EXCLUSIVE:
             paths[1 - way] = navigator.plan_shared(Pose(*mouths[1 - way], 0.0), Point(pose.x, pose.y))
         return {each: path for each, path in paths.items() if path is not None}
 

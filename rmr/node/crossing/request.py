@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rmr.base.time import Instant
 from rmr.coord.events import JobRequest
-from rmr.coord.timing import EXCLUSIVE_WAY
+from rmr.coord.timing import EXCLUSIVE
 from rmr.node.crossing.turn import Turn, stands_in_way, stands_within
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
             return False
     else:
         turn.approach, turn.inside, turn.headway = 0, found.approach, found.approach
-        turn.way, turn.after, turn.within = EXCLUSIVE_WAY, 0, False
+        turn.way, turn.after, turn.within = EXCLUSIVE, 0, False
     return True
 
 
@@ -59,13 +59,13 @@ def finds_itself_within(node: "Node", turn: Turn, slack_m: float = 0.0) -> bool:
 def request_of(turn: Turn) -> JobRequest:
     """Return what the leader is told."""
     return JobRequest(
-        event=turn.event,
+        group_id=turn.event,
         trigger=turn.trigger,
         release=turn.release,
         duration=turn.inside,
         deadline=turn.deadline,
         headway=turn.headway,
-        way=turn.way,
+        direction=turn.way,
         inside=turn.within,
         underway=turn.underway,
         postpones=turn.gated,

@@ -15,7 +15,7 @@ from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
-from rmr.coord.timing import EXCLUSIVE_WAY
+from rmr.coord.timing import EXCLUSIVE
 from rmr.node.actions.dispatcher import Running
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
@@ -88,7 +88,7 @@ class Turn:
     requested: bool = False
     gated: bool = False
     """Whether the way passes the bottleneck, so that the gate is a place and not the action's beginning."""
-    way: int = EXCLUSIVE_WAY
+    way: int = EXCLUSIVE
     """Direction through the bottleneck; a turn that is no passage of it excludes all others."""
     approach: Duration = 0
     inside: Duration = UNKNOWN_INSIDE

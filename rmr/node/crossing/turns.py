@@ -325,25 +325,25 @@ class Turns:
     def handle(self, now: Instant, event: CoordEvent) -> None:
         """Take in one event of the coordination core."""
         match event:
-            case PathReceived(way=way, path=path):
-                self.leading.heard(event.event, way, path)
+            case PathReceived(direction=way, path=path):
+                self.leading.heard(event.group_id, way, path)
             case LeadershipBegan(term=term):
                 self._node.trace(now, "leads", term=term)
-                self.leading.leads(now, event.event, does=True)
-                self._stands(now, event.event)
-                if (turn := self._turns.get(event.event)) is not None:
+                self.leading.leads(now, event.group_id, does=True)
+                self._stands(now, event.group_id)
+                if (turn := self._turns.get(event.group_id)) is not None:
                     self.leading.share(now, turn)
             case LeadershipEnded() | LeaderChanged():
-                self.leading.leads(now, event.event, does=False)
-                self._stands(now, event.event)
+                self.leading.leads(now, event.group_id, does=False)
+                self._stands(now, event.group_id)
             case ScheduleChanged():
-                keep(self.schedules, event.event, event)
+                keep(self.schedules, event.group_id, event)
                 self._node.trace(now, "scheduled", leader=event.leader, term=event.term, order=list(event.order))
             case _:
                 self._turn_event(now, event)
 
     def _turn_event(self, now: Instant, event: CoordEvent) -> None:
-        turn = self._turns.get(event.event)
+        turn = self._turns.get(event.group_id)
         if turn is None or turn.phase is Phase.LEFT:
             return
         self.next_wake = min(self.next_wake, self._node.executive.frame_ends)

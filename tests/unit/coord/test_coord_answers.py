@@ -23,8 +23,8 @@ TERM = Term(7, LEADER)
 OTHER = Term(6, 800)
 
 
-def entry(robot: int, phase: Phase = Phase.WAITING, start: int | None = ms(30_000), way: int = 0) -> Entry:
-    return Entry(robot, ms(1000), start, ms(3000), way, phase)
+def entry(robot: int, phase: Phase = Phase.WAITING, start: int | None = ms(30_000), direction: int = 0) -> Entry:
+    return Entry(robot, ms(1000), start, ms(3000), direction, phase)
 
 
 def sched(

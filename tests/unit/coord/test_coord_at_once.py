@@ -42,7 +42,7 @@ def test_entries_without_a_claim_are_exclusive_under_loss(count: int, loss: floa
         rng = Random(seed)
         for robot in model.ids:
             model.trigger(
-                ms(rng.uniform(0, 30)), robot, deadline=ms(60_000), duration=ms(900), way=rng.choice((0, 1, 15))
+                ms(rng.uniform(0, 30)), robot, deadline=ms(60_000), duration=ms(900), direction=rng.choice((0, 1, 15))
             )
         model.run(ms(6000))
         model.air.loss = 0.0
@@ -79,7 +79,7 @@ def test_an_old_duplicate_of_a_question_does_not_count_as_asking() -> None:
     now = ms(10_000)
     core = asking(now)
     core.receive(now + ms(70), question(now - ms(3000), now - ms(3000)), 2)
-    assert context_of(core).asked_by == {}
+    assert context_of(core).candidates == {}
     assert not context_of(core).undisputed(now + ms(80))
 
 

@@ -27,7 +27,7 @@ def fleet(
     rng.shuffle(places)
     for robot in model.ids:
         when = ms(rng.uniform(0, spread))
-        model.trigger(when, robot, deadline=ms(20_000 + 4000 * places[robot - 1]), way=rng.randrange(ways))
+        model.trigger(when, robot, deadline=ms(20_000 + 4000 * places[robot - 1]), direction=rng.randrange(ways))
     return model, sorted(model.ids, key=lambda robot: places[robot - 1])
 
 
@@ -296,8 +296,10 @@ def test_no_two_robots_ever_get_one_rank_without_faults(seed: int) -> None:
     for robot in model.ids:
         when = rng.choice((rng.uniform(0, 20), rng.uniform(0, 6000)))
         release = ms(when + rng.choice((0, rng.uniform(0, 4000))))
-        way = rng.randrange(1 + seed % 2)
-        model.trigger(ms(when), robot, deadline=ms(when + rng.uniform(4000, 30_000)), release=release, way=way)
+        direction = rng.randrange(1 + seed % 2)
+        model.trigger(
+            ms(when), robot, deadline=ms(when + rng.uniform(4000, 30_000)), release=release, direction=direction
+        )
         model.minds[robot].overrun = ms(rng.choice((0, rng.uniform(-800, 2500))))
         if rng.random() < 0.15:
             model.unready(ms(when + rng.uniform(0, 2000)), robot, ms(4000))
@@ -310,8 +312,8 @@ def test_no_two_robots_ever_get_one_rank_without_faults(seed: int) -> None:
     assert len(set(ranks)) == len(ranks)
 
 
-def request(trigger: int = 0, way: int = 0) -> JobRequest:
-    return JobRequest(EVENT, trigger, trigger, ms(3000), ms(20_000), ms(950), way)
+def request(trigger: int = 0, direction: int = 0) -> JobRequest:
+    return JobRequest(EVENT, trigger, trigger, ms(3000), ms(20_000), ms(950), direction)
 
 
 def test_an_impossible_request_is_refused_with_the_reason() -> None:
@@ -319,7 +321,7 @@ def test_an_impossible_request_is_refused_with_the_reason() -> None:
     with pytest.raises(ValueError, match="six octets"):
         core.trigger(0, JobRequest(b"short", 0, 0, 1, 1, 1, 0))
     with pytest.raises(ValueError, match=r"0\.\.15"):
-        core.trigger(0, request(way=16))
+        core.trigger(0, request(direction=16))
 
 
 def test_what_is_no_frame_of_coordination_is_refused_and_malformed_ones_are_counted() -> None:
@@ -405,7 +407,7 @@ def test_a_robot_without_a_job_remembers_who_is_inside() -> None:
     model.run(ms(1500))
     assert model.minds[1].inside is not None
     model.crash(model.now, 1)
-    model.trigger(ms(1600), 2, deadline=ms(60_000), way=1)
+    model.trigger(ms(1600), 2, deadline=ms(60_000), direction=1)
     model.run(ms(10_000))
     assert len(model.entries) == 1, "the silent body inside holds the opposed robot up"
     served(model)

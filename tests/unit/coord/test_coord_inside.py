@@ -5,11 +5,11 @@ from coord_harness import EVENT, Air, Model, ms
 from rmr.coord.messages import Beacon, decode
 
 
-def passages(loss: float, way: int) -> tuple[tuple[int, int], tuple[int, int]]:
+def passages(loss: float, direction: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return start and end of robot 1, which begins inside at 100 ms, and of robot 2, which asks then for `way`."""
     model = Model(1, 2, Air(loss=loss))
     model.trigger(ms(100), 1, deadline=ms(20_000), inside=True)
-    model.trigger(ms(100), 2, deadline=ms(20_000), way=way)
+    model.trigger(ms(100), 2, deadline=ms(20_000), direction=direction)
     model.run(ms(200))
     model.run_until(model.all_served, ms(60_000))
     by_robot = {entry.robot: (entry.start, entry.end) for entry in model.entries}

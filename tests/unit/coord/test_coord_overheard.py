@@ -76,7 +76,7 @@ def test_who_passes_itself_is_called_for_all_that_is_said() -> None:
     [
         beacon(Phase.CLAIM),
         Job(EVENT, ms(5000), LED, 0, 0, ms(9000), ms(3000), ms(60_000), ms(1000), 0, None),
-        beacon(Phase.IN)._replace(event=b"other!"),
+        beacon(Phase.IN)._replace(group_id=b"other!"),
         beacon(Phase.IN)._replace(time=ms(6000)),
     ],
 )

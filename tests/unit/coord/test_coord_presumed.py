@@ -10,11 +10,11 @@ from rmr.coord.term import NOBODY, Term
 def stalled(seed: int, duration: float, stall: float) -> Model:
     """Return a model in which robot 1 stalls inside and robot 2 wants to go the other way; 3 leads."""
     model = Model(seed, 3)
-    model.trigger(0, 3, deadline=ms(300_000), release=ms(150_000), way=0)
-    model.trigger(ms(1500), 1, deadline=ms(60_000), duration=ms(duration), way=0)
+    model.trigger(0, 3, deadline=ms(300_000), release=ms(150_000), direction=0)
+    model.trigger(ms(1500), 1, deadline=ms(60_000), duration=ms(duration), direction=0)
     model.run_until(lambda: bool(model.entries), ms(10_000))
     model.stall(model.now + ms(700), 1, ms(stall))
-    model.trigger(model.now + ms(300), 2, deadline=ms(90_000), duration=ms(1000), way=1)
+    model.trigger(model.now + ms(300), 2, deadline=ms(90_000), duration=ms(1000), direction=1)
     return model
 
 
@@ -46,7 +46,7 @@ def test_a_robot_that_was_presumed_gone_and_speaks_again_keeps_others_out() -> N
     first = model.entries[0]
     model.minds[1].leaves = first.end = first.end + ms(15_000)  # its body moves on slowly
     model.minds[1].core.inside_until(model.now, EVENT, first.end)
-    model.trigger(first.end - ms(12_000), 2, deadline=first.end + ms(60_000), duration=ms(1000), way=1)
+    model.trigger(first.end - ms(12_000), 2, deadline=first.end + ms(60_000), duration=ms(1000), direction=1)
     assert model.run_until(lambda: len(model.entries) == 3, ms(120_000))
     third = model.entries[2]
     assert third.start >= first.end
@@ -79,7 +79,7 @@ def test_newcomer_that_knows_a_silent_robot_from_the_schedule_only_enters_with_c
         model.run_until(lambda: len(model.entries) == 2, ms(90_000))
     model.crash(model.now + ms(3000), 2)
     model.restart(model.now + ms(3100), 2)
-    model.trigger(model.now + ms(3200), 2, deadline=ms(200_000), duration=ms(1000), way=1)
+    model.trigger(model.now + ms(3200), 2, deadline=ms(200_000), duration=ms(1000), direction=1)
     assert model.run_until(lambda: len(model.entries) == 3, ms(90_000))
     assert mind.alive
     assert model.entries[2].cautious

@@ -29,14 +29,14 @@ class Leaders:
         scene.hear(LeadershipEnded, self._ended)
 
     def _began(self, robot: int, now: Instant, began: LeadershipBegan) -> None:
-        term = (began.event, robot, began.term)
+        term = (began.group_id, robot, began.term)
         if term in self._terms and not self._scene.forgot(robot, 0):
             self._scene.violate(now, "term", (robot,), f"robot {robot} began term {began.term} a second time")
         self._terms[term] = None
-        self._leads.setdefault(began.event, {})[robot] = (self._scene.life(robot), now)
+        self._leads.setdefault(began.group_id, {})[robot] = (self._scene.life(robot), now)
 
     def _ended(self, robot: int, _now: Instant, ended: LeadershipEnded) -> None:
-        self._leads.get(ended.event, {}).pop(robot, None)
+        self._leads.get(ended.group_id, {}).pop(robot, None)
 
     def __call__(self, now: Instant) -> None:
         """Count the leaders of each event, once a second."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
-from rmr.coord.timing import Timing, same_way
+from rmr.coord.timing import Timing, same_direction
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import TICK, Scene
 
@@ -29,7 +29,7 @@ class Inside:
     robot: int
     job: OwnJob
     start: Instant
-    way: int
+    direction: int
     headway: Duration
     term: tuple[int, int]
     """Of the schedule by which it entered: counter and leader."""
@@ -60,14 +60,14 @@ class Passages:
                 del self._inside[event]
 
     def _slotted(self, robot: int, _now: Instant, slot: SlotAssigned) -> None:
-        self._slots[robot, slot.event] = slot
+        self._slots[robot, slot.group_id] = slot
 
     def _unslotted(self, robot: int, _now: Instant, lost: SlotLost | EntryMissed) -> None:
-        self._slots.pop((robot, lost.event), None)
+        self._slots.pop((robot, lost.group_id), None)
 
     def _entry(self, robot: int, now: Instant, entered: Entered) -> None:
-        job = self._scene.node(robot).core.job(entered.event)
-        slot = self._slots.pop((robot, entered.event), None)
+        job = self._scene.node(robot).core.job(entered.group_id)
+        slot = self._slots.pop((robot, entered.group_id), None)
         if job is not None and job.request.inside:
             term = (NO_COUNTER, robot)
         elif job is None or slot is None:
@@ -76,8 +76,8 @@ class Passages:
         else:
             self._judge_entry(robot, entered.start, slot, job)
             term = (slot.term, slot.leader)
-        one = Inside(robot, job, entered.start, job.request.way, job.request.headway, term, entered.cautious)
-        inside = self._inside.setdefault(entered.event, {})
+        one = Inside(robot, job, entered.start, job.request.direction, job.request.headway, term, entered.cautious)
+        inside = self._inside.setdefault(entered.group_id, {})
         for other in inside.values():
             if other.robot != robot:
                 self._judge_pair(now, one, other)
@@ -90,7 +90,7 @@ class Passages:
             violate(start, "entry", (robot,), f"robot {robot} entered out of its window, at {late_ms} ms of its slot")
         if start >= job.lease:
             violate(start, "entry", (robot,), f"robot {robot} entered when its lease had run out")
-        key = (robot, slot.event, slot.trigger)
+        key = (robot, slot.group_id, slot.trigger)
         if key in self._entered:
             violate(start, "entry", (robot,), f"robot {robot} entered twice for one job")
         self._entered[key] = None
@@ -100,7 +100,7 @@ class Passages:
         if one.cautious or not self._bound(now, one, other):
             return
         pair = (other.robot, one.robot)
-        if not same_way(one.way, other.way):
+        if not same_direction(one.direction, other.direction):
             words = f"robot {one.robot} entered while robot {other.robot} was inside another way"
             self._scene.violate(now, "overlap", pair, words)
             return

@@ -46,7 +46,7 @@ class StandsStill:
         self._got_on[robot] = now
 
     def _entered(self, robot: int, now: Instant, entered: Entered) -> None:
-        self._got_on[robot] = self._used[entered.event] = now
+        self._got_on[robot] = self._used[entered.group_id] = now
 
     def __call__(self, now: Instant) -> None:
         """Look at all robots, once a second."""

@@ -39,7 +39,7 @@ class Schedules:
         """Nothing happens unheard."""
 
     def _gave_up(self, robot: int, now: Instant, lost: SlotLost | EntryMissed) -> None:
-        self._given_up[robot, lost.event] = now
+        self._given_up[robot, lost.group_id] = now
 
     def _spoken(self, robot: int, now: Instant, spoken: Spoken) -> None:
         payload = spoken.payload
@@ -54,7 +54,7 @@ class Schedules:
             self._scene.violate(now, "frame", (robot,), f"robot {robot} sent a schedule that is none: {error}")
             return
         assert isinstance(sched, Sched)
-        key = (sched.event, sched.term, sched.issued, sched.part)
+        key = (sched.group_id, sched.term, sched.issued, sched.part)
         if self._said.get(key, payload) != payload:
             words = f"robot {robot} sent another version of the schedule that leader {sched.term.leader} issued"
             self._scene.violate(now, "schedule", (robot, sched.term.leader), words)
@@ -66,7 +66,7 @@ class Schedules:
 
     def _judge(self, now: Instant, sched: Sched, entry: Entry) -> None:
         """Complain if a slot that stood has moved; remember those that stand now."""
-        key = (sched.event, sched.term, entry.robot, entry.trigger)
+        key = (sched.group_id, sched.term, entry.robot, entry.trigger)
         promised, issued = self._promised.get(key, (None, -1))
         if sched.issued <= issued:
             return
@@ -83,7 +83,7 @@ class Schedules:
         """Return whether the owner of a slot gave it up, or could not keep it."""
         if robot not in self._scene.robots:
             return True
-        gave_up = self._given_up.get((robot, sched.event), -LET_PASS)
+        gave_up = self._given_up.get((robot, sched.group_id), -LET_PASS)
         since = promised - TIMING.liveness.gone
         return (
             gave_up >= promised - LET_PASS

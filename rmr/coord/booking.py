@@ -11,7 +11,7 @@ SETS_OUT: Final[Duration] = 500 * MS
 """A robot may have set out so much before its way to the gate asks for it."""
 
 
-class Line:
+class Booking:
     """One job in the books."""
 
     __slots__ = (
@@ -20,6 +20,7 @@ class Line:
         "behind",
         "bypassed",
         "deadline",
+        "direction",
         "done",
         "duration",
         "headway",
@@ -40,7 +41,6 @@ class Line:
         "trigger",
         "underway",
         "until",
-        "way",
     )
 
     def __init__(self, robot: int, trigger: Instant, now: Instant) -> None:
@@ -53,7 +53,7 @@ class Line:
         self.duration: Duration = 0
         self.deadline: Instant = NEVER
         self.headway: Duration = 0
-        self.way = 0
+        self.direction = 0
         self.start: Instant | None = None
         self.until: Instant = 0
         """End of the reservation that the start begins."""
@@ -85,15 +85,15 @@ class Line:
 
     def tell(self, job: Job) -> bool:
         """Take over what the owner says; return whether it matters for the order."""
-        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.way, job.underway)
-        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.way, self.underway)
+        new = (max(job.release, job.time), job.duration, job.deadline, job.headway, job.direction, job.underway)
+        old = (max(self.release, job.time), self.duration, self.deadline, self.headway, self.direction, self.underway)
         self.said = job.time
         changed = self.provisional or new != old
         self.provisional = False
         repeated = job.underway and job.release <= job.time  # it is as far away as when it told so first
         if job.release != self.release and not repeated:
             self.approach = max(job.release - job.time, 0)
-        _, self.duration, self.deadline, self.headway, self.way, self.underway = new
+        _, self.duration, self.deadline, self.headway, self.direction, self.underway = new
         self.release = job.release
         return changed
 
@@ -113,27 +113,36 @@ class Line:
         return self.start is not None and self.start - self.approach <= now + SETS_OUT
 
 
-def task_of(line: Line, now: Instant, grace: Duration) -> Task:
+def task_of(booking: Booking, now: Instant, grace: Duration) -> Task:
     """Return a job as the order sees it: one that has a slot in time is given a little grace.
 
     Who waits for a slot stands, so its release is past without its being at the gate: it can keep the slot that it
     has, but another one only after its whole approach.
     """
-    release = max(line.release, now + line.approach, line.retry)
-    if line.start is not None:
-        release = min(release, max(line.release, line.start))
-    if line.start is None or line.start + line.duration > line.deadline + grace:
+    release = max(booking.release, now + booking.approach, booking.retry)
+    if booking.start is not None:
+        release = min(release, max(booking.release, booking.start))
+    if booking.start is None or booking.start + booking.duration > booking.deadline + grace:
         grace = 0
-    return Task(line.robot, release, line.duration, line.deadline, line.headway, line.way, line.joined, grace)
+    return Task(
+        booking.robot,
+        release,
+        booking.duration,
+        booking.deadline,
+        booking.headway,
+        booking.direction,
+        booking.joined,
+        grace,
+    )
 
 
-def entry_of(line: Line) -> Entry:
+def entry_of(booking: Booking) -> Entry:
     """Return a job as the schedule lists it."""
-    phase = Phase.IN if line.inside else Phase.WAITING
-    if line.done:
-        phase = Phase.GONE if line.presumed else Phase.OUT
-    if line.provisional and phase is Phase.WAITING:
+    phase = Phase.IN if booking.inside else Phase.WAITING
+    if booking.done:
+        phase = Phase.GONE if booking.presumed else Phase.OUT
+    if booking.provisional and phase is Phase.WAITING:
         phase = Phase.PROVISIONAL
-    start = None if line.start is None else on_grid(line.start)
-    duration = line.duration if line.start is None else max(line.until - line.start, 0)
-    return Entry(line.robot, line.trigger, start, duration, line.way, phase)
+    start = None if booking.start is None else on_grid(booking.start)
+    duration = booking.duration if booking.start is None else max(booking.until - booking.start, 0)
+    return Entry(booking.robot, booking.trigger, start, duration, booking.direction, phase)
