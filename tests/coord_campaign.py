@@ -12,7 +12,7 @@ from random import Random
 
 from coord_harness import EVENT, MS, Air, Model, ms
 
-from rmr.coord.messages import Entry, Kind, Phase, Sched, encode
+from rmr.coord.messages import Entry, FrameKind, Phase, Sched, encode
 from rmr.coord.term import NOBODY, Term
 from rmr.coord.timing import Timing
 
@@ -95,7 +95,7 @@ def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = 
     if "links" in kinds:
         air.links = {(a, b): rng.choice((0.0, 0.2, 0.5, 0.9, 1.0)) for a in model.ids for b in model.ids if a != b}
     if "slow" in kinds:
-        air.slow = (rng.choice(tuple(Kind)), ms(rng.choice((300, 900, 3000))))
+        air.slow = (rng.choice(tuple(FrameKind)), ms(rng.choice((300, 900, 3000))))
     if "echo" in kinds:
         air.echo = rng.choice((0.02, 0.1, 0.3))
     ways, spread = rng.choice((2, 2, 2, 1)), rng.choice((20, 300, 5000))

@@ -5,7 +5,7 @@ from typing import Final
 from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.messages import Entry, Job, Phase, on_grid
 from rmr.coord.schedule import Task
-from rmr.coord.timing import MS
+from rmr.coord.timing import MS, ScheduleTiming
 
 SETS_OUT: Final[Duration] = 500 * MS
 """A robot may have set out so much before its way to the gate asks for it."""
@@ -108,6 +108,23 @@ class Booking:
         self.absent, self.missed_absent = job.absent, job.missed
         return True
 
+    def is_behind(self, schedule: ScheduleTiming) -> bool:
+        """Return whether the job goes behind all others, because its robot was not ready when its last slot came.
+
+        It does until the robot is ready, or a bounded number of others have passed.
+        """
+        return self.absent > 0 and not self.underway and self.overtaken < self._passes(schedule)
+
+    def is_due(self, schedule: ScheduleTiming) -> bool:
+        """Return whether the job goes before all others, for as many have overtaken it as may."""
+        if self.absent > 0:
+            return self.overtaken >= self._passes(schedule)
+        return self.bypassed >= schedule.bypass_max
+
+    def _passes(self, schedule: ScheduleTiming) -> int:
+        """Return how many others may pass before a job whose robot was not ready."""
+        return doubled(schedule.absent_passes, self.absent, schedule.absent_passes_max)
+
     def has_set_out(self, now: Instant) -> bool:
         """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
         return self.start is not None and self.start - self.approach <= now + SETS_OUT
@@ -146,3 +163,8 @@ def entry_of(booking: Booking) -> Entry:
     start = None if booking.start is None else on_grid(booking.start)
     duration = booking.duration if booking.start is None else max(booking.until - booking.start, 0)
     return Entry(booking.robot, booking.trigger, start, duration, booking.direction, phase)
+
+
+def doubled(first: int, times: int, most: int) -> int:
+    """Return `first` doubled with each of `times` after the first one, up to `most`."""
+    return min(first << max(times - 1, 0), most)

@@ -15,7 +15,7 @@ from rmr.base.time import NEVER, Duration, Instant
 from rmr.coord.context import Context, Outbox, OwnJob
 from rmr.coord.events import CoordEvent, JobRequest, Send
 from rmr.coord.group import Group
-from rmr.coord.messages import GROUP_ID_OCTETS, OVER, Beacon, Kind, MessageError, decode
+from rmr.coord.messages import GROUP_ID_OCTETS, OVER, Beacon, FrameKind, MessageError, decode
 from rmr.coord.states import Passage, Role
 from rmr.coord.term import NOBODY
 from rmr.coord.timing import DIRECTION_MAX, EXCLUSIVE, GROUPS_MAX, IN_FLIGHT_MAX, Timing
@@ -86,7 +86,7 @@ class Coordination:
 
     def overhear(self, now: Instant, payload: bytes) -> bool:
         """Take in a frame that changes nothing but what is known of a robot that passes; else return False."""
-        if not payload or payload[0] != Kind.BEACON:
+        if not payload or payload[0] != FrameKind.BEACON:
             return False
         try:
             beacon = _decoded(payload, self._timing.payload_max)

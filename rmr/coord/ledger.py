@@ -17,12 +17,12 @@ from collections.abc import Iterable
 from typing import Final
 
 from rmr.base.time import NEVER, Duration, Instant
-from rmr.coord.booking import Booking, entry_of, task_of
+from rmr.coord.booking import Booking, doubled, entry_of
 from rmr.coord.fence import Fence
 from rmr.coord.messages import PARTS_MAX, Entry, Job, Phase, entries_max
-from rmr.coord.schedule import EXACT_MAX, Placed, Rules, Task, merge, on_time, order_jobs, place
+from rmr.coord.planner import Planner
 from rmr.coord.term import NOBODY
-from rmr.coord.timing import JOBS_MAX, Order, Timing
+from rmr.coord.timing import JOBS_MAX, Timing
 
 _VOID: Final = Entry(NOBODY, 0, None, 0, 0, Phase.OUT)
 
@@ -45,7 +45,6 @@ class Ledger:
         self.answered: Instant = 0
         """By when all answers to the announcement should be here."""
         self.open = False
-        self._eager = False
 
     # -- news ------------------------------------------------------------------------------------------
 
@@ -71,7 +70,7 @@ class Ledger:
             booking.inside, booking.start, changed = False, None, True
         if job.missed is not None:
             changed = self.missed(robot, job.missed) or changed
-        retry = now + _doubled(timing.schedule.absent_wait, job.absent, timing.schedule.absent_wait_max)
+        retry = now + doubled(timing.schedule.absent_wait, job.absent, timing.schedule.absent_wait_max)
         changed = booking.set_absent(job, retry) or changed
         return booking.tell(job) or changed
 
@@ -119,24 +118,6 @@ class Ledger:
         for booking in self.waiting():
             booking.overtaken += 1
             booking.bypassed += booking.joined < passed.joined
-
-    def _is_behind(self, booking: Booking) -> bool:
-        """Return whether a job goes behind all others, for its owner was not ready when its last slot came.
-
-        It does until its owner is ready, or a bounded number of others have passed.
-        """
-        return booking.absent > 0 and not booking.underway and booking.overtaken < self._passes(booking)
-
-    def _is_due(self, booking: Booking) -> bool:
-        """Return whether a job goes before all others, for as many have overtaken it as may."""
-        if booking.absent > 0:
-            return booking.overtaken >= self._passes(booking)
-        return booking.bypassed >= self._timing.schedule.bypass_max
-
-    def _passes(self, booking: Booking) -> int:
-        """Return how many others may pass before a job whose owner was not ready."""
-        timing = self._timing
-        return _doubled(timing.schedule.absent_passes, booking.absent, timing.schedule.absent_passes_max)
 
     def inherit(self, now: Instant, entries: Iterable[Entry], exact: bool, fence: Fence) -> list[Entry]:
         """Take over a predecessor's list; return the entries that had started. `exact`: keep the slots."""
@@ -230,105 +211,17 @@ class Ledger:
 
     def plan(self, now: Instant, reorder: bool, eager: bool = False) -> bool:
         """Give slots and ranks; return whether any has changed. `eager`: the leader's own job may start at once."""
-        self._eager = eager
         before = [(booking.start, booking.rank) for booking in self.bookings.values()]
         standing = [booking for booking in self.bookings.values() if self.stands(booking, now)]
         pinned = [booking for booking in standing if booking.rank is not None]
         if self.open:
-            self._place(now, standing, reorder)
+            known = {booking.robot for booking in standing}
+            movable = [one for one in self.bookings.values() if one.robot not in known and not one.provisional]
+            if movable:
+                Planner(self._robot, self._timing, now, reorder=reorder, eager=eager).place(standing, movable)
         self._deal(pinned)
         self._trim(now)
         return before != [(booking.start, booking.rank) for booking in self.bookings.values()]
-
-    def _place(self, now: Instant, standing: list[Booking], reorder: bool) -> None:
-        timing = self._timing
-        known = {booking.robot for booking in standing}
-        movable = [
-            booking for booking in self.bookings.values() if booking.robot not in known and not booking.provisional
-        ]
-        if not movable:
-            return
-        fixed = [
-            Placed(booking.start, max(booking.until - booking.start, 0), booking.headway, booking.direction)
-            for booking in standing
-            if booking.start is not None
-        ]
-        opposed = timing.schedule.window + 2 * timing.clock_error + timing.schedule.clear
-        rules = Rules(now if self._eager else now + timing.schedule.lead, opposed, timing.order)
-        many = len(movable) > EXACT_MAX and timing.order is Order.OURS
-        for booking in movable:
-            was, booking.behind = booking.behind, self._is_behind(booking)
-            if was and not booking.behind:
-                booking.start = None  # it comes in anew
-        last = sorted(
-            (booking for booking in movable if booking.behind), key=lambda booking: (booking.retry, booking.robot)
-        )
-        movable = [booking for booking in movable if not booking.behind]
-        passed_over = sorted(
-            (booking for booking in movable if self._is_due(booking)),
-            key=lambda booking: (booking.joined, booking.robot),
-        )
-        first = [
-            booking
-            for booking in movable
-            if booking not in passed_over and (booking.underway or (many and booking.has_set_out(now)))
-        ]
-        first.sort(
-            key=lambda booking: (booking.approach if booking.underway else (booking.start or now) - now, booking.robot)
-        )
-        first = passed_over + first
-        ahead = [self._task(booking, now) for booking in first]
-        behind = fixed + self._give(ahead, fixed, rules)
-        known = {booking.robot for booking in first}
-        rest = self._ordered(
-            now, [booking for booking in movable if booking.robot not in known], behind, rules, reorder
-        )
-        if many:
-            rest, behind = merge(ahead, rest, fixed, rules), fixed
-        behind = behind + self._give(rest, behind, rules)
-        self._give([self._task(booking, now) for booking in last], behind, rules)
-
-    def _ordered(
-        self, now: Instant, bookings: list[Booking], fixed: list[Placed], rules: Rules, reorder: bool
-    ) -> list[Task]:
-        """Return the jobs of `lines` in the order in which they go behind those `fixed`."""
-        tasks = {booking.robot: self._task(booking, now) for booking in bookings}
-        slotted = [(booking.start, booking.robot) for booking in bookings if booking.start is not None]
-        old = [robot for _, robot in sorted(slotted)]
-        if reorder or len(old) < len(bookings):
-            order = order_jobs(list(tasks.values()), fixed, rules, old)
-            return self._own_first(order, fixed, rules) if self._eager else order
-        return [tasks[robot] for robot in old]
-
-    def _own_first(self, order: list[Task], fixed: list[Placed], rules: Rules) -> list[Task]:
-        """Return `order` with the leader's own job, which may start at once, first if that makes nobody else late.
-
-        Not before a job that is due sooner by more than the time that the others need to claim.
-        """
-        own = [task for task in order if task.robot == self._robot]
-        if not own or own[0].deadline > order[0].deadline + self._timing.schedule.lead:
-            return order
-        moved = own + [task for task in order if task.robot != self._robot]
-        met = on_time(order, place(order, fixed, rules))
-        return moved if on_time(moved, place(moved, fixed, rules)) >= met else order
-
-    def _task(self, booking: Booking, now: Instant) -> Task:
-        """Return a job as the order sees it: only the leader's own one may start before it could be claimed."""
-        task = task_of(booking, now, self._timing.schedule.grace)
-        if not self._eager or booking.robot == self._robot:
-            return task
-        return task._replace(release=max(task.release, now + self._timing.schedule.lead))
-
-    def _give(self, tasks: list[Task], fixed: list[Placed], rules: Rules) -> list[Placed]:
-        """Give slots behind those `fixed` to the jobs of `tasks`, in this order, and return these."""
-        starts = place(tasks, fixed, rules)
-        for task, start in zip(tasks, starts, strict=True):
-            booking = self.bookings[task.robot]
-            booking.start, booking.until = start, start + booking.duration
-        return [
-            Placed(start, task.duration, task.headway, task.direction)
-            for task, start in zip(tasks, starts, strict=True)
-        ]
 
     def _deal(self, pinned: list[Booking]) -> None:
         """Give the free ranks to all that have none for good, in order of their slots."""
@@ -421,8 +314,3 @@ class Ledger:
         best = timing.schedule.spread * math.log(max(missing * delay / (len(told) * timing.schedule.spread), 1.0))
         slack = min(booking.deadline - booking.duration - max(now, booking.release) for booking in told)
         return int(max(0.0, min(max(best, self.answered - now), slack / 4, timing.schedule.wait_max)))
-
-
-def _doubled(first: int, times: int, most: int) -> int:
-    """Return `first` doubled with each of `times` after the first one, up to `most`."""
-    return min(first << max(times - 1, 0), most)

@@ -44,7 +44,7 @@ class MessageError(ValueError):
     """The octets are no frame of coordination."""
 
 
-class Kind(IntEnum):
+class FrameKind(IntEnum):
     """First octet of a coordination frame; 0x01..0x0F belong to coordination."""
 
     JOB = 0x01
@@ -195,7 +195,7 @@ def decode(payload: bytes, payload_max: int = PAYLOAD_MAX) -> Message:
     """Return the message in `payload`, `payload_max` octets at most. Raises MessageError for anything malformed."""
     if len(payload) < _HEADER.size or len(payload) > payload_max:
         raise MessageError(f"{len(payload)} octets are no frame")
-    if payload[0] == Kind.PATH:
+    if payload[0] == FrameKind.PATH:
         return _decode_path(payload, steps_max(payload_max))
     decoder = _DECODERS.get(payload[0])
     if decoder is None:
@@ -207,7 +207,7 @@ def _clamp(value: int, low: int, high: int) -> int:
     return low if value < low else min(value, high)
 
 
-def _header(kind: Kind, group_id: bytes, time: Instant, term: Term) -> bytes:
+def _header(kind: FrameKind, group_id: bytes, time: Instant, term: Term) -> bytes:
     return _HEADER.pack(kind, group_id, _ms(time), term.counter, term.leader)
 
 
@@ -234,7 +234,7 @@ _ENTRY_PHASES: Final = frozenset((Phase.WAITING, Phase.IN, Phase.OUT, Phase.GONE
 def _encode_job(job: Job) -> bytes:
     base = job.time // GRID
     missed = _NO_START if job.missed is None else _clamp(job.missed // GRID - base, -0x8000, _START_MAX)
-    return _header(Kind.JOB, job.group_id, job.time, job.term) + _JOB.pack(
+    return _header(FrameKind.JOB, job.group_id, job.time, job.term) + _JOB.pack(
         _ms(job.asked),
         _ms(job.trigger),
         _clamp(-(-job.release // GRID) - base, 0, _U16),
@@ -274,7 +274,7 @@ def _encode_sched(sched: Sched) -> bytes:
         raise ValueError("a SCHED has at most 10 entries and 15 parts")
     base = sched.issued // GRID
     pieces = [
-        _header(Kind.SCHED, sched.group_id, sched.issued, sched.term),
+        _header(FrameKind.SCHED, sched.group_id, sched.issued, sched.term),
         _SCHED.pack(
             sched.resign,
             sched.heir,
@@ -287,7 +287,9 @@ def _encode_sched(sched: Sched) -> bytes:
     for robot, trigger, start, duration, direction, phase in sched.entries:
         offset = _NO_START if start is None else _clamp(start // GRID - base, -0x8000, _START_MAX)
         duration_units = _clamp(-(-duration // GRID), 0, _U16)
-        pieces.append(_ENTRY.pack(robot, trigger // GRID & _U16, offset, duration_units, _direction_phase(direction, phase)))
+        pieces.append(
+            _ENTRY.pack(robot, trigger // GRID & _U16, offset, duration_units, _direction_phase(direction, phase))
+        )
     return b"".join(pieces)
 
 
@@ -323,7 +325,7 @@ def _decode_sched(payload: bytes) -> Sched:
 
 
 def _encode_beacon(beacon: Beacon) -> bytes:
-    return _header(Kind.BEACON, beacon.group_id, beacon.time, beacon.term) + _BEACON.pack(
+    return _header(FrameKind.BEACON, beacon.group_id, beacon.time, beacon.term) + _BEACON.pack(
         beacon.who,
         _ms(beacon.trigger),
         _direction_phase(beacon.direction, beacon.phase),
@@ -363,7 +365,7 @@ def _encode_path(path: PathPart) -> bytes:
     octets = (3 * len(path.steps) + 7) // 8
     bits <<= 8 * octets - 3 * len(path.steps)
     return (
-        _header(Kind.PATH, path.group_id, path.time, path.term)
+        _header(FrameKind.PATH, path.group_id, path.time, path.term)
         + _PATH.pack(path.direction, path.part, *path.first, path.total, path.offset)
         + bits.to_bytes(octets, "big")
     )
@@ -390,8 +392,8 @@ _ENCODERS: Final[dict[type, Callable[[Any], bytes]]] = {
     PathPart: _encode_path,
 }
 _DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
-    int(Kind.JOB): _decode_job,
-    int(Kind.SCHED): _decode_sched,
-    int(Kind.BEACON): _decode_beacon,
+    int(FrameKind.JOB): _decode_job,
+    int(FrameKind.SCHED): _decode_sched,
+    int(FrameKind.BEACON): _decode_beacon,
 }
 """The one table of kinds; only how a PATH is read depends on how long a frame may be."""

@@ -25,7 +25,7 @@ from rmr.base.grid_path import GridPath
 from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.time import Duration, Instant, in_seconds
 from rmr.coord.events import LeadershipBegan, Send
-from rmr.coord.messages import Kind, Sched, decode
+from rmr.coord.messages import FrameKind, Sched, decode
 from rmr.coord.timing import Timing
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.ether import Ether
@@ -68,7 +68,7 @@ class Tally:
     def count(self, announcement: Announcement) -> None:
         """Count one transmission."""
         psdu = announcement.psdu
-        kind = "ACK" if len(psdu) == ACK_OCTETS else Kind(psdu[HEADER_OCTETS]).name
+        kind = "ACK" if len(psdu) == ACK_OCTETS else FrameKind(psdu[HEADER_OCTETS]).name
         self.frames[kind] += 1
         self.octets[kind] += len(psdu)
 
@@ -138,7 +138,7 @@ class OnAir(Model):
         if not mind.alive:
             return
         self._check_frame(mind, item.payload)
-        if item.payload[0] == Kind.SCHED:
+        if item.payload[0] == FrameKind.SCHED:
             if self.hushed and self.first is not None:
                 return
             if self.first is None:

@@ -211,7 +211,7 @@ def leads_when_all_have_asked(*, earlier: int | None = None, silent: int | None 
     robot = Robot().job().run(NOW + ms(310))
     context = robot.core._groups[EVENT].context
     assert context.asks > 0
-    assert context.role is Role.ASKING
+    assert context.role is Role.CANDIDATE
     for source in range(2, PEERS + 2):
         if source != silent:
             robot.hear(question(NOW - ms(1) if source == earlier else robot.now, robot.now), source)
@@ -352,4 +352,4 @@ def test_a_leader_that_takes_over_gives_slots_when_all_members_have_joined_again
     assert ledger is not None
     assert not ledger.open
     assert model.run_until(lambda: ledger.open, ms(9000))
-    assert [line.robot for line in ledger.lines.values() if line.provisional] == [leader]
+    assert [line.robot for line in ledger.bookings.values() if line.provisional] == [leader]

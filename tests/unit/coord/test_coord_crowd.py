@@ -84,7 +84,7 @@ def order(ledger: Ledger, now_ms: int) -> list[int]:
     """Plan at `now_ms` and return the robots in the order of their slots."""
     ledger.open = True
     ledger.plan(ms(now_ms), True)
-    return sorted(ledger.lines, key=lambda robot: ledger.lines[robot].start or 0)
+    return sorted(ledger.bookings, key=lambda robot: ledger.bookings[robot].start or 0)
 
 
 def test_who_has_set_out_keeps_its_place_in_a_crowd_though_another_order_met_one_deadline_more() -> None:

@@ -12,7 +12,7 @@ from rmr.base.grid_path import GridPath
 from rmr.coord import events
 from rmr.coord.coordination import Coordination, JobRequest
 from rmr.coord.events import Send
-from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched, decode, encode
+from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched, decode, encode
 from rmr.coord.states import Role
 from rmr.coord.term import Term
 
@@ -137,8 +137,8 @@ def test_any_single_frame_may_be_lost(lost: int) -> None:
     assert [entry.rank for entry in model.entries] == [1, 2, 3]
 
 
-@pytest.mark.parametrize("kind", list(Kind)[:3])
-def test_all_frames_of_one_kind_may_be_lost_for_a_while(kind: Kind) -> None:
+@pytest.mark.parametrize("kind", list(FrameKind)[:3])
+def test_all_frames_of_one_kind_may_be_lost_for_a_while(kind: FrameKind) -> None:
     model, _ = fleet(9, 3, Air(filter=lambda source, target, payload, now: payload[0] != kind or now > ms(3000)))
     served(model)
 

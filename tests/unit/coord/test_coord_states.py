@@ -32,7 +32,7 @@ def test_every_step_of_the_tables_happens_in_random_runs(monkeypatch: pytest.Mon
     wanted = {(s.source, s.target, "role") for s in ROLES} | {(s.source, s.target, "passage") for s in PASSAGES}
     for seed in (201, 2, 135, *range(1, 100)):
         run(seed)
-        if wanted - seen == {(Role.ASKING, Role.NONE, "role")}:
+        if wanted - seen == {(Role.CANDIDATE, Role.NONE, "role")}:
             break
     model = Model(1, 2)
     model.trigger(0, 1, deadline=ms(9000))

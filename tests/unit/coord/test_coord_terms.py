@@ -74,5 +74,5 @@ def test_a_restarted_leader_that_hears_its_old_term_after_the_wrap_has_lost_its_
     model.run(ms(501))
     model.minds[1].core.receive(model.now, forged(Term(40_000, 1), model.now), 2)
     assert context.led == Term(40_000, 1)
-    assert context.role is Role.ASKING
+    assert context.role is Role.CANDIDATE
     assert context.timers[2] >= model.now + ms(900)  # it asks when the lease has run out

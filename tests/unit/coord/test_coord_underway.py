@@ -25,7 +25,7 @@ def order(ledger: Ledger, now_ms: int) -> list[int]:
     """Plan at `now_ms` and return the robots in the order of their slots."""
     ledger.open = True
     ledger.plan(ms(now_ms), True)
-    return sorted(ledger.lines, key=lambda robot: ledger.lines[robot].start or 0)
+    return sorted(ledger.bookings, key=lambda robot: ledger.bookings[robot].start or 0)
 
 
 def crowd() -> Ledger:
@@ -54,16 +54,16 @@ def test_no_robot_under_way_gets_a_slot_before_it_can_be_there() -> None:
     ledger = crowd()
     told(ledger, 6, 20, 4000, 7200, underway=True)
     order(ledger, 30)
-    assert (ledger.lines[6].start or 0) >= ms(4030)
+    assert (ledger.bookings[6].start or 0) >= ms(4030)
 
 
 def test_a_repeated_job_does_not_bring_its_owner_nearer() -> None:
     ledger = crowd()
     told(ledger, 3, 20, 2500, 1000, underway=True)
     assert not told(ledger, 3, 5000, 0, 1000, underway=True)
-    assert ledger.lines[3].approach == 2500 * MS
+    assert ledger.bookings[3].approach == 2500 * MS
     told(ledger, 3, 5100, 1200, 1000, underway=True)
-    assert ledger.lines[3].approach == 1200 * MS
+    assert ledger.bookings[3].approach == 1200 * MS
 
 
 def test_who_is_under_way_no_more_goes_by_its_deadline_again() -> None:

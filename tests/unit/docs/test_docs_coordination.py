@@ -9,11 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from doc_pages import codes, page, section, table
+from doc_pages import page, section, table
 
 from rmr.base.time import NS_PER_MS, in_seconds
 from rmr.coord import insertion, messages, schedule, states, timing
-from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched
+from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched
 from rmr.coord.timing import Timing
 from rmr.node.crossing import approach, turn, turns
 from rmr.node.motion import avoid, gate, route
@@ -107,10 +107,10 @@ def test_the_fields_of_a_frame_bear_the_names_of_the_code(frame):
 
 def test_the_frames_are_documented_with_code_and_length():
     lengths = {
-        Kind.JOB: f"{messages.JOB_OCTETS}",
-        Kind.SCHED: f"{messages.SCHED_OCTETS} + {messages.ENTRY_OCTETS} k",
-        Kind.BEACON: f"{messages.BEACON_OCTETS}",
-        Kind.PATH: f"{messages.PATH_OCTETS} + 3 bits a step",
+        FrameKind.JOB: f"{messages.JOB_OCTETS}",
+        FrameKind.SCHED: f"{messages.SCHED_OCTETS} + {messages.ENTRY_OCTETS} k",
+        FrameKind.BEACON: f"{messages.BEACON_OCTETS}",
+        FrameKind.PATH: f"{messages.PATH_OCTETS} + 3 bits a step",
     }
     rows = [row[:3] for row in table(PAGE, "frame", "kind", "octets", "sent")]
     assert rows == [(kind.name, f"0x{kind:02X}", length) for kind, length in lengths.items()]

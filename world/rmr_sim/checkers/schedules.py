@@ -7,7 +7,7 @@
 
 from rmr.base.time import Instant, milliseconds
 from rmr.coord.events import EntryMissed, SlotLost
-from rmr.coord.messages import Entry, Kind, MessageError, Phase, Sched, decode
+from rmr.coord.messages import Entry, FrameKind, MessageError, Phase, Sched, decode
 from rmr.coord.term import Term
 from rmr.node.ports import Spoken
 from rmr_sim.checkers.newest import Newest
@@ -92,4 +92,4 @@ class Schedules:
         )
 
 
-_SCHED = bytes([Kind.SCHED])
+_SCHED = bytes([FrameKind.SCHED])
