@@ -1,1 +1,1 @@
-"""Coordination: who leads an event and who goes when, as a core without input or output (paper IV.C)."""
+"""Coordination: leader election, group membership and schedules, as a core without input or output (paper IV.C)."""

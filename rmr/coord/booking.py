@@ -8,7 +8,7 @@ from rmr.coord.schedule import Task
 from rmr.coord.timing import MS, ScheduleTiming
 
 SETS_OUT: Final[Duration] = 500 * MS
-"""A robot may have set out so much before its way to the gate asks for it."""
+"""A robot may have set out earlier than its approach requires by this."""
 
 
 class Booking:
@@ -48,7 +48,8 @@ class Booking:
         self.trigger = trigger
         self.joined = now
         self.approach: Duration = 0
-        """From where it was when it told its release, which may be all the way until its slot is near."""
+        """Travel time to the entrance from where the robot reported its release; the whole approach until its slot is
+        near."""
         self.release: Instant = 0
         self.duration: Duration = 0
         self.deadline: Instant = NEVER
@@ -105,7 +106,8 @@ class Booking:
         if (job.absent, job.absent and job.missed) == (self.absent, self.absent and self.missed_absent):
             return False
         self.retry, self.overtaken = (retry, 0) if job.absent else (0, 0)
-        self.absent, self.missed_absent = job.absent, job.missed
+        self.absent = job.absent
+        self.missed_absent = job.missed
         return True
 
     def is_behind(self, schedule: ScheduleTiming) -> bool:
@@ -126,15 +128,15 @@ class Booking:
         return doubled(schedule.absent_passes, self.absent, schedule.absent_passes_max)
 
     def has_set_out(self, now: Instant) -> bool:
-        """Return whether the robot, which leaves just in time for its slot, is on its way to it."""
+        """Return whether the robot, which sets out just in time for its slot, has done so."""
         return self.start is not None and self.start - self.approach <= now + SETS_OUT
 
 
 def task_of(booking: Booking, now: Instant, grace: Duration) -> Task:
     """Return a job as the order sees it: one that has a slot in time is given a little grace.
 
-    Who waits for a slot stands, so its release is past without its being at the gate: it can keep the slot that it
-    has, but another one only after its whole approach.
+    A robot that waits for a slot stands. Its release is past although it is not at the entrance: it can keep the slot
+    it has, but another one only after its whole approach.
     """
     release = max(booking.release, now + booking.approach, booking.retry)
     if booking.start is not None:

@@ -1,7 +1,7 @@
-"""What the parts of one event's machine share: its state, its timers and its way out.
+"""Shared state of one group's machine: roles, timers, and the outbox.
 
 The parts (follower, leader, passage) are functions over this one value; the group hands it from one to the
-next. Everything a robot remembers of an event stands here, so that any state is readable at any moment.
+next. Everything a robot remembers of a group stands here, so that any state is readable at any moment.
 """
 
 from collections.abc import Callable
@@ -46,7 +46,7 @@ class Outbox:
         """Event of each unicast whose outcome is awaited."""
 
     def put(self, item: "Send | CoordEvent") -> None:
-        """Queue `item`; the oldest gives way when nobody drains."""
+        """Queue `item`; the oldest is dropped when nobody drains."""
         if len(self.items) >= OUTPUT_MAX:
             del self.items[0]
         self.items.append(item)
@@ -83,7 +83,7 @@ class OwnJob:
         self.announced: tuple[Instant, Instant, int, int, Term] | None = None
         self.missed: Instant | None = None
         self.assured: Instant = -NEVER
-        """Until then no other robot of the roster can claim or be inside: all have said that they ask who leads."""
+        """Until then no other robot of the roster can claim or be inside: all have said that they are candidates."""
         self.ready = False
         self.absent = 0
         """Slots in a row missed because the robot was not ready; 0 again as soon as it is."""
@@ -148,7 +148,7 @@ class Context:
         self.extras = 0
         self.idle_since: Instant | None = None
         self.paths: dict[int, tuple[Instant, GridPath]] = {}
-        """As leader: the path offered for each way and when."""
+        """As leader: the path offered for each direction and when."""
         self.paths_due = False
         """Somebody has joined and may lack them."""
         self.path_parts: dict[int, tuple[Instant, dict[int, tuple[int, ...]]]] = {}

@@ -1,4 +1,4 @@
-"""All events of one robot: who leads, who goes when, and what to tell the radio.
+"""All groups of one robot: election, schedules, and the frames for the radio.
 
 The core is timing in, timing out. The host hands it triggers, frames and `now`, calls `wake` at `next_wake`
 or a little later, and takes frames and events away with `drain`. Robots that have no job of an event hear its
@@ -47,9 +47,9 @@ class Coordination:
         self.next_wake: Instant = NEVER
 
     def trigger(self, now: Instant, request: JobRequest) -> None:
-        """A job starts. Raises ValueError for an event that is not six octets or a way out of 0..15."""
+        """A job starts. Raises ValueError for an event that is not six octets or a direction outside 0..15."""
         if len(request.group_id) != GROUP_ID_OCTETS or not 0 <= request.direction <= DIRECTION_MAX:
-            raise ValueError("an event has six octets and a way is 0..15")
+            raise ValueError("a group id has six octets and a direction is 0..15")
         self._group(request.group_id).trigger(now, request)
         self._settle()
 
@@ -106,12 +106,13 @@ class Coordination:
             self._settle()
 
     def job(self, group_id: bytes) -> OwnJob | None:
-        """Return the robot's live job of `event`, to be looked at only; None when there is none."""
+        """Return the robot's live job of `group_id`, read only; None when there is none."""
         group = self._groups.get(group_id)
         return None if group is None else group.context.job
 
     def passes(self, group_id: bytes) -> bool:
-        """Return whether a job of `event` that is not over is known to pass in one way, by a schedule or a beacon."""
+        """Return whether a job of `group_id` that is not over is known to pass in one direction, by a schedule or a
+        beacon."""
         group = self._groups.get(group_id)
         if group is None:
             return False
@@ -140,7 +141,7 @@ class Coordination:
         self._settle()
 
     def offer_path(self, now: Instant, group_id: bytes, direction: int, path: GridPath) -> None:
-        """The leader's path for one way, to be sent to the others."""
+        """The leader's path for one direction, to be sent to the others."""
         self._group(group_id).offer_path(now, direction, path)
         self._settle()
 

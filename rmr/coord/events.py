@@ -34,9 +34,9 @@ class JobRequest:
     deadline: Instant
     """By when it shall be outside again."""
     headway: int
-    """Nanoseconds between two entries in the same way."""
+    """Nanoseconds between two entries in the same direction."""
     direction: int
-    """0..15: robots of different ways exclude each other."""
+    """0..15: robots of different directions exclude each other."""
     inside: bool = False
     """The robot finds itself inside as the job starts, as after a restart: it is so, and needs no slot."""
     underway: bool = False
@@ -55,7 +55,7 @@ class SlotAssigned:
     rank: int
     """From 1: the robot is the rank-th of this event. Fixed from the frozen zone on."""
     place: int
-    """From 1: the robot is the place-th of those that go the same way."""
+    """From 1: the robot is the place-th of those of its direction."""
     start: Instant
     """The robot enters between this and the entry window later."""
     end: Instant
@@ -128,7 +128,7 @@ class ScheduleChanged:
 
 @dataclass(frozen=True, slots=True)
 class PathReceived:
-    """The leader's path for one way is complete here."""
+    """The leader's path for one direction is complete here."""
 
     group_id: bytes
     direction: int

@@ -1,12 +1,12 @@
 """The fence: what is known of robots that claim or are inside, and whether one may enter.
 
-A schedule says who should be where; the fence looks at who says it is there. It keeps the newest beacon of
+A schedule is a plan; the fence goes by what robots report of themselves. It keeps the newest beacon of
 each robot by (trigger, time, phase), whatever the term, so that repeats and reordering change nothing; OUT and GONE
 are final for all triggers up to theirs. Leadership is never trusted with physical safety, because the
-broadcast discovery has no quorum: two leaders can give overlapping slots, and it is here that one gives way.
+broadcast discovery has no quorum: two leaders can give overlapping slots, and here one of them yields.
 
 * A robot is inside when its last word is IN, or a CLAIM whose window has passed without YIELD (it may have
-  stalled just after entering). In the same way its headway must have passed; in the opposite way it must have
+  stalled just after entering). In the same direction its headway must have passed; in the opposite one it must have
   said OUT, or been silent for T_GONE and beyond its announced end, and then one enters with caution.
 * Of two conflicting claims the smaller (start, robot) wins; the other yields. The winner claims on until it has
   heard that.
@@ -124,7 +124,8 @@ class Fence:
     def judge(self, now: Instant, claim: Claim) -> Verdict:
         """Return whether `claim` may be entered upon now, as far as the records go."""
         timing = self._timing
-        is_open, cautious = True, False
+        is_open = True
+        cautious = False
         for who, record in self.records.items():
             beacon = record.beacon
             if who == claim.robot or beacon.phase is Phase.YIELD:

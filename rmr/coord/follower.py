@@ -1,10 +1,10 @@
-"""Asking who leads, and following (paper IV.C: discover, then join).
+"""Election and membership of a group (paper IV.C: discover, then join).
 
-Who has a job and no fresh schedule asks three times by broadcast, then leads; an earlier asker goes first. The others
-tell that one their jobs at once: when all robots ask, nobody leads, and it need not wait for answers that cannot come.
-Any member that holds a fresh schedule answers by relaying it unchanged, for a schedule means the same whoever
-sends it. A member makes sure that it is listed, reminds the leader of itself, and asks again when the leader
-is silent or does not acknowledge.
+A robot with a job and no fresh schedule is a candidate: it asks three times by broadcast, then leads. Candidates defer
+to the earliest one. They tell that one their jobs at once: when all robots ask, nobody leads, and it need not wait for
+answers that cannot come. Any member that holds a fresh schedule answers by relaying it unchanged, for a schedule means
+the same from every sender. A member makes sure that it is listed, reminds the leader of itself, and asks again when the
+leader is silent or does not acknowledge.
 """
 
 from rmr.base.time import NEVER, Duration, Instant
@@ -19,7 +19,7 @@ from rmr.coord.timing import BANS_MAX, RECORDS_MAX
 
 
 def begin_election(c: Context, now: Instant, first: Instant | None = None) -> None:
-    """Ask who leads, from `first` on (default: after a short random wait)."""
+    """Become a candidate; the first question goes out at `first` (default: after a short random delay)."""
     c.become(Role.CANDIDATE)
     c.asks = 0
     c.asked = None
@@ -28,7 +28,8 @@ def begin_election(c: Context, now: Instant, first: Instant | None = None) -> No
     c.set(Timer.JOIN, NEVER)
     c.set(Timer.SUSPECT, NEVER)
     if c.alone:
-        c.asks, first = c.timing.election.asks, now  # there is nobody to ask
+        c.asks = c.timing.election.asks
+        first = now  # there is nobody to ask
     c.set(Timer.ASK, now + c.spread(c.peers() + 1, c.timing.election.ask_spread) if first is None else first)
 
 
@@ -48,7 +49,7 @@ def on_ask_timer(c: Context, now: Instant) -> bool:
 
 
 def on_question(c: Context, now: Instant, source: int, job: Job) -> bool:
-    """Another robot asks who leads: let an earlier asker go first, or answer with the schedule held.
+    """Handle a question of another candidate: defer to an earlier one, or answer with the known schedule.
 
     Return True where this robot, which asked first, has heard of every other one that it asks, too: nobody leads.
     """
@@ -97,7 +98,8 @@ def relay(c: Context, now: Instant) -> None:
 
 def accept(c: Context, now: Instant, sched: Sched) -> None:
     """Hold `sched`, follow its leader if there is a job, and take the own slot from it."""
-    old, was_listed = c.held.term, listed(c)
+    old = c.held.term
+    was_listed = listed(c)
     c.held.take(sched)
     for robot, trigger in extract(sched.entries).over:
         if c.job is not None and (robot, trigger) == (c.robot, c.job.trigger):
@@ -116,10 +118,13 @@ def accept(c: Context, now: Instant, sched: Sched) -> None:
 
 def _follow(c: Context, term: Term) -> None:
     c.become(Role.FOLLOWING)
-    c.asked, c.asks = None, 0
+    c.asked = None
+    c.asks = 0
     c.candidates.clear()
     c.set(Timer.ASK, NEVER)
-    c.no_acks, c.joins, c.untold = 0, 0, True
+    c.no_acks = 0
+    c.joins = 0
+    c.untold = True
     c.set(Timer.JOIN, NEVER)
     c.emit(LeaderChanged(c.group_id, term.leader, term.counter))
 
@@ -137,7 +142,7 @@ def _remind(c: Context, now: Instant, sched: Sched) -> None:
 def _see_to_listing(c: Context, now: Instant, was_listed: bool) -> None:
     """Arrange for the next JOB: soon when the leader does not know the job as it is, else as a reminder.
 
-    A new leader is told at once, even by who has heard but a part of its schedule and may stand in another.
+    A new leader is told at once, even by a robot that knows one part of its schedule and may be listed in another.
     """
     job = c.job
     if job is None or c.passage is Passage.INSIDE:
@@ -171,7 +176,8 @@ def listed(c: Context) -> bool:
 
 
 def on_join_timer(c: Context, now: Instant) -> None:
-    """Tell the leader the own job, again and again while it is not listed; or who asked first, once a question."""
+    """Send the own job to the leader, repeatedly while it is not listed; or to the earliest candidate, once per
+    question."""
     c.set(Timer.JOIN, NEVER)
     if c.job is None or c.passage is Passage.INSIDE:
         return
@@ -203,8 +209,10 @@ def tell(c: Context, now: Instant) -> None:
 
 def _suspect_later(c: Context) -> None:
     """The leader is suspected when it is silent for long; the next in the list moves first, the unlisted last."""
-    timing, held = c.timing, c.held
-    coming, leader = held.coming(), held.term.leader
+    timing = c.timing
+    held = c.held
+    coming = held.coming()
+    leader = held.term.leader
     unlisted = c.robot == leader or c.robot not in coming
     before = coming if unlisted else coming[: coming.index(c.robot)]
     rank = len(before) - before.count(leader)

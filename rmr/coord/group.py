@@ -50,7 +50,8 @@ class Group:
             c.awake = now  # it asks nobody for what it has
         elif c.fresh(now) and not c.held.resigned and not c.banned(c.held.term.leader, now):
             c.become(Role.FOLLOWING)
-            c.joins, c.untold = 1, True
+            c.joins = 1
+            c.untold = True
             c.set(Timer.JOIN, now + c.spread(c.unlisted(), c.timing.election.join_jitter))
             c.set(Timer.SUSPECT, c.held.issued + c.timing.liveness.suspicion)
             c.emit(LeaderChanged(c.group_id, c.held.term.leader, c.held.term.counter))
@@ -217,7 +218,8 @@ class Group:
             follower.relay_soon(c, now)
 
     def _on_sched(self, now: Instant, sched: Sched, source: int) -> None:
-        c, timing = self.context, self.context.timing
+        c = self.context
+        timing = self.context.timing
         term = sched.term
         c.hear_of(term.counter)
         if sched.issued + timing.schedule.lease + 2 * timing.clock_error <= now:
@@ -335,7 +337,8 @@ class Group:
 
     def _witness(self, now: Instant) -> None:
         c = self.context
-        who, c.witnessed = c.witnessed, None
+        who = c.witnessed
+        c.witnessed = None
         record = None if who is None else c.fence.records.get(who)
         if record is not None and not record.assumed:
             c.send(record.beacon, now)

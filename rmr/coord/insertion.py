@@ -27,10 +27,13 @@ class _Profile:
         for k, i in enumerate(order):
             before = self._starts[-1] + gaps[order[k - 1]][i] if k else -NEVER
             self._starts.append(max(first[i], before))
-        self._limits, self._tails, self._floors = [NEVER] * len(order), [0] * len(order), [-NEVER] * len(order)
+        self._limits = [NEVER] * len(order)
+        self._tails = [0] * len(order)
+        self._floors = [-NEVER] * len(order)
         for k in reversed(range(len(order))):
             i = order[k]
-            self._limits[k], self._tails[k] = latest[i], duration[i]
+            self._limits[k] = latest[i]
+            self._tails[k] = duration[i]
             if k + 1 < len(order):
                 step = gaps[i][order[k + 1]]
                 self._limits[k] = min(latest[i], self._limits[k + 1] - step)
@@ -126,12 +129,14 @@ def settle(problem: Problem, kept: Sequence[int]) -> list[int]:
     """Return an order of all jobs where there are many, of which those `kept` are on time.
 
     These go by deadline if all stay on time so and end no later, each other one as early as makes none of them late.
-    Who has little time stands near the gate, as a rule: any other order has robots pass each other where they stand.
+    A job with little time left stands near the entrance, as a rule: any other order has robots pass each other where
+    they stand.
     """
     number, end, order = punctual(problem, sorted(kept))
     if -number < len(kept) or end > punctual(problem, kept)[1]:
         order = tuple(kept)
-    mixed, on_time = list(order), set(order)
+    mixed = list(order)
+    on_time = set(order)
     latest = [at if i in on_time else NEVER for i, at in enumerate(problem.latest)]
     for job in (i for i in range(len(latest)) if i not in on_time):
         at = _Profile(problem._replace(latest=latest), mixed).spot(job)[1]

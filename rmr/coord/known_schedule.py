@@ -100,7 +100,8 @@ class KnownSchedule:
         return part.passed + self._full * part.part + 1
 
     def place(self, rank: int, direction: int) -> int:
-        """Return which one of its own way the robot of `rank` is, from 1; ranks never seen count as its way."""
+        """Return the place of `rank` among the robots of its direction, from 1; ranks never seen count as of its
+        direction."""
         mine = {direction, EXCLUSIVE}
         if direction == EXCLUSIVE or mine.issuperset(self._directions.values()):
             return rank

@@ -5,9 +5,9 @@ lease. One that has issued nothing for a lease leads no more, for others may by 
 stays while others wait, even when its own job is done.
 
 A schedule of one or two frames is sent whole. Of a longer one, which N robots hear, each issue holds the parts that
-matter to somebody soon, those that list a job or its slot for the first time, and one of the others in turn: what has
-changed in them can wait, for who is not near its slot may not enter under any part that it holds. So frames come as
-robots pass, and not as all that pass later are shifted.
+concern a slot that is near, those that list a job or its slot for the first time, and one of the others in turn: what
+has changed in them can wait: a robot whose slot is not near may not enter under any part that it holds. So frames come
+as robots pass, and not as all that pass later are shifted.
 """
 
 from typing import Final
@@ -50,7 +50,8 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
         for entry in ledger.inherit(now, held.entries(), heir, c.fence):
             _assume_inside(c, now, entry)
     c.held = KnownSchedule(entries_max(c.timing.payload_max))
-    c.held.term, c.held.order = own, held.order
+    c.held.term = own
+    c.held.order = held.order
     c.idle_since = None
     c.extras = 0
     answers = (
@@ -72,8 +73,8 @@ def begin(c: Context, now: Instant, heir: bool = False) -> None:
 def _assure(c: Context) -> None:
     """Note until when nobody else can be about to enter, if all robots of the roster ask.
 
-    Who asks is not inside, does not claim, and does not claim before it has asked in vain or been given a slot, which
-    takes longer than W.
+    A candidate is not inside, does not claim, and does not claim before it has asked in vain or been given a slot,
+    which takes longer than W.
     """
     if c.job is not None and 0 < c.peers() <= len(c.candidates):
         c.job.assured = min(job.time for job in c.candidates.values()) + c.timing.claim.quiet
@@ -233,7 +234,8 @@ def _due(c: Context, now: Instant, parts: list[Sched]) -> list[Sched]:
     """Return those of `parts` that are to be sent now."""
     if len(parts) <= _WHOLE_PARTS:
         return parts
-    held, soon = c.held, now + c.timing.schedule.soon
+    held = c.held
+    soon = now + c.timing.schedule.soon
     told = {(entry.robot, entry.trigger): entry for entry in held.entries()}
     chosen = [
         part
@@ -264,7 +266,8 @@ def schedule_frames(c: Context, now: Instant, resign: bool, heir: int) -> list[S
     """Return the schedule as it stands."""
     ledger = c.ledger
     assert ledger is not None
-    entries, full = ledger.entries(), entries_max(c.timing.payload_max)
+    entries = ledger.entries()
+    full = entries_max(c.timing.payload_max)
     opens = 0 if ledger.open else max(ledger.opens - now, 0)
     parts = max(1, min(PARTS_MAX, -(-len(entries) // full)))
     return [
@@ -331,7 +334,7 @@ def others_wait(c: Context) -> bool:
 
 
 def send_path(c: Context, now: Instant, direction: int) -> None:
-    """Send the path offered for `way`, three times."""
+    """Send the path offered for `direction`, three times."""
     offered = c.paths.get(direction)
     if offered is None or c.role is not Role.LEADING:
         return

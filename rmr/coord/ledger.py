@@ -7,9 +7,9 @@ jobs come, go or change. A robot that has set out and was put off goes first, fo
 more than `EXACT_MAX` jobs all that have set out do, and before them those that do not hold them up. Jobs that were not
 ready for their slots go last, jobs that enough others have overtaken first.
 
-Ranks. The entries of a schedule stand in order of rank, and a rank is a robot's for good from the frozen zone
+Ranks. The entries of a schedule stand in order of rank, and a rank is fixed from the frozen zone
 on (exit and queue places go by it). Free ranks are dealt to the others in order of their slots. Jobs that are
-done keep their line until all before them are done too; then `passed` counts them instead.
+done keep their rank until all before them are done too; then `passed` counts them instead.
 """
 
 import math
@@ -67,7 +67,9 @@ class Ledger:
         changed = booking.said < 0
         fence.refute(robot, job.time)
         if booking.inside and robot not in fence.records:
-            booking.inside, booking.start, changed = False, None, True
+            booking.inside = False
+            booking.start = None
+            changed = True
         if job.missed is not None:
             changed = self.missed(robot, job.missed) or changed
         retry = now + doubled(timing.schedule.absent_wait, job.absent, timing.schedule.absent_wait_max)
@@ -79,7 +81,9 @@ class Ledger:
         booking = self.bookings.get(robot)
         if booking is None or booking.start != start:
             return False
-        booking.start, booking.missed, booking.inside = None, start, False
+        booking.start = None
+        booking.missed = start
+        booking.inside = False
         return True
 
     def finish(self, robot: int, trigger: Instant, entered: bool) -> bool:
@@ -104,7 +108,7 @@ class Ledger:
         return True
 
     def _book(self, robot: int, trigger: Instant, now: Instant) -> Booking:
-        """Return a new line for a job; one that was only presumed to be over gets its rank back."""
+        """Return a new booking for a job; one that was only presumed to be over gets its rank back."""
         booking = Booking(robot, trigger, now)
         for rank, done in self.done.items():
             if done.presumed and (done.robot, done.trigger) == (robot, trigger):
@@ -126,15 +130,14 @@ class Ledger:
             if entry.robot == NOBODY:
                 continue
             booking = Booking(entry.robot, entry.trigger, now)
-            booking.duration, booking.direction, booking.headway, booking.rank = (
-                entry.duration,
-                entry.direction,
-                self._headway,
-                rank,
-            )
+            booking.duration = entry.duration
+            booking.direction = entry.direction
+            booking.headway = self._headway
+            booking.rank = rank
             finished = entry.phase is Phase.OUT or fence.is_finished(entry.robot, entry.trigger)
             if finished or entry.phase is Phase.GONE:
-                booking.done, booking.presumed = True, not finished
+                booking.done = True
+                booking.presumed = not finished
                 self.done[rank] = booking
                 continue
             known = self.bookings.get(entry.robot)
@@ -145,7 +148,8 @@ class Ledger:
             booking.provisional = True
             has_started = entry.start is not None and entry.start <= now
             if entry.start is not None and (exact or has_started):
-                booking.start, booking.until = entry.start, entry.start + entry.duration
+                booking.start = entry.start
+                booking.until = entry.start + entry.duration
                 booking.deadline = booking.until
             if entry.phase is Phase.IN or (has_started and not exact):
                 started.append(entry)
@@ -162,7 +166,9 @@ class Ledger:
             booking = self.bookings.get(beacon.who)
             if booking is None or booking.trigger < beacon.trigger:
                 self.bookings[beacon.who] = booking = self._book(beacon.who, beacon.trigger, now)
-                booking.direction, booking.headway, booking.provisional = beacon.direction, self._headway, False
+                booking.direction = beacon.direction
+                booking.headway = self._headway
+                booking.provisional = False
                 booking.duration = beacon.end - beacon.start
             if booking.trigger != beacon.trigger or booking.missed == beacon.start:
                 continue
@@ -172,7 +178,9 @@ class Ledger:
             until = beacon.end if this_slot and beacon.phase is Phase.IN else max(beacon.end, booking.until)
             until = max(until, now)
             changed = changed or not booking.inside or beacon.start != booking.start
-            booking.inside, booking.start, booking.until = True, beacon.start, until
+            booking.inside = True
+            booking.start = beacon.start
+            booking.until = until
             booking.heard = max(booking.heard, beacon.time)
         for booking in list(self.bookings.values()):
             changed = self._expire(now, booking, fence) or changed
@@ -183,7 +191,8 @@ class Ledger:
         if booking.inside:
             record = fence.records.get(booking.robot)
             if record is not None and record.beacon.phase is Phase.YIELD:
-                booking.inside, booking.start = False, None
+                booking.inside = False
+                booking.start = None
                 return True
             if booking.robot == self._robot or (record is not None and fence.is_inside(record.beacon, now)):
                 return False
@@ -202,7 +211,7 @@ class Ledger:
         return False
 
     def stands(self, booking: Booking, now: Instant) -> bool:
-        """Return whether a line's slot is not to be moved."""
+        """Return whether the slot of `booking` must not be moved."""
         if booking.inside:
             return True
         return booking.start is not None and (
@@ -224,7 +233,7 @@ class Ledger:
         return before != [(booking.start, booking.rank) for booking in self.bookings.values()]
 
     def _deal(self, pinned: list[Booking]) -> None:
-        """Give the free ranks to all that have none for good, in order of their slots."""
+        """Give the free ranks to all that have no fixed one, in order of their slots."""
         taken = {booking.rank for booking in pinned if booking.rank is not None} | set(self.done)
         fixed = {booking.robot for booking in pinned}
         rest = sorted(
@@ -265,7 +274,7 @@ class Ledger:
     # -- what is said ----------------------------------------------------------------------------------
 
     def entries(self) -> list[Entry]:
-        """Return all lines by rank; ranks that nobody holds are void."""
+        """Return all bookings by rank; ranks that nobody holds are void."""
         by_rank = {booking.rank: booking for booking in self.bookings.values() if booking.rank is not None} | self.done
         room = entries_max(self._timing.payload_max) * PARTS_MAX
         top = min(max(by_rank, default=self.passed), self.passed + room)
@@ -280,7 +289,8 @@ class Ledger:
 
         A plan costs more the more jobs there are, and so does telling it: news that concerns nobody soon waits longer.
         """
-        timing, booking = self._timing, self.bookings.get(robot)
+        timing = self._timing
+        booking = self.bookings.get(robot)
         if booking is not None and booking.start is not None and booking.start <= now + timing.schedule.soon:
             return timing.schedule.replan_wait
         return max(
@@ -301,7 +311,7 @@ class Ledger:
         Waiting x costs the k jobs noted k x of lateness and spares p peers not yet noted, of whom
         exp(-x / tau) come later still, a delay c each; the sum is least at tau ln(p c / (k tau)). Lateness
         turns into misses as 1 / slack, so the slack only bounds it. While somebody is missing, answers to the
-        announcement are waited for, too. Who is known from a predecessor's list only is missing.
+        announcement are waited for, too. A robot known from a predecessor's list only is missing.
         """
         timing = self._timing
         if timing.schedule.wait is not None:

@@ -32,7 +32,7 @@ _U16: Final = 0xFFFF
 _U32: Final = 0xFFFFFFFF
 _NO_START: Final = 0x7FFF
 _UNDERWAY: Final = 0x10
-"""Above the way in its octet."""
+"""Above the direction in its octet."""
 _ABSENT_SHIFT: Final = 5
 """The three bits above that."""
 _START_MAX: Final = 0x7FFE
@@ -97,7 +97,7 @@ class Job(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """One line of a schedule, 9 octets. `robot` NOBODY keeps a rank that nobody holds."""
+    """One entry of a schedule, 9 octets. `robot` NOBODY keeps a rank that nobody holds."""
 
     robot: int
     trigger: Instant

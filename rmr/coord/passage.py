@@ -32,7 +32,8 @@ def renew(c: Context, now: Instant) -> None:
         _lose(c, now)
         job.missed = None
     job.trigger = identity(now, job.trigger)
-    c.joins, c.untold = 0, True
+    c.joins = 0
+    c.untold = True
 
 
 def abandon(c: Context) -> None:
@@ -73,7 +74,8 @@ def _take(c: Context, now: Instant, part: Sched, rank: int, entry: Entry) -> Non
     job.lease = part.issued + c.timing.schedule.lease - c.timing.clock_error
     if (*slot, place, part.term) != job.announced:
         job.announced = (*slot, place, part.term)
-        leader, term = part.term.leader, part.term.counter
+        leader = part.term.leader
+        term = part.term.counter
         c.emit(SlotAssigned(c.group_id, job.request.trigger, rank, place, slot[0], slot[1], leader, term))
     if c.passage is Passage.WAITING:
         c.set(Timer.POLL, max(now, entry.start - c.timing.claim.quiet - c.timing.claim.ahead))
@@ -110,7 +112,8 @@ def on_poll(c: Context, now: Instant) -> bool:
 
 
 def _consider_claim(c: Context, now: Instant) -> bool:
-    job, timing = c.job, c.timing
+    job = c.job
+    timing = c.timing
     assert job is not None
     assert job.slot is not None
     start, _, _ = job.slot
@@ -120,14 +123,16 @@ def _consider_claim(c: Context, now: Instant) -> bool:
         c.set(Timer.POLL, now + timing.claim.poll)
         return False
     c.proceed(Passage.CLAIMING)
-    job.claimed, job.since = start, now
+    job.claimed = start
+    job.since = now
     on_beacon(c, now)
     c.set(Timer.POLL, min(now + timing.claim.poll, max(start, now + timing.claim.entry_poll)))
     return False
 
 
 def _consider_entry(c: Context, now: Instant) -> bool:
-    job, timing = c.job, c.timing
+    job = c.job
+    timing = c.timing
     assert job is not None
     assert job.slot is not None
     start, end, _ = job.slot
@@ -148,7 +153,8 @@ def _consider_entry(c: Context, now: Instant) -> bool:
 def _waits_for_listed(c: Context, now: Instant, start: Instant) -> bool:
     """Return whether the schedule has one that goes first, whatever has been heard of it.
 
-    That is an opposed job of earlier start that has not said OUT, or who has been inside for less than the headway.
+    That is an opposed job of earlier start that has not said OUT, or a robot that has been inside for less than the
+    headway.
     """
     job = c.job
     assert job is not None
@@ -185,7 +191,8 @@ def enter(c: Context, now: Instant, *, cautious: bool) -> None:
     job = c.job
     assert job is not None
     c.proceed(Passage.INSIDE)
-    job.entered, job.until = stamp(now), now + job.request.duration
+    job.entered = stamp(now)
+    job.until = now + job.request.duration
     c.set(Timer.POLL, NEVER)
     c.set(Timer.JOIN, NEVER)
     on_beacon(c, now)
@@ -234,9 +241,11 @@ def _say(c: Context, now: Instant, phase: Phase, times: int = 1) -> None:
     job = c.job
     assert job is not None
     if c.passage is Passage.INSIDE:
-        start, until = job.entered, job.until
+        start = job.entered
+        until = job.until
     elif job.claimed is not None:
-        start, until = job.claimed, job.claimed + job.request.duration
+        start = job.claimed
+        until = job.claimed + job.request.duration
     else:
         start = until = stamp(now)
     beacon = Beacon(

@@ -1,14 +1,14 @@
 """In which order the jobs of a group go, and when: pure functions of what the leader knows.
 
 A job occupies the shared place from its start for its duration. Between two starts lies at least `gap`: the
-headway in the same way, the whole passage in opposite ways. The order of deadlines is taken whenever it
+headway in the same direction, the whole passage in opposite directions. The order of deadlines is taken whenever it
 keeps every job on time (paper IV.C: the list is maintained according to the deadline). When it does not, the
 order that keeps most jobs on time is looked for, then the earliest end, then the smallest sequence of
 (deadline, robot): exactly for up to `EXACT_MAX` jobs, by the better of a beam and insertion beyond
 (`rmr.coord.search`). Late jobs go, by (deadline, robot), where they delay nobody that is on time, most often last.
 
 An order that is known already is kept, with what is new put in, unless that costs a job or a headway: robots are under
-way in it. It gives way to that of deadlines only where somebody is new.
+way in it. The order of deadlines replaces it only where a job is new.
 
 More than `EXACT_MAX` robots stand in each other's way, as a rule with those that are due first in front. So of them all
 that are on time go by deadline, if that costs nothing, and late ones as early as makes nobody else late.
@@ -84,7 +84,7 @@ def by_arrival(task: Task) -> tuple[Instant, int]:
 
 
 class _Front:
-    """The passages of one way that have been placed, as far as they hold up others: what `gap` asks of each of them."""
+    """Running maxima over the passages already scheduled in one direction: exactly what `gap` needs."""
 
     __slots__ = ("clear", "end", "paced", "start")
 
@@ -95,11 +95,13 @@ class _Front:
     def add(self, start: Instant, passage: Task | Placed) -> None:
         """Take in a passage that begins at `start`."""
         end = start + passage.duration
-        self.start, self.paced = max(self.start, start), max(self.paced, start + passage.headway)
-        self.end, self.clear = max(self.end, end), max(self.clear, end + passage.headway)
+        self.start = max(self.start, start)
+        self.paced = max(self.paced, start + passage.headway)
+        self.end = max(self.end, end)
+        self.clear = max(self.clear, end + passage.headway)
 
     def frees(self, task: Task) -> Instant:
-        """Return when `task`, of the same way, may start at the earliest."""
+        """Return when `task`, of the same direction, may start at the earliest."""
         own = task.headway
         return max(self.start + own, self.paced, max(self.end + own, self.clear) - task.duration)
 
@@ -138,7 +140,8 @@ def place(order: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> li
 
 def merge(first: Sequence[Task], rest: Sequence[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
     """Return both in one order: `first`, and before each of them those of the `rest` that do not hold it up."""
-    chart, left = _Chart(standing, rules), list(rest)
+    chart = _Chart(standing, rules)
+    left = list(rest)
     order: list[Task] = []
     for task in first:
         behind: list[Task] = []
@@ -245,7 +248,8 @@ def _cost(problem: Problem, order: Sequence[int]) -> tuple[int, Instant]:
 
 def _steady(best: list[Task], kept: list[Task], standing: Sequence[Placed], rules: Rules) -> list[Task]:
     """Return `kept`, which goes by the old order, instead of `best` when it costs neither a job nor a headway."""
-    new_starts, old_starts = place(best, standing, rules), place(kept, standing, rules)
+    new_starts = place(best, standing, rules)
+    old_starts = place(kept, standing, rules)
     if on_time(kept, old_starts) < on_time(best, new_starts):
         return best
     headway = min(task.headway for task in best)

@@ -72,7 +72,9 @@ def _pace(problem: Problem) -> Duration:
 def punctual(problem: Problem, order: Iterable[int]) -> Found:
     """Return `order` without the jobs that would be late in it, whatever the gaps."""
     first, latest, duration, gaps = problem
-    ready, kept, end = list(first), [], NEVER
+    ready = list(first)
+    kept = []
+    end = NEVER
     for i in order:
         start = ready[i]
         if start <= latest[i]:
@@ -113,7 +115,8 @@ def _after(problem: Problem, order: Sequence[int], starts: Sequence[Instant], jo
 
 def _idle(problem: Problem, order: list[int], starts: list[Instant], job: int) -> int:
     """Return the first place where `job` delays nobody."""
-    first, after = problem.first[job], problem.gaps[job]
+    first = problem.first[job]
+    after = problem.gaps[job]
     for at, (i, start) in enumerate(zip(order, starts, strict=True)):
         if first + after[i] <= start:
             own = _after(problem, order[:at], starts, job)
@@ -133,7 +136,8 @@ def layers(problem: Problem, known: Found = NOTHING, width: int = 0) -> Found:
 
     The gaps must be triangular.
     """
-    count, least = len(problem.first), -known[0]
+    count = len(problem.first)
+    least = -known[0]
     layer = {i << count | 1 << i: at for i, at in enumerate(problem.first) if at <= problem.latest[i]}
     kept: list[_Layer] = []
     while layer:
@@ -148,13 +152,16 @@ def layers(problem: Problem, known: Found = NOTHING, width: int = 0) -> Found:
 def _extend(problem: Problem, layer: _Layer, least: int, end: Instant, width: int) -> _Layer:
     """Return the next layer without states that fewer than `least` jobs can follow, or as many but not by `end`."""
     first, latest, duration, gaps = problem
-    count, pace = len(first), _pace(problem)
+    count = len(first)
+    pace = _pace(problem)
     last_start = end - min(duration)
     by_latest = sorted(range(count), key=latest.__getitem__)
     ranked: list[tuple[int, Instant, int, list[tuple[int, Instant]]]] = []
     for state, start in layer.items():
         row = gaps[state >> count]
-        options, reach, latest_end = [], 0, start
+        options = []
+        reach = 0
+        latest_end = start
         for i in by_latest:
             if state >> i & 1:
                 continue
@@ -190,7 +197,8 @@ def _smallest(problem: Problem, kept: list[_Layer], end: Instant) -> tuple[int, 
     for layer in reversed(kept[:-1]):
         limits.append(_limits(problem, layer, limits[-1]))
     order: list[int] = []
-    chosen, earliest = 0, list(first)
+    chosen = 0
+    earliest = list(first)
     for allowed in reversed(limits):
         i = min(
             s >> count
@@ -235,7 +243,8 @@ def branch(problem: Problem, known: Found = NOTHING) -> Found:
     when a smaller one of the same jobs leaves every remaining job as early.
     """
     first, latest, duration, gaps = problem
-    everyone, pace = range(len(first)), _pace(problem)
+    everyone = range(len(first))
+    pace = _pace(problem)
     by_latest = sorted(everyone, key=latest.__getitem__)
     best: Found = (known[0], NEVER, ())
     seen: dict[int, list[tuple[Instant, ...]]] = {}
@@ -246,17 +255,20 @@ def branch(problem: Problem, known: Found = NOTHING) -> Found:
         order, chosen, start, ready = stack.pop()
         if order:
             best = min(best, (-len(order), start + duration[order[-1]], order))
-        reach, at = 0, start
+        reach = 0
+        at = start
         for i in by_latest:
             if not chosen >> i & 1 and max(ready[i], at + pace) <= latest[i]:
-                at, reach = at + pace, reach + 1
+                at = at + pace
+                reach = reach + 1
         before = seen.setdefault(chosen, [])
         if len(order) + reach < -best[0] or any(all(map(int.__le__, other, ready)) for other in before):
             continue
         before.append(ready)
         for i in reversed(everyone):
             if not chosen >> i & 1 and ready[i] <= latest[i]:
-                wider, at = chosen | 1 << i, ready[i]
+                wider = chosen | 1 << i
+                at = ready[i]
                 then = tuple(0 if wider >> j & 1 else max(ready[j], at + gaps[i][j]) for j in everyone)
                 stack.append(((*order, i), wider, at, then))
     return best if best[2] else NOTHING

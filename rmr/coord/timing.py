@@ -24,15 +24,15 @@ GRID: Final[Duration] = 10 * MS
 HEADWAY_UNIT: Final[Duration] = 20 * MS
 """A headway travels in one octet of this unit: up to 5.1 s."""
 DIRECTION_MAX: Final = 15
-"""A way (direction of passage) shares an octet with the phase."""
+"""Greatest direction of a passage: it shares an octet with the phase."""
 EXCLUSIVE: Final = DIRECTION_MAX
-"""The way of a passage that excludes every other one, those of the same way too."""
+"""Direction of a passage that excludes every other one, those of the same direction too."""
 RECORDS_MAX: Final = 128
-"""Robots remembered per event. More than a group may hold; the oldest of the finished make room first."""
+"""Robots remembered per group. More than a group may hold; the oldest of the finished make room first."""
 JOBS_MAX: Final = 100
-"""Jobs that one leader takes at a time; further robots ask again until there is room."""
+"""Jobs that one leader takes at a time; further robots repeat their requests until there is room."""
 GROUPS_MAX: Final = 32
-"""Events remembered per robot; idle ones make room, oldest first."""
+"""Groups remembered per robot; idle ones make room, oldest first."""
 BANS_MAX: Final = 8
 """Leaders that one robot avoids at a time."""
 OUTPUT_MAX: Final = 1024
@@ -46,16 +46,16 @@ PAYLOAD_MAX: Final = 116
 
 
 class Order(Enum):
-    """By which rule a leader orders jobs; all but the first are there to be compared with."""
+    """Rule by which a leader orders jobs; all but the first serve comparisons."""
 
     OURS = "ours"
     """Most deadlines met (`rmr.coord.schedule`)."""
     EDF = "edf"
     """The earliest deadline first."""
     FCFS = "fcfs"
-    """First come, first served: as jobs have joined."""
+    """First come, first served: in order of joining."""
     NONE = "none"
-    """No coordination: nobody asks for a turn."""
+    """No coordination: robots request no crossing."""
 
 
 def same_direction(a: int, b: int) -> bool:
