@@ -1,4 +1,4 @@
-"""Relative links of README, CHANGELOG and docs lead to a file that exists, and to a heading that it has."""
+"""Relative links of README, CONTRIBUTING, CHANGELOG and docs lead to files and headings that exist."""
 
 import re
 from pathlib import Path
@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+CONTRIBUTING = ROOT / "CONTRIBUTING.md"
+PAGES = [ROOT / "README.md", CONTRIBUTING, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def prose_of(page: Path) -> str:
@@ -43,3 +44,10 @@ def test_a_link_to_a_missing_file_or_heading_is_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# One `two`\n[a](#one-two) [b](#three) [c](none.md) [d](https://example.org)\n")
     assert broken_links(page) == ["#three", "none.md"]
+
+
+def test_files_and_folders_that_contributing_names_exist() -> None:
+    code = re.findall(r"`([^`\n]+)`", CONTRIBUTING.read_text("utf-8"))
+    named = [each for each in code if re.match(r"(rmr|world|agents|deploy|tests|docs|\.ci)/[\w./-]+$", each)]
+    assert len(named) > 40
+    assert [each for each in named if "NAME" not in each and "CODE" not in each and not (ROOT / each).exists()] == []
