@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test fast wheel lint bench paper validate-radio lock clean install
+.PHONY: help demo test test-fast test-slow test-all fast wheel lint bench paper validate-radio lock clean install
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
@@ -14,8 +14,11 @@ $(STAMP): pyproject.toml requirements.lock
 		{ echo "rmr needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version). Set PYTHON=..." >&2; exit 2; }
 	@echo "[1/3] making a virtual environment in $(VENV) (some seconds)"
 	@$(PYTHON) -m venv $(VENV)
-	@echo "[2/3] installing $$(grep -c '==' requirements.lock) locked dependencies, some 300 MB (one to five minutes)"
-	@$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	@echo "[2/3] installing about $$(grep -c "==" requirements.lock) locked dependencies, some 300 MB (one to five minutes)"
+	@{ $(BIN)/python -m pip install --progress-bar off --require-hashes -r requirements.lock || echo "pip failed"; } | \
+		awk '/^Collecting / { printf "      %d: %s\n", ++n, $$2; fflush() } \
+			/^Installing collected/ { print "      all " n " are there; unpacking them (up to a minute)"; fflush() } \
+			/^pip failed$$/ { failed = 1 } END { exit failed }'
 	@echo "[3/3] installing rmr itself (some seconds)"
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $(STAMP)
@@ -32,8 +35,18 @@ fast: $(STAMP) ## compile what robots spend their time in: the same results in l
 wheel: $(STAMP) ## a wheel in dist/; with RMR_COMPILE=1 one with compiled modules, for this machine's Python
 	$(BIN)/python -m hatchling build --target wheel
 
-test: $(STAMP) ## the whole test suite on all cores, the way CI runs it
-	RMR_COMPILED= $(BIN)/python -m pytest -n auto --dist loadfile
+test: $(STAMP) ## a verdict in four minutes: all tests but the slow ones
+	RMR_COMPILED= $(BIN)/python -m pytest -m "not slow" -n auto --dist worksteal
+
+test-fast: $(STAMP) ## the fast tests alone, under a minute, to run while one edits
+	RMR_COMPILED= $(BIN)/python -m pytest -m fast -n auto --dist worksteal
+
+test-slow: $(STAMP) ## the slow tests alone
+	RMR_COMPILED= $(BIN)/python -m pytest -m slow -n auto --dist loadfile
+
+test-all: ## every test, the way CI runs it: `make test`, then the slow ones
+	$(MAKE) test
+	$(MAKE) test-slow
 
 lint: $(STAMP) ## ruff and mypy --strict
 	$(BIN)/ruff check .

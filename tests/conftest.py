@@ -1,9 +1,10 @@
-"""Makes the helpers that stand in this folder (`vm_hand`) importable from every test."""
+"""What all tests share: their tiers, the importable helpers of this folder (`vm_hand`), settings of hypothesis."""
 
 import signal
 from collections.abc import Iterator
 
 import pytest
+import tiers
 import vm_hand
 from hypothesis import settings
 
@@ -16,6 +17,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # The same examples in every run, so that only a change makes a test fail; campaigns over seeds run outside the suite.
 settings.register_profile("suite", derandomize=True, print_blob=True)
 settings.load_profile("suite")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give each test its tier."""
+    config.pluginmanager.register(tiers)
 
 
 @pytest.fixture(scope="module", params=Engine, ids=lambda engine: engine.value)

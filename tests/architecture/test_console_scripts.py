@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from source_tree import PROJECT, ROOT, SCRIPTS
 
+pytestmark = pytest.mark.medium
+
 HELP_CPU_MS_MAX = 400
 """The target is 150 ms and is measured by `make bench`; a loaded machine must not fail the suite."""
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from doc_blocks import agrees, blocks_of, has_sessions, is_file, printed, session
 
+pytestmark = pytest.mark.medium
+
 ROOT = Path(__file__).parents[2]
 PAGES = [path for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))] if has_sessions(path.read_text())]
 

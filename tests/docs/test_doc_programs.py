@@ -9,6 +9,8 @@ from doc_blocks import blocks_of, is_file
 
 from rmr.commands.group import command as main
 
+pytestmark = pytest.mark.medium
+
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCKS = [(page, block) for page in PAGES for block in blocks_of(page.read_text("utf-8"))]

@@ -8,6 +8,8 @@ import pytest
 
 from rmr.eval import columnar, ensemble
 
+pytestmark = pytest.mark.medium
+
 WALK = """
 type at(robot, int).  type tired(robot, int).  type !east(robot).  type !west(robot).
 at(R, 0).  tired(R, 40).

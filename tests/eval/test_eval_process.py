@@ -8,6 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.medium
+
 PROGRAM = """
 type wish(robot).  type done(robot).  type action pass(R: robot) -o done(R).
 wish(R).  ready(R).

@@ -251,6 +251,7 @@ def test_an_action_takes_its_time_before_its_effect(bench):
     assert (actions(report), facts(report)) == ([[0.0, "go(@1)"]], ["done(@1, 0.0)"])
 
 
+@pytest.mark.medium
 def test_the_strategy_may_be_another_than_the_programs(bench):
     def chosen(text, *arguments):
         found = [facts(bench.run(text, "--seed", str(seed), *arguments))[0] for seed in range(12)]

@@ -37,6 +37,7 @@ def test_every_experiment_keeps_to_the_interface():
         assert f"<!-- {name}: begin -->" in PAGE.read_text("utf-8")
 
 
+@pytest.mark.medium
 def test_both_labs_finish_without_contact_within_their_bounds():
     data = seeds.run(range(1, 2), 1)
     assert [each["what"] for each in data["targets"] if not each["met"]] == []
@@ -93,6 +94,7 @@ def test_followers_save_most_of_the_expansions():
     assert sum(row["together"] for row in rows) <= 0.3 * sum(row["alone"] for row in rows)
 
 
+@pytest.mark.medium
 def test_planners_are_compared_whether_others_are_installed_or_not(monkeypatch):
     monkeypatch.setattr(planning, "installed", list)
     data = planning.run(range(1, 3), 1)

@@ -3,12 +3,14 @@
 import json
 
 import formation
+import pytest
 from experiment import as_json
 from runs import Run, simulated
 
 from rmr_view.chart import Figure
 
 
+@pytest.mark.medium
 def test_a_run_is_taken_shape_by_shape_and_its_barriers_are_part_of_the_time():
     runs = simulated([Run("formation/lab.yaml", 1, {}, formation.measured)], jobs=1)
     (taken,) = runs

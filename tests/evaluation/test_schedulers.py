@@ -2,11 +2,14 @@
 
 import json
 
+import pytest
 import schedulers
 import waiting
 from experiment import as_json
 
 from rmr_view.chart import Figure
+
+pytestmark = pytest.mark.medium
 
 
 def test_orders_are_compared_with_the_best_of_all_orders():

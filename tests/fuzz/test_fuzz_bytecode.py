@@ -26,7 +26,9 @@ def figure_3() -> bytes:
     return encode(program, debug=False)
 
 
-@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize(
+    "part", [pytest.param(part, marks=pytest.mark.slow if part else pytest.mark.medium) for part in range(PARTS)]
+)
 def test_whatever_the_octets_they_are_refused_or_run_within_bounds(part):
     size = CASES // PARTS
     tally, failures = batch(SEED, part * size, (part + 1) * size)
@@ -61,6 +63,7 @@ def test_what_goes_wrong_is_told_with_its_octets(monkeypatch):
         assert isinstance(decode(bytes.fromhex(each.octets)), Program)
 
 
+@pytest.mark.medium
 def test_a_trial_that_looks_at_too_many_facts_is_cut_short(monkeypatch):
     monkeypatch.setattr("fuzz_trial.LOOKS_MAX", 0)
     assert any(judged(5, number)[1] is Outcome.CUT_SHORT for number in range(200))
@@ -79,6 +82,7 @@ def test_every_flip_of_a_bit_is_found_by_the_crc(figure_3):
     assert accepted == []
 
 
+@pytest.mark.medium
 def test_every_flip_of_a_bit_with_the_crc_made_right_is_refused_or_runs(figure_3):
     outcomes = Counter(
         tried(resealed(bytearray(flipped(figure_3, bit))), Random(bit)) for bit in range(8 * len(figure_3))

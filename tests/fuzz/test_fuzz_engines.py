@@ -28,6 +28,8 @@ from rmr.bytecode.program import ANY, Constant, Operator
 from rmr.bytecode.verify import verify
 from rmr.vm.engines import Engine
 
+pytestmark = pytest.mark.medium
+
 SEED = 20
 CASES = 1000
 PARTS = 5

@@ -53,6 +53,7 @@ def announced(psdu: bytes, start: int) -> Announcement:
     return Announcement(2, start // STEP, 0, start, start + airtime(len(psdu)), 0.0, 3.0, 0.0, psdu)
 
 
+@pytest.mark.medium
 def test_a_hundred_thousand_octet_strings_are_counted_and_dropped() -> None:
     listener = Station(1, PAN, 5, Random(1))
     given = strings(5, STRINGS)

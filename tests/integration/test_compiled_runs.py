@@ -13,6 +13,8 @@ from rmr.compiled import build, modules_in
 sys.path.append(str(Path(__file__).parents[1] / "bench"))
 from crowds import flood
 
+pytestmark = pytest.mark.slow
+
 RUNS = """
 import copy, hashlib, json, pickle, sys
 from pathlib import Path

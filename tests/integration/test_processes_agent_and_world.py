@@ -172,6 +172,7 @@ def test_an_interrupt_while_the_robot_loads_ends_it_without_a_traceback(stage):
     assert robot.said() == "loading\nrmr-agent 1: ended (SIGINT)\n"
 
 
+@pytest.mark.slow
 def test_an_id_that_is_taken_is_refused_and_free_again_when_its_bearer_is_killed(stage):
     stage.world()
     first = stage.agent(1)
@@ -235,6 +236,7 @@ def test_wrong_usage_of_a_robot_ends_with_exit_code_2(stage, option):
 # --- the world dies and returns -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_robot_outlives_its_world_and_starts_anew_in_the_next_one(stage):
     world, robot = stage.world(), stage.agent(1)
     stage.statuses(in_state(1, "finished"))
@@ -249,6 +251,7 @@ def test_a_robot_outlives_its_world_and_starts_anew_in_the_next_one(stage):
     stage.statuses(in_state(1, "finished"))
 
 
+@pytest.mark.slow
 def test_a_world_that_was_stopped_for_a_while_goes_on_with_the_same_robots(stage):
     world, robot = stage.world(), stage.agent(1)
     stage.statuses(in_state(1, "finished"))
@@ -262,6 +265,7 @@ def test_a_world_that_was_stopped_for_a_while_goes_on_with_the_same_robots(stage
     assert "starts anew" not in robot.said()
 
 
+@pytest.mark.slow
 def test_a_robot_leaves_within_two_seconds_even_while_its_world_is_stopped(stage):
     world, robot = stage.world(), stage.agent(1)
     stage.statuses(in_state(1, "finished"))

@@ -117,6 +117,7 @@ def test_three_robots_pass_the_corridor_in_the_order_of_their_deadlines(up):
     assert run.left() == []
 
 
+@pytest.mark.slow
 def test_a_fifth_of_all_frames_lost_the_robots_still_pass_without_contact(up, tmp_path):
     folder = tmp_path / "lab"
     shutil.copytree(TESTBED, folder)
@@ -168,6 +169,7 @@ def test_a_world_that_is_killed_ends_the_run_with_a_report(up):
     assert run.left() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("victim", ["leader", "follower"])
 def test_the_others_pass_the_corridor_without_a_leader_or_a_follower_that_died(up, victim):
     run = up(CORRIDOR, "--robots", "3", "--keep-going").running()

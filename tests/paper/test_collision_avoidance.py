@@ -62,6 +62,7 @@ def test_iv_e_two_robots_face_to_face_do_not_touch_and_both_get_through(seed):
     assert not world.contacts
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(12))
 def test_iv_e_six_robots_stream_through_the_test_bed_without_contact(seed):
     stream = streamed(seed)

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections import Counter
 
+import pytest
 from vm_hand import AREA, Hand, V, actions, fired, started
 
 from rmr.base.values import Symbol
@@ -90,6 +91,7 @@ print([fired(started(program, seed=seed).drain()) for seed in range(50)])
 """
 
 
+@pytest.mark.medium
 def test_iv_b_the_choice_depends_on_the_seed_and_not_on_pythonhashseed() -> None:
     outcomes = set()
     for hash_seed in ("0", "1", "4711"):

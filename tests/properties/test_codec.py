@@ -89,6 +89,7 @@ def test_the_programs_that_are_drawn_have_every_construct() -> None:
     assert {part.owner == SELF for part in found if isinstance(part, Effect)} == {True, False}
 
 
+@pytest.mark.medium
 @few
 @given(programs)
 def test_a_program_comes_back_as_it_was(program: Program) -> None:
@@ -98,6 +99,7 @@ def test_a_program_comes_back_as_it_was(program: Program) -> None:
     assert repr(decode(encode(program, debug=False)).rules) == repr(program.rules)
 
 
+@pytest.mark.medium
 @few
 @given(programs)
 def test_debug_information_changes_nothing_but_the_size(program: Program) -> None:
@@ -124,6 +126,7 @@ def test_every_truncation_is_rejected(program: Program) -> None:
             decode(data[:length])
 
 
+@pytest.mark.medium
 @settings(few, max_examples=60)
 @given(programs, st.data())
 def test_flipped_bits_are_rejected(program: Program, draw: st.DataObject) -> None:
@@ -154,6 +157,7 @@ def test_random_octets_behind_a_proper_header_are_rejected_or_sound(octets: byte
     assert verify(program) == []
 
 
+@pytest.mark.medium
 @settings(few, max_examples=150)
 @given(programs, st.integers(0, 2**32))
 def test_forged_octets_are_rejected_or_sound_and_never_raise_anything_else(program: Program, seed: int) -> None:

@@ -68,6 +68,7 @@ def test_every_message_comes_back_as_it_was(message: m.Message) -> None:
     assert m.decode(m.encode(message)) == message
 
 
+@pytest.mark.medium
 @given(jobs(), scheds(), beacons())
 def test_frames_have_the_sizes_of_their_table(job: m.Job, sched: m.Sched, beacon: m.Beacon) -> None:
     assert len(m.encode(job)) == 35

@@ -32,6 +32,7 @@ def met(order: list[Task], standing: list[Placed]) -> int:
     return on_time(order, place(order, standing, RULES))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("block", range(6))
 def test_as_many_deadlines_are_met_as_by_the_best_of_all_orders_and_ties_go_as_stated(block: int) -> None:
     seeds = range(50 * block + 1, 50 * block + 51)

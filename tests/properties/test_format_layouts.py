@@ -3,6 +3,7 @@
 import re
 from random import Random
 
+import pytest
 from drawn_programs import program, written
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,6 +12,8 @@ from rmr.lang.diagnostic import Diagnostics
 from rmr.lang.format import format_source
 from rmr.lang.parser import parse
 from rmr.lang.source import Source
+
+pytestmark = pytest.mark.medium
 
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\[^\n])*")|(//[^\n]*|/\*.*?\*/)', re.DOTALL)
 SPAN = re.compile(r"Span\(file='x', start=\d+, end=\d+\)")

@@ -353,11 +353,13 @@ def check_condition(case: Case) -> int:
     return held
 
 
+@pytest.mark.medium
 def test_source_has_the_value_of_its_code_and_fails_with_the_same_reason() -> None:
     values = sum(check_expression(drawn(seed)) for seed in range(EXPRESSIONS))
     assert EXPRESSIONS * VALUES // 3 < values < EXPRESSIONS * VALUES
 
 
+@pytest.mark.medium
 def test_a_guard_narrows_to_what_holds_of_all_values_for_which_it_is_true() -> None:
     held = sum(check_condition(drawn(seed, Base.BOOL)) for seed in range(EXPRESSIONS, 2 * EXPRESSIONS))
     assert held > EXPRESSIONS // 2

@@ -1,5 +1,6 @@
 """What the compiler works out beforehand is what the virtual machine would have made of it."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -8,6 +9,8 @@ from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.opcodes import Op
 from rmr.lang.compiler import compile_source
 from rmr.vm.evaluate import evaluate
+
+pytestmark = pytest.mark.medium
 
 NUMBERS = st.sampled_from([0, 1, 2, -3, 7, 2**62, -(2**63) + 1, 0.0, 0.5, -2.5, 1e308])
 WORDS = st.sampled_from(["", "a", "xyz", Symbol("a"), Symbol("exit"), True, False, Robot(1), Robot(40)])

@@ -1,5 +1,6 @@
 """Whatever the text, the compiler answers with a program or with diagnostics, and what it compiles is valid."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -7,6 +8,8 @@ from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.verify import verify
 from rmr.lang.compiler import compile_source
 from rmr.lang.render import render_text
+
+pytestmark = pytest.mark.medium
 
 WORDS = (
     "type action sensor list const include order assert watch not then else true false random textual robot int float "

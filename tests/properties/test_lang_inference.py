@@ -1,11 +1,14 @@
 """Whatever a program says, inference answers, and in whatever order it says so, the types are the same."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.verify import verify
 from rmr.lang.compiler import compile_source
+
+pytestmark = pytest.mark.medium
 
 NAMES = st.sampled_from("pqrs")
 VARIABLES = st.sampled_from(["X", "Y", "Z"])

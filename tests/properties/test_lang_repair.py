@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rmr.lang.compiler import compile_source
 from rmr.lang.lexer import tokens
+
+pytestmark = pytest.mark.medium
 
 ROOT = Path(__file__).parents[2]
 

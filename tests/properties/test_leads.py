@@ -32,6 +32,8 @@ from rmr.vm.engines import Engine
 from rmr.vm.ranks import Ranks
 from rmr.vm.store import Args
 
+pytestmark = pytest.mark.medium
+
 ROBOTS = (1, 2)
 FIRINGS_MAX = 30
 FACTS_MAX, MATCHES_MAX = 40, 100

@@ -57,6 +57,7 @@ def test_a_delivery_cut_short_or_with_something_behind_it_is_refused(delivery, o
     assert read(whole + bytes(octets)) is None
 
 
+@pytest.mark.medium
 @given(deliveries(), st.data())
 def test_a_damaged_delivery_is_refused_or_is_another_one_that_can_be_written(delivery, data):
     octets = bytearray(written(delivery))

@@ -2,6 +2,7 @@
 
 from random import Random
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from vm_hand import Hand
@@ -56,12 +57,14 @@ def check(seed: int) -> tuple[int, int]:
     return sum(counts[i] == 1 for i in shown), sum(counts[i] > 1 for i in doubted)
 
 
+@pytest.mark.medium
 @settings(deadline=None, max_examples=300)
 @given(st.integers(0, 2**32))
 def test_what_is_shown_to_be_single_is_never_there_twice(seed: int) -> None:
     check(seed)
 
 
+@pytest.mark.medium
 def test_the_drawn_programs_show_and_doubt() -> None:
     found = [check(seed) for seed in range(300)]
     assert sum(shown > 1 for shown, _ in found) > 60

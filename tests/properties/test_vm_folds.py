@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from vm_hand import OPEN, Hand, V, actions, machine_of
@@ -46,6 +47,7 @@ def reference(operator: Operator, values: list[Value]) -> Value | None:
             return max(values, default=None)  # type: ignore[type-var]
 
 
+@pytest.mark.medium
 @settings(deadline=None)
 @given(st.sampled_from(list(Operator)), lists, st.booleans())
 def test_an_aggregate_is_what_python_makes_of_the_values_or_the_rule_does_not_fire(

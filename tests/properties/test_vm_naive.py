@@ -20,6 +20,8 @@ from rmr.vm.events import FactInserted, FactRemoved
 from rmr.vm.machine import Machine
 from rmr.vm.rotor import Rotor
 
+pytestmark = pytest.mark.medium
+
 FIRINGS_MAX = 40
 FACTS_MAX = 24
 """Where a comparison ends: the naive machine takes its time, and some programs multiply facts."""

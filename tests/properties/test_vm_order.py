@@ -4,9 +4,13 @@ import subprocess
 import sys
 from random import Random
 
+import pytest
+
 from rmr.base.streams import Choices
 from rmr.lang.compiler import compile_source
 from rmr.vm.engines import new_machine
+
+pytestmark = pytest.mark.medium
 
 TEXT = """
 type sensor near(robot, area). type action go(R: robot, A: area) -o in(R, A) else stuck(R, A).

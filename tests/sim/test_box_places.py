@@ -13,6 +13,8 @@ from rmr_sim.main import main
 from rmr_sim.run import prepare
 from rmr_sim.simulation import Simulation
 
+pytestmark = pytest.mark.medium
+
 BOX = """
 lab: box
 program: box.rmr

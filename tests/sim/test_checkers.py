@@ -22,6 +22,8 @@ from rmr.vm.machine import Machine
 from rmr_sim.checkers.progress import STILL
 from rmr_sim.run import Options, load, prepare
 
+pytestmark = pytest.mark.medium
+
 EVENT = b"charge"
 TIMING = Timing()
 

@@ -228,6 +228,7 @@ def test_a_report_that_cannot_be_written_is_named_and_the_table_comes_out(tmp_pa
     assert "tiny: finished after" in out
 
 
+@pytest.mark.medium
 def test_who_closes_the_pipe_has_seen_enough(tmp_path):
     read, write = os.pipe()
     os.close(read)

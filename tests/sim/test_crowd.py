@@ -13,6 +13,8 @@ from rmr_sim.run import prepare
 from rmr_sim.simulation import Simulation
 from rmr_world.lab import load_lab
 
+pytestmark = pytest.mark.medium
+
 HALL = Path(__file__).parents[2] / "deploy" / "labs" / "hall"
 UNTIL = seconds(16)
 ROBOTS = CROWD_FROM + 3

@@ -13,6 +13,8 @@ from rmr.commands.group import command as main
 from rmr.node.trace import Level
 from rmr_sim.run import Options, load
 
+pytestmark = pytest.mark.medium
+
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
 SHELF = (1.8, 1.5)
 """The area `north` of the lab aisles."""

@@ -13,6 +13,8 @@ from rmr_sim.run import prepare, report_of
 from rmr_sim.simulation import Simulation
 from rmr_world.terms import parse_fact
 
+pytestmark = pytest.mark.medium
+
 FORMATION = Path(__file__).parents[2] / "deploy" / "labs" / "formation"
 SHAPES = 4
 TOLERANCE_M = 0.03

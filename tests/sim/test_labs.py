@@ -12,6 +12,8 @@ import pytest
 from rmr_sim.run import prepare, report_of
 from rmr_world.terms import parse_fact
 
+pytestmark = pytest.mark.medium
+
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 BOUND_FACTOR = {"corridor": 2.0, "testbed": 1.7}
 

@@ -9,6 +9,8 @@ from rmr.node.actions.action_log import ACTIONS_MAX
 from rmr_sim.main import main
 from rmr_sim.run import report_of
 
+pytestmark = pytest.mark.medium
+
 BIG = """
 lab: big
 program: big.rmr

@@ -159,6 +159,7 @@ def test_a_drive_to_where_nobody_can_stand_fails_in_its_time_and_touches_nothing
     assert simulation.world.collisions == 0
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(("barred_s", "fails"), [(30, False), (45, True)])
 def test_who_waits_for_its_turn_gives_a_drive_up_later_for_those_before_it_may_bar_the_way(
     monkeypatch, barred_s, fails

@@ -317,6 +317,7 @@ def test_turns_at_something_that_is_no_passage_exclude_each_other_and_go_by_dead
     assert simulation.time_s < 3 * takes_s + 6
 
 
+@pytest.mark.medium
 def test_a_robot_that_is_stopped_inside_the_bottleneck_is_not_reported_clear(tmp_path):
     (tmp_path / "lab.yaml").write_text(
         (LABS / "testbed" / "lab.yaml").read_text().replace("testbed.rmr", "halting.rmr")
@@ -415,6 +416,7 @@ def test_robots_that_go_to_the_same_box_take_spots_of_their_own(tmp_path):
     assert simulation.world.collisions == 0
 
 
+@pytest.mark.medium
 def test_a_robot_yields_its_place_to_one_that_goes_first_and_has_taken_it_too(tmp_path):
     simulation = prepare(LABS / "testbed", seed=3097, loss=0.2)
     assert simulation.run()

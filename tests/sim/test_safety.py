@@ -11,6 +11,8 @@ from rmr.radio.links import partition
 from rmr_sim.event import Event
 from rmr_sim.run import prepare
 
+pytestmark = pytest.mark.medium
+
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 GO = """
 type action goto(R: robot, X: float, Y: float) -o there(R).

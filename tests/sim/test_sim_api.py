@@ -14,6 +14,8 @@ from rmr_sim.arguments import parse
 from rmr_sim.event import Event
 from rmr_sim.perform import perform
 
+pytestmark = pytest.mark.medium
+
 ROOT = Path(__file__).parents[2]
 LAB = """
 lab: walk

@@ -17,6 +17,8 @@ from rmr_sim.chaos import HEAL_MS, with_chaos
 from rmr_world.faults import lines
 from rmr_world.lab import Kill, Outage, Restart, Slow, Stall, load_lab
 
+pytestmark = pytest.mark.medium
+
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 SEEDS = range(150)
 DRIVE = """

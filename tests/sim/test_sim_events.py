@@ -101,6 +101,7 @@ def test_an_event_without_a_callback_says_what_to_do(tmp_path):
         small_lab(tmp_path, PROGRAM, duration="1s", events=[Event(seconds(0.25))]).run()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize(
     ("code", "complaint"),
     [

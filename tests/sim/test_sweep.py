@@ -15,6 +15,8 @@ from rmr_sim.summary import failing_lines, quantile, summary_of
 from rmr_sim.trial import row_of
 from rmr_sim.workers import shared
 
+pytestmark = pytest.mark.medium
+
 DONE = "done(R).\n"
 NEVER = "idle(R).\nidle(R), done(R) -o 1.\n"
 LOUD = """

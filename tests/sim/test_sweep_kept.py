@@ -8,6 +8,8 @@ import pytest
 from rmr_sim.run import Options, load
 from rmr_sim.trial import reasons, run_seed
 
+pytestmark = pytest.mark.medium
+
 HERE = Path(__file__).parent
 LABS = HERE.parents[1] / "deploy" / "labs"
 KEPT = tomllib.loads((HERE / "kept.toml").read_text())["kept"]

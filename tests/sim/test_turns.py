@@ -177,6 +177,7 @@ WAITING_STATION = """
 """The jobs of those that are `early` start long before their action does, and are due first."""
 
 
+@pytest.mark.medium
 def test_job_that_is_ready_is_not_starved_by_jobs_that_are_not_and_are_due_first(tmp_path):
     simulation = small_lab(
         tmp_path,
@@ -269,6 +270,7 @@ others: assert(other(R), at(R, OTHER), 60, say(R, "late")).
 """
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("other", ["store", "station"])
 def test_event_whose_drives_do_not_pass_the_bottleneck_stays_exclusive(tmp_path, other):
     (tmp_path / "lab.yaml").write_text(AISLES.replace("OTHER", other))

@@ -6,6 +6,8 @@ import pytest
 
 from rmr_sim.run import prepare, report_of
 
+pytestmark = pytest.mark.medium
+
 LAB = Path(__file__).parents[2] / "deploy" / "labs" / "twoway"
 EASTWARD, WESTWARD = {1, 2, 3, 4}, {5, 6, 7, 8}
 

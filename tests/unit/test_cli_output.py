@@ -12,6 +12,7 @@ from rmr.commands.common import write
 PROGRAM = "type n(robot, int).\nn(R, 1).\nn(R, X), X < 3 -o n(R, X + 1).\n"
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("words", [["eval", "p.rmr"], ["check", "--explain", "p.rmr"], ["explain", "E001"]])
 def test_an_output_that_takes_nothing_is_told_without_a_traceback(words: list[str], tmp_path: Path) -> None:
     (tmp_path / "p.rmr").write_text(PROGRAM)

@@ -67,6 +67,7 @@ def test_another_seed_has_other_chances():
     assert first != second
 
 
+@pytest.mark.medium
 def test_the_output_is_the_same_however_many_processes_share_the_work():
     one, two = (radio(f"storm {BRIEF['storm']} --json --jobs {jobs}") for jobs in (1, 2))
     assert two.exit_code == 0, two.output

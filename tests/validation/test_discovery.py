@@ -41,6 +41,7 @@ def test_who_lost_its_answer_repeats_it_after_a_back_off_within_the_round() -> N
     assert row["answered"]["mean"] > row["first"]["mean"] + 0.1
 
 
+@pytest.mark.medium
 def test_a_scheduling_round_of_ten_takes_half_a_second_and_a_few_dozen_frames() -> None:
     row = rounds(10, range(4), "capture_3db")
     assert row["slotted"] == row["seeds"] == 4

@@ -11,6 +11,8 @@ import reduced
 from experiments import SHORT
 from verdicts import MISSED, SHOWN
 
+pytestmark = pytest.mark.medium
+
 RADIO = Path(__file__).parents[2] / "rmr" / "radio"
 
 BROKEN = {

@@ -183,6 +183,7 @@ def test_client_waits_for_a_router_that_does_not_answer_yet(secret):
     asyncio.run(play())
 
 
+@pytest.mark.medium
 def test_process_that_accepts_and_says_nothing_is_not_taken_for_a_refusal():
     """Such as a world that is stopped: a client waits for it."""
 

@@ -268,6 +268,7 @@ def test_a_host_that_does_not_exist_is_told():
     assert host_problem("tcp/127.0.0.1:1") == host_problem("tcp/[::1]:1") == host_problem("tcp/localhost:1") == ""
 
 
+@pytest.mark.medium
 def test_who_has_an_address_is_told_whether_it_speaks_zenoh_or_not():
     async def play():
         endpoint = free_endpoint()

@@ -22,6 +22,8 @@ from rmr.radio.air import Announcement
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr.radio.phy import Bursts, RadioConfig, airtime
 
+pytestmark = pytest.mark.medium
+
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 quantities = st.floats(-QUANTITY_MAX, QUANTITY_MAX)
 lengths = st.floats(0.0, QUANTITY_MAX)

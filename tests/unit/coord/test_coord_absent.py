@@ -8,6 +8,8 @@ from coord_harness import EVENT, MS, Model, ms
 from rmr.coord import events
 from rmr.coord.timing import Timing
 
+pytestmark = pytest.mark.medium
+
 TIMING = Timing()
 
 

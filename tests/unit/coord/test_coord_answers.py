@@ -14,6 +14,8 @@ from rmr.coord.states import Role
 from rmr.coord.term import NOBODY, Term
 from rmr.coord.timing import Timing
 
+pytestmark = pytest.mark.medium
+
 PEERS = 49
 PER_ANSWER = 5.0
 """Milliseconds."""

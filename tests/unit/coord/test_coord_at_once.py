@@ -11,6 +11,8 @@ from rmr.coord.messages import Job, encode
 from rmr.coord.term import NOBODY, Term
 from rmr.coord.timing import Timing
 
+pytestmark = pytest.mark.medium
+
 TICK_MS = 16
 
 

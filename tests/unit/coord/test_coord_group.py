@@ -16,6 +16,8 @@ from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched, deco
 from rmr.coord.states import Role
 from rmr.coord.term import Term
 
+pytestmark = pytest.mark.medium
+
 
 def fleet(
     seed: int, count: int, air: Air | None = None, *, ways: int = 1, spread: float = 20

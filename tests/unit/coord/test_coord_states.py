@@ -10,6 +10,8 @@ from rmr.coord import context
 from rmr.coord.states import PASSAGES, ROLES, Passage, Role, check_passage, check_role
 from rmr.coord.timing import Timing
 
+pytestmark = pytest.mark.medium
+
 
 def test_a_change_that_the_tables_do_not_list_is_our_bug() -> None:
     with pytest.raises(AssertionError, match="no transition from NONE to LEADING"):

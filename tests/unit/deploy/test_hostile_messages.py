@@ -44,6 +44,8 @@ from rmr_world.lab import load_lab
 from rmr_world.program import LoadedProgram
 from rmr_world.server import WorldServer
 
+pytestmark = pytest.mark.medium
+
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 ESCAPE = "\x1b]0;owned\x07\x1b[2J"
 DEEP: Any = 0

@@ -20,6 +20,8 @@ from rmr_deploy.record import make_report
 from rmr_world.lab import load_lab
 from rmr_world.program import LoadedProgram
 
+pytestmark = pytest.mark.medium
+
 STANDIN = Path(__file__).with_name("standin.py")
 
 LAB = """

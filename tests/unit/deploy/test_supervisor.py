@@ -119,6 +119,7 @@ def test_a_command_that_does_not_exist_is_an_error_and_leaves_no_child(family, t
     assert family.children == []
 
 
+@pytest.mark.medium
 def test_the_lifeline_reads_end_of_file_when_the_launcher_lets_go(family, tmp_path, monkeypatch):
     monkeypatch.setattr("rmr_deploy.supervisor._signal", lambda children, number: None)
     child = start(family, tmp_path, HANGING_ON_THE_LIFELINE)

@@ -142,6 +142,7 @@ def test_missing_lab_is_wrong_usage_with_the_nearest_name():
     assert "there is no coridor; did you mean 'corridor'?" in result.output
 
 
+@pytest.mark.medium
 def test_rmr_check_of_a_lab_becomes_rmr_lab_check(tmp_path):
     words = [sys.executable, "-m", "rmr.cli", "check", "--json", str(room(tmp_path))]
     code = "import sys; from rmr.cli import main; main()"

@@ -23,6 +23,7 @@ def run(group, *words):
     return result
 
 
+@pytest.mark.medium
 def test_new_lab_is_whole_has_no_findings_and_finishes(tmp_path):
     folder = tmp_path / "shop"
     result = run(new, folder)
@@ -84,6 +85,7 @@ def test_copy_of_a_provided_lab_has_its_program_beside_it_and_no_findings(tmp_pa
         assert found.lab.program.resolve().parent == (tmp_path / "copied").resolve()
 
 
+@pytest.mark.medium
 def test_new_lab_from_a_provided_one_bears_its_own_name(tmp_path):
     result = run(new, tmp_path / "mine", "--from", "hall")
     assert result.exit_code == 0

@@ -9,6 +9,8 @@ from rmr.lang.compiler import compile_file, compile_source
 from rmr.lang.parser import NESTING_MAX
 from rmr.lang.source import SOURCE_OCTETS_MAX
 
+pytestmark = pytest.mark.medium
+
 DEEP = {
     "parentheses": "p(R, X), Y = {(}X{)} -o p(R, Y).",
     "lists": "p(R, X) -o q(R, {[}X{]}).",

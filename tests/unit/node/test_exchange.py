@@ -179,6 +179,7 @@ class Restarting:
                 self.sender.acknowledged(self.now, answer, 1)
 
 
+@pytest.mark.medium
 @given(st.integers(0, 10**6), st.sampled_from([0, 1, 250]), st.integers(1, 3000))
 def test_no_order_repetition_delay_or_restart_makes_a_fact_arrive_twice(seed, epoch, steps):
     run = Restarting(seed, epoch)

@@ -19,6 +19,8 @@ from rmr.node.report import robot_report
 from rmr.node.trace import ENTRIES_MAX, EVENTS, Level
 from rmr.node.wire import PAYLOAD_OCTETS_MAX
 
+pytestmark = pytest.mark.medium
+
 NODE_OCTETS_MAX = 60_000
 """Of a robot with three rules, so that 10,000 of them fit in 600 MB."""
 

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import pytest
+
 from rmr.bytecode.codec import decode, encode
 from rmr.lang.compiler import compile_source
 from rmr.node.logic.symbols import SYMBOLS_MAX, Symbols, symbols_of
@@ -55,6 +57,7 @@ def test_robots_of_one_process_share_the_table():
     assert symbols_of(compilation.program) is symbols_of(compilation.program)
 
 
+@pytest.mark.medium
 def test_symbols_beyond_what_a_number_can_tell_travel_as_text():
     items = ", ".join(f"s{number}" for number in range(1000))
     facts = "\n".join(

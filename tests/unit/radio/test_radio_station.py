@@ -352,6 +352,7 @@ def scenario_digest() -> str:
     return blake2b(repr(ether.log).encode(), digest_size=8).hexdigest()
 
 
+@pytest.mark.medium
 def test_a_run_is_the_same_under_every_hash_seed() -> None:
     program = "from test_radio_station import scenario_digest; print(scenario_digest())"
     here = Path(__file__).parent

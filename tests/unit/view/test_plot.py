@@ -51,6 +51,7 @@ def texts(path):
     return ["".join(each.itertext()) for each in ElementTree.parse(path).iter(f"{SVG}text")]
 
 
+@pytest.mark.medium
 def test_a_figure_shows_its_axes_labels_note_and_every_series_as_text(data, capsys):
     assert plotted(data, "kinds") == 0
     assert capsys.readouterr().out == f"{data / 'kinds.svg'}\n"

@@ -232,6 +232,7 @@ def test_a_search_that_finds_nothing_ends_and_is_told(consumes: bool, monkeypatc
     assert robot.quiescent
 
 
+@pytest.mark.medium
 def test_many_persistent_facts_cost_no_more_than_their_number() -> None:
     """Each firing of a rule that consumes nothing once looked at all its matches again: 9 s where this takes 0.1 s."""
     hand = Hand(textual=True)

@@ -89,6 +89,7 @@ def test_the_file_is_sorted_complete_and_replaces_an_older_one(tmp_path):
     assert json.loads(path.read_text()) == report_of()
 
 
+@pytest.mark.medium
 def test_the_bytes_do_not_depend_on_hash_randomisation():
     code = "from test_world_report import *; print(to_json(report_of()))"
     texts = []

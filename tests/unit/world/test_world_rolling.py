@@ -2,6 +2,7 @@
 
 from random import Random
 
+import pytest
 from world_labs import lab_of
 
 from rmr.base.geometry import Twist
@@ -46,6 +47,7 @@ def driven(world: World, seed: int) -> list[object]:
     return [*found, world.contacts]
 
 
+@pytest.mark.medium
 def test_bodies_move_as_if_the_engine_were_asked_at_every_tick(tmp_path, monkeypatch):
     lab = lab_of(tmp_path, LAB)
     asked, step = [], Engine.step

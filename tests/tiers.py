@@ -1,0 +1,54 @@
+"""The tiers of the tests, a plugin of pytest.
+
+A test belongs to exactly one tier: `medium` or `slow` where a marker says so, else `fast`, and in tests/integration
+`medium`, since processes wait in real time. `make test` runs the fast and the medium tests, `make test-slow` the slow
+ones, `make test-all` both.
+"""
+
+import gc
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+TIERS = ("fast", "medium", "slow")
+
+FAST_CPU_S = 5.0
+"""Bound on the processor time of a fast test, ten times what a test may take to be left unmarked."""
+
+TIERS_OF = pytest.StashKey[dict[str, list[str]]]()
+"""The tiers of each collected test by its node id, those that `-m` leaves out included."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before `-m` selects
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Give each test that names no tier the one of its folder, and note the tiers of all."""
+    for item in items:
+        if not _tiers(item):
+            item.add_marker("medium" if item.path.parent.name == "integration" else "fast")
+    config.stash[TIERS_OF] = {item.nodeid: _tiers(item) for item in items}
+
+
+def _tiers(item: pytest.Item) -> list[str]:
+    return [mark.name for mark in item.iter_markers() if mark.name in TIERS]
+
+
+def pytest_collection_finish() -> None:
+    """Take the million objects of collected tests out of garbage collection: a full collection costs 0.3 s with them.
+
+    Benchmarks under test collect hundreds of times, and the interpreter does so by itself.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Fail a fast test that is not fast, by processor time, which other programs on the machine do not add to."""
+    began = time.process_time()
+    result = yield
+    taken = time.process_time() - began
+    if taken > FAST_CPU_S and _tiers(item) == ["fast"] and sys.gettrace() is None:
+        pytest.fail(f"{taken:.1f} s of processor time, more than the {FAST_CPU_S:g} s of a fast test: mark it medium")
+    return result
