@@ -128,6 +128,15 @@ def test_the_example_of_disturbances_is_a_lab_files():
     assert (len(lab.radio.links), len(lab.faults)) == (3, 3)
 
 
+def test_the_example_of_a_lab_runs_to_its_finish(tmp_path):
+    text = section(PAGE, "An example")
+    (tmp_path / "meet.rmr").write_text(blocks(text, "rmr")[0])
+    (tmp_path / "lab.yaml").write_text(blocks(text, "yaml")[0])
+    warnings = []
+    assert prepare(tmp_path, warn=warnings.append).run()
+    assert warnings == []
+
+
 def test_every_lab_of_the_repository_is_named():
     labs = sorted(path.parent.relative_to(ROOT).as_posix() for path in ROOT.glob("deploy/labs/*/lab.yaml"))
     assert [codes(row[0])[0] for row in table(PAGE, "lab", "shows")] == labs
