@@ -16,7 +16,7 @@ $(STAMP): pyproject.toml requirements.lock
 	@$(PYTHON) -m venv $(VENV)
 	@echo "[2/3] installing about $$(grep -c "==" requirements.lock) locked dependencies, some 300 MB (one to five minutes)"
 	@{ $(BIN)/python -m pip install --progress-bar off --require-hashes -r requirements.lock || echo "pip failed"; } | \
-		awk '/^Collecting / { printf "      %d: %s\n", ++n, $$2; fflush() } \
+		awk '/^(Collecting|Processing) / { sub(".*/", "", $$2); sub("-(py|cp)[0-9].*", "", $$2); printf "      %d: %s\n", ++n, $$2; fflush() } \
 			/^Installing collected/ { print "      all " n " are there; unpacking them (up to a minute)"; fflush() } \
 			/^pip failed$$/ { failed = 1 } END { exit failed }'
 	@echo "[3/3] installing rmr itself (some seconds)"
