@@ -194,6 +194,7 @@ def by_hand(run, robot):
         return subprocess.Popen([*words, str(run.folder / "dash.rbc")], stdout=said, stderr=said)
 
 
+@pytest.mark.slow
 def test_with_keep_going_a_robot_started_again_by_hand_restarts_in_the_report_and_the_run_waits_for_it(up, lab):
     run = up(lab("lab.yaml", "robots:\n", "robot: {speed: 0.04}\nrobots:\n"), "--keep-going").running()
     os.kill(run.pids["robot-2"], signal.SIGKILL)
@@ -217,6 +218,7 @@ def test_with_keep_going_a_robot_started_again_by_hand_restarts_in_the_report_an
     assert run.left() == []
 
 
+@pytest.mark.slow
 def test_with_keep_going_a_robot_started_by_hand_that_dies_too_is_waited_for_no_longer(up, lab):
     run = up(lab("lab.yaml", "robots:\n", "robot: {speed: 0.04}\nrobots:\n"), "--keep-going").running()
     os.kill(run.pids["robot-2"], signal.SIGKILL)

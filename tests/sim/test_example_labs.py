@@ -13,8 +13,6 @@ from rmr.commands.group import command as main
 from rmr.node.trace import Level
 from rmr_sim.run import Options, load
 
-pytestmark = pytest.mark.medium
-
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
 SHELF = (1.8, 1.5)
 """The area `north` of the lab aisles."""
@@ -50,6 +48,7 @@ def test_an_example_lab_is_judged_without_a_warning(file):
     assert load(LABS / file, Options()).warnings == ()
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("file", FILES)
 def test_an_example_lab_finishes_without_contact(file):
     simulation, finished = ran(file, 1)
@@ -57,12 +56,14 @@ def test_an_example_lab_finishes_without_contact(file):
     assert [violation.words for violation in simulation.violations] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES)
 def test_an_example_lab_finishes_after_faults_at_random(file):
     _, finished = ran(file, 3, chaos=True)
     assert finished
 
 
+@pytest.mark.medium
 def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
     simulation, _ = ran("aisles/lab.yaml", 1)
     for event in ("fetching(north)", "fetching(south)"):
@@ -71,6 +72,7 @@ def test_one_turn_covers_the_way_in_the_loading_and_the_way_out():
         assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
+@pytest.mark.medium
 def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_before_it_asks_for_a_turn():
     lab = LABS / "aisles"
     simulation = load(lab / "lab.yaml", Options(actions=lab / "actions.py")).simulation(1, Level.FACTS)
@@ -93,6 +95,7 @@ def test_a_robot_restarted_in_an_aisle_without_localisation_leaves_the_aisle_bef
     assert left_aisle < asked
 
 
+@pytest.mark.medium
 def test_both_aisles_are_in_use_at_one_time():
     simulation, _ = ran("aisles/lab.yaml", 1)
     north, south = (turns_of(simulation, f"fetching({aisle})")[0] for aisle in ("north", "south"))
@@ -100,6 +103,7 @@ def test_both_aisles_are_in_use_at_one_time():
     assert south[0] < north[1]
 
 
+@pytest.mark.medium
 def test_turns_of_an_aisle_that_is_no_bottleneck_do_not_overlap():
     simulation, _ = ran("aisles/through.yaml", 1)
     turns = turns_of(simulation, "through(south)")
@@ -107,6 +111,7 @@ def test_turns_of_an_aisle_that_is_no_bottleneck_do_not_overlap():
     assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
+@pytest.mark.medium
 def test_each_charging_place_has_one_robot_at_a_time():
     simulation, _ = ran("charging/lab.yaml", 1)
     for place in ("west", "east"):
@@ -115,6 +120,7 @@ def test_each_charging_place_has_one_robot_at_a_time():
         assert all(end <= begin for (_, end, _), (begin, _, _) in pairwise(turns))
 
 
+@pytest.mark.medium
 def test_eight_robots_cross_the_intersection_one_at_a_time():
     simulation, _ = ran("crossing/lab.yaml", 1)
     turns = turns_of(simulation, "crossing()")

@@ -16,8 +16,6 @@ from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched, deco
 from rmr.coord.states import Role
 from rmr.coord.term import Term
 
-pytestmark = pytest.mark.medium
-
 
 def fleet(
     seed: int, count: int, air: Air | None = None, *, ways: int = 1, spread: float = 20
@@ -47,6 +45,7 @@ def test_a_lone_robot_leads_and_passes_without_waiting_for_anybody() -> None:
     assert entry.start < ms(1200)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("count", [2, 3, 6, 10])
 def test_robots_triggered_together_get_one_leader_and_slots_by_deadline(count: int) -> None:
     times = []
@@ -124,6 +123,7 @@ def test_who_finishes_before_its_predecessor_leaves_the_ranks_as_they_are() -> N
     assert {entry.robot: entry.rank for entry in model.entries} == {1: 1, 2: 2, 3: 3, 4: 4}
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("lost", range(45))
 def test_any_single_frame_may_be_lost(lost: int) -> None:
     seen: list[bytes] = []
@@ -153,6 +153,7 @@ def test_doubled_and_reordered_frames_change_nothing() -> None:
         assert len({(e.robot, e.trigger) for e in model.entries}) == len(model.entries)
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("loss", [0.1, 0.3, 0.5])
 def test_all_are_served_under_loss(loss: float) -> None:
     for seed in range(4):
@@ -239,6 +240,7 @@ def test_the_leaders_path_reaches_its_followers() -> None:
         assert got == ([] if robot == leader else [path])
 
 
+@pytest.mark.medium
 def test_a_group_larger_than_one_frame_is_served_in_order() -> None:
     model, by_deadline = fleet(2, 14)
     served(model)
@@ -246,12 +248,14 @@ def test_a_group_larger_than_one_frame_is_served_in_order() -> None:
     assert [entry.rank for entry in model.entries] == list(range(1, 15))
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("block", range(10))
 def test_random_faults_break_no_guarantee_and_leave_nobody_unserved(block: int) -> None:
     outcomes = [run(seed) for seed in range(20 * block, 20 * block + 20)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("block", range(3))
 def test_nor_where_schedules_are_long_and_sent_by_pieces(block: int) -> None:
     outcomes = [run(seed, SHORT, (6, 12)) for seed in range(6 * block, 6 * block + 6)]
@@ -270,18 +274,21 @@ KEPT = {
 """Seeds of the wide draw that failed, and why."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", range(6))
 def test_unequal_links_old_duplicates_restart_loops_and_long_stalls_break_no_guarantee(block: int) -> None:
     outcomes = [run_wide(seed) for seed in range(20 * block, 20 * block + 20)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", KEPT)
 def test_seeds_of_the_wide_draw_that_once_failed_do_not_fail_again(seed: int) -> None:
     outcome = run_wide(seed)
     assert outcome.ok, outcome
 
 
+@pytest.mark.medium
 @pytest.mark.parametrize("seed", range(40))
 def test_no_two_robots_ever_get_one_rank_without_faults(seed: int) -> None:
     """Late joiners, early finishers, missed slots, a lost OUT and a leader that withdraws included."""
