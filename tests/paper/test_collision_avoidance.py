@@ -71,6 +71,7 @@ def test_iv_e_six_robots_stream_through_the_test_bed_without_contact(seed):
     assert stream.bench.time < 15.0
 
 
+@pytest.mark.medium
 def test_iv_e_six_robots_whose_order_is_drawn_stream_through_the_test_bed_in_fourteen_seconds_as_a_rule():
     assert statistics.median(streamed(seed).bench.time for seed in range(12)) < 14.0
 
