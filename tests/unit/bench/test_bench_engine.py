@@ -14,6 +14,8 @@ from workloads import SUITE, counter, tokens
 
 from rmr.vm.engines import Engine
 
+pytestmark = pytest.mark.medium
+
 DOCS = Path(__file__).parents[3] / "docs"
 BEGIN, END = "<!-- taken: begin -->", "<!-- taken: end -->"
 
