@@ -26,8 +26,8 @@ _HOMES = {
     "evaluate": "rmr.eval.api",
     "EventError": "rmr_sim.event",
     "LabError": "rmr_world.document",
-    "Run": "rmr_sim.api",
-    "simulate": "rmr_sim.api",
+    "Run": "rmr_sim.simulation_api",
+    "simulate": "rmr_sim.simulation_api",
 }
 """Name -> the module that defines it."""
 

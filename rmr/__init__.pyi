@@ -9,9 +9,9 @@ from rmr.eval.api import evaluate as evaluate
 from rmr.node.actions.dispatcher import ActionFailed as ActionFailed
 from rmr.node.actions.dispatcher import RobotHandle as RobotHandle
 from rmr.node.actions.dispatcher import action as action
-from rmr_sim.api import Run as Run
-from rmr_sim.api import simulate as simulate
 from rmr_sim.event import EventError as EventError
+from rmr_sim.simulation_api import Run as Run
+from rmr_sim.simulation_api import simulate as simulate
 from rmr_world.document import LabError as LabError
 
 __version__: str

@@ -23,7 +23,7 @@ from rmr.bus.session import Bus, NobodyThereError, open_bus
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
 from rmr_deploy.running import endpoint_of, newest_run, secret_of
-from rmr_world.report import REPORT_FILE
+from rmr_world.run_report import REPORT_FILE
 
 ASK_S = 2.0
 """How long the world may take to answer: it does so within milliseconds, unless its machine is overloaded."""

@@ -18,8 +18,8 @@ from rmr_deploy.launch import Outcome, Run
 from rmr_deploy.plan import INVALID, Plan, RefusedError, Wishes, make_plan
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import make_screen, table
-from rmr_world import report
-from rmr_world.troubles import troubles
+from rmr_world import run_report
+from rmr_world.run_warnings import troubles
 
 FINE, FAILED, NOT_STRICT = 0, 1, 4
 """Exit codes beside those of `plan`."""
@@ -62,7 +62,7 @@ async def run_and_report(plan: Plan) -> tuple[Outcome, dict[str, Any]]:
     outcome = await run.go()
     record = make_report(plan, outcome, run.watch)
     try:
-        report.write(record, plan.folder)
+        run_report.write(record, plan.folder)
     except OSError as error:
         outcome.report_error = f"cannot write {error.filename}: {error.strerror}"
     return outcome, record
@@ -71,16 +71,16 @@ async def run_and_report(plan: Plan) -> tuple[Outcome, dict[str, Any]]:
 def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
     """Show the table and the run in a few words, and where it is asked for the report as JSON."""
     as_json = plan.wishes.as_json
-    where = f"the report is {plan.folder / report.REPORT_FILE}"
+    where = f"the report is {plan.folder / run_report.REPORT_FILE}"
     if outcome.report_error is not None:
         click.echo(f"rmr up: {outcome.report_error}", err=True)
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
-    click.echo(f"{report.summary(record)}\n{outcome.reason}; {where}", err=as_json)
+    click.echo(f"{run_report.summary(record)}\n{outcome.reason}; {where}", err=as_json)
     for line in troubles(record):
         click.echo(f"rmr up: {line}", err=True)
     if as_json:
-        click.echo(report.to_json(record), nl=False)
+        click.echo(run_report.to_json(record), nl=False)
 
 
 def exit_code(outcome: Outcome, record: Mapping[str, Any], *, strict: bool) -> int:

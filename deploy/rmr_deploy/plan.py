@@ -13,11 +13,11 @@ from pathlib import Path
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry.files import unreadable
-from rmr_world.judge import judged
 from rmr_world.lab import Lab, LabError, lab_path, load_lab
-from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_lab_program
+from rmr_world.lab_program import LoadedProgram, ProgramError, load_handlers, load_lab_program
 from rmr_world.radio_key import radio_key
 from rmr_world.run_folder import RunFolderError, make_run_folder
+from rmr_world.validate.pipeline import judged
 
 USAGE, INVALID = 2, 3
 """Exit codes: wrong usage; an invalid program, byte-code or lab file."""

@@ -11,8 +11,8 @@ from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan
 from rmr_deploy.watch import Watch
 from rmr_world.faults import befallen
-from rmr_world.lives import cut_short, of_all_lives
-from rmr_world.report import assemble
+from rmr_world.incarnations import cut_short, of_all_lives
+from rmr_world.run_report import assemble
 
 
 def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, Any]:

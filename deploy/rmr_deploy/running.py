@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.bus.secret import SECRET_FILE
-from rmr_world.report import REPORT_FILE
+from rmr_world.run_report import REPORT_FILE
 
 PROCESSES_FILE = "processes.json"
 

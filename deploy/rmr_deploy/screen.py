@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rmr.base.printable import printable
-from rmr_world.report import COLUMNS, rows, several_jobs
+from rmr_world.run_report import COLUMNS, rows, several_jobs
 
 MEASURED = re.compile(r"-?\d+\.\d+")
 """Values such as seconds and metres, which change all the time."""

@@ -48,7 +48,7 @@ NAMES = {
 
 def taken_here(lab: Path, seed: int) -> dict[str, float]:
     """Run `lab` once in this process and return what it took."""
-    from rmr_sim.run import prepare
+    from rmr_sim.run_setup import prepare
 
     before, began = _resident_kb(), time.process_time()
     simulation = prepare(lab, seed=seed)

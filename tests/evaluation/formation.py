@@ -17,7 +17,7 @@ from intervals import percent, quantile, share, text
 from runs import Row, Run, simulated
 
 from rmr_sim.simulation import Simulation
-from rmr_world.terms import parse_fact
+from rmr_world.fact_syntax import parse_fact
 
 NAME = "formation"
 SEEDS = range(1, 61)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rmr_sim.run import prepare, report_of
+from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.simulation import Simulation
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +32,7 @@ class Run:
     """A folder of deploy/labs, or a path."""
     seed: int
     options: dict[str, Any] = field(default_factory=dict)
-    """Of `rmr_sim.run.prepare`."""
+    """Of `rmr_sim.run_setup.prepare`."""
     measure: Callable[[Simulation, dict[str, Any]], Row] | None = None
     """What else belongs to the row, of the simulation and its report."""
 

@@ -20,7 +20,7 @@ import copy, hashlib, json, pickle, sys
 from pathlib import Path
 from rmr.base import geometry
 from rmr.node.ports import SeenBody
-from rmr_sim.run import Options, load, report_of
+from rmr_sim.run_setup import Options, load, report_of
 
 def run(lab, seed, chaos, actions=None):
     simulation = load(Path(lab), Options(chaos=chaos, actions=actions and Path(actions))).simulation(seed)

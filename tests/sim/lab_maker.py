@@ -4,7 +4,7 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
 
 LAB = """

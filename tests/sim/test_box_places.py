@@ -10,7 +10,7 @@ from rmr.node import wire
 from rmr.node.ports import Received
 from rmr.node.wire import Hello
 from rmr_sim.main import main
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
 
 pytestmark = pytest.mark.medium

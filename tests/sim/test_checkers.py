@@ -19,8 +19,8 @@ from rmr.radio.links import Disturbance
 from rmr.vm import assertions
 from rmr.vm.assertions import Assertions
 from rmr.vm.machine import Machine
-from rmr_sim.checkers.progress import STILL
-from rmr_sim.run import Options, load, prepare
+from rmr_sim.checkers.progress_checker import STILL
+from rmr_sim.run_setup import Options, load, prepare
 
 pytestmark = pytest.mark.medium
 

@@ -4,7 +4,7 @@ from lab_maker import small_lab
 
 from rmr.base.time import seconds
 from rmr.coord.events import Entered, LeadershipBegan, LeadershipEnded, SlotAssigned, SlotLost
-from rmr_sim.checkers import newest
+from rmr_sim.checkers import recent_table
 
 KEPT = 20
 EVENTS = 100
@@ -43,7 +43,7 @@ def test_tables_of_events_that_are_over_stay_bounded(tmp_path, monkeypatch):
 
 def test_the_entries_set_last_are_kept(monkeypatch):
     monkeypatch.setattr(newest, "KEPT_MAX", 2)
-    table = newest.Newest()
+    table = recent_table.Newest()
     for key in "abac":
         table[key] = None
     assert list(table) == ["a", "c"]

@@ -7,7 +7,7 @@ from rmr.base.geometry import Point
 from rmr.base.time import Instant
 from rmr.node.crossing.destination import REPLAN_EVERY, bound_for, redirect
 from rmr.node.crossing.turn import Phase, Turn
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 
 FRAMES = 150
 """For so many frames the robot is sent elsewhere: 2.5 s."""

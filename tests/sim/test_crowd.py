@@ -9,7 +9,7 @@ from rmr.base.time import in_seconds, milliseconds, seconds
 from rmr.node.config import CROWD_FROM
 from rmr.node.crossing.approach import HEADWAY_MARGIN_M, Approach
 from rmr.node.motion.navigator import Navigator
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
 from rmr_world.lab import load_lab
 

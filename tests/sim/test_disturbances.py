@@ -2,7 +2,7 @@
 
 import pytest
 
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 
 PROGRAM = """
 tell(@1, @2).

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from rmr.base.time import in_seconds, seconds
 from rmr.commands.group import command as main
 from rmr.node.trace import Level
-from rmr_sim.run import Options, load
+from rmr_sim.run_setup import Options, load
 
 LABS = Path(__file__).parents[2] / "docs" / "examples" / "labs"
 SHELF = (1.8, 1.5)

@@ -9,9 +9,9 @@ import pytest
 
 from rmr.base.time import seconds
 from rmr_sim.event import Event
-from rmr_sim.run import prepare, report_of
+from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.simulation import Simulation
-from rmr_world.terms import parse_fact
+from rmr_world.fact_syntax import parse_fact
 
 pytestmark = pytest.mark.medium
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from rmr_sim.run import prepare, report_of
-from rmr_world.terms import parse_fact
+from rmr_sim.run_setup import prepare, report_of
+from rmr_world.fact_syntax import parse_fact
 
 pytestmark = pytest.mark.medium
 

@@ -7,7 +7,7 @@ from lab_maker import small_lab
 
 from rmr.node.actions.action_log import ACTIONS_MAX
 from rmr_sim.main import main
-from rmr_sim.run import report_of
+from rmr_sim.run_setup import report_of
 
 pytestmark = pytest.mark.medium
 

@@ -8,7 +8,7 @@ from lab_maker import small_lab, traced
 from rmr.base.geometry import Point
 from rmr.base.time import seconds
 from rmr.node.crossing.destination import bound_for
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "labs" / "testbed"
 WALL = [Point(0.3, 0.07 + 0.1 * k) for k in range(15)]

@@ -10,8 +10,8 @@ from rmr.base.geometry import distance
 from rmr.base.time import seconds
 from rmr.node.ports import Confirmed, Received
 from rmr.node.wire import Hello, encode_ack, encode_hello
-from rmr_sim.run import prepare
-from rmr_world.program import ProgramError
+from rmr_sim.run_setup import prepare
+from rmr_world.lab_program import ProgramError
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 

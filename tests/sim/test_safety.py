@@ -9,7 +9,7 @@ from rmr.base.geometry import distance
 from rmr.base.time import milliseconds, seconds
 from rmr.radio.links import partition
 from rmr_sim.event import Event
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 
 pytestmark = pytest.mark.medium
 

@@ -4,8 +4,8 @@ import pytest
 from lab_maker import small_lab
 
 from rmr.base.time import NEVER, seconds
-from rmr_sim.befallen import Befell
-from rmr_sim.checkers.scene import Scene
+from rmr_sim.checkers.run_view import Scene
+from rmr_sim.fault_record import Befell
 
 IDLE = "idle(R).\nidle(R), never(R) -o done(R).\n"
 

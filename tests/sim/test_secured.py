@@ -7,7 +7,7 @@ import pytest
 from rmr.radio.frame import decode
 from rmr.radio.security import Level, Security
 from rmr_sim.main import main
-from rmr_sim.run import prepare, report_of
+from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.simulation import Simulation
 
 KEY = "00112233445566778899aabbccddeeff"
@@ -75,7 +75,7 @@ class Strange(Simulation):
 
 
 def test_a_robot_with_another_key_is_deaf_to_the_others_and_unheard_by_them(lab, monkeypatch):
-    monkeypatch.setattr("rmr_sim.run.Simulation", Strange)
+    monkeypatch.setattr("rmr_sim.run_setup.Simulation", Strange)
     simulation = prepare(lab("{key_file: lab.key}"))
     assert not simulation.run()
     report = report_of(simulation, False)
@@ -91,7 +91,7 @@ def test_a_robot_without_security_is_deaf_and_unheard_likewise(lab, monkeypatch)
         def security(self, robot, life):
             return None if robot == 3 else super().security(robot, life)
 
-    monkeypatch.setattr("rmr_sim.run.Simulation", Open)
+    monkeypatch.setattr("rmr_sim.run_setup.Simulation", Open)
     simulation = prepare(lab("{key_file: lab.key}"))
     simulation.run()
     report = report_of(simulation, False)

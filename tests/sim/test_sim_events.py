@@ -8,8 +8,8 @@ from lab_maker import small_lab
 from rmr.base.time import NS_PER_S, seconds, tick_start
 from rmr_sim.event import Event, EventError
 from rmr_sim.main import main
-from rmr_sim.run import prepare
-from rmr_world.program import ProgramError
+from rmr_sim.run_setup import prepare
+from rmr_world.lab_program import ProgramError
 
 PROGRAM = """
 type parcel(robot, int).

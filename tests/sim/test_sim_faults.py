@@ -4,7 +4,7 @@ import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.time import NS_PER_MS, NS_PER_S, seconds
-from rmr_sim.run import report_of
+from rmr_sim.run_setup import report_of
 
 DRIVE = """
 type action moveto(R: robot, A: area) -o at(R, A).

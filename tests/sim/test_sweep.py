@@ -9,11 +9,11 @@ from test_command import LAB, code_of, tiny
 from rmr_sim.arguments import JOBS_MAX, cores, parse
 from rmr_sim.interruption import Interruption
 from rmr_sim.main import main
-from rmr_sim.run import Options
+from rmr_sim.run_setup import Options
+from rmr_sim.seed_run import row_of
 from rmr_sim.simulation import Simulation
-from rmr_sim.summary import failing_lines, quantile, summary_of
-from rmr_sim.trial import row_of
-from rmr_sim.workers import shared
+from rmr_sim.sweep_summary import failing_lines, quantile, summary_of
+from rmr_sim.sweep_workers import shared
 
 pytestmark = pytest.mark.medium
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rmr_sim.run import Options, load
-from rmr_sim.trial import reasons, run_seed
+from rmr_sim.run_setup import Options, load
+from rmr_sim.seed_run import reasons, run_seed
 
 pytestmark = pytest.mark.medium
 

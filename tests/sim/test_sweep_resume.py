@@ -7,11 +7,11 @@ import pytest
 from test_command import tiny
 from test_sweep import DONE, NEVER, row, swept
 
-from rmr_sim import trial
+from rmr_sim import seed_run
 from rmr_sim.main import main
-from rmr_sim.rows import ROWS_FILE
 from rmr_sim.simulation import Simulation
 from rmr_sim.sweep import Spoken
+from rmr_sim.sweep_rows import ROWS_FILE
 
 
 def rows_in(run):
@@ -137,7 +137,7 @@ def test_rows_that_no_folder_takes_are_printed(tmp_path, capsys, monkeypatch):
 
 
 def test_a_sweep_with_a_contact_ends_with_exit_code_1(tmp_path, monkeypatch):
-    monkeypatch.setattr(trial, "row_of", lambda report: row(report["seed"], collisions=report["seed"] == 2))
+    monkeypatch.setattr(seed_run, "row_of", lambda report: row(report["seed"], collisions=report["seed"] == 2))
     assert swept(tmp_path, DONE, "--seeds", "1-3", "--jobs", "1")[0] == 1
     assert swept(tmp_path, DONE, "--seeds", "1-3", "--jobs", "1", "--strict", name="strict")[0] == 1
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from lab_maker import small_lab, traced
 
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
 

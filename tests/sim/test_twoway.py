@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rmr_sim.run import prepare, report_of
+from rmr_sim.run_setup import prepare, report_of
 
 pytestmark = pytest.mark.medium
 

@@ -40,7 +40,7 @@ def check(paths: tuple[Path, ...], as_json: bool, svg: Path | None) -> None:
     That is the lab file, its program, whether both fit, deadlines, ways, turns, and the files of actions and events.
     A program, PROG.rmr, is checked by itself.
     """
-    from rmr_lab.checking import perform
+    from rmr_lab.check_output import perform
 
     if svg is not None and len(paths) != 1:
         raise click.UsageError("--svg draws one lab: name one")
@@ -70,7 +70,7 @@ def schema(output: Path | None) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print the list as JSON on stdout.")
 def list_(as_json: bool) -> None:
     """List the labs that come with RMR: each runs by its name, in every folder, as in `rmr up corridor`."""
-    from rmr_lab.provide import about
+    from rmr_lab.lab_copies import about
 
     rows = [{"name": name, "about": about(folder), "folder": str(folder)} for name, folder in provided_labs().items()]
     if as_json:
@@ -85,8 +85,8 @@ def list_(as_json: bool) -> None:
 @click.argument("folder", metavar="[DIR]", type=PATH, required=False)
 def copy(name: str, folder: Path | None) -> None:
     """Copy the provided lab NAME, with its program, to DIR, which must not exist yet (default: NAME)."""
-    from rmr_lab.provide import CopyError
-    from rmr_lab.provide import copy as copied
+    from rmr_lab.lab_copies import CopyError
+    from rmr_lab.lab_copies import copy as copied
 
     target = Path(name) if folder is None else folder
     try:
@@ -108,7 +108,7 @@ def new(name: Path, origin: str | None) -> None:
 
     It holds the lab file, a program, an action in Python, a test, and a README that says what to do with them.
     """
-    from rmr_lab.provide import CopyError
+    from rmr_lab.lab_copies import CopyError
     from rmr_lab.scaffold import write_lab
 
     try:

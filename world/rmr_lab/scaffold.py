@@ -7,7 +7,7 @@ Nothing is ever overwritten.
 import re
 from pathlib import Path
 
-from rmr_lab.provide import HEADER, CopyError, copy, refuse_existing, write_schema
+from rmr_lab.lab_copies import HEADER, CopyError, copy, refuse_existing, write_schema
 from rmr_world.provided_labs import LAB_FILE
 
 LAB_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")

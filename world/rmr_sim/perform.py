@@ -24,20 +24,20 @@ from rmr.node.trace import Level
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
-from rmr_sim.rows import ResumeError, Rows, head, seeds_of, taken_up
-from rmr_sim.run import Loaded, Options, load, report_of
+from rmr_sim.run_setup import Loaded, Options, load, report_of
+from rmr_sim.seed_run import Row, fails, row_of
 from rmr_sim.simulation import Simulation
-from rmr_sim.summary import failing_lines, lines_of, summary_of
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
-from rmr_sim.trial import Row, fails, row_of
+from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
+from rmr_sim.sweep_summary import failing_lines, lines_of, summary_of
 from rmr_sim.violation import CONTACT
 from rmr_world.document import LabError
 from rmr_world.faults import lines
 from rmr_world.lab import lab_path
-from rmr_world.program import ProgramError
-from rmr_world.report import REPORT_FILE, table_text, to_json, write
+from rmr_world.lab_program import ProgramError
 from rmr_world.run_folder import RunFolderError, make_run_folder
-from rmr_world.troubles import troubles
+from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
+from rmr_world.run_warnings import troubles
 
 FAILURES_MAX = 5
 """Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""

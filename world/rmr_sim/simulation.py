@@ -23,13 +23,13 @@ from rmr.node.trace import Level
 from rmr.radio.ether import Ether
 from rmr.radio.links import Disturbance
 from rmr.radio.security import LEVELS, Security, run_key
-from rmr_sim.befallen import Befell
 from rmr_sim.bodies import needs_bodies
 from rmr_sim.event import Event, EventError, checked, instant, observed
-from rmr_sim.faults import FaultEvent
-from rmr_sim.robot import MakeNode, SimulatedRobot
+from rmr_sim.fault_events import FaultEvent
+from rmr_sim.fault_record import Befell
+from rmr_sim.simulated_robot import MakeNode, SimulatedRobot
 from rmr_sim.violation import Violation
-from rmr_world.disturbed import LINGER
+from rmr_world.disturbances import LINGER
 from rmr_world.lab import Lab
 from rmr_world.physics import World
 from rmr_world.schema import TICK

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from rmr_sim.interruption import Interruption
-from rmr_sim.rows import Rows
-from rmr_sim.run import Loaded
-from rmr_sim.summary import summary_of
-from rmr_sim.trial import Result, Row, fails, run_seed
-from rmr_sim.workers import shared
-from rmr_world.report import write
+from rmr_sim.run_setup import Loaded
+from rmr_sim.seed_run import Result, Row, fails, run_seed
+from rmr_sim.sweep_rows import Rows
+from rmr_sim.sweep_summary import summary_of
+from rmr_sim.sweep_workers import shared
+from rmr_world.run_report import write
 
 SWEEP_FILE = "sweep.json"
 BREAKDOWN_FILE = "breakdown.txt"

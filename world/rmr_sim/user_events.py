@@ -6,7 +6,7 @@ from rmr.base.mistake import place, words
 from rmr.node.actions.user_file import UserFileError, run_file
 from rmr_sim.event import Event, checked
 from rmr_world.lab import Lab
-from rmr_world.program import ProgramError
+from rmr_world.lab_program import ProgramError
 
 EVENTS_MAX = 100_000
 """Of one run from the file; more can only be a function that never ends. Events may schedule others as they happen."""

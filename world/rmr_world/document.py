@@ -16,7 +16,7 @@ from pathlib import Path
 import yaml
 
 from rmr.base.errors import Error
-from rmr_world.advice import yaml_advice
+from rmr_world.validate.schema_hints import yaml_advice
 
 FILE_OCTETS_MAX = 256 * 1024
 """Far above any lab written by hand; PyYAML reads about 100 kB a second, so this bounds the time too."""

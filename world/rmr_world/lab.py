@@ -18,9 +18,9 @@ from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Path_, Problem, read
+from rmr_world.fact_syntax import FinishPattern, parse_fact, parse_finish
 from rmr_world.provided_labs import LAB_FILE, resolve
-from rmr_world.ranges import LabFact, StatedFact, drawn
-from rmr_world.terms import FinishPattern, parse_fact, parse_finish
+from rmr_world.random_facts import LabFact, StatedFact, drawn
 
 PROGRAMS = frozenset({".rmr", ".rbc"})
 """How the file of a program ends."""
@@ -227,7 +227,7 @@ def load_lab(path: Path) -> Lab:
 
     Raises LabError with everything that is wrong with it.
     """
-    from rmr_world.checks import build  # noqa: PLC0415  (pydantic loads only where a file is read)
+    from rmr_world.validate.lab_fit import build  # noqa: PLC0415  (pydantic loads only where a file is read)
 
     file = lab_path(path)
     if file.suffix in PROGRAMS:

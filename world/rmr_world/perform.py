@@ -57,8 +57,8 @@ def _load(options: argparse.Namespace) -> Lab:
 def _check_program(lab: Lab, path: Path) -> None:
     """Raise InvalidError for a program in `path` that is none, LabError where it and the lab do not fit."""
     # The front end is heavy, and a world that is given no program starts without it.
-    from rmr_world.judge import judged  # noqa: PLC0415
-    from rmr_world.program import ProgramError, load_program  # noqa: PLC0415
+    from rmr_world.lab_program import ProgramError, load_program  # noqa: PLC0415
+    from rmr_world.validate.pipeline import judged  # noqa: PLC0415
 
     try:
         judged(lab, load_program(path, stated=[fact.name for fact in lab.stated_facts]))

@@ -19,7 +19,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.streams import Normals, stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
 from rmr.node.ports import SeenBody, Sensed
-from rmr_world.engine import Contact, Engine
+from rmr_world.contact_engine import Contact, Engine
 from rmr_world.lab import Lab
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors
 

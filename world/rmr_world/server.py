@@ -23,7 +23,7 @@ from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
-from rmr_world.disturbed import Disturbed
+from rmr_world.disturbances import Disturbed
 from rmr_world.faults import entry, line
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime

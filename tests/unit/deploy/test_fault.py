@@ -16,7 +16,7 @@ from rmr.radio.links import Disturbance, partition
 from rmr_deploy import disturb
 from rmr_deploy.commands.fault import command
 from rmr_deploy.running import PROCESSES_FILE, endpoint_of, newest_run, write_processes
-from rmr_world.report import REPORT_FILE
+from rmr_world.run_report import REPORT_FILE
 
 S, MS = NS_PER_S, NS_PER_MS
 NOBODY = "tcp/127.0.0.1:9"

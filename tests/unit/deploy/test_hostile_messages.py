@@ -39,9 +39,9 @@ from rmr_deploy.plan import Plan, Wishes
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import printable, table
 from rmr_deploy.watch import Watch
-from rmr_world import report
+from rmr_world import run_report
 from rmr_world.lab import load_lab
-from rmr_world.program import LoadedProgram
+from rmr_world.lab_program import LoadedProgram
 from rmr_world.server import WorldServer
 
 pytestmark = pytest.mark.medium
@@ -296,9 +296,9 @@ def shown(record: dict[str, Any]) -> None:
     out = io.StringIO()
     console = Console(file=out, width=200)
     console.print(table(record))
-    console.print(report.summary(record), report.table_text(record), markup=False)
+    console.print(run_report.summary(record), run_report.table_text(record), markup=False)
     assert "\x1b" not in out.getvalue()
-    assert "\x1b" not in report.to_json(record)
+    assert "\x1b" not in run_report.to_json(record)
 
 
 def test_what_a_world_tells_of_disturbances_is_shown_without_escapes():

@@ -15,7 +15,7 @@ from rmr.node.wire import Kind, Role
 from rmr.radio.station import GRACE_MARGIN
 from rmr_agent.clock import AHEAD_MAX
 from rmr_agent.ports import RADIO_GRACE
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import IDLE_SAMPLE_TICKS
 from rmr_world import server
 

@@ -26,9 +26,9 @@ from rmr_deploy.record import make_report
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as sim
-from rmr_sim.run import prepare, report_of
+from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.violation import Violation
-from rmr_world.disturbed import LEAD
+from rmr_world.disturbances import LEAD
 from rmr_world.lab import load_lab
 from rmr_world.main import main as world
 from rmr_world.schema import CELLS_MAX, LabFile, json_schema

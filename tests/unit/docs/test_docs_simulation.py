@@ -7,8 +7,8 @@ from doc_pages import ROOT, blocks, codes, page, section, table
 
 from rmr_sim import chaos
 from rmr_sim.event import Event
-from rmr_sim.robot import FRAMES_MAX, SAMPLES_MAX
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
+from rmr_sim.simulated_robot import FRAMES_MAX, SAMPLES_MAX
 from rmr_world.physics import WATCHDOG
 from rmr_world.schema import FaultSpec
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rmr_lab.findings import judge
+from rmr_lab.lab_check import judge
 
 PAGE = Path(__file__).with_name("beginners_mistakes.txt")
 RULER = "----\n"

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rmr_lab.commands import command
-from rmr_lab.findings import judge
+from rmr_lab.lab_check import judge
 from rmr_lab.picture import draw
 from rmr_world.bound import destinations
 from rmr_world.lab import load_lab
@@ -127,7 +127,7 @@ def test_mistake_in_the_file_of_events_is_told_with_its_line(tmp_path):
 
 
 def test_lab_file_names_its_actions_for_the_simulator_and_an_option_goes_before(tmp_path):
-    from rmr_sim.run import prepare
+    from rmr_sim.run_setup import prepare
 
     folder = room(tmp_path)
     assert prepare(folder).run()

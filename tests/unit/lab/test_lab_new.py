@@ -9,10 +9,10 @@ import yaml
 from click.testing import CliRunner
 
 from rmr_lab.commands import command, new
-from rmr_lab.findings import judge
-from rmr_lab.provide import HEADER, SCHEMA_FILE
+from rmr_lab.lab_check import judge
+from rmr_lab.lab_copies import HEADER, SCHEMA_FILE
 from rmr_lab.scaffold import LAB_NAME
-from rmr_sim.run import prepare
+from rmr_sim.run_setup import prepare
 from rmr_world import schema
 from rmr_world.provided_labs import labs_folder, provided_labs, resolve
 

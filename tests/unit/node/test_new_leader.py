@@ -7,7 +7,7 @@ import pytest
 from rmr.base.time import milliseconds, seconds
 from rmr.coord.events import LeadershipEnded
 from rmr.node.crossing.turn import Phase
-from rmr_sim.run import Options, load
+from rmr_sim.run_setup import Options, load
 
 LAB = Path(__file__).parents[3] / "deploy" / "labs" / "testbed"
 

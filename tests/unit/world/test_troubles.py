@@ -1,6 +1,6 @@
 """What went wrong in a run that ended well, in a sentence of each kind."""
 
-from rmr_world.troubles import TEXT_MAX, troubles
+from rmr_world.run_warnings import TEXT_MAX, troubles
 
 
 def robot(**fields):

@@ -5,7 +5,7 @@ import pytest
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance, Links, partition
 from rmr.radio.phy import RadioConfig
-from rmr_world.disturbed import LEAD, LINGER, Disturbed
+from rmr_world.disturbances import LEAD, LINGER, Disturbed
 
 S, MS = NS_PER_S, NS_PER_MS
 GIVEN = Disturbance(groups=((1,), (2,)), loss=0.1)

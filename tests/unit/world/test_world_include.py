@@ -2,7 +2,7 @@
 
 import pytest
 
-from rmr_world.program import ProgramError, load_program
+from rmr_world.lab_program import ProgramError, load_program
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from world_labs import LABS, ROOM, lab_of
 from rmr_deploy.plan import RefusedError, read_program
 from rmr_sim.main import main
 from rmr_world.document import LabError
-from rmr_world.judge import judged
 from rmr_world.lab import load_lab
-from rmr_world.program import load_lab_program
+from rmr_world.lab_program import load_lab_program
+from rmr_world.validate.pipeline import judged
 
 WALL = "{box: [1.45, 0.0, 1.55, 1.5]}"
 LAB = """\

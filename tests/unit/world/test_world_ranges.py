@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from world_labs import ROOM, complaints, lab_of
 
-from rmr_world.ranges import Range, StatedFact, drawn
+from rmr_world.random_facts import Range, StatedFact, drawn
 
 
 def numbers(stated, seed, roster=(1, 2, 3)):

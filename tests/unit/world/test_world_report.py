@@ -10,7 +10,7 @@ import pytest
 from world_labs import LABS
 
 from rmr_world.lab import load_lab
-from rmr_world.report import COLUMNS, assemble, rows, summary, table_rows, table_text, to_json, write
+from rmr_world.run_report import COLUMNS, assemble, rows, summary, table_rows, table_text, to_json, write
 
 
 def part(robot, finish, deadline):

@@ -8,7 +8,7 @@ from world_labs import lab_of
 from rmr.base.geometry import Twist
 from rmr.base.time import tick_start
 from rmr_world import physics
-from rmr_world.engine import Engine
+from rmr_world.contact_engine import Engine
 from rmr_world.physics import World
 
 ROBOTS = 4

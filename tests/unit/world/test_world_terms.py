@@ -4,8 +4,8 @@ import pytest
 
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.program import ANY, Constant
-from rmr_world.ranges import Range
-from rmr_world.terms import TermError, parse_fact, parse_finish
+from rmr_world.fact_syntax import TermError, parse_fact, parse_finish
+from rmr_world.random_facts import Range
 
 
 @pytest.mark.parametrize(

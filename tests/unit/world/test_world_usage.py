@@ -6,7 +6,7 @@ from world_labs import LABS, ROOM, lab_of
 from rmr.bytecode.codec import decode, encode
 from rmr.lang.compiler import compile_file, compile_source
 from rmr_world.lab import load_lab
-from rmr_world.usage import check_program
+from rmr_world.validate.program_fit import check_program
 
 AREAS = "areas: {gate: {at: [2.0, 0.75]}, yard: {at: [1.0, 1.2], queue: {path: [[1, 1.2], [2, 1.2]], spacing: 0.2}}}\n"
 HEADER = """\

@@ -1,0 +1,74 @@
+"""`rmr lab check`, which `rmr check LAB` becomes: findings for people or as JSON, and the picture."""
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from rmr_lab.lab_check import ERROR, Findings, judge
+from rmr_lab.picture import draw
+from rmr_world.bound import bound_s, destinations
+from rmr_world.lab import Lab
+from rmr_world.validate.first_instant import bound_for
+
+EXIT_USAGE, EXIT_INVALID = 2, 3
+
+
+def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
+    """Check `paths`, tell what is wrong, draw the lab if asked to; return the exit code."""
+    found = [judge(path) for path in paths]
+    if as_json:
+        click.echo(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
+    else:
+        _show(found)
+    code = _exit_code(found)
+    if svg is not None:
+        code = _draw(found[0], svg) or code
+    return code
+
+
+def _show(found: Sequence[Findings]) -> None:
+    color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    for each in found:
+        click.echo(each.text(color), nl=False, err=True, color=color)
+    severities = [severity for each in found for severity in each.severities]
+    errors = severities.count(ERROR)
+    if severities:
+        click.echo(f"{_counted(errors, 'error')}, {_counted(len(severities) - errors, 'warning')}", err=True)
+    for each in found:
+        if each.lab is not None and ERROR not in each.severities:
+            click.echo(f"{each.path}: {_in_short(each.lab)}", err=True)
+
+
+def _counted(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+
+
+def _in_short(lab: Lab) -> str:
+    least_s = bound_s(lab)
+    bound = f"; no schedule finishes sooner than {least_s:.2f} s" if 0.0 < least_s < float("inf") else ""
+    return f"{_counted(len(lab.robots), 'robot')}, {_counted(len(lab.arena.areas), 'area')}{bound}"
+
+
+def _exit_code(found: Sequence[Findings]) -> int:
+    if any(ERROR in each.severities and not each.unreadable for each in found):
+        return EXIT_INVALID
+    return EXIT_USAGE if any(each.unreadable for each in found) else 0
+
+
+def _draw(found: Findings, svg: Path) -> int:
+    """Write the picture; return the exit code."""
+    lab = found.lab
+    if lab is None:
+        click.echo(f"{svg} is not drawn: the lab file has errors", err=True)
+        return EXIT_INVALID
+    goals = destinations(lab) if found.program is None else bound_for(lab, found.program)
+    try:
+        svg.write_text(draw(lab, goals), encoding="utf-8")
+    except OSError as error:
+        click.echo(f"{svg}: {error.strerror}", err=True)
+        return EXIT_USAGE
+    return 0

@@ -1,0 +1,26 @@
+"""No robot touches another one, an obstacle or a wall."""
+
+from rmr.base.time import Instant
+from rmr_sim.checkers.run_view import Scene
+from rmr_sim.violation import CONTACT
+
+
+class Contacts:
+    """Looks at the contacts that physics sees."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._contacts = scene.simulation.world.contacts
+        self._seen = 0
+
+    def __call__(self, _now: Instant) -> None:
+        """Look at those since the last look."""
+        if len(self._contacts) == self._seen:
+            return
+        for contact in self._contacts[self._seen :]:
+            robots = (contact.robot,) if contact.other is None else (contact.robot, contact.other)
+            other = "an obstacle or a wall" if contact.other is None else f"robot {contact.other}"
+            x, y = round(contact.x, 2) + 0.0, round(contact.y, 2) + 0.0  # no negative zero
+            words = f"robot {contact.robot} touched {other} at ({x:.2f}, {y:.2f})"
+            self._scene.violate(contact.at, CONTACT, robots, words)
+        self._seen = len(self._contacts)

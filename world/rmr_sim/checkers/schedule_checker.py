@@ -1,0 +1,95 @@
+"""What leaders say: one schedule for each instant of issue, and slots that stand once they are near.
+
+- A schedule means the same whoever sends it: those who pass it on change nothing, and no two versions bear one instant.
+- A slot nearer than the frozen zone is not moved, unless its owner let it pass, was stopped, or it is long over.
+- A frame fits the radio.
+"""
+
+from rmr.base.time import Instant, milliseconds
+from rmr.coord.events import EntryMissed, SlotLost
+from rmr.coord.messages import Entry, FrameKind, MessageError, Phase, Sched, decode
+from rmr.coord.term import Term
+from rmr.node.ports import Spoken
+from rmr_sim.checkers.passage_checker import TIMING
+from rmr_sim.checkers.recent_table import Newest
+from rmr_sim.checkers.run_view import Scene
+
+LET_PASS = milliseconds(1200)
+"""News that an owner gave a slot up concerns one that began so long before it at most."""
+
+Promise = tuple[bytes, Term, int, Instant]
+"""Event, term, robot, trigger."""
+
+
+class Schedules:
+    """Looks at every schedule that is sent."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._room = scene.simulation.robots[0].payload_max
+        self._said: Newest[tuple[bytes, Term, Instant, int], bytes] = Newest()
+        self._promised: Newest[Promise, tuple[Instant, Instant]] = Newest()
+        """The slot that stands, and when the schedule that said so was issued: frames may overtake each other."""
+        self._given_up: Newest[tuple[int, bytes], Instant] = Newest()
+        scene.hear(Spoken, self._spoken)
+        scene.hear(SlotLost, self._gave_up)
+        scene.hear(EntryMissed, self._gave_up)
+
+    def __call__(self, _now: Instant) -> None:
+        """Nothing happens unheard."""
+
+    def _gave_up(self, robot: int, now: Instant, lost: SlotLost | EntryMissed) -> None:
+        self._given_up[robot, lost.group_id] = now
+
+    def _spoken(self, robot: int, now: Instant, spoken: Spoken) -> None:
+        payload = spoken.payload
+        if len(payload) > self._room:
+            words = f"robot {robot} sent {len(payload)} octets where {self._room} fit"
+            self._scene.violate(now, "frame", (robot,), words)
+        if payload[:1] != _SCHED:
+            return
+        try:
+            sched = decode(payload, self._room)
+        except MessageError as error:
+            self._scene.violate(now, "frame", (robot,), f"robot {robot} sent a schedule that is none: {error}")
+            return
+        assert isinstance(sched, Sched)
+        key = (sched.group_id, sched.term, sched.issued, sched.part)
+        if self._said.get(key, payload) != payload:
+            words = f"robot {robot} sent another version of the schedule that leader {sched.term.leader} issued"
+            self._scene.violate(now, "schedule", (robot, sched.term.leader), words)
+        else:
+            self._said[key] = payload
+        if sched.term.leader == robot:
+            for entry in sched.entries:
+                self._judge(now, sched, entry)
+
+    def _judge(self, now: Instant, sched: Sched, entry: Entry) -> None:
+        """Complain if a slot that stood has moved; remember those that stand now."""
+        key = (sched.group_id, sched.term, entry.robot, entry.trigger)
+        promised, issued = self._promised.get(key, (None, -1))
+        if sched.issued <= issued:
+            return
+        if promised is not None and entry.phase is Phase.WAITING and entry.start != promised:
+            del self._promised[key]
+            over = sched.issued > promised + entry.duration + TIMING.schedule.window
+            if not over and not self._excused(entry.robot, sched, promised, now):
+                words = f"leader {sched.term.leader} moved the slot of robot {entry.robot}, which stood already"
+                self._scene.violate(now, "frozen slot", (sched.term.leader, entry.robot), words)
+        if entry.start is not None and entry.start <= sched.issued + TIMING.schedule.frozen:
+            self._promised[key] = entry.start, sched.issued
+
+    def _excused(self, robot: int, sched: Sched, promised: Instant, now: Instant) -> bool:
+        """Return whether the owner of a slot gave it up, or could not keep it."""
+        if robot not in self._scene.robots:
+            return True
+        gave_up = self._given_up.get((robot, sched.group_id), -LET_PASS)
+        since = promised - TIMING.liveness.gone
+        return (
+            gave_up >= promised - LET_PASS
+            or bool(self._scene.held_up(robot, since, now))
+            or self._scene.forgot(robot, since)
+        )
+
+
+_SCHED = bytes([FrameKind.SCHED])

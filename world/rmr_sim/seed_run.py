@@ -1,0 +1,111 @@
+"""One seed of a sweep: its run, and the row that stands for it.
+
+A row holds what follows from lab, seed and options alone, so that the rows of a sweep are the same whoever ran them
+and in whatever order. A run that fails comes with its report and its trace, to be kept. What goes wrong inside this
+project (an assertion that does not hold) fails the seed and is kept as well; the sweep goes on.
+"""
+
+import time
+import traceback
+from typing import Any, NamedTuple
+
+from rmr.base.mistake import words
+from rmr_sim.event import EventError
+from rmr_sim.interruption import Interruption
+from rmr_sim.run_setup import Loaded, report_of
+from rmr_sim.simulation import Simulation
+from rmr_sim.violation import CONTACT
+from rmr_world.lab_program import ProgramError
+from rmr_world.run_report import DECIMALS
+
+Row = dict[str, Any]
+"""A seed's line of sweep.json; `docs/simulation.md` says what stands in it."""
+
+
+class Result(NamedTuple):
+    """What became of one seed."""
+
+    row: Row
+    time_s: float
+    """Simulated."""
+    took_s: float
+    """Time of the processor that the simulation took."""
+    report: dict[str, Any] | None = None
+    """Of a run that failed, unless it broke down."""
+    trace: list[dict[str, Any]] | None = None
+    """Of a run that failed."""
+    breakdown: str | None = None
+    """Where this project's own code broke down, for whoever mends it."""
+
+
+def run_seed(loaded: Loaded, seed: int, interruption: Interruption | None = None) -> Result:
+    """Run `seed` and return what became of it; `interruption` may stop it before its end."""
+    simulation: Simulation | None = None
+    began = time.process_time()
+    try:
+        simulation = loaded.simulation(seed)
+        if interruption is not None:
+            interruption.ends(simulation.stop)
+        finished = simulation.run()
+        took_s = time.process_time() - began
+        report = report_of(simulation, finished)
+    except (EventError, ProgramError) as error:
+        return lost(seed, str(error))
+    except Exception as error:
+        broken = lost(seed, words(error))
+        trace = [] if simulation is None else simulation.trace()
+        return broken._replace(trace=trace, breakdown=traceback.format_exc())
+    row = row_of(report)
+    if not fails(row):
+        return Result(row, simulation.time_s, took_s)
+    return Result(row, simulation.time_s, took_s, report, simulation.trace())
+
+
+def row_of(report: dict[str, Any]) -> Row:
+    """Return the row of a run's report."""
+    bound_s = report["bound_s"]
+    violations: dict[str, int] = {}
+    for violation in report["violations"]:
+        violations[violation["check"]] = violations.get(violation["check"], 0) + 1
+    return {
+        "seed": report["seed"],
+        "finished": report["finished"],
+        "time_s": report["time_s"],
+        "bound_s": bound_s,
+        "time_to_bound": round(report["time_s"] / bound_s, DECIMALS) if bound_s else None,
+        "deadlines": report["deadlines"],
+        "collisions": report["collisions"],
+        "violations": violations,
+        "error": None,
+    }
+
+
+def lost(seed: int, error: str) -> Result:
+    """Return the result of a seed that has no report, because of `error`."""
+    row: Row = {
+        "seed": seed,
+        "finished": False,
+        "time_s": None,
+        "bound_s": None,
+        "time_to_bound": None,
+        "deadlines": {"met": 0, "missed": 0, "best_possible": 0},
+        "collisions": 0,
+        "violations": {},
+        "error": error,
+    }
+    return Result(row, 0.0, 0.0)
+
+
+def fails(row: Row) -> bool:
+    """Return whether the run is to be looked into: a missed deadline alone is none of its faults."""
+    return not row["finished"] or bool(row["collisions"] or row["violations"] or row["error"])
+
+
+def reasons(row: Row) -> list[str]:
+    """Return why a run failed, in words."""
+    if row["error"]:
+        return [row["error"]]
+    found = [] if row["finished"] else ["not finished"]
+    if row["collisions"]:
+        found.append(f"{row['collisions']} contact{'s' if row['collisions'] > 1 else ''}")
+    return found + [f"{check} ({count})" for check, count in sorted(row["violations"].items()) if check != CONTACT]

@@ -1,0 +1,197 @@
+"""`rmr.simulate`: what `rmr sim` does, as a function that returns plain data and the ways of the robots.
+
+It raises what `rmr.base.errors` names, prints nothing and writes no file.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+from os import PathLike
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from rmr.base.errors import UsageError, require
+from rmr.base.time import NS_PER_S, TICK_HZ, Instant, in_seconds, seconds
+from rmr.coord.timing import Order
+from rmr.node.trace import Level
+from rmr_sim.event import Event
+from rmr_sim.run_setup import Options, load, report_of
+from rmr_sim.simulation import Simulation
+from rmr_world.provided_labs import missing, resolve
+
+Trajectory = npt.NDArray[np.float64]
+"""Rows of (t_s, x_m, y_m, heading_rad)."""
+
+RATE_HZ = 10.0
+"""Samples of the robots' true poses per second, unless another rate is named."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A lab has been simulated."""
+
+    report: dict[str, Any] = field(repr=False)
+    """What `rmr sim --json` prints."""
+    trajectories: dict[int, Trajectory] = field(repr=False)
+    """By robot: an array of shape (samples, 4), rows (t_s, x_m, y_m, heading_rad) of its true pose; heading is
+    counter-clockwise from the x axis, in [-pi, pi]."""
+    trace: list[dict[str, Any]] = field(repr=False)
+    """What `rmr sim --trace` writes (docs/trace.md), in order of time."""
+    warnings: list[str]
+    """What `rmr sim` says of the lab and its program before it runs."""
+
+    @property
+    def lab(self) -> str:
+        """The lab's name."""
+        return str(self.report["lab"])
+
+    @property
+    def seed(self) -> int:
+        """What all chance was drawn from."""
+        return int(self.report["seed"])
+
+    @property
+    def finished(self) -> bool:
+        """Whether every robot held the lab's finish fact in time."""
+        return bool(self.report["finished"])
+
+    @property
+    def time_s(self) -> float:
+        """How long it took in lab time."""
+        return float(self.report["time_s"])
+
+
+def simulate(
+    lab: str | PathLike[str],
+    seed: int | None = None,
+    *,
+    robots: int | None = None,
+    loss: float | None = None,
+    chaos: bool = False,
+    order: str = Order.OURS.value,
+    actions: str | PathLike[str] | None = None,
+    events: str | PathLike[str] | Iterable[Event] | None = None,
+    duration: float | None = None,
+    rate: float = RATE_HZ,
+) -> Run:
+    """Simulate a lab in virtual time; the same seed gives the same run.
+
+    `lab` is a folder with a ``lab.yaml``, such a file, or the name of a provided lab. The other arguments are the
+    options of `rmr sim`, and
+
+    - `events`: the file of `--events`, or events themselves (`rmr_sim.event.Event`);
+    - `duration`: seconds of lab time after which the run ends at the latest, instead of the lab's;
+    - `rate`: samples of each robot's pose per second, 60 at most.
+
+    Raises UsageError for an argument that cannot be used, LabError or ProgramError for a lab or a program that is
+    wrong, EventError when an event's own code fails.
+    """
+    require("lab", lab, (str, PathLike), "a path, or the name of a provided lab")
+    path = resolve(Path(lab))
+    if not path.exists():
+        raise UsageError(missing(path))
+    require("actions", actions, (str, PathLike, NoneType), "the path of a file of handlers")
+    event_file, own_events = _file_or_events(events)
+    wanted = Options(
+        robots=_whole("robots", robots, 1),
+        loss=_checked_loss(loss),
+        actions=None if actions is None else Path(actions),
+        event_file=event_file,
+        chaos=chaos,
+        order=_order(order),
+        duration=_checked_duration(duration),
+    )
+    sampled = _checked_rate(rate)
+    try:
+        loaded = load(path, wanted)
+        simulation = loaded.simulation(_whole("seed", seed, 0), Level.FACTS)
+    except OSError as error:
+        raise UsageError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+    for event in own_events:
+        simulation.schedule(event)
+    sampler = Sampler(simulation, sampled)
+    simulation.checkers.append(sampler.sample)
+    finished = simulation.run()
+    warnings = [line for text in loaded.warnings for line in text.splitlines()]
+    return Run(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
+
+
+class Sampler:
+    """Takes the robots' true poses at the first tick at or after each multiple of a period, the first tick included."""
+
+    def __init__(self, simulation: Simulation, rate_hz: float) -> None:
+        self._simulation = simulation
+        self._rate_hz = rate_hz
+        self._taken = 0
+        self._rows: dict[int, list[tuple[float, float, float, float]]] = {
+            robot.robot: [] for robot in simulation.robots
+        }
+
+    def sample(self, now: Instant) -> None:
+        """Take a sample if it is time."""
+        if now + 1 < self._taken * NS_PER_S / self._rate_hz:  # ticks begin at whole nanoseconds
+            return
+        self._taken += 1
+        t_s = in_seconds(now)
+        for robot, rows in self._rows.items():
+            rows.append((t_s, *self._simulation.world.pose(robot)))
+
+    def trajectories(self) -> dict[int, Trajectory]:
+        """Return the samples, by robot."""
+        return {robot: np.array(rows, np.float64).reshape(-1, 4) for robot, rows in self._rows.items()}
+
+
+# ---- arguments
+
+
+def _file_or_events(events: str | PathLike[str] | Iterable[Event] | None) -> tuple[Path | None, Sequence[Event]]:
+    if isinstance(events, str | PathLike):
+        return Path(events), ()
+    takes = "the path of a file of events, or a list of `rmr_sim.event.Event`"
+    require("events", events, (Iterable, NoneType), takes)
+    own = tuple(events or ())
+    for event in own:
+        require("events", event, Event, takes)
+    return None, own
+
+
+def _whole(name: str, number: int | None, least: int) -> int | None:
+    if number is not None and (type(number) is not int or number < least):
+        raise UsageError(f"{name}: a whole number from {least}, not {number!r}")
+    return number
+
+
+def _checked_loss(loss: float | None) -> float | None:
+    require("loss", loss, (Real, NoneType), "a share from 0 up to 1")
+    if loss is not None and not 0.0 <= loss < 1.0:
+        raise UsageError(f"loss: a share from 0 up to 1, not {loss!r}")
+    return loss
+
+
+def _checked_duration(duration: float | None) -> int | None:
+    require("duration", duration, (Real, NoneType), "a number of seconds above 0")
+    if duration is None:
+        return None
+    if not 0.0 < duration < math.inf:
+        raise UsageError(f"duration: a number of seconds above 0, not {duration!r}")
+    return seconds(duration)
+
+
+def _checked_rate(rate: float) -> float:
+    takes = f"samples per second, above 0 and {TICK_HZ} at most"
+    require("rate", rate, Real, takes)
+    if not 0.0 < rate <= TICK_HZ:
+        raise UsageError(f"rate: {takes}, not {rate!r}")
+    return float(rate)
+
+
+def _order(name: str) -> Order:
+    known = [each.value for each in Order]
+    if name not in known:
+        raise UsageError(f"order: {name!r} is none of {', '.join(known)}")
+    return Order(name)

@@ -1,0 +1,94 @@
+"""Many runs in a few lines: how many finished, how fast, what went wrong.
+
+Quantiles are those of the runs that finished, by nearest rank: the least value that so many percent of the runs do
+not exceed, hence one that was measured.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rmr_sim.seed_run import Row, fails, reasons
+
+QUANTILES = {"median": 50, "p95": 95, "p99": 99, "max": 100}
+"""Percent of the runs."""
+TOLD_MAX = 20
+"""Failing seeds that are told of; `sweep.json` has all of them."""
+
+
+def summary_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the figures of a sweep's `rows`."""
+    ratios = sorted(row["time_to_bound"] for row in rows if row["finished"] and row["time_to_bound"] is not None)
+    times = sorted(row["time_s"] for row in rows if row["finished"])
+    violations: dict[str, int] = {}
+    for row in rows:
+        for check, count in row["violations"].items():
+            violations[check] = violations.get(check, 0) + count
+    return {
+        "runs": len(rows),
+        "finished": sum(row["finished"] for row in rows),
+        "failed": sum(map(fails, rows)),
+        "broken": sum(row["error"] is not None for row in rows),
+        "collisions": sum(row["collisions"] for row in rows),
+        "deadlines": {
+            **{key: sum(row["deadlines"][key] for row in rows) for key in ("met", "missed")},
+            "best_possible": _sum_if_known([row["deadlines"]["best_possible"] for row in rows]),
+        },
+        "time_s": {name: quantile(times, percent) for name, percent in QUANTILES.items()},
+        "time_to_bound": {name: quantile(ratios, percent) for name, percent in QUANTILES.items()},
+        "violations": {check: violations[check] for check in sorted(violations)},
+    }
+
+
+def _sum_if_known(values: Sequence[int | None]) -> int | None:
+    """Return the sum of `values`; None if any of them is not known."""
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
+
+
+def quantile(ascending: Sequence[float], percent: int) -> float | None:
+    """Return the least of the values that `percent` percent of them do not exceed; None when there are none."""
+    if not ascending:
+        return None
+    return ascending[max(0, math.ceil(len(ascending) * percent / 100) - 1)]
+
+
+def lines_of(summary: dict[str, Any], speed: float) -> list[str]:
+    """Return the table that people read; `speed` is seconds simulated in a second of one processor."""
+    deadlines = summary["deadlines"]
+    best = deadlines["best_possible"]
+    at_best = "the best possible is not known" if best is None else f"{best} met at best"
+    violations = summary["violations"]
+    broken = f", {summary['broken']} broke down" if summary["broken"] else ""
+    table = {
+        "runs": f"{summary['runs']}",
+        "finished": f"{summary['finished']}{_percent(summary['finished'], summary['runs'])}{broken}",
+        "contacts": f"{summary['collisions']}",
+        "deadlines": f"{deadlines['met']} met, {deadlines['missed']} missed, {at_best}",
+        "time": _quantiles(summary["time_s"], " s"),
+        "time / bound": _quantiles(summary["time_to_bound"], ""),
+        "simulated at": f"{speed:.1f} x real time on one processor",
+        "violations": ", ".join(f"{check} {count}" for check, count in violations.items()) or "none",
+    }
+    width = max(map(len, table))
+    return [f"{name.ljust(width)}  {text}" for name, text in table.items()]
+
+
+def _percent(part: int, whole: int) -> str:
+    return f" ({100 * part / whole:.1f} %)" if whole else ""
+
+
+def _quantiles(values: dict[str, float | None], unit: str) -> str:
+    told = [f"{name} {value:.2f}{unit}" for name, value in values.items() if value is not None]
+    return ", ".join(told) or "-"
+
+
+def failing_lines(rows: Sequence[Row], command: str) -> list[str]:
+    """Return for each failing seed why it failed, and the command that repeats it: `command` and the seed."""
+    failing = [row for row in rows if fails(row)]
+    lines = []
+    for row in failing[:TOLD_MAX]:
+        lines += [f"seed {row['seed']}: {', '.join(reasons(row))}", f"    {command} --seed {row['seed']}"]
+    if len(failing) > TOLD_MAX:
+        lines.append(f"and {len(failing) - TOLD_MAX} more seeds; sweep.json has all of them")
+    return lines

@@ -1,0 +1,1 @@
+"""Package rmr_world.validate: to be described here."""

@@ -1,0 +1,60 @@
+"""Where robots go first: the program of each robot, run on its initial facts alone at instant 0.
+
+Without senses, radio and actions this shows the areas to which a `moveto` is derived at once. What begins later, or
+depends on what robots sense or are told, it does not show.
+"""
+
+from functools import lru_cache
+
+from rmr.base.arena import Area
+from rmr.base.streams import Choices
+from rmr.base.values import Symbol, Value
+from rmr.bytecode.program import Program
+from rmr.vm.engines import Engine, new_machine
+from rmr.vm.events import ActionDerived
+from rmr.vm.machine import Machine
+from rmr_world.bound import destinations
+from rmr_world.lab import Lab
+from rmr_world.random_facts import Range, StatedFact
+
+ROBOTS_MAX = 200
+"""Robots whose program is tried; of more, the first show what is wrong."""
+MOVES = "moveto"
+
+
+def started(lab: Lab, program: Program, robot: int) -> Machine:
+    """Return the machine of `robot` after its first instant."""
+    machine = new_machine(program, robot, Choices(f"{lab.seed}/robot{robot}/vm"), engine=Engine.INTERPRETER)
+    machine.start(0)
+    for fact in lab.stated_facts:
+        index = program.index(fact.name)
+        if index is not None and fact.owner in (None, robot):
+            machine.insert(0, index, at_most(fact))
+    machine.run(0)
+    return machine
+
+
+def at_most(fact: StatedFact) -> tuple[Value, ...]:
+    """Return the arguments of a fact; of numbers that each run draws the greatest: what is too early even so, is so."""
+    return tuple((arg.high if arg.whole else float(arg.high)) if isinstance(arg, Range) else arg for arg in fact.args)
+
+
+@lru_cache(maxsize=4)
+def bound_for(lab: Lab, program: Program) -> dict[int, Area]:
+    """Return where robots go: the destination that the lab names, else the area to which they move first."""
+    found = destinations(lab)
+    for start in lab.robots[:ROBOTS_MAX]:
+        if start.id not in found:
+            area = _first_area(lab, program, start.id)
+            if area is not None:
+                found[start.id] = area
+    return found
+
+
+def _first_area(lab: Lab, program: Program, robot: int) -> Area | None:
+    moveto = program.index(MOVES)
+    for event in started(lab, program, robot).drain() if moveto is not None else ():
+        if isinstance(event, ActionDerived) and event.predicate == moveto and event.executor == robot and event.args:
+            name = event.args[0]
+            return lab.arena.area(str(name)) if isinstance(name, Symbol) else None
+    return None
