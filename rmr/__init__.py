@@ -25,7 +25,7 @@ _HOMES = {
     "compile": "rmr.eval.api",
     "evaluate": "rmr.eval.api",
     "EventError": "rmr_sim.event",
-    "LabError": "rmr_world.document",
+    "LabError": "rmr_world.finding",
     "Run": "rmr_sim.simulation_api",
     "simulate": "rmr_sim.simulation_api",
 }

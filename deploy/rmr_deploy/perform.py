@@ -19,7 +19,7 @@ from rmr_deploy.plan import INVALID, Plan, RefusedError, Wishes, make_plan
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import make_screen, table
 from rmr_world import run_report
-from rmr_world.run_warnings import troubles
+from rmr_world.run_warnings import run_warnings
 
 FINE, FAILED, NOT_STRICT = 0, 1, 4
 """Exit codes beside those of `plan`."""
@@ -77,7 +77,7 @@ def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
     click.echo(f"{run_report.summary(record)}\n{outcome.reason}; {where}", err=as_json)
-    for line in troubles(record):
+    for line in run_warnings(record):
         click.echo(f"rmr up: {line}", err=True)
     if as_json:
         click.echo(run_report.to_json(record), nl=False)

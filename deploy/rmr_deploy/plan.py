@@ -13,11 +13,12 @@ from pathlib import Path
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
 from rmr.entry.files import unreadable
-from rmr_world.lab import Lab, LabError, lab_path, load_lab
-from rmr_world.lab_program import LoadedProgram, ProgramError, load_handlers, load_lab_program
+from rmr_world.finding import LabError
+from rmr_world.lab import Lab
+from rmr_world.lab_file import lab_path, load_lab
+from rmr_world.lab_program import LoadedProgram, ProgramError, load_handlers, load_lab_program, validated
 from rmr_world.radio_key import radio_key
 from rmr_world.run_folder import RunFolderError, make_run_folder
-from rmr_world.validate.pipeline import judged
 
 USAGE, INVALID = 2, 3
 """Exit codes: wrong usage; an invalid program, byte-code or lab file."""
@@ -136,7 +137,7 @@ def _keep_private(plan: Plan) -> None:
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
     """Return the lab's program, judged by itself and against the lab. Raises RefusedError."""
     try:
-        return judged(lab, load_lab_program(lab, color=color))
+        return validated(lab, load_lab_program(lab, color=color))
     except (LabError, ProgramError) as error:
         raise RefusedError(str(error), INVALID) from error
 

@@ -10,8 +10,8 @@ from typing import Any
 from rmr_deploy.launch import Outcome
 from rmr_deploy.plan import Plan
 from rmr_deploy.watch import Watch
-from rmr_world.faults import befallen
-from rmr_world.incarnations import cut_short, of_all_lives
+from rmr_world.faults import process_run_faults
+from rmr_world.incarnations import merged_report, with_lost_jobs
 from rmr_world.run_report import assemble
 
 
@@ -33,18 +33,18 @@ def make_report(plan: Plan, outcome: Outcome, watch: Watch | None) -> dict[str, 
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
     )
     added = watch.world.report.get("faults", ()) if watch and watch.world else ()
-    report["faults"] = befallen(plan.lab, added, watch.now_s if watch else 0.0)
+    report["faults"] = process_run_faults(plan.lab, added, watch.now_s if watch else 0.0)
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**report, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 
 
 def _part(watch: Watch, robot: int) -> dict[str, Any]:
     """Return a robot's part over all of its lives; of one that died and did not return, what it told last."""
-    past = [cut_short(part) for part in watch.past(robot)]
+    past = [with_lost_jobs(part) for part in watch.past(robot)]
     present = watch.report(robot)
     if not present and past:
         present = past.pop()
-    return of_all_lives(past, present)
+    return merged_report(past, present)
 
 
 def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: Outcome, watch: Watch | None) -> float:

@@ -38,7 +38,7 @@ from rmr.base.streams import stream
 from rmr.node.motion import astar
 from rmr.node.motion.astar import plan
 from rmr.node.motion.route import follower_route, leader_route, shared_part
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 
 NAME = "planning"
 SEEDS = range(1, 101)

@@ -534,7 +534,7 @@ def test_a_run_is_the_same_with_and_without_checkers(tmp_path):
         simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)", loss=0.2)
         if not checked:
             simulation.checkers.clear()
-            simulation.hearers.clear()
+            simulation.subscribers.clear()
         assert simulation.run()
         reports.append((simulation.robot_parts(), simulation.trace()))
     assert reports[0] == reports[1]

@@ -21,7 +21,7 @@ def kept(simulation):
 
 
 def test_tables_of_events_that_are_over_stay_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(newest, "KEPT_MAX", KEPT)
+    monkeypatch.setattr(recent_table, "KEPT_MAX", KEPT)
     simulation = small_lab(tmp_path, "idle(R).\nidle(R), never(R) -o done(R).\n", robots=2)
     before = kept(simulation)
     for number in range(EVENTS):
@@ -42,8 +42,8 @@ def test_tables_of_events_that_are_over_stay_bounded(tmp_path, monkeypatch):
 
 
 def test_the_entries_set_last_are_kept(monkeypatch):
-    monkeypatch.setattr(newest, "KEPT_MAX", 2)
-    table = recent_table.Newest()
+    monkeypatch.setattr(recent_table, "KEPT_MAX", 2)
+    table = recent_table.RecentTable()
     for key in "abac":
         table[key] = None
     assert list(table) == ["a", "c"]

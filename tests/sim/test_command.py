@@ -245,7 +245,7 @@ def test_a_mistake_of_ours_before_the_run_is_told_without_a_traceback(tmp_path, 
     def broken(*_):
         raise AssertionError("never so")
 
-    monkeypatch.setattr("rmr_sim.run_setup.watch", broken)
+    monkeypatch.setattr("rmr_sim.run_setup.attach_checkers", broken)
     assert main([str(tiny(tmp_path, "done(R).\n")), "--run", str(tmp_path / "run")]) == 1
     assert "rmr sim: broke down: AssertionError: never so; where is told in " in capsys.readouterr().err
     assert "never so" in (tmp_path / "run" / "breakdown.txt").read_text()

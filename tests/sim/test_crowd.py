@@ -11,7 +11,7 @@ from rmr.node.crossing.approach import HEADWAY_MARGIN_M, Approach
 from rmr.node.motion.navigator import Navigator
 from rmr_sim.run_setup import prepare
 from rmr_sim.simulation import Simulation
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 
 pytestmark = pytest.mark.medium
 

@@ -4,8 +4,8 @@ import pytest
 from lab_maker import small_lab
 
 from rmr.base.time import NEVER, seconds
-from rmr_sim.checkers.run_view import Scene
-from rmr_sim.fault_record import Befell
+from rmr_sim.checkers.run_view import RunView
+from rmr_sim.fault_record import FaultRecord
 
 IDLE = "idle(R).\nidle(R), never(R) -o done(R).\n"
 
@@ -14,8 +14,8 @@ def held_up(folder, since, until, *befallen):
     """Return until when robot 1 is held up, in seconds; a fault is (when, word, until)."""
     simulation = small_lab(folder, IDLE)
     for at, fault, end in befallen:
-        simulation.befallen.append(Befell(seconds(at), NEVER if end is None else seconds(end), 1, fault))
-    found = Scene(simulation).held_up(1, seconds(since), seconds(until))
+        simulation.fault_records.append(FaultRecord(seconds(at), NEVER if end is None else seconds(end), 1, fault))
+    found = RunView(simulation).held_up(1, seconds(since), seconds(until))
     return found if found == NEVER else found / 1e9
 
 

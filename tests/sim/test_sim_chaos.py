@@ -14,8 +14,9 @@ from lab_maker import small_lab
 from rmr.base.time import seconds
 from rmr.radio.links import Disturbance
 from rmr_sim.chaos import HEAL_MS, with_chaos
-from rmr_world.faults import lines
-from rmr_world.lab import Kill, Outage, Restart, Slow, Stall, load_lab
+from rmr_world.faults import fault_lines
+from rmr_world.lab import Kill, Outage, Restart, Slow, Stall
+from rmr_world.lab_file import load_lab
 
 pytestmark = pytest.mark.medium
 
@@ -105,9 +106,11 @@ def test_every_kind_occurs_and_none_in_every_run():
 @pytest.mark.parametrize("seed", range(8))
 def test_what_is_drawn_can_be_written_into_a_lab_file(tmp_path, seed):
     text = (LABS / "testbed" / "lab.yaml").read_text()
-    (tmp_path / "lab.yaml").write_text(text + "faults:\n" + "".join(f"  {line}\n" for line in lines(chaotic(seed))))
+    (tmp_path / "lab.yaml").write_text(
+        text + "faults:\n" + "".join(f"  {line}\n" for line in fault_lines(chaotic(seed)))
+    )
     written = load_lab(tmp_path)
-    assert lines(written) == lines(chaotic(seed))
+    assert fault_lines(written) == fault_lines(chaotic(seed))
     assert set(written.faults) == set(chaotic(seed).faults)
     # A partition of two robots is a link that is cut: the same to all who hear.
     assert len(written.disturbances) == len(chaotic(seed).disturbances)

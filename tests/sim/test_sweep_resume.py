@@ -10,7 +10,7 @@ from test_sweep import DONE, NEVER, row, swept
 from rmr_sim import seed_run
 from rmr_sim.main import main
 from rmr_sim.simulation import Simulation
-from rmr_sim.sweep import Spoken
+from rmr_sim.sweep import ProgressLines
 from rmr_sim.sweep_rows import ROWS_FILE
 
 
@@ -144,7 +144,7 @@ def test_a_sweep_with_a_contact_ends_with_exit_code_1(tmp_path, monkeypatch):
 
 def test_progress_without_a_terminal_is_told_at_widening_intervals():
     now, lines = 0.0, []
-    spoken = Spoken(1000, lambda: now, lines.append)
+    spoken = ProgressLines(1000, lambda: now, lines.append)
     for n in range(1000):
         now += 4.0
         spoken.tell(n == 1)

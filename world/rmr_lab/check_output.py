@@ -8,18 +8,18 @@ from pathlib import Path
 
 import click
 
-from rmr_lab.lab_check import ERROR, Findings, judge
+from rmr_lab.lab_check import ERROR, CheckResult, check
 from rmr_lab.picture import draw
 from rmr_world.bound import bound_s, destinations
 from rmr_world.lab import Lab
-from rmr_world.validate.first_instant import bound_for
+from rmr_world.validate.first_instant import first_destinations
 
 EXIT_USAGE, EXIT_INVALID = 2, 3
 
 
 def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
     """Check `paths`, tell what is wrong, draw the lab if asked to; return the exit code."""
-    found = [judge(path) for path in paths]
+    found = [check(path) for path in paths]
     if as_json:
         click.echo(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
     else:
@@ -30,7 +30,7 @@ def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
     return code
 
 
-def _show(found: Sequence[Findings]) -> None:
+def _show(found: Sequence[CheckResult]) -> None:
     color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for each in found:
         click.echo(each.text(color), nl=False, err=True, color=color)
@@ -53,19 +53,19 @@ def _in_short(lab: Lab) -> str:
     return f"{_counted(len(lab.robots), 'robot')}, {_counted(len(lab.arena.areas), 'area')}{bound}"
 
 
-def _exit_code(found: Sequence[Findings]) -> int:
+def _exit_code(found: Sequence[CheckResult]) -> int:
     if any(ERROR in each.severities and not each.unreadable for each in found):
         return EXIT_INVALID
     return EXIT_USAGE if any(each.unreadable for each in found) else 0
 
 
-def _draw(found: Findings, svg: Path) -> int:
+def _draw(found: CheckResult, svg: Path) -> int:
     """Write the picture; return the exit code."""
     lab = found.lab
     if lab is None:
         click.echo(f"{svg} is not drawn: the lab file has errors", err=True)
         return EXIT_INVALID
-    goals = destinations(lab) if found.program is None else bound_for(lab, found.program)
+    goals = destinations(lab) if found.program is None else first_destinations(lab, found.program)
     try:
         svg.write_text(draw(lab, goals), encoding="utf-8")
     except OSError as error:

@@ -1,7 +1,7 @@
-"""All that is judged before a run, of programs and labs alike, as one list.
+"""The check of one program or lab as `rmr sim` and `rmr up` do it, with all findings as one list.
 
-A lab is judged as `rmr sim` and `rmr up` do it: the lab file, its program, both together, the radio's key, the files of
-actions and events. As much as possible is told at once: a program is compiled even if its lab file is wrong.
+Checked are the lab file, its program, both together, the radio's key, and the files of actions and events. As many
+errors as possible are reported at once: the program of a wrong lab file is compiled, too.
 """
 
 import re
@@ -21,82 +21,79 @@ from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.user_file import ActionsError, load_actions
 from rmr_sim.user_events import load_events
-from rmr_world.document import END_LINE, LabError, Problem, read
-from rmr_world.lab import PROGRAMS, Lab, lab_path, load_lab
+from rmr_world.document import read
+from rmr_world.finding import Finding, LabError
+from rmr_world.lab import PROGRAM_SUFFIXES, Lab
+from rmr_world.lab_file import lab_path, load_lab
 from rmr_world.lab_program import ProgramError, load_program, program_missing
 from rmr_world.radio_key import radio_key
-from rmr_world.validate.pipeline import errors_of, warnings_of
+from rmr_world.validate.pipeline import run_findings
 
-ERROR, WARNING = "error", "warning"
-_WARNING = "warning: "
+ERROR = "error"
 _HINT = re.compile(r"; (did you mean .*\?|known are .*)$")
 _PLACE = re.compile(r"^(?P<file>.+?):(?P<line>[0-9]+): (?P<message>.*)$", re.DOTALL)
 
 
 @dataclass(slots=True)
-class Findings:
-    """What was found in one program or lab."""
+class CheckResult:
+    """The findings about one program or lab."""
 
     path: Path
-    """As it was named."""
+    """As the user named it."""
     diagnostics: Sequence[Diagnostic] = ()
-    """Of the program."""
+    """Diagnostics of the compiler."""
     sources: Mapping[str, Source] = field(default_factory=dict)
-    problems: list[Problem] = field(default_factory=list)
-    """Of the lab, and of the lab and its program together; of warnings the message begins with `warning: `."""
+    findings: list[Finding] = field(default_factory=list)
+    """CheckResult about the lab and its files, and about the lab and its program together."""
     lab: Lab | None = None
-    """If the lab file is valid."""
+    """The lab, if its file is valid."""
     program: Program | None = None
     unreadable: bool = False
-    """Whether there is no such file."""
+    """Whether the file does not exist or cannot be read."""
 
     @property
     def severities(self) -> list[str]:
         """The severity of each finding."""
-        own = [WARNING if problem.message.startswith(_WARNING) else ERROR for problem in self.problems]
-        return [*(each.severity.value for each in self.diagnostics), *own]
+        return [each.severity.value for each in self.diagnostics] + [each.severity for each in self.findings]
 
     def as_json(self) -> list[dict[str, object]]:
         """Return the findings in the shape of `rmr check --json`."""
-        return [*to_json(self.diagnostics, self.sources), *map(_as_json, self.problems)]
+        return [*to_json(self.diagnostics, self.sources), *map(_as_json, self.findings)]
 
     def text(self, color: bool) -> str:
-        """Return the findings for people."""
-        lines = "".join(f"{_shown(problem)}\n" for problem in self.problems)
+        """Return the findings as text for people."""
+        lines = "".join(f"{_line(finding)}\n" for finding in self.findings)
         return render_text(self.diagnostics, self.sources, color) + lines
 
 
-def judge(path: Path) -> Findings:
-    """Return what is wrong with `path`: a program, a lab file, a lab's folder, or the name of a provided lab."""
+def check(path: Path) -> CheckResult:
+    """Check `path`: a program, a lab file, a lab's folder, or the name of a provided lab."""
+    found = CheckResult(path)
     if path.suffix == ".rmr":
-        found = Findings(path)
         _compile(found, path, ())
         return found
-    found = Findings(path)
-    file = lab_path(path)
     try:
         lab = load_lab(path)
         radio_key(lab)
     except LabError as error:
-        found.problems += error.problems
+        found.findings += error.problems
         found.unreadable = any(problem.line == 0 for problem in error.problems)
-        _compile_of_wrong_lab(found, file)
+        _compile_of_wrong_lab(found, lab_path(path))
         return found
     found.lab = lab
     if not lab.program.exists():
-        found.problems += program_missing(lab)
+        found.findings.append(program_missing(lab))
         return found
     _load(found, lab.program, [fact.name for fact in lab.stated_facts])
     if found.program is None:
         return found
-    errors = errors_of(lab, found.program)
-    found.problems += errors or warnings_of(lab, found.program)
-    found.problems += [*_handlers(lab, found.program), *_events(lab)]
-    found.problems.sort()
+    found.findings += run_findings(lab, found.program)
+    found.findings += [*_handlers(lab, found.program), *_events(lab)]
+    found.findings.sort()
     return found
 
 
-def _load(found: Findings, program: Path, stated: Sequence[str]) -> None:
+def _load(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
     """Compile or read the program; facts of the predicates `stated` come from the lab."""
     if program.suffix == ".rmr":
         _compile(found, program, stated)
@@ -104,17 +101,17 @@ def _load(found: Findings, program: Path, stated: Sequence[str]) -> None:
     try:
         found.program = load_program(program).program
     except ProgramError as error:
-        found.problems.append(_problem_in(str(error), str(program)))
+        found.findings.append(_finding_in(str(error), str(program)))
 
 
-def _compile(found: Findings, program: Path, stated: Sequence[str]) -> None:
+def _compile(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
     compilation = compile_file(program, dict.fromkeys(stated, False))
     found.diagnostics, found.sources = compilation.diagnostics, compilation.sources
     found.program, found.unreadable = compilation.program, compilation.unreadable
 
 
-def _compile_of_wrong_lab(found: Findings, file: Path) -> None:
-    """Compile the program that a wrong lab file names, if it does."""
+def _compile_of_wrong_lab(found: CheckResult, file: Path) -> None:
+    """Compile the program of a wrong lab file if the file names one."""
     try:
         value = read(file).value
     except LabError:
@@ -122,19 +119,19 @@ def _compile_of_wrong_lab(found: Findings, file: Path) -> None:
     if not isinstance(value, dict):
         return
     name, facts = value.get("program"), value.get("facts")
-    if isinstance(name, str) and Path(name).suffix in PROGRAMS and (file.parent / name).is_file():
+    if isinstance(name, str) and Path(name).suffix in PROGRAM_SUFFIXES and (file.parent / name).is_file():
         stated = [str(fact).split("(")[0].strip(" !") for fact in facts] if isinstance(facts, list) else []
         _load(found, file.parent / name, stated)
 
 
-def _handlers(lab: Lab, program: Program) -> Iterable[Problem]:
-    """Yield what is wrong with the file of actions, and each action that nothing carries out."""
+def _handlers(lab: Lab, program: Program) -> Iterable[Finding]:
+    """Yield the errors of the file of actions, and an error for each action without a handler."""
     handlers: dict[str, Handler] = {}
     try:
         with redirect_stdout(sys.stderr):
             handlers = load_actions(lab.actions)
     except ActionsError as error:
-        yield _problem_in(str(error), str(lab.actions))
+        yield _finding_in(str(error), str(lab.actions))
         return
     places = program.debug.predicates if program.debug is not None else ()
     for index, predicate in enumerate(program.predicates):
@@ -144,49 +141,45 @@ def _handlers(lab: Lab, program: Program) -> Iterable[Problem]:
         message = f'no handler for action {predicate.name}: write one in {where}, @action("{predicate.name}")'
         if index < len(places):
             place = places[index]
-            yield Problem(place.file, place.line, place.column, "", message)
+            yield Finding(place.file, place.line, place.column, "", message)
         else:
-            yield Problem(str(lab.program), 0, 0, "", message)
+            yield Finding(str(lab.program), 0, 0, "", message)
 
 
-def _events(lab: Lab) -> Iterable[Problem]:
+def _events(lab: Lab) -> Iterable[Finding]:
     try:
         with redirect_stdout(sys.stderr):
             load_events(lab.events, lab, lab.seed)
     except ProgramError as error:
-        yield _problem_in(str(error), str(lab.events))
+        yield _finding_in(str(error), str(lab.events))
 
 
-def _problem_in(text: str, file: str) -> Problem:
-    """Return what is wrong with a user's file, as a problem at its line if `text` begins with one."""
+def _finding_in(text: str, file: str) -> Finding:
+    """Return the error `text` of a user's file as a finding, at its line if the text begins with one."""
     placed = _PLACE.match(text)
     if placed is not None:
-        return Problem(placed["file"], int(placed["line"]), 1, "", placed["message"])
-    return Problem(file, 0, 0, "", text.removeprefix(f"{file}: "))
+        return Finding(placed["file"], int(placed["line"]), 1, "", placed["message"])
+    return Finding(file, 0, 0, "", text.removeprefix(f"{file}: "))
 
 
-def _shown(problem: Problem) -> str:
-    """Return the problem as a line that says its severity, like those of programs."""
-    message = problem.message.removeprefix(_WARNING)
-    severity = WARNING if problem.message.startswith(_WARNING) else ERROR
-    where = f"{problem.file}:{problem.line}:{problem.column}" if 0 < problem.line < END_LINE else problem.file
-    return f"{where}: {severity}: {f'{problem.path}: ' if problem.path else ''}{message}"
+def _line(finding: Finding) -> str:
+    """Return a finding as one line with its severity, like those of the compiler."""
+    path = f"{finding.path}: " if finding.path else ""
+    return f"{finding.where}: {finding.severity}: {path}{finding.message}"
 
 
-def _as_json(problem: Problem) -> dict[str, Any]:
-    placed = 0 < problem.line < END_LINE
-    line, column = (problem.line, problem.column) if placed else (1, 1)
-    severity = WARNING if problem.message.startswith(_WARNING) else ERROR
-    message = problem.message.removeprefix(_WARNING)
-    hint = _HINT.search(message)
+def _as_json(finding: Finding) -> dict[str, Any]:
+    line, column = (finding.line, finding.column) if finding.has_place else (1, 1)
+    hint = _HINT.search(finding.message)
+    message = _HINT.sub("", finding.message)
     return {
-        "file": problem.file,
+        "file": finding.file,
         "line": line,
         "column": column,
         "end_line": line,
         "end_column": column,
-        "severity": severity,
+        "severity": finding.severity,
         "code": None,
-        "message": f"{problem.path}: {_HINT.sub('', message)}" if problem.path else _HINT.sub("", message),
+        "message": f"{finding.path}: {message}" if finding.path else message,
         "hint": None if hint is None else hint[1],
     }

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from rmr.base.time import Instant
 
 
-class Befell(NamedTuple):
+class FaultRecord(NamedTuple):
     """A fault of one robot."""
 
     at: Instant

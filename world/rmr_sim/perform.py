@@ -24,20 +24,20 @@ from rmr.node.trace import Level
 from rmr_sim.arguments import command_of, cores
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
-from rmr_sim.run_setup import Loaded, Options, load, report_of
+from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 from rmr_sim.seed_run import Row, fails, row_of
 from rmr_sim.simulation import Simulation
 from rmr_sim.sweep import BREAKDOWN_FILE, SWEEP_FILE, Sweep, write_trace
 from rmr_sim.sweep_rows import ResumeError, Rows, head, seeds_of, taken_up
 from rmr_sim.sweep_summary import failing_lines, lines_of, summary_of
 from rmr_sim.violation import CONTACT
-from rmr_world.document import LabError
-from rmr_world.faults import lines
-from rmr_world.lab import lab_path
+from rmr_world.faults import fault_lines
+from rmr_world.finding import LabError
+from rmr_world.lab_file import lab_path
 from rmr_world.lab_program import ProgramError
 from rmr_world.run_folder import RunFolderError, make_run_folder
 from rmr_world.run_report import REPORT_FILE, table_text, to_json, write
-from rmr_world.run_warnings import troubles
+from rmr_world.run_warnings import run_warnings
 
 FAILURES_MAX = 5
 """Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""
@@ -102,11 +102,11 @@ def options_of(arguments: argparse.Namespace) -> Options:
     )
 
 
-def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextIO) -> int:
+def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO) -> int:
     """One run."""
     simulation = loaded.simulation(arguments.seed, Level.NOTES if arguments.trace is None else Level.FACTS)
     if arguments.chaos:
-        print("\n".join(["faults drawn from the seed:", *lines(simulation.lab)]), file=sys.stderr)
+        print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
         return EXIT_USAGE
     began = time.perf_counter()
@@ -121,7 +121,7 @@ def _run(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextI
     report = report_of(simulation, finished)
     unwritten += _attempt(partial(write, report, folder))
     going_on = [] if finished else under_way(simulation)
-    for line in [*failures(trace), *violation_lines(report), *troubles(report), *going_on]:
+    for line in [*failures(trace), *violation_lines(report), *run_warnings(report), *going_on]:
         print(line, file=sys.stderr)
     print(to_json(report).rstrip() if arguments.json else table_text(report), file=out)
     speed = simulation.time_s / wall_s if wall_s > 0 else 0.0
@@ -165,7 +165,7 @@ def _broke_down(error: Exception, folder: Path | None) -> int:
     return EXIT_FAILED
 
 
-def _resume(arguments: argparse.Namespace, loaded: Loaded, out: TextIO) -> int:
+def _resume(arguments: argparse.Namespace, loaded: LoadedLab, out: TextIO) -> int:
     """Go on with a sweep that ended early. Raises ResumeError."""
     folder = arguments.resume
     arguments.seeds = arguments.seeds or seeds_of(folder)
@@ -174,7 +174,9 @@ def _resume(arguments: argparse.Namespace, loaded: Loaded, out: TextIO) -> int:
     return _sweep(arguments, loaded, folder, out, rows)
 
 
-def _sweep(arguments: argparse.Namespace, loaded: Loaded, folder: Path, out: TextIO, rows: Sequence[Row] = ()) -> int:
+def _sweep(
+    arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: TextIO, rows: Sequence[Row] = ()
+) -> int:
     """Many runs, of which those with `rows` are over."""
     loaded.simulation(arguments.seeds[0])  # what is wrong with the user's files shows here, once
     began = time.perf_counter()

@@ -15,16 +15,16 @@ from rmr.base.time import Duration
 from rmr.coord.timing import Order, ScheduleTiming, Timing
 from rmr.node.trace import Level
 from rmr_sim.chaos import with_chaos
-from rmr_sim.checkers.attachment import watch
+from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
 from rmr_sim.simulation import Simulation
 from rmr_sim.user_events import load_events
-from rmr_world.faults import told
-from rmr_world.lab import Lab, load_lab
-from rmr_world.lab_program import LoadedProgram, load_handlers, load_lab_program
+from rmr_world.faults import fault_entries
+from rmr_world.lab import Lab
+from rmr_world.lab_file import load_lab
+from rmr_world.lab_program import LoadedProgram, load_handlers, load_lab_program, validated
 from rmr_world.radio_key import radio_key
 from rmr_world.run_report import assemble
-from rmr_world.validate.pipeline import judged
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class Options:
 
 
 @dataclass(frozen=True, slots=True)
-class Loaded:
+class LoadedLab:
     """What all runs of one lab have in common."""
 
     lab: Lab
@@ -71,13 +71,13 @@ class Loaded:
         timing = Timing(self.options.order, schedule=ScheduleTiming(wait=self.options.wait))
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
         simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh)
-        watch(simulation)
+        attach_checkers(simulation)
         for event in load_events(lab.events, lab, seed):
             simulation.schedule(event)
         return simulation
 
 
-def load(path: Path, options: Options) -> Loaded:
+def load(path: Path, options: Options) -> LoadedLab:
     """Return what all runs of the lab in `path` have in common.
 
     Raises LabError or ProgramError with what is wrong.
@@ -90,9 +90,9 @@ def load(path: Path, options: Options) -> Loaded:
     if options.duration is not None:
         lab = replace(lab, duration=options.duration)
     lab = replace(lab, actions=options.actions or lab.actions, events=options.event_file or lab.events)
-    program = judged(lab, load_lab_program(lab))
+    program = validated(lab, load_lab_program(lab))
     warnings = [program.warnings] if program.warnings else []
-    return Loaded(lab, program, options, tuple(warnings), radio_key(lab))
+    return LoadedLab(lab, program, options, tuple(warnings), radio_key(lab))
 
 
 def prepare(
@@ -131,7 +131,7 @@ def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
         truth={"collisions": world.collisions, "min_gap_m": world.min_gap_m},
         bus_lost=0,
     )
-    report["faults"] = told(simulation.lab)
+    report["faults"] = fault_entries(simulation.lab)
     report["violations"] = [violation.as_dict() for violation in sorted(simulation.violations)]
     report["violations_omitted"] = simulation.violations_omitted
     return report

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from rmr.base.mistake import words
 from rmr_sim.event import EventError
 from rmr_sim.interruption import Interruption
-from rmr_sim.run_setup import Loaded, report_of
+from rmr_sim.run_setup import LoadedLab, report_of
 from rmr_sim.simulation import Simulation
 from rmr_sim.violation import CONTACT
 from rmr_world.lab_program import ProgramError
@@ -38,7 +38,7 @@ class Result(NamedTuple):
     """Where this project's own code broke down, for whoever mends it."""
 
 
-def run_seed(loaded: Loaded, seed: int, interruption: Interruption | None = None) -> Result:
+def run_seed(loaded: LoadedLab, seed: int, interruption: Interruption | None = None) -> Result:
     """Run `seed` and return what became of it; `interruption` may stop it before its end."""
     simulation: Simulation | None = None
     began = time.process_time()

@@ -26,7 +26,7 @@ from rmr.base.values import Value
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
-from rmr_world.incarnations import cut_short, of_all_lives
+from rmr_world.incarnations import merged_report, with_lost_jobs
 
 if TYPE_CHECKING:
     from rmr_sim.simulation import Simulation
@@ -189,7 +189,7 @@ class SimulatedRobot:
         self.x, self.y, _ = self._simulation.world.pose(self.robot)
         self.station.move(self.x, self.y)
         self.station.switch_on(rng, self._simulation.security(self.robot, epoch))
-        self._past.append(cut_short(robot_report(self.node, {})))
+        self._past.append(with_lost_jobs(robot_report(self.node, {})))
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
         self.alive = self.still = True
@@ -236,7 +236,7 @@ class SimulatedRobot:
         """Return its part of the report: what its nodes counted and did, and what the present one holds."""
         part = robot_report(self.node, self.station.counters.as_dict(), self.restarts)
         if not self.alive:
-            part = cut_short(part)
-        part = of_all_lives(self._past, part)
+            part = with_lost_jobs(part)
+        part = merged_report(self._past, part)
         part["distance_m"] = round(self._simulation.world.distance_m(self.robot), 3)
         return part

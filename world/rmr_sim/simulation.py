@@ -26,7 +26,7 @@ from rmr.radio.security import LEVELS, Security, run_key
 from rmr_sim.bodies import needs_bodies
 from rmr_sim.event import Event, EventError, checked, instant, observed
 from rmr_sim.fault_events import FaultEvent
-from rmr_sim.fault_record import Befell
+from rmr_sim.fault_record import FaultRecord
 from rmr_sim.simulated_robot import MakeNode, SimulatedRobot
 from rmr_sim.violation import Violation
 from rmr_world.disturbances import LINGER
@@ -76,12 +76,12 @@ class Simulation:
         self.observers: list[Callable[[Instant], None]] = []
         """The same for a user's own, called behind them. When one fails, `run` raises EventError."""
         self.violations: list[Violation] = []
-        """Rules that did not hold, as those who watch the run have found (`rmr_sim.checkers`)."""
+        """Rules that did not hold, found by the checkers (`rmr_sim.checkers`)."""
         self.violations_omitted = 0
         """How many more did not hold."""
-        self.hearers: dict[type, list[Callable[[int, Instant, Any], None]]] = {}
+        self.subscribers: dict[type, list[Callable[[int, Instant, Any], None]]] = {}
         """By the type of an event, who is told of such: the robot, the instant, the event."""
-        self.befallen: list[Befell | Disturbance] = []
+        self.fault_records: list[FaultRecord | Disturbance] = []
         """What has gone wrong, and what the radio is told will, in the order in which it became known."""
         self.finished = False
         """Whether all robots have held the finish fact at a tick."""
@@ -175,8 +175,8 @@ class Simulation:
             index += 1
 
     def tell(self, robot: int, now: Instant, event: object) -> None:
-        """Tell those who watch the run what has happened to, or inside, `robot`."""
-        for hear in self.hearers.get(type(event), ()):
+        """Pass `event`, which happened to or inside `robot`, to the subscribers of its type."""
+        for hear in self.subscribers.get(type(event), ()):
             hear(robot, now, event)
 
     def schedule(self, event: Event) -> None:
@@ -247,7 +247,7 @@ class Simulation:
         """Let `disturbance` befall the radio. Raises ValueError if it cannot be one, or there are too many."""
         self.ether.links.replace((*self._disturbances, disturbance))
         self._disturbances = (*self._disturbances, disturbance)
-        self.befallen.append(disturbance)
+        self.fault_records.append(disturbance)
         if disturbance.until < NEVER:
             self.kernel.at(disturbance.until + LINGER, EVENT, self._forget)
 
@@ -257,7 +257,7 @@ class Simulation:
         self.ether.links.replace(self._disturbances)
 
     def _note(self, robot: int, fault: str, until: Instant = NEVER) -> None:
-        self.befallen.append(Befell(self.now, until, robot, fault))
+        self.fault_records.append(FaultRecord(self.now, until, robot, fault))
         self._trace.append({"t": round(in_seconds(self.now), 6), "robot": robot, "what": "fault", "fault": fault})
 
     def sort_out(self) -> None:

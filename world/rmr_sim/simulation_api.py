@@ -32,7 +32,7 @@ RATE_HZ = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class SimulatedRun:
     """A lab has been simulated."""
 
     report: dict[str, Any] = field(repr=False)
@@ -66,6 +66,10 @@ class Run:
         return float(self.report["time_s"])
 
 
+Run = SimulatedRun
+"""The name of the class in the public API: `rmr.Run`."""
+
+
 def simulate(
     lab: str | PathLike[str],
     seed: int | None = None,
@@ -78,7 +82,7 @@ def simulate(
     events: str | PathLike[str] | Iterable[Event] | None = None,
     duration: float | None = None,
     rate: float = RATE_HZ,
-) -> Run:
+) -> SimulatedRun:
     """Simulate a lab in virtual time; the same seed gives the same run.
 
     `lab` is a folder with a ``lab.yaml``, such a file, or the name of a provided lab. The other arguments are the
@@ -118,7 +122,7 @@ def simulate(
     simulation.checkers.append(sampler.sample)
     finished = simulation.run()
     warnings = [line for text in loaded.warnings for line in text.splitlines()]
-    return Run(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
+    return SimulatedRun(report_of(simulation, finished), sampler.trajectories(), simulation.trace(), warnings)
 
 
 class Sampler:

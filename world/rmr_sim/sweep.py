@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr_sim.interruption import Interruption
-from rmr_sim.run_setup import Loaded
+from rmr_sim.run_setup import LoadedLab
 from rmr_sim.seed_run import Result, Row, fails, run_seed
 from rmr_sim.sweep_rows import Rows
 from rmr_sim.sweep_summary import summary_of
@@ -35,7 +35,7 @@ KEPT_MAX = 100
 class Sweep:
     """What has come of a sweep so far."""
 
-    def __init__(self, loaded: Loaded, seeds: range, folder: Path, file: Rows, rows: Sequence[Row] = ()) -> None:
+    def __init__(self, loaded: LoadedLab, seeds: range, folder: Path, file: Rows, rows: Sequence[Row] = ()) -> None:
         """`rows` are there already, of a sweep that is resumed; further ones go to `file`, too."""
         self._loaded = loaded
         self._seeds = seeds
@@ -112,7 +112,7 @@ class Sweep:
         }
 
 
-class Spoken:
+class ProgressLines:
     """Progress in lines of text, each after twice the time of the one before it."""
 
     def __init__(self, total: int, clock: Callable[[], float], say: Callable[[str], None]) -> None:
@@ -171,7 +171,7 @@ def _progress(total: int) -> Iterator[Callable[[bool], None]]:
     On a terminal a bar, elsewhere a line at widening intervals: a log file stays short, and nobody waits in the dark.
     """
     if not sys.stderr.isatty():
-        yield Spoken(total, time.monotonic, lambda line: print(line, file=sys.stderr, flush=True)).tell
+        yield ProgressLines(total, time.monotonic, lambda line: print(line, file=sys.stderr, flush=True)).tell
         return
     from rich.console import Console  # noqa: PLC0415 - only a terminal needs it
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415

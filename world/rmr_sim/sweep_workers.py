@@ -18,7 +18,7 @@ from rmr.entry.workers import end_with_parent, interrupted_later
 from rmr_sim.interruption import Interruption
 from rmr_sim.run_setup import Options, load
 from rmr_sim.seed_run import Result, lost, run_seed
-from rmr_world.document import LabError
+from rmr_world.finding import LabError
 from rmr_world.lab_program import ProgramError
 
 LOOK_S = 0.2

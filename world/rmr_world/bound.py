@@ -49,7 +49,7 @@ class Stream:
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class EntranceGroup:
     """The robots that enter the bottleneck by one mouth."""
 
     count: int
@@ -69,7 +69,7 @@ class FreeTimes:
     """Between two that enter by different mouths: from one mouth to the other, and the spacing."""
 
     @property
-    def families(self) -> dict[int, Family]:
+    def entrances(self) -> dict[int, EntranceGroup]:
         """By mouth, those by which robots enter the bottleneck."""
         found = {}
         for mouth in (0, 1):
@@ -77,7 +77,7 @@ class FreeTimes:
             if streams:
                 approach = min(min(stream.approaches) for stream in streams)
                 departure = min(min(stream.departures, default=0.0) for stream in streams)
-                found[mouth] = Family(sum(len(stream.robots) for stream in streams), approach, departure)
+                found[mouth] = EntranceGroup(sum(len(stream.robots) for stream in streams), approach, departure)
         return found
 
 
@@ -164,16 +164,16 @@ def bound_s(lab: Lab) -> float:
 
 def _passing(times: FreeTimes) -> float:
     """Return how long it takes at least until all are through the bottleneck and at their destinations."""
-    families = times.families
-    total = sum(family.count for family in families.values())
+    entrances = times.entrances
+    total = sum(group.count for group in entrances.values())
     lengths = []
-    for first in families:
-        for last in families:
-            changes = 1 if first != last else 2 if len(families) == 2 else 0
-            if changes == 2 and families[first].count == 1:
+    for first in entrances:
+        for last in entrances:
+            changes = 1 if first != last else 2 if len(entrances) == 2 else 0
+            if changes == 2 and entrances[first].count == 1:
                 continue  # it cannot be both the first and the last
             gaps = (total - 1 - changes) * times.spacing + changes * times.turnaround
-            lengths.append(families[first].approach + gaps + families[last].departure)
+            lengths.append(entrances[first].approach + gaps + entrances[last].departure)
     return min(lengths, default=0.0)
 
 

@@ -43,7 +43,7 @@ class Contact(NamedTuple):
     y: float
 
 
-class Engine:
+class ContactEngine:
     """Hulls, obstacles and walls."""
 
     def __init__(self, arena: Arena, begin: Touch, end: Touch) -> None:

@@ -3,8 +3,8 @@
 An upper bound, not a schedule. A robot's job that ends with the lab's finish fact takes at least its free-flow
 trip; where the lab has a bottleneck, robots also enter it at least one body's length apart and, where they come
 from both sides, a whole passage apart when the direction changes. That is a single machine with equal processing
-times and setup times between two families; release times are relaxed to each family's earliest one. Within a
-family the order of deadlines is then optimal (of two that are both on time the earlier due may go first), so it is
+times and setup times between two entrances; release times are relaxed to each group's earliest one. Within a
+group the order of deadlines is then optimal (of two that are both on time the earlier due may go first), so it is
 enough to look at all ways of merging the two, dropping what comes too late. Beside such jobs all others are taken as
 possible; of those alone no bound is known.
 """
@@ -20,12 +20,12 @@ from rmr_world.lab import Lab
 DIED = "died"
 """Cause of a job that is undecided for good: its robot's process died, and with it the job."""
 PAIRS_MAX = 2500
-"""Merging takes the product of two families' sizes, and their sum; beyond this each is looked at by itself."""
+"""Merging takes the product of two entrances' sizes, and their sum; beyond this each is looked at by itself."""
 
 _Job = tuple[float, float]
 """When it can enter at the earliest, and at the latest."""
 _Reached = dict[tuple[int, int], float]
-"""By the family that entered last and by how many have entered: the instant of the last entry."""
+"""By the group that entered last and by how many have entered: the instant of the last entry."""
 
 
 def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int | None:
@@ -84,23 +84,23 @@ def _is_trip(lab: Lab, job: Mapping[str, Any]) -> bool:
 
 def _through_bottleneck(times: FreeTimes, in_time: Sequence[list[float]]) -> int:
     """Return how many of the jobs can be through in time one behind the other."""
-    families = times.families
-    due: dict[int, list[float]] = {mouth: [] for mouth in families}
+    entrances = times.entrances
+    due: dict[int, list[float]] = {mouth: [] for mouth in entrances}
     for stream, deadlines in zip(times.streams, in_time, strict=True):
         if stream.mouth in due:
             due[stream.mouth] += deadlines
     jobs: list[list[_Job]] = [[], []]
-    for mouth, family in families.items():
-        jobs[mouth] = [(family.approach, deadline - family.departure) for deadline in sorted(due[mouth])]
+    for mouth, group in entrances.items():
+        jobs[mouth] = [(group.approach, deadline - group.departure) for deadline in sorted(due[mouth])]
     if len(jobs[0]) * len(jobs[1]) > PAIRS_MAX:
         return _merged(times, jobs[0], []) + _merged(times, [], jobs[1])
     return _merged(times, *jobs)
 
 
 def _merged(times: FreeTimes, one: Sequence[_Job], other: Sequence[_Job]) -> int:
-    """Return how many jobs of two families can enter in time, each family in order of deadline.
+    """Return how many jobs of two entrances can enter in time, each group in order of deadline.
 
-    `reached[i, j]` tells, where the first i and j of them have been looked at, for each family that entered last and
+    `reached[i, j]` tells, where the first i and j of them have been looked at, for each group that entered last and
     each number that have, the earliest instant of that last entry.
     """
     reached: dict[tuple[int, int], _Reached] = {(0, 0): {(0, 0): -math.inf}}
@@ -115,12 +115,12 @@ def _merged(times: FreeTimes, one: Sequence[_Job], other: Sequence[_Job]) -> int
     return max(count for _, count in here)
 
 
-def _look(before: _Reached, after: _Reached, family: int, job: _Job, times: FreeTimes) -> None:
-    """Let `job` of `family` enter next where it is in time, or drop it."""
+def _look(before: _Reached, after: _Reached, group: int, job: _Job, times: FreeTimes) -> None:
+    """Let `job` of `group` enter next where it is in time, or drop it."""
     earliest, latest = job
     for (last, count), at in before.items():
-        dropped, taken = (last, count), (family, count + 1)
+        dropped, taken = (last, count), (group, count + 1)
         after[dropped] = min(at, after.get(dropped, math.inf))
-        entry = max(earliest, at + (times.spacing if family == last else times.turnaround))
+        entry = max(earliest, at + (times.spacing if group == last else times.turnaround))
         if entry <= latest:
             after[taken] = min(entry, after.get(taken, math.inf))

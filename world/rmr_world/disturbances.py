@@ -20,7 +20,7 @@ HISTORY_MAX = 1000
 """Disturbances that are over and stay known, for the report."""
 
 
-class Disturbed:
+class DisturbanceList:
     """The disturbances of one lab. Changes are handed `now`, lab time."""
 
     def __init__(self, lab: str, roster: Sequence[int], given: Sequence[Disturbance]) -> None:
@@ -70,6 +70,6 @@ class Disturbed:
             self.added = tuple(one for one in self.added if one not in over)
 
     @property
-    def befallen(self) -> tuple[Disturbance, ...]:
+    def history(self) -> tuple[Disturbance, ...]:
         """All that people have added and that has begun, or will, also what is over."""
         return (*self._over, *self.added)

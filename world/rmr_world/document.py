@@ -1,11 +1,10 @@
-"""YAML text as plain values that remember where they stood.
+"""YAML text as plain values, with the line and column of each value and key.
 
-A lab file is written by hand, so every complaint must name its line. PyYAML's constructor forgets positions,
-so this module walks the parser's events itself and returns a tree of `Node`: a scalar, a list of nodes or an
-ordered mapping, each with its line and column. What it accepts is YAML 1.2's core schema without surprises:
-`no` and `1:30` are strings, a repeated key is an error, aliases and tags (with which a small file becomes a
-huge or an active one) are refused, and size and depth are bounded. All mistakes that the parser survives are
-collected; it stops at the first syntax error, as YAML gives no way to go on.
+A lab file is written by hand, so every error message must name its line. PyYAML's constructor discards positions, so
+this module reads the parser's events itself. It accepts the core schema of YAML 1.2, restricted: `no` and `1:30` are
+strings, a repeated key is an error, aliases and tags are refused (they turn a small file into a huge or an active
+one), and size and depth are bounded. All errors after which the parser can continue are collected. Reading stops at
+the first syntax error, as YAML defines no recovery.
 """
 
 import re
@@ -15,73 +14,37 @@ from pathlib import Path
 
 import yaml
 
-from rmr.base.errors import Error
-from rmr_world.validate.schema_hints import yaml_advice
+from rmr_world.finding import FilePath, Finding, LabError
 
 FILE_OCTETS_MAX = 256 * 1024
-"""Far above any lab written by hand; PyYAML reads about 100 kB a second, so this bounds the time too."""
+"""Size limit of a lab file, far above any written by hand. PyYAML reads about 100 kB/s, so it bounds the time too."""
 DEPTH_MAX = 16
-"""A lab file is five levels deep; deeper nesting would only exhaust the stack."""
-
-END_LINE = 1 << 30
-"""The line of a problem that belongs after all others and nowhere in the file."""
+"""Limit of nesting; a lab file has five levels. Deeper nesting would exhaust the stack of the recursive reader."""
 
 Scalar = str | int | float | bool | None
 Plain = Scalar | list["Plain"] | dict[str, "Plain"]
-Path_ = tuple[str | int, ...]
-"""Where a value stands in the document: keys and indices (from 0) from the root."""
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Problem:
-    """One mistake in a lab file, sorted by where it stands."""
-
-    file: str
-    line: int
-    """From 1; 0 when the file could not be read at all, END_LINE after its end."""
-    column: int
-    """From 1."""
-    path: str
-    """Keys and indices (from 0) joined by points, for example ``robots.1.colour``; may be empty."""
-    message: str
-
-    def __str__(self) -> str:
-        where = f"{self.file}:{self.line}:{self.column}" if 0 < self.line < END_LINE else self.file
-        return f"{where}: {self.path}: {self.message}" if self.path else f"{where}: {self.message}"
-
-
-class LabError(Error):
-    """A lab file cannot be used; `problems` holds everything that is wrong with it."""
-
-    def __init__(self, problems: list[Problem]) -> None:
-        self.problems = sorted(problems)
-        super().__init__(self.render())
-
-    def render(self) -> str:
-        """Return one line per problem, in the order of the file."""
-        return "\n".join(map(str, self.problems))
 
 
 @dataclass(slots=True)
 class Document:
-    """A parsed file: its value, and where each part of it stands."""
+    """A parsed file: its value and the positions of its parts."""
 
     file: str
     value: Plain = None
-    places: dict[Path_, tuple[int, int]] = field(default_factory=dict)
+    places: dict[FilePath, tuple[int, int]] = field(default_factory=dict)
     """Line and column, from 1, of each value."""
-    keys: dict[Path_, tuple[int, int]] = field(default_factory=dict)
-    """Line and column of the key that a value stands under."""
-    problems: list[Problem] = field(default_factory=list)
+    keys: dict[FilePath, tuple[int, int]] = field(default_factory=dict)
+    """Line and column, from 1, of the key of each value."""
+    errors: list[Finding] = field(default_factory=list)
 
-    def problem(self, path: Path_, message: str, *, key: bool = False) -> Problem:
-        """Return a `Problem` at `path`, or at the nearest enclosing part that stands in the file."""
+    def finding(self, path: FilePath, message: str, *, key: bool = False) -> Finding:
+        """Return a finding at `path`, or at the nearest enclosing part that the file has; `key`: at the key."""
         table = self.keys if key else self.places
         known = path
         while known not in table and known:
             known, table = known[:-1], self.places
         line, column = table.get(known, (1, 1))
-        return Problem(self.file, line, column, ".".join(map(str, path)), message)
+        return Finding(self.file, line, column, ".".join(map(str, path)), message)
 
 
 def read(path: Path) -> Document:
@@ -90,15 +53,15 @@ def read(path: Path) -> Document:
         with path.open("rb") as stream:
             data = stream.read(FILE_OCTETS_MAX + 1)
     except OSError as error:
-        raise LabError([Problem(str(path), 0, 0, "", f"cannot be read: {error.strerror or error}")]) from None
+        raise LabError([Finding(str(path), 0, 0, "", f"cannot be read: {error.strerror or error}")]) from None
     if len(data) > FILE_OCTETS_MAX:
-        raise LabError([Problem(str(path), 0, 0, "", f"is larger than {FILE_OCTETS_MAX // 1024} KiB")])
+        raise LabError([Finding(str(path), 0, 0, "", f"is larger than {FILE_OCTETS_MAX // 1024} KiB")])
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         column = error.start - data.rfind(b"\n", 0, error.start)
-        raise LabError([Problem(str(path), line, column, "", "is not UTF-8")]) from None
+        raise LabError([Finding(str(path), line, column, "", "is not UTF-8")]) from None
     return parse(text, str(path))
 
 
@@ -112,13 +75,14 @@ def parse(text: str, file: str) -> Document:
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
         message = " ".join(filter(None, (error.context, error.problem)))
         raise LabError(
-            [*document.problems, Problem(file, line, column, "", f"not YAML: {message}{yaml_advice(message)}")]
+            [*document.errors, Finding(file, line, column, "", f"not YAML: {message}{_yaml_advice(message)}")]
         ) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        problem = Problem(file, line, column, "", f"character U+{ord(text[error.position]):04X} is not allowed in YAML")
-        raise LabError([problem]) from None
+        line = before.count("\n") + 1
+        column = len(before) - before.rfind("\n")
+        message = f"character U+{ord(text[error.position]):04X} is not allowed in YAML"
+        raise LabError([Finding(file, line, column, "", message)]) from None
     return document
 
 
@@ -142,7 +106,7 @@ def _at(event: yaml.Event) -> tuple[int, int]:
 
 
 class _Reader:
-    """Turns the parser's events into plain values, noting places and mistakes in the document."""
+    """Turns the parser's events into plain values; records positions and errors in the document."""
 
     def __init__(self, events: Iterator[yaml.Event], document: Document) -> None:
         self._events = events
@@ -153,27 +117,27 @@ class _Reader:
         next(self._events)  # the stream's start
         first = next(self._events)
         if isinstance(first, yaml.StreamEndEvent):
-            raise LabError([Problem(self._document.file, 1, 1, "", "is empty")])
+            raise LabError([Finding(self._document.file, 1, 1, "", "is empty")])
         self._document.value = self._value(next(self._events), ())
         next(self._events)  # the document's end
         second = next(self._events)
         if isinstance(second, yaml.DocumentStartEvent):
-            self._complain(second, (), "holds a second document")
+            self._report(second, (), "holds a second document")
 
-    def _complain(self, event: yaml.Event, path: Path_, message: str) -> None:
+    def _report(self, event: yaml.Event, path: FilePath, message: str) -> None:
         line, column = _at(event)
-        self._document.problems.append(Problem(self._document.file, line, column, ".".join(map(str, path)), message))
+        self._document.errors.append(Finding(self._document.file, line, column, ".".join(map(str, path)), message))
 
-    def _value(self, event: yaml.Event, path: Path_) -> Plain:
+    def _value(self, event: yaml.Event, path: FilePath) -> Plain:
         if isinstance(event, yaml.AliasEvent):
-            self._complain(event, path, f"aliases (*{event.anchor}) are not allowed here; write the value out")
+            self._report(event, path, f"aliases (*{event.anchor}) are not allowed here; write the value out")
             return None
         if len(path) > DEPTH_MAX:
             line, column = _at(event)
-            raise LabError([Problem(self._document.file, line, column, "", "is nested too deeply")])
+            raise LabError([Finding(self._document.file, line, column, "", "is nested too deeply")])
         self._document.places[path] = _at(event)
         if isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent) and event.tag not in {None, "!"}:
-            self._complain(event, path, f"tags ({event.tag}) are not allowed here{_tag_advice(event.tag)}")
+            self._report(event, path, f"tags ({event.tag}) are not allowed here{_tag_advice(event.tag)}")
         if isinstance(event, yaml.SequenceStartEvent):
             return self._sequence(path)
         if isinstance(event, yaml.MappingStartEvent):
@@ -181,13 +145,13 @@ class _Reader:
         assert isinstance(event, yaml.ScalarEvent)
         return _scalar(event.value) if event.style is None else str(event.value)
 
-    def _sequence(self, path: Path_) -> list[Plain]:
+    def _sequence(self, path: FilePath) -> list[Plain]:
         items: list[Plain] = []
         while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
             items.append(self._value(event, (*path, len(items))))
         return items
 
-    def _mapping(self, path: Path_) -> dict[str, Plain]:
+    def _mapping(self, path: FilePath) -> dict[str, Plain]:
         items: dict[str, Plain] = {}
         while not isinstance(event := next(self._events), yaml.MappingEndEvent):
             key = self._key(event, path)
@@ -195,7 +159,7 @@ class _Reader:
             repeated = key in items
             if repeated:
                 line = self._document.keys[inner][0]
-                self._complain(event, inner, f"repeated key; it stands in line {line} already")
+                self._report(event, inner, f"repeated key; it stands in line {line} already")
             else:
                 self._document.keys[inner] = _at(event)
             value = self._value(next(self._events), inner if not repeated else (*path, f"{key} (repeated)"))
@@ -203,14 +167,31 @@ class _Reader:
                 items[key] = value
         return items
 
-    def _key(self, event: yaml.Event, path: Path_) -> str:
+    def _key(self, event: yaml.Event, path: FilePath) -> str:
         if isinstance(event, yaml.ScalarEvent):
             return str(event.value)
-        self._complain(event, path, "a key must be a word")
+        self._report(event, path, "a key must be a word")
         self._value(event, (*path, "(key)"))
         return "(key)"
 
 
 def _tag_advice(tag: str) -> str:
-    """Return what whoever wrote text that begins with ! has to do; nothing for other tags."""
+    """Return the hint for a tag that was probably meant as text beginning with `!`; empty for other tags."""
     return "; put text that begins with ! in quotation marks" if re.match(r"!\w", tag) else ""
+
+
+_YAML: tuple[tuple[str, str], ...] = (
+    ("character '@'", "put text that begins with @ in quotation marks; an id is a plain number"),
+    ("character '\\t'", "indent with spaces, not with tabs"),
+    ("could not find expected ':'", "between a key and its value stand a colon and a space"),
+    ("mapping values are not allowed here", "a second colon stands in this line, or the line is indented too far"),
+    ("but found '-'", "a list's items and a mapping's keys do not mix: indent alike, or close the bracket above"),
+    ("found unexpected end of stream", "a quotation mark is never closed"),
+    ("but got", "a bracket above is never closed, or a comma is missing"),
+)
+"""Phrase in a message of the YAML parser, and the usual cause as a hint."""
+
+
+def _yaml_advice(message: str) -> str:
+    """Return the hint for a message of the YAML parser; empty if none is known."""
+    return next((f"; {words}" for said, words in _YAML if said in message), "")

@@ -18,13 +18,13 @@ FIRST: Final = ("first_failure", "first_undelivered")
 """Fields of a robot's part of the report of which all lives have a sum, one list, and the first one there is."""
 
 
-def cut_short(part: Mapping[str, Any]) -> dict[str, Any]:
+def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:
     """Return the `part` of a robot whose process has died, with the jobs marked that this has left undecided."""
     jobs = [job | {"cause": DIED} if job["met"] is None else job for job in part.get("assertions", ())]
     return {**part, "assertions": jobs}
 
 
-def of_all_lives(past: Sequence[Mapping[str, Any]], part: Mapping[str, Any]) -> dict[str, Any]:
+def merged_report(past: Sequence[Mapping[str, Any]], part: Mapping[str, Any]) -> dict[str, Any]:
     """Return `part`, which is of the newest life, with what the lives before it (`past`, oldest first) add to it."""
     if not past:
         return dict(part)

@@ -1,9 +1,6 @@
-"""The lab as one value: arena, robots, radio, what the run is about. Read from a lab file, checked whole.
+"""The lab as one immutable value: arena, robots, radio, facts, faults, and what the run is about.
 
-`load_lab` reports every mistake of a file at once, each with line and column. It goes in three passes:
-`document` reads YAML with positions, `schema` judges it key by key, `checks` judges how the parts fit. A part
-that fails a pass is left out of the next one, so that one slip neither hides other mistakes nor causes
-complaints about itself. A `Lab` is plain and immutable; physics, simulator and hosts take it as it is.
+`rmr_world.lab_file.load_lab` reads it from a lab file. Physics, simulator, launcher and world server take it as it is.
 """
 
 from collections.abc import Mapping
@@ -17,15 +14,15 @@ from rmr.base.time import Duration, Instant
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
-from rmr_world.document import LabError, Path_, Problem, read
 from rmr_world.fact_syntax import FinishPattern, parse_fact, parse_finish
-from rmr_world.provided_labs import LAB_FILE, resolve
+from rmr_world.finding import FilePath, Finding, LabError
+from rmr_world.provided_labs import LAB_FILE
 from rmr_world.random_facts import LabFact, StatedFact, drawn
 
-PROGRAMS = frozenset({".rmr", ".rbc"})
-"""How the file of a program ends."""
+PROGRAM_SUFFIXES = frozenset({".rmr", ".rbc"})
+"""Suffixes of program files: source and byte-code."""
 KEYED = "enc-mic-64"
-"""Of a radio of which only the key is given: no luck forges a frame, and 103 octets of payload are left."""
+"""Security level of a radio for which only a key is given: safe against forgery, with 103 octets of payload left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,25 +35,25 @@ class RobotStart:
 
 @dataclass(frozen=True, slots=True)
 class RadioSettings:
-    """The radio's settings of a lab."""
+    """The settings of a lab's radio."""
 
     tx_power_dbm: float = 0.0
     sensitivity_dbm: float = -85.0
     exponent: float = 3.0
     shadowing_db: float = 0.0
-    """Standard deviation of what each link adds to or takes from the path loss."""
+    """Standard deviation of the path loss among links."""
     loss: float = 0.0
-    """Share of all frames that is lost on top of what physics loses."""
+    """Share of all frames that is lost in addition to the losses of the radio model."""
     bursts: Bursts | None = None
     interference: str = "capture_3db"
     seed: int | None = None
-    """None: the run's seed."""
+    """Seed of losses and shadowing; None: the run's seed."""
     security: str = UNSECURED
     """A name of `rmr.radio.security.LEVELS`."""
 
     @property
     def config(self) -> RadioConfig:
-        """The model of the radio that all robots share."""
+        """The radio model that all robots share."""
         return RadioConfig(
             tx_power_dbm=self.tx_power_dbm,
             sensitivity_dbm=self.sensitivity_dbm,
@@ -77,7 +74,7 @@ class Localisation:
     sigma: float = 0.005
     """Standard deviation of a range, metres."""
     dropout: float = 0.0
-    """Share of the pulses that a robot does not hear."""
+    """Share of the pulses that a robot misses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +87,7 @@ class Kill:
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """A robot that died starts again, and remembers nothing."""
+    """A robot that was killed starts again, without memory."""
 
     at: Instant
     robot: int
@@ -98,7 +95,7 @@ class Restart:
 
 @dataclass(frozen=True, slots=True)
 class Stall:
-    """A robot's process does nothing for a while."""
+    """A robot's process is stopped for a while."""
 
     start: Instant
     end: Instant
@@ -107,7 +104,7 @@ class Stall:
 
 @dataclass(frozen=True, slots=True)
 class Slow:
-    """A robot's mind is called every so often only, instead of in each frame of 1/60 s."""
+    """A robot's node is called once in `every` nanoseconds only, instead of in each tick of 1/60 s."""
 
     start: Instant
     end: Instant
@@ -117,7 +114,7 @@ class Slow:
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """A robot hears no beacon for a while."""
+    """A robot receives no pulse of the localisation service for a while."""
 
     start: Instant
     end: Instant
@@ -125,7 +122,7 @@ class Outage:
 
 
 Fault = Kill | Restart | Stall | Slow | Outage
-"""What befalls a robot."""
+"""A fault of one robot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +132,11 @@ class Lab:
     name: str
     program: Path
     seed: int
-    """Of the run: who wants another one than the file's replaces it here, for facts are drawn by it."""
+    """Seed of the run. For another seed than the file's, replace it here: random facts are drawn from it."""
     duration: Duration
-    """The run ends then at the latest."""
+    """Lab time at which the run ends at the latest."""
     finish: str
-    """Fact pattern that every robot holds in the end; empty: the run lasts its `duration`."""
+    """Fact pattern that ends the run once every robot holds a match; empty: the run lasts its `duration`."""
     arena: Arena
     robots: tuple[RobotStart, ...]
     """In the order of the file."""
@@ -148,18 +145,18 @@ class Lab:
     localisation: Localisation = Localisation()
     faults: tuple[Fault, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
-    """Of the radio: `radio.links` and `radio.partition`, then the `faults` that concern it."""
+    """Disturbances of the radio: `radio.links` and `radio.partition`, then those of `faults`."""
     path: Path = Path(LAB_FILE)
     actions: Path | None = None
     """The file with the handlers of the program's own actions."""
     events: Path | None = None
     """The file with the user's own events, for the simulator."""
     key_file: Path | None = None
-    """Holds the radio's key. Not among the radio's settings, which all of the bus can read."""
+    """The file with the radio's key. It is no part of `radio`, whose settings are public on the bus."""
     fact_items: tuple[int, ...] = field(default=(), compare=False, repr=False)
-    """For each of `facts` its index in the file's list; empty: they are all of them."""
-    places: Mapping[Path_, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
-    """Line and column of the file's parts, for complaints that need the program."""
+    """Index in the file of each of `facts`; empty: `facts` is the whole list of the file."""
+    places: Mapping[FilePath, tuple[int, int]] = field(default_factory=dict, compare=False, repr=False)
+    """Line and column of the file's parts, for findings about the lab together with its program."""
 
     @property
     def pan(self) -> int:
@@ -178,7 +175,7 @@ class Lab:
 
     @property
     def initial_facts(self) -> tuple[LabFact, ...]:
-        """What robots hold in the beginning: `facts` with the numbers that the seed draws."""
+        """The facts that robots hold at the start: `facts` with random numbers drawn from the seed."""
         indices = self.fact_items or range(len(self.facts))
         numbered = zip(indices, self.stated_facts, strict=True)
         return tuple(fact for index, stated in numbered for fact in drawn(stated, index, self.seed, self.roster))
@@ -188,53 +185,41 @@ class Lab:
         """`finish`, parsed; None when there is none."""
         return parse_finish(self.finish) if self.finish else None
 
+    def error(self, path: FilePath, message: str) -> Finding:
+        """Return an error at `path` of the lab file, or at the section that it belongs to."""
+        return Finding(str(self.path), *self._place(path), ".".join(map(str, path)), message)
+
+    def warning(self, path: FilePath, message: str) -> Finding:
+        """Return a warning at `path` of the lab file, or at the section that it belongs to."""
+        return replace(self.error(path, message), is_warning=True)
+
+    def _place(self, path: FilePath) -> tuple[int, int]:
+        return self.places.get(path, self.places.get(path[:1], (1, 1)))
+
     def with_robots(self, count: int) -> "Lab":
-        """Return the lab with its first `count` robots and the facts that concern them.
+        """Return the lab with its first `count` robots, and the facts and faults of these.
 
         Raises LabError when the lab has fewer.
         """
         if not 1 <= count <= len(self.robots):
             message = f"there are {len(self.robots)} robots in this lab, so not {count}"
-            raise LabError([Problem(str(self.path), *self.places.get(("robots",), (1, 1)), "robots", message)])
+            raise LabError([self.error(("robots",), message)])
         robots = self.robots[:count]
         ids = {robot.id for robot in robots}
         kept = [i for i, fact in enumerate(self.stated_facts) if fact.owner is None or fact.owner in ids]
-        facts, items = tuple(self.facts[i] for i in kept), self.fact_items or range(len(self.facts))
+        facts = tuple(self.facts[i] for i in kept)
+        items = self.fact_items or range(len(self.facts))
         fact_items = tuple(items[i] for i in kept)
         faults = tuple(fault for fault in self.faults if fault.robot in ids)
-        disturbances = tuple(left for each in self.disturbances if (left := _among(each, ids)) is not None)
+        disturbances = tuple(rest for each in self.disturbances if (rest := _among(each, ids)) is not None)
         return replace(
             self, robots=robots, facts=facts, fact_items=fact_items, faults=faults, disturbances=disturbances
         )
 
 
 def _among(disturbance: Disturbance, ids: set[int]) -> Disturbance | None:
-    """Return what is left of `disturbance` when only the robots `ids` take part."""
+    """Return `disturbance` restricted to the robots `ids`; None if no link of theirs is left."""
     if not disturbance.groups:
         return disturbance
     groups = tuple(kept for group in disturbance.groups if (kept := tuple(i for i in group if i in ids)))
     return disturbance._replace(groups=groups) if len(groups) > 1 else None
-
-
-def lab_path(path: Path) -> Path:
-    """Return the lab file that `path` means: a lab file, its folder, or the name of a provided lab."""
-    path = resolve(path)
-    return path / LAB_FILE if path.is_dir() else path
-
-
-def load_lab(path: Path) -> Lab:
-    """Return the lab in `path`: a lab file, a folder with a ``lab.yaml``, or the name of a provided lab.
-
-    Raises LabError with everything that is wrong with it.
-    """
-    from rmr_world.validate.lab_fit import build  # noqa: PLC0415  (pydantic loads only where a file is read)
-
-    file = lab_path(path)
-    if file.suffix in PROGRAMS:
-        raise LabError(
-            [Problem(str(file), 1, 1, "", "is a program: name the lab file that it stands in, or its folder")]
-        )
-    return build(read(file), file)
-
-
-__all__ = ["Lab", "LabError", "Problem", "load_lab"]

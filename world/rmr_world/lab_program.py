@@ -1,15 +1,15 @@
-"""A lab's program, from source or byte-code, judged against the lab.
+"""A lab's program, from source or byte-code, loaded and validated against the lab.
 
-Used by whoever starts a lab: the simulator, the launcher, the world server. A robot process never comes here; it
-carries byte-code only.
+Used by the programs that start a lab: the simulator, the launcher, the world server. A robot process does not import
+this module; it carries byte-code only.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rmr.base.errors import CompileError
-from rmr.base.errors import ProgramError as ProgramError  # noqa: PLC0414 - others take it from here
+from rmr.base.errors import ProgramError as ProgramError  # noqa: PLC0414 - re-exported
 from rmr.bytecode import codec
 from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import SIZE_MAX
@@ -19,9 +19,10 @@ from rmr.lang.render import render_text, to_json
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions
-from rmr_world.document import LabError, Problem
+from rmr_world.finding import Finding, LabError
 from rmr_world.lab import Lab
 from rmr_world.schema import near_miss
+from rmr_world.validate.pipeline import run_findings
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +35,13 @@ class LoadedProgram:
     digest: int
     """Identifies the program in messages between robots."""
     warnings: str
-    """The compiler's warnings, rendered; empty when there are none."""
+    """Warnings of the compiler, then of validation, rendered; empty when there are none."""
 
 
 def load_program(path: Path, *, color: bool = False, stated: Iterable[str] = ()) -> LoadedProgram:
     """Return the program in `path`, a ``.rmr`` or ``.rbc`` file. Raises ProgramError with all that is wrong.
 
-    Facts of the predicates `stated` come from the lab: the compiler does not miss them.
+    `stated` are predicates with facts in the lab: the compiler does not warn that nothing makes them.
     """
     if path.suffix == ".rbc":
         return _load_bytecode(path)
@@ -55,16 +56,23 @@ def load_program(path: Path, *, color: bool = False, stated: Iterable[str] = ())
 def load_lab_program(lab: Lab, *, color: bool = False) -> LoadedProgram:
     """Return the program that `lab` names. Raises LabError if there is no such file, else as `load_program`."""
     if not lab.program.exists():
-        raise LabError(program_missing(lab))
+        raise LabError([program_missing(lab)])
     return load_program(lab.program, color=color, stated=[fact.name for fact in lab.stated_facts])
 
 
-def program_missing(lab: Lab) -> list[Problem]:
-    """Return the problem of a lab whose program is not there."""
+def program_missing(lab: Lab) -> Finding:
+    """Return the error of a lab whose program file does not exist."""
     beside = sorted(path.name for path in lab.program.parent.glob("*.r[mb][rc]"))
-    line, column = lab.places.get(("program",), (1, 1))
-    message = f"there is no file {lab.program}{near_miss(lab.program.name, beside)}"
-    return [Problem(str(lab.path), line, column, "program", message)]
+    return lab.error(("program",), f"there is no file {lab.program}{near_miss(lab.program.name, beside)}")
+
+
+def validated(lab: Lab, loaded: LoadedProgram) -> LoadedProgram:
+    """Return `loaded` with the warnings of its run in `lab` added to its own. Raises LabError with all errors."""
+    findings = run_findings(lab, loaded.program)
+    errors = [finding for finding in findings if not finding.is_warning]
+    if errors:
+        raise LabError(errors)
+    return replace(loaded, warnings="".join([loaded.warnings, *(f"{finding}\n" for finding in findings)]))
 
 
 def _load_bytecode(path: Path) -> LoadedProgram:

@@ -20,7 +20,7 @@ from rmr.bus.process import (
     EXIT_INVALID,
     EXIT_USAGE,
     Ending,
-    Seldom,
+    Throttle,
     handle_signals,
     hold_lifeline,
     run_precisely,
@@ -29,7 +29,9 @@ from rmr.bus.process import (
 from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
 from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
 from rmr.entry.files import unreadable
-from rmr_world.lab import Lab, LabError, lab_path, load_lab
+from rmr_world.finding import LabError
+from rmr_world.lab import Lab
+from rmr_world.lab_file import lab_path, load_lab
 from rmr_world.server import WorldServer
 
 SAY_AGAIN_S = 5.0
@@ -57,11 +59,14 @@ def _load(options: argparse.Namespace) -> Lab:
 def _check_program(lab: Lab, path: Path) -> None:
     """Raise InvalidError for a program in `path` that is none, LabError where it and the lab do not fit."""
     # The front end is heavy, and a world that is given no program starts without it.
-    from rmr_world.lab_program import ProgramError, load_program  # noqa: PLC0415
-    from rmr_world.validate.pipeline import judged  # noqa: PLC0415
+    from rmr_world.lab_program import (  # noqa: PLC0415
+        ProgramError,
+        load_program,
+        validated,
+    )
 
     try:
-        judged(lab, load_program(path, stated=[fact.name for fact in lab.stated_facts]))
+        validated(lab, load_program(path, stated=[fact.name for fact in lab.stated_facts]))
     except ProgramError as error:
         raise InvalidError(str(error)) from None
 
@@ -82,7 +87,7 @@ class Refused:
     def __init__(self) -> None:
         self._count = 0
         self._reason = ""
-        self._say = Seldom(self._tell, SAY_AGAIN_S)
+        self._say = Throttle(self._tell, SAY_AGAIN_S)
 
     def __call__(self, reason: str) -> None:
         """Count one more, for a reason of `refusals.REASONS`."""
@@ -105,7 +110,7 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
         except InUseError as error:
             raise BusError(f"{error}: {await who_listens(endpoint)}") from None
     router = options.connect
-    say = Seldom(
+    say = Throttle(
         lambda: log.info("waiting for the router at %s%s", router, host_problem(router) or stranger(router)),
         SAY_AGAIN_S,
     )

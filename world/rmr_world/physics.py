@@ -19,7 +19,7 @@ from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.streams import Normals, stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
 from rmr.node.ports import SeenBody, Sensed
-from rmr_world.contact_engine import Contact, Engine
+from rmr_world.contact_engine import Contact, ContactEngine
 from rmr_world.lab import Lab
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors
 
@@ -102,7 +102,7 @@ class World:
         self._shape = shape = arena.shape
         self._width, self._height = arena.width, arena.height
         self._tick = 0
-        self._engine = Engine(arena, self._begin, self._separate)
+        self._engine = ContactEngine(arena, self._begin, self._separate)
         self._robots: dict[int, _Robot] = {}
         for start in sorted(lab.robots, key=lambda robot: robot.id):
             rng = stream(f"{seed}/robot{start.id}/sensors")

@@ -1,16 +1,16 @@
-"""The key of a lab's radio, for those who start all of its robots: the launcher and the simulator.
+"""The key of a lab's radio, read by the programs that start all of its robots: the launcher and the simulator.
 
-The world server does not read it: it tells the robots the level alone, for the bus is clear text.
+The world server does not read it: it publishes the security level only, for the bus is clear text.
 """
 
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr.radio.security import UNSECURED
-from rmr_world.document import LabError, Problem
+from rmr_world.finding import LabError
 from rmr_world.lab import Lab
 
 
 def radio_key(lab: Lab) -> bytes | None:
-    """Return the key that secures the lab's radio; None where it is open.
+    """Return the key that secures the lab's radio; None if the radio is open.
 
     Raises LabError when the lab names no key file, or one that holds no key.
     """
@@ -25,5 +25,4 @@ def radio_key(lab: Lab) -> bytes | None:
 
 
 def _wrong(lab: Lab, part: str, message: str) -> LabError:
-    line, column = lab.places.get(("radio", part), (1, 1))
-    return LabError([Problem(str(lab.path), line, column, f"radio.{part}", message)])
+    return LabError([lab.error(("radio", part), message)])

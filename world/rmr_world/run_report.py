@@ -153,7 +153,7 @@ def write(report: Mapping[str, Any], folder: Path) -> Path:
     return path
 
 
-class Row(NamedTuple):
+class JobRow(NamedTuple):
     """One line of the table: a robot's job, or a robot without one."""
 
     robot: int
@@ -177,15 +177,15 @@ def _seconds(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f} s"
 
 
-def rows(report: Mapping[str, Any]) -> list[Row]:
+def rows(report: Mapping[str, Any]) -> list[JobRow]:
     """Return the table's lines, the earliest deadline first."""
-    found: list[Row] = []
+    found: list[JobRow] = []
     for name, part in report["robots"].items():
         jobs = part["assertions"] or [{"deadline_s": None, "finish_s": part["finish_s"], "met": None, "job": ""}]
         for job in jobs:
             deadline, finish = job["deadline_s"], job["finish_s"]
             lateness = None if deadline is None or finish is None else finish - deadline
-            found.append(Row(int(name), deadline, finish, lateness, job["met"], job["job"]))
+            found.append(JobRow(int(name), deadline, finish, lateness, job["met"], job["job"]))
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))
 
 

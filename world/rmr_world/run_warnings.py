@@ -13,7 +13,7 @@ OMITTED = {"actions_omitted": "actions", "assertions_omitted": "jobs", "goals_om
 """Fields of a robot's part, and what they count."""
 
 
-def troubles(report: Mapping[str, Any]) -> list[str]:
+def run_warnings(report: Mapping[str, Any]) -> list[str]:
     """Return a line for each kind of trouble that `report` tells of; none when all is well."""
     parts: Mapping[str, Mapping[str, Any]] = report["robots"]
     failed = _total(parts, "actions_failed")

@@ -23,8 +23,8 @@ from rmr.bus.keys import ROBOT_ROLE, WORLD, WORLD_ROLE, Keys, last_id
 from rmr.bus.process import Ending, LogFile
 from rmr.bus.session import LEASE_MS, Bus
 from rmr.bytecode.program import Constant
-from rmr_world.disturbances import Disturbed
-from rmr_world.faults import entry, line
+from rmr_world.disturbances import DisturbanceList
+from rmr_world.faults import fault_entry, fault_line
 from rmr_world.lab import Lab
 from rmr_world.lab_time import LabTime
 from rmr_world.physics import World
@@ -70,7 +70,7 @@ class WorldServer:
         self._when_ready = when_ready
         self._keys = Keys(lab.name)
         self._physics = World(lab, seed)
-        self._disturbed = Disturbed(lab.name, lab.roster, lab.disturbances)
+        self._disturbances = DisturbanceList(lab.name, lab.roster, lab.disturbances)
         self._time = LabTime()
         self._tick = 0
         self._late = 0
@@ -102,7 +102,7 @@ class WorldServer:
             facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
             finish=None if finish is None else (finish.name, tuple(map(_plain_pattern, finish.patterns))),
             clock=self._time.state,
-            disturbances=self._disturbed.held,
+            disturbances=self._disturbances.held,
         )
 
     # -- life -----------------------------------------------------------------------------------------------
@@ -137,8 +137,8 @@ class WorldServer:
         self._time.start(time.monotonic_ns(), START_DELAY)
         self._publish_clock()
         log.info("lab time runs")
-        for given in self._disturbed.given:
-            log.info("the lab file disturbs the radio: %s", line(entry(given)))
+        for given in self._disturbances.given:
+            log.info("the lab file disturbs the radio: %s", fault_line(fault_entry(given)))
 
     async def _leave(self) -> None:
         """Stop lab time, tell for the last time, leave."""
@@ -154,7 +154,7 @@ class WorldServer:
         if not isinstance(message.body, wire.AskMap):
             return None
         robot, token = message.body
-        known = self._map._replace(clock=self._time.state, disturbances=self._disturbed.held)
+        known = self._map._replace(clock=self._time.state, disturbances=self._disturbances.held)
         if robot not in self._lab.roster:
             return known._replace(listed=False)
         taken = self._taken(robot, token)
@@ -187,7 +187,7 @@ class WorldServer:
         if not isinstance(message.body, wire.AskDisturbances):
             return None
         wish, wanted = message.body
-        disturbed, now, refused = self._disturbed, self._unreturned(), ""
+        disturbed, now, refused = self._disturbances, self._unreturned(), ""
         before = disturbed.held
         if wish == "clear":
             disturbed.clear(now)
@@ -195,10 +195,10 @@ class WorldServer:
         elif wish == "add" and wanted is not None:
             refused = disturbed.add(wanted, now)
             if not refused:
-                log.info("rmr fault disturbs the radio: %s", line(entry(disturbed.added[-1])))
+                log.info("rmr fault disturbs the radio: %s", fault_line(fault_entry(disturbed.added[-1])))
         if disturbed.held != before:
             self._publish_disturbances()
-        return self._disturbances(refused)
+        return self._disturbances_message(refused)
 
     # -- what comes in ----------------------------------------------------------------------------------------
 
@@ -295,8 +295,8 @@ class WorldServer:
         now = self._time.at(time.monotonic_ns())
         self._bus.publish(self._keys.clock, wire.Clock(self._time.state, now, now))
 
-    def _disturbances(self, refused: str = "") -> wire.Disturbances:
-        disturbed, now = self._disturbed, self._unreturned()
+    def _disturbances_message(self, refused: str = "") -> wire.Disturbances:
+        disturbed, now = self._disturbances, self._unreturned()
         return wire.Disturbances(self._lab.name, now, disturbed.held, len(disturbed.given), refused)
 
     def _unreturned(self) -> Instant:
@@ -307,7 +307,7 @@ class WorldServer:
         return min(self._time.at(time.monotonic_ns()), tick_start(self._tick + BEHIND_MAX))
 
     def _publish_disturbances(self) -> None:
-        self._bus.publish(self._keys.disturbances, self._disturbances())
+        self._bus.publish(self._keys.disturbances, self._disturbances_message())
 
     def _publish_sense(self, robot: int) -> None:
         s = self._physics.sense(robot, tick_start(self._tick))
@@ -333,8 +333,8 @@ class WorldServer:
     async def _tell(self) -> None:
         while True:
             self._publish_status(final=False)
-            self._disturbed.forget(self._unreturned())
-            if self._disturbed.touched:  # once more, for who came between two news, or lost them
+            self._disturbances.forget(self._unreturned())
+            if self._disturbances.touched:  # once more, for who came between two news, or lost them
                 self._publish_disturbances()
             if self._time.state != "running":
                 self._publish_truth(final=False)
@@ -355,7 +355,7 @@ class WorldServer:
             "commands_dropped": self._physics.dropped,
             "ticks_late": self._late,
             "set_back": self._set_back,
-            "faults": [entry(one) for one in self._disturbed.befallen],
+            "faults": [fault_entry(one) for one in self._disturbances.history],
             "log_cut_short": LogFile.failure,
             "bus": {"lost": self._bus.losses.lost, "malformed": self._bus.losses.malformed},
         }

@@ -40,7 +40,7 @@ from rmr_deploy.record import make_report
 from rmr_deploy.screen import printable, table
 from rmr_deploy.watch import Watch
 from rmr_world import run_report
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 from rmr_world.server import WorldServer
 

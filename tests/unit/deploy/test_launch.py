@@ -17,7 +17,7 @@ from rmr_deploy.launch import Run
 from rmr_deploy.perform import exit_code
 from rmr_deploy.plan import Plan, Wishes
 from rmr_deploy.record import make_report
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 
 pytestmark = pytest.mark.medium

@@ -29,7 +29,7 @@ from rmr_sim.main import main as sim
 from rmr_sim.run_setup import prepare, report_of
 from rmr_sim.violation import Violation
 from rmr_world.disturbances import LEAD
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.main import main as world
 from rmr_world.schema import CELLS_MAX, LabFile, json_schema
 from rmr_world.units import ROBOTS_MAX

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rmr_lab.lab_check import judge
+from rmr_lab.lab_check import check
 
 PAGE = Path(__file__).with_name("beginners_mistakes.txt")
 RULER = "----\n"
@@ -120,7 +120,7 @@ def section(folder, text):
     """Return what is wrong in `text`, the lines that differ from the right lab, and what is said of them."""
     (folder / "lab.yaml").write_text(text, encoding="utf-8")
     (folder / "room.rmr").write_text(PROGRAM, encoding="utf-8")
-    found = judge(folder / "lab.yaml")
+    found = check(folder / "lab.yaml")
     lines = [line for line in difflib.ndiff(LAB.splitlines(), text.splitlines()) if line[0] in "+-"]
     return "\n".join(lines[:6]) + "\n" + found.text(color=False).replace(f"{folder}/", "")
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from rmr_lab import lab_check
 from rmr_lab.commands import command
-from rmr_lab.lab_check import judge
 from rmr_lab.picture import draw
 from rmr_world.bound import destinations
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 
 KEYS = ["code", "column", "end_column", "end_line", "file", "hint", "line", "message", "severity"]
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
@@ -195,7 +195,7 @@ def test_picture_of_a_wrong_lab_is_not_drawn(tmp_path):
 
 
 def test_findings_hold_lab_and_program_where_they_are_valid(tmp_path):
-    found = judge(room(tmp_path))
+    found = lab_check.check(room(tmp_path))
     assert found.lab is not None
     assert found.program is not None
 

@@ -9,7 +9,7 @@ import yaml
 from click.testing import CliRunner
 
 from rmr_lab.commands import command, new
-from rmr_lab.lab_check import judge
+from rmr_lab.lab_check import check
 from rmr_lab.lab_copies import HEADER, SCHEMA_FILE
 from rmr_lab.scaffold import LAB_NAME
 from rmr_sim.run_setup import prepare
@@ -31,7 +31,7 @@ def test_new_lab_is_whole_has_no_findings_and_finishes(tmp_path):
     names = ["README.md", "actions.py", "lab.schema.json", "lab.yaml", "shop.rmr", "test_shop.py"]
     assert sorted(file.name for file in folder.iterdir()) == names
     assert (folder / "lab.yaml").read_text().startswith(HEADER)
-    assert judge(folder).severities == []
+    assert check(folder).severities == []
     for seed in (1, 2, 3):
         simulation = prepare(folder, seed=seed)
         assert simulation.run()
@@ -80,7 +80,7 @@ def test_copy_of_a_provided_lab_has_its_program_beside_it_and_no_findings(tmp_pa
     files = sorted((tmp_path / "copied").glob("*.yaml"))
     assert [file.name for file in files] == sorted(file.name for file in provided_labs()[name].glob("*.yaml"))
     for file in files:
-        found = judge(file)
+        found = check(file)
         assert found.severities == []
         assert found.lab.program.resolve().parent == (tmp_path / "copied").resolve()
 
@@ -89,7 +89,7 @@ def test_copy_of_a_provided_lab_has_its_program_beside_it_and_no_findings(tmp_pa
 def test_new_lab_from_a_provided_one_bears_its_own_name(tmp_path):
     result = run(new, tmp_path / "mine", "--from", "hall")
     assert result.exit_code == 0
-    found = judge(tmp_path / "mine")
+    found = check(tmp_path / "mine")
     assert (found.severities, found.lab.name) == ([], "mine")
     assert (tmp_path / "mine" / "test_mine.py").exists()
 

@@ -7,7 +7,7 @@ import pytest
 
 from rmr.base.time import tick_start
 from rmr.node.peers.perception import Localiser
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.physics import World
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"

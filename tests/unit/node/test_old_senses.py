@@ -18,7 +18,8 @@ from rmr.node.node import Node
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import Ports, Received, Sensed
 from rmr.node.wire import PAYLOAD_OCTETS_MAX, Hello, encode_hello
-from rmr_world.lab import Lab, load_lab
+from rmr_world.lab import Lab
+from rmr_world.lab_file import load_lab
 from rmr_world.physics import World
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"

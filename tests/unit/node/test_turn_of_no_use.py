@@ -25,7 +25,7 @@ from rmr.node.crossing.turn import (
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.vm.job import Job
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
 

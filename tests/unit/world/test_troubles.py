@@ -1,6 +1,6 @@
 """What went wrong in a run that ended well, in a sentence of each kind."""
 
-from rmr_world.run_warnings import TEXT_MAX, troubles
+from rmr_world.run_warnings import TEXT_MAX, run_warnings
 
 
 def robot(**fields):
@@ -8,13 +8,13 @@ def robot(**fields):
 
 
 def test_a_run_in_which_nothing_went_wrong_has_no_troubles():
-    assert troubles({"robots": {"1": robot(), "2": {}}}) == []
+    assert run_warnings({"robots": {"1": robot(), "2": {}}}) == []
 
 
 def test_failed_actions_are_counted_over_all_robots_and_the_earliest_is_told():
     first = robot(actions_failed=2, first_failure=[3.0, "act(@1)", "late"])
     second = robot(actions_failed=1, actions_omitted=7, first_failure=[1.5, "act(@2)", "KeyError: 'x' (acts.py:7)"])
-    assert troubles({"robots": {"1": first, "2": second}}) == [
+    assert run_warnings({"robots": {"1": first, "2": second}}) == [
         "3 actions failed, of 9 started; the first: robot 2 at 1.500 s: act(@2): KeyError: 'x' (acts.py:7)",
         "the report leaves out the 7 oldest actions",
     ]
@@ -22,7 +22,7 @@ def test_failed_actions_are_counted_over_all_robots_and_the_earliest_is_told():
 
 def test_what_was_not_delivered_is_counted_and_a_long_fact_is_cut():
     fact = 'got(@2, "' + "x" * 7000
-    (line,) = troubles({"robots": {"1": robot(undelivered=1, first_undelivered=[0.0, fact, "too large"])}})
+    (line,) = run_warnings({"robots": {"1": robot(undelivered=1, first_undelivered=[0.0, fact, "too large"])}})
     assert line.startswith(
         "1 of the facts, goals and actions for other robots not delivered; the first: robot 1 at 0.000"
     )
@@ -31,7 +31,7 @@ def test_what_was_not_delivered_is_counted_and_a_long_fact_is_cut():
 
 def test_what_was_dropped_or_left_out_is_told():
     part = robot(actions_omitted=5, assertions_omitted=2, goals_omitted=1, dropped={"facts": 3})
-    assert troubles({"robots": {"1": part}, "violations_omitted": 4}) == [
+    assert run_warnings({"robots": {"1": part}, "violations_omitted": 4}) == [
         "robot 1 dropped 3 facts: more than it keeps (`bound_reached` in its trace)",
         "the report leaves out the 5 oldest actions",
         "the report leaves out the 2 oldest jobs, which `deadlines` does not count",

@@ -12,7 +12,7 @@ from rmr.base.geometry import Point
 from rmr_world.bound import bound_s, destinations, free_times
 from rmr_world.deadline_bound import _through_bottleneck, best_possible
 from rmr_world.free_flow import FreeFlow
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 
 R = 0.07
 
@@ -122,7 +122,7 @@ def test_the_testbed_s_bound_is_about_ten_seconds():
 def test_robots_from_both_sides_change_direction_at_least_once():
     lab = load_lab(LABS / "twoway")
     times = free_times(lab)
-    west, east = times.families[0], times.families[1]
+    west, east = times.entrances[0], times.entrances[1]
     assert (west.count, east.count) == (4, 4)
     assert times.turnaround == pytest.approx(times.spacing + 0.6 / 0.2)
     assert west.approach == pytest.approx(east.approach)  # the rooms are point-symmetric
@@ -132,8 +132,8 @@ def test_robots_from_both_sides_change_direction_at_least_once():
 
 def test_a_robot_that_need_not_pass_the_bottleneck_is_not_counted_at_it(tmp_path):
     text = (LABS / "twoway" / "lab.yaml").read_text().replace("goes(@1, right)", "goes(@1, left)")
-    families = free_times(lab_of(tmp_path, text)).families
-    assert (families[0].count, families[1].count) == (3, 4)
+    entrances = free_times(lab_of(tmp_path, text)).entrances
+    assert (entrances[0].count, entrances[1].count) == (3, 4)
 
 
 def test_robots_of_several_destinations_share_out_the_slots_of_each(tmp_path):
@@ -200,7 +200,7 @@ def best_of_all_orders(times, deadlines):
     for order in (order for n in range(len(deadlines) + 1) for order in permutations(range(len(deadlines)), n)):
         at, last, met = 0.0, None, 0
         for job in order:
-            family = times.families[job % 2]
+            family = times.entrances[job % 2]
             gap = 0.0 if last is None else times.spacing if last == job % 2 else times.turnaround
             at, last = max(family.approach, at + gap), job % 2
             met += at + family.departure <= deadlines[job]

@@ -5,7 +5,7 @@ import pytest
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance, Links, partition
 from rmr.radio.phy import RadioConfig
-from rmr_world.disturbances import LEAD, LINGER, Disturbed
+from rmr_world.disturbances import LEAD, LINGER, DisturbanceList
 
 S, MS = NS_PER_S, NS_PER_MS
 GIVEN = Disturbance(groups=((1,), (2,)), loss=0.1)
@@ -14,7 +14,7 @@ NOISE = Disturbance(0, 5 * S, loss=0.5)
 
 @pytest.fixture
 def disturbed():
-    return Disturbed("x", (1, 2, 3), [GIVEN])
+    return DisturbanceList("x", (1, 2, 3), [GIVEN])
 
 
 def test_what_is_added_begins_soon_and_lasts_its_time(disturbed):

@@ -6,7 +6,7 @@ from world_labs import ROOM, complaints, lab_of
 from rmr.base.time import NS_PER_MS, NS_PER_S
 from rmr.bus import report_checks
 from rmr.radio.links import partition
-from rmr_world.faults import befallen, entry, line, lines, told
+from rmr_world.faults import fault_entries, fault_entry, fault_line, fault_lines, process_run_faults
 from rmr_world.lab import Outage, Slow
 
 S = NS_PER_S
@@ -21,10 +21,10 @@ def test_a_slow_robot_and_an_outage_are_kept_as_values_of_one_robot_each(tmp_pat
 
 
 def test_fault_without_an_end_has_no_to_and_lasts_to_the_end_of_the_run(tmp_path):
-    endless = entry(partition([[1], [2]], 2 * S))
-    assert line(endless) == "{from: 2.0, link: [1, 2], cut: true}"
+    endless = fault_entry(partition([[1], [2]], 2 * S))
+    assert fault_line(endless) == "{from: 2.0, link: [1, 2], cut: true}"
     report_checks.report({"faults": [endless]})
-    (fault,) = befallen(lab_of(tmp_path, TWO), [endless], 7.5)
+    (fault,) = process_run_faults(lab_of(tmp_path, TWO), [endless], 7.5)
     assert list(fault.items())[:2] == [("from", 2.0), ("to", 7.5)]
 
 
@@ -85,9 +85,9 @@ EVERY_KIND = """\
 
 def test_faults_are_told_as_a_lab_file_has_them_in_order_of_their_beginning(tmp_path):
     lab = lab_of(tmp_path, TWO + "  - {id: 3, pose: [1.6, 0.2, 0]}\nfaults:\n" + EVERY_KIND)
-    assert "".join(f"{line}\n" for line in lines(lab)) == EVERY_KIND
-    assert told(lab)[1] == {"at": 1.0, "kill": 2}
+    assert "".join(f"{line}\n" for line in fault_lines(lab)) == EVERY_KIND
+    assert fault_entries(lab)[1] == {"at": 1.0, "kill": 2}
 
 
 def test_what_is_wrong_with_the_radio_for_the_whole_run_is_not_told_among_the_faults(tmp_path):
-    assert told(lab_of(tmp_path, TWO + "radio: {links: [{link: [1, 2], loss: 0.5}]}\n")) == []
+    assert fault_entries(lab_of(tmp_path, TWO + "radio: {links: [{link: [1, 2], loss: 0.5}]}\n")) == []

@@ -7,10 +7,9 @@ from world_labs import LABS, ROOM, lab_of
 
 from rmr_deploy.plan import RefusedError, read_program
 from rmr_sim.main import main
-from rmr_world.document import LabError
-from rmr_world.lab import load_lab
-from rmr_world.lab_program import load_lab_program
-from rmr_world.validate.pipeline import judged
+from rmr_world.finding import LabError
+from rmr_world.lab_file import load_lab
+from rmr_world.lab_program import load_lab_program, validated
 
 WALL = "{box: [1.45, 0.0, 1.55, 1.5]}"
 LAB = """\
@@ -61,7 +60,7 @@ def told(folder: Path) -> tuple[list[str], list[str]]:
     """Return the problems and the warnings of the lab in `folder`, without the folder."""
     lab = load_lab(folder)
     try:
-        warnings = judged(lab, load_lab_program(lab)).warnings.splitlines()
+        warnings = validated(lab, load_lab_program(lab)).warnings.splitlines()
     except LabError as error:
         return [str(problem).replace(f"{folder}/", "") for problem in error.problems], []
     return [], [warning.replace(f"{folder}/", "") for warning in warnings if "lab.yaml" in warning]
@@ -70,7 +69,7 @@ def told(folder: Path) -> tuple[list[str], list[str]]:
 @pytest.mark.parametrize("name", ["corridor", "testbed", "hall", "twoway", "formation"])
 def test_the_labs_of_this_repository_are_fine(name):
     lab = load_lab(LABS / name)
-    assert judged(lab, load_lab_program(lab)).warnings == ""
+    assert validated(lab, load_lab_program(lab)).warnings == ""
 
 
 def test_a_room_without_walls_is_fine(tmp_path):
@@ -326,7 +325,7 @@ def test_bottleneck_without_an_assertion_that_a_drive_serves_is_a_warning(tmp_pa
 
 def all_warnings(folder: Path) -> list[str]:
     lab = load_lab(folder)
-    return judged(lab, load_lab_program(lab)).warnings.replace(f"{folder}/", "").splitlines()
+    return validated(lab, load_lab_program(lab)).warnings.replace(f"{folder}/", "").splitlines()
 
 
 def test_time_assertion_that_never_starts_in_this_lab_names_the_fact_that_is_missing(tmp_path):

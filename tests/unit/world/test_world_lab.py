@@ -10,8 +10,9 @@ from rmr.base.geometry import Point, Pose
 from rmr.base.time import NS_PER_MS, NS_PER_S
 from rmr.radio.links import Disturbance
 from rmr.radio.phy import Bursts, RadioConfig
-from rmr_world.document import LabError
-from rmr_world.lab import Kill, Restart, RobotStart, Stall, load_lab
+from rmr_world.finding import LabError
+from rmr_world.lab import Kill, Restart, RobotStart, Stall
+from rmr_world.lab_file import load_lab
 from rmr_world.schema import json_schema
 
 # What a good file means

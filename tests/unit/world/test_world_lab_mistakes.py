@@ -6,8 +6,8 @@ import pytest
 from world_labs import ROOM, complaints, lab_of, problems_of
 
 from rmr.radio.links import DISTURBANCES_MAX
-from rmr_world.document import LabError
-from rmr_world.lab import load_lab
+from rmr_world.finding import LabError
+from rmr_world.lab_file import load_lab
 
 TWO = ROOM.replace("  - {id: 1", "  - {id: 2, pose: [1, 1, 0]}\n  - {id: 1")
 

@@ -8,7 +8,7 @@ from world_labs import LABS, ROOM, lab_of
 
 from rmr.base.geometry import STILL, Pose, Twist
 from rmr.base.time import NS_PER_MS, NS_PER_S, seconds, tick_start
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.physics import ACCELERATION, World
 
 FORWARD = Twist(0.2, 0.0)

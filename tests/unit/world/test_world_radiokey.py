@@ -6,7 +6,7 @@ from world_labs import ROOM, complaints, lab_of
 from rmr.bus import wire
 from rmr.bus.process import Ending
 from rmr.radio.security import LEVELS
-from rmr_world.document import LabError
+from rmr_world.finding import LabError
 from rmr_world.radio_key import radio_key
 from rmr_world.schema import RadioSpec
 from rmr_world.server import WorldServer

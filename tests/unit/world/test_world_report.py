@@ -9,7 +9,7 @@ import sys
 import pytest
 from world_labs import LABS
 
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.run_report import COLUMNS, assemble, rows, summary, table_rows, table_text, to_json, write
 
 

@@ -8,7 +8,7 @@ from world_labs import lab_of
 from rmr.base.geometry import Twist
 from rmr.base.time import tick_start
 from rmr_world import physics
-from rmr_world.contact_engine import Engine
+from rmr_world.contact_engine import ContactEngine
 from rmr_world.physics import World
 
 ROBOTS = 4
@@ -50,8 +50,8 @@ def driven(world: World, seed: int) -> list[object]:
 @pytest.mark.medium
 def test_bodies_move_as_if_the_engine_were_asked_at_every_tick(tmp_path, monkeypatch):
     lab = lab_of(tmp_path, LAB)
-    asked, step = [], Engine.step
-    monkeypatch.setattr(Engine, "step", lambda engine, duration_s: (asked.append(engine), step(engine, duration_s)))
+    asked, step = [], ContactEngine.step
+    monkeypatch.setattr(ContactEngine, "step", lambda engine, s: (asked.append(engine), step(engine, s)))
     rolled = collisions = 0
     for seed in range(12):
         with monkeypatch.context() as patch:

@@ -11,7 +11,7 @@ from rmr.bus.losses import Losses
 from rmr.bus.process import Ending
 from rmr.radio.links import Disturbance, partition
 from rmr_world import server
-from rmr_world.lab import load_lab
+from rmr_world.lab_file import load_lab
 from rmr_world.server import BEHIND_MAX, CATCH_UP_MAX, WorldServer
 
 
@@ -64,7 +64,7 @@ def test_a_world_that_was_held_up_forgets_no_disturbance_that_still_holds_once_l
     held.server._catch_up()
     back = held.server._time.at(held.now)
     assert back < NS_PER_S
-    since = [one.since for one in held.server._disturbed.added]
+    since = [one.since for one in held.server._disturbances.added]
     assert len(since) == 2
     assert max(since) < back + 2 * NS_PER_S
 

@@ -5,8 +5,8 @@ from world_labs import LABS, ROOM, lab_of
 
 from rmr.bytecode.codec import decode, encode
 from rmr.lang.compiler import compile_file, compile_source
-from rmr_world.lab import load_lab
-from rmr_world.validate.program_fit import check_program
+from rmr_world.lab_file import load_lab
+from rmr_world.validate.program_fit import CHECKS
 
 AREAS = "areas: {gate: {at: [2.0, 0.75]}, yard: {at: [1.0, 1.2], queue: {path: [[1, 1.2], [2, 1.2]], spacing: 0.2}}}\n"
 HEADER = """\
@@ -18,6 +18,10 @@ type !due(robot, float).
 type place(robot, area). type spot(robot, area, int). type round(robot, list area).
 start(R).
 """
+
+
+def check_program(lab, program):
+    return sorted({finding for check in CHECKS for finding in check(lab, program)})
 
 
 def program_of(source, *, debug=True):

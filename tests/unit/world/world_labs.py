@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from rmr_world.document import LabError, Problem
-from rmr_world.lab import Lab, load_lab
+from rmr_world.finding import Finding, LabError
+from rmr_world.lab import Lab
+from rmr_world.lab_file import load_lab
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
 
@@ -23,7 +24,7 @@ def lab_of(folder: Path, text: str) -> Lab:
     return load_lab(path)
 
 
-def problems_of(folder: Path, text: str | bytes) -> list[Problem]:
+def problems_of(folder: Path, text: str | bytes) -> list[Finding]:
     """Return all that is wrong with a lab file; fails when nothing is."""
     path = folder / "lab.yaml"
     path.write_bytes(text.encode() if isinstance(text, str) else text)

@@ -1,16 +1,16 @@
 """No robot touches another one, an obstacle or a wall."""
 
 from rmr.base.time import Instant
-from rmr_sim.checkers.run_view import Scene
+from rmr_sim.checkers.run_view import RunView
 from rmr_sim.violation import CONTACT
 
 
-class Contacts:
+class ContactChecker:
     """Looks at the contacts that physics sees."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._contacts = scene.simulation.world.contacts
+    def __init__(self, view: RunView) -> None:
+        self._view = view
+        self._contacts = view.simulation.world.contacts
         self._seen = 0
 
     def __call__(self, _now: Instant) -> None:
@@ -22,5 +22,5 @@ class Contacts:
             other = "an obstacle or a wall" if contact.other is None else f"robot {contact.other}"
             x, y = round(contact.x, 2) + 0.0, round(contact.y, 2) + 0.0  # no negative zero
             words = f"robot {contact.robot} touched {other} at ({x:.2f}, {y:.2f})"
-            self._scene.violate(contact.at, CONTACT, robots, words)
+            self._view.violate(contact.at, CONTACT, robots, words)
         self._seen = len(self._contacts)

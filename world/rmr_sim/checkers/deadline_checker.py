@@ -10,18 +10,18 @@ from collections import OrderedDict
 from rmr.base.time import NEVER, Instant, in_seconds
 from rmr.vm.events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
 from rmr.vm.job import Job
-from rmr_sim.checkers.run_view import TICK, Scene
+from rmr_sim.checkers.run_view import TICK, RunView
 
 CHECK = "deadline"
 MISSED_MAX = 10_000
 """Missed jobs remembered, to notice a second miss of one; the oldest go first."""
 
 
-class Deadlines:
+class DeadlineChecker:
     """Keeps a queue of its own of all deadlines."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
+    def __init__(self, view: RunView) -> None:
+        self._view = view
         self._due: list[tuple[Instant, int, int, int, Job]] = []
         """When the miss of a deadline must be known, a number, the robot, its life, the job."""
         self._number = 0
@@ -31,17 +31,17 @@ class Deadlines:
         """By robot, the job whose violation action comes next."""
         self._paid: dict[int, ActionDerived] = {}
         """By robot, the violation action that was the last thing that happened."""
-        scene.hear(JobStarted, self._started)
-        scene.hear(JobFinished, self._something)
-        scene.hear(RuleFired, self._something)
-        scene.hear(ExpressionFailed, self._something)
-        scene.hear(JobMissed, self._miss)
-        scene.hear(ActionDerived, self._derived)
+        view.subscribe(JobStarted, self._started)
+        view.subscribe(JobFinished, self._something)
+        view.subscribe(RuleFired, self._something)
+        view.subscribe(ExpressionFailed, self._something)
+        view.subscribe(JobMissed, self._miss)
+        view.subscribe(ActionDerived, self._derived)
 
     def _started(self, robot: int, _now: Instant, started: JobStarted) -> None:
         self._something(robot, 0, started)
         if started.job.deadline < NEVER - TICK:
-            self._await(started.job.deadline + TICK, robot, self._scene.life(robot), started.job)
+            self._await(started.job.deadline + TICK, robot, self._view.life(robot), started.job)
 
     def _await(self, at: Instant, robot: int, life: int, job: Job) -> None:
         self._number += 1
@@ -53,12 +53,12 @@ class Deadlines:
             self._owed.pop(robot, None)
 
     def _miss(self, robot: int, now: Instant, missed: JobMissed) -> None:
-        job, complain = missed.job, self._scene.violate
+        job, complain = missed.job, self._view.violate
         if id(job) in self._missed:
             complain(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} a second time")
         if now < job.deadline:
             complain(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} before it was due")
-        held_up = self._scene.held_up(robot, job.deadline, job.deadline)
+        held_up = self._view.held_up(robot, job.deadline, job.deadline)
         if now > max(job.deadline, held_up) + TICK:
             late_s = in_seconds(now - job.deadline)
             complain(now, CHECK, (robot,), f"robot {robot} noticed {late_s:.3f} s late that {job.text} was overdue")
@@ -72,21 +72,19 @@ class Deadlines:
         job = self._owed.pop(robot, None)
         paid = self._paid.pop(robot, None)
         if job is not None:
-            wanted = self._scene.node(robot).program.assertions[job.assertion].violation.predicate
+            wanted = self._view.node(robot).program.assertions[job.assertion].violation.predicate
             if action.predicate == wanted:
                 self._paid[robot] = action
                 return
-            self._scene.violate(now, CHECK, (robot,), f"robot {robot} derived another action than that of {job.text}")
+            self._view.violate(now, CHECK, (robot,), f"robot {robot} derived another action than that of {job.text}")
         elif paid is not None and (paid.predicate, paid.args) == (action.predicate, action.args):
-            self._scene.violate(now, CHECK, (robot,), f"robot {robot} derived the action of a missed deadline twice")
+            self._view.violate(now, CHECK, (robot,), f"robot {robot} derived the action of a missed deadline twice")
 
     def __call__(self, now: Instant) -> None:
         """Look at the deadlines whose time is over, and at the misses of this tick."""
         if self._owed:
             for robot, job in self._owed.items():
-                self._scene.violate(
-                    now, CHECK, (robot,), f"robot {robot} derived no action when {job.text} was overdue"
-                )
+                self._view.violate(now, CHECK, (robot,), f"robot {robot} derived no action when {job.text} was overdue")
             self._owed.clear()
         self._paid.clear()
         while self._due and self._due[0][0] < now:
@@ -95,13 +93,13 @@ class Deadlines:
 
     def _judge(self, now: Instant, robot: int, life: int, job: Job) -> None:
         """Complain if `job` is overdue and its robot, though awake, has not noticed."""
-        scene = self._scene
+        view = self._view
         if job.missed or job.finish is not None or job.deadline + TICK >= now:
             return  # noticed, done or started anew, with a later deadline of its own entry
-        if not scene.alive(robot) or scene.life(robot) != life:
+        if not view.alive(robot) or view.life(robot) != life:
             return
-        held_up = scene.held_up(robot, job.deadline, now)
+        held_up = view.held_up(robot, job.deadline, now)
         if held_up + TICK >= now:
             self._await(max(held_up, now) + TICK, robot, life, job)
             return
-        scene.violate(now, CHECK, (robot,), f"robot {robot} has not noticed that {job.text} is overdue")
+        view.violate(now, CHECK, (robot,), f"robot {robot} has not noticed that {job.text} is overdue")

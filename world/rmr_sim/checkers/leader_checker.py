@@ -6,8 +6,8 @@ the same term again; a robot that was started anew remembers no counter, and is 
 
 from rmr.base.time import NS_PER_S, Duration, Instant, seconds
 from rmr.coord.events import LeadershipBegan, LeadershipEnded
-from rmr_sim.checkers.recent_table import Newest
-from rmr_sim.checkers.run_view import Scene
+from rmr_sim.checkers.recent_table import RecentTable
+from rmr_sim.checkers.run_view import RunView
 
 SETTLE: Duration = seconds(5)
 """So long two leaders that hear each other may take to agree: many repetitions of their schedules."""
@@ -15,25 +15,25 @@ EVERY: Duration = NS_PER_S
 """How often the leaders of an event are counted."""
 
 
-class Leaders:
+class LeaderChecker:
     """Looks at who begins and ends to lead."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
+    def __init__(self, view: RunView) -> None:
+        self._view = view
         self._leads: dict[bytes, dict[int, tuple[int, Instant]]] = {}
         """By event and robot: the life in which it leads, and since when."""
-        self._terms: Newest[tuple[bytes, int, int], None] = Newest()
-        self._told: Newest[tuple[bytes, int, int], None] = Newest()
+        self._terms: RecentTable[tuple[bytes, int, int], None] = RecentTable()
+        self._told: RecentTable[tuple[bytes, int, int], None] = RecentTable()
         self._look_at: Instant = 0
-        scene.hear(LeadershipBegan, self._began)
-        scene.hear(LeadershipEnded, self._ended)
+        view.subscribe(LeadershipBegan, self._began)
+        view.subscribe(LeadershipEnded, self._ended)
 
     def _began(self, robot: int, now: Instant, began: LeadershipBegan) -> None:
         term = (began.group_id, robot, began.term)
-        if term in self._terms and not self._scene.forgot(robot, 0):
-            self._scene.violate(now, "term", (robot,), f"robot {robot} began term {began.term} a second time")
+        if term in self._terms and not self._view.forgot(robot, 0):
+            self._view.violate(now, "term", (robot,), f"robot {robot} began term {began.term} a second time")
         self._terms[term] = None
-        self._leads.setdefault(began.group_id, {})[robot] = (self._scene.life(robot), now)
+        self._leads.setdefault(began.group_id, {})[robot] = (self._view.life(robot), now)
 
     def _ended(self, robot: int, _now: Instant, ended: LeadershipEnded) -> None:
         self._leads.get(ended.group_id, {}).pop(robot, None)
@@ -45,7 +45,7 @@ class Leaders:
         self._look_at = now + EVERY
         for event, leads in list(self._leads.items()):
             for robot, (life, _) in list(leads.items()):
-                if not self._scene.alive(robot) or self._scene.life(robot) != life:
+                if not self._view.alive(robot) or self._view.life(robot) != life:
                     del leads[robot]
             if len(leads) > 1:
                 self._judge(now, event, leads)
@@ -57,8 +57,8 @@ class Leaders:
         ordered = sorted(leads)
         for index, a in enumerate(ordered):
             for b in ordered[index + 1 :]:
-                since = max(leads[a][1], leads[b][1], self._scene.healed_at)
-                if now < since + SETTLE or (event, a, b) in self._told or not self._scene.linked(a, b, since, now):
+                since = max(leads[a][1], leads[b][1], self._view.healed_at)
+                if now < since + SETTLE or (event, a, b) in self._told or not self._view.linked(a, b, since, now):
                     continue
                 self._told[event, a, b] = None
-                self._scene.violate(now, "leaders", (a, b), f"robots {a} and {b} lead one event though all is well")
+                self._view.violate(now, "leaders", (a, b), f"robots {a} and {b} lead one event though all is well")

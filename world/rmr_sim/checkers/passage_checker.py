@@ -14,8 +14,8 @@ from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
 from rmr.coord.timing import Timing, same_direction
-from rmr_sim.checkers.recent_table import Newest
-from rmr_sim.checkers.run_view import TICK, Scene
+from rmr_sim.checkers.recent_table import RecentTable
+from rmr_sim.checkers.run_view import TICK, RunView
 
 TIMING = Timing()
 NO_COUNTER = -1
@@ -36,25 +36,25 @@ class Inside:
     cautious: bool
 
 
-class Passages:
+class PassageChecker:
     """Looks at every entry, and at who is inside then."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._slots: Newest[tuple[int, bytes], SlotAssigned] = Newest()
+    def __init__(self, view: RunView) -> None:
+        self._view = view
+        self._slots: RecentTable[tuple[int, bytes], SlotAssigned] = RecentTable()
         self._inside: dict[bytes, dict[int, Inside]] = {}
-        self._entered: Newest[tuple[int, bytes, Instant], None] = Newest()
+        self._entered: RecentTable[tuple[int, bytes, Instant], None] = RecentTable()
         """The jobs that have had their entry: a second one is noticed."""
-        scene.hear(SlotAssigned, self._slotted)
-        scene.hear(SlotLost, self._unslotted)
-        scene.hear(EntryMissed, self._unslotted)
-        scene.hear(Entered, self._entry)
+        view.subscribe(SlotAssigned, self._slotted)
+        view.subscribe(SlotLost, self._unslotted)
+        view.subscribe(EntryMissed, self._unslotted)
+        view.subscribe(Entered, self._entry)
 
     def __call__(self, _now: Instant) -> None:
         """Forget those who have left."""
         for event, inside in list(self._inside.items()):
             for robot, one in list(inside.items()):
-                if not self._scene.alive(robot) or self._scene.node(robot).core.job(event) is not one.job:
+                if not self._view.alive(robot) or self._view.node(robot).core.job(event) is not one.job:
                     del inside[robot]
             if not inside:
                 del self._inside[event]
@@ -66,12 +66,12 @@ class Passages:
         self._slots.pop((robot, lost.group_id), None)
 
     def _entry(self, robot: int, now: Instant, entered: Entered) -> None:
-        job = self._scene.node(robot).core.job(entered.group_id)
+        job = self._view.node(robot).core.job(entered.group_id)
         slot = self._slots.pop((robot, entered.group_id), None)
         if job is not None and job.request.inside:
             term = (NO_COUNTER, robot)
         elif job is None or slot is None:
-            self._scene.violate(now, "entry", (robot,), f"robot {robot} entered without a slot")
+            self._view.violate(now, "entry", (robot,), f"robot {robot} entered without a slot")
             return
         else:
             self._judge_entry(robot, entered.start, slot, job)
@@ -84,7 +84,7 @@ class Passages:
         inside[robot] = one
 
     def _judge_entry(self, robot: int, start: Instant, slot: SlotAssigned, job: OwnJob) -> None:
-        violate = self._scene.violate
+        violate = self._view.violate
         if not slot.start <= start <= slot.start + TIMING.schedule.window:
             late_ms = (start - slot.start) // 1_000_000
             violate(start, "entry", (robot,), f"robot {robot} entered out of its window, at {late_ms} ms of its slot")
@@ -102,20 +102,20 @@ class Passages:
         pair = (other.robot, one.robot)
         if not same_direction(one.direction, other.direction):
             words = f"robot {one.robot} entered while robot {other.robot} was inside another way"
-            self._scene.violate(now, "overlap", pair, words)
+            self._view.violate(now, "overlap", pair, words)
             return
         least = min(one.headway, other.headway) - TIMING.schedule.window - TICK
         if one.start - other.start < least:
             apart_ms, least_ms = (one.start - other.start) // 1_000_000, least // 1_000_000
             words = f"robot {one.robot} entered {apart_ms} ms behind robot {other.robot}; {least_ms} ms is the least"
-            self._scene.violate(now, "spacing", pair, words)
+            self._view.violate(now, "spacing", pair, words)
 
     def _bound(self, now: Instant, one: Inside, other: Inside) -> bool:
         """Return whether the protocol promises anything of these two."""
-        scene = self._scene
+        view = self._view
         if one.term == other.term:
-            return not scene.forgot(one.term[1], other.start - TIMING.schedule.lease)
+            return not view.forgot(one.term[1], other.start - TIMING.schedule.lease)
         since = now - TIMING.claim.quiet - TIMING.claim.beacon
-        if any(scene.held_up(robot, since, now) or scene.forgot(robot, since) for robot in (one.robot, other.robot)):
+        if any(view.held_up(robot, since, now) or view.forgot(robot, since) for robot in (one.robot, other.robot)):
             return False
-        return scene.linked(one.robot, other.robot, since, now)
+        return view.linked(one.robot, other.robot, since, now)

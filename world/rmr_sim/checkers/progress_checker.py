@@ -14,8 +14,8 @@ from rmr.coord.events import Entered
 from rmr.node.crossing.turn import Phase
 from rmr.node.motion.barred import closest_solid, robots_named
 from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
-from rmr_sim.checkers.recent_table import Newest
-from rmr_sim.checkers.run_view import Scene
+from rmr_sim.checkers.recent_table import RecentTable
+from rmr_sim.checkers.run_view import RunView
 
 STILL: Duration = seconds(30)
 """Longer than a drive that finds no way takes to fail (20 s), and than a silent robot is taken for inside (10 s)."""
@@ -27,20 +27,20 @@ EVERY: Duration = NS_PER_S
 """How often robots are looked at; an action that sleeps for less may be one that polls, and counts as standing."""
 
 
-class StandsStill:
+class ProgressChecker:
     """Looks once a second who has got on."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
+    def __init__(self, view: RunView) -> None:
+        self._view = view
         self._look_at: Instant = 0
-        world = scene.simulation.world
-        self._where = {robot: (pose.x, pose.y) for robot in scene.robots for pose in [world.pose(robot)]}
-        self._got_on: dict[int, Instant] = dict.fromkeys(scene.robots, 0)
-        self._used: Newest[bytes, Instant] = Newest()
+        world = view.simulation.world
+        self._where = {robot: (pose.x, pose.y) for robot in view.robots for pose in [world.pose(robot)]}
+        self._got_on: dict[int, Instant] = dict.fromkeys(view.robots, 0)
+        self._used: RecentTable[bytes, Instant] = RecentTable()
         """When each event was entered last, or when the robot inside got on last."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
-            scene.hear(kind, self._reported)
-        scene.hear(Entered, self._entered)
+            view.subscribe(kind, self._reported)
+        view.subscribe(Entered, self._entered)
 
     def _reported(self, robot: int, now: Instant, _event: object) -> None:
         self._got_on[robot] = now
@@ -53,12 +53,12 @@ class StandsStill:
         if now < self._look_at:
             return
         self._look_at = now + EVERY
-        scene = self._scene
-        busy = [robot for robot in scene.robots if scene.alive(robot) and not scene.finished(robot)]
+        view = self._view
+        busy = [robot for robot in view.robots if view.alive(robot) and not view.finished(robot)]
         for robot in busy:
             self._look(robot, now)
             self._note_use(robot)
-        if not busy or not scene.simulation.lab.finish or now < scene.healed_at + STILL:
+        if not busy or not view.simulation.lab.finish or now < view.healed_at + STILL:
             return
         long = [robot for robot in busy if now - self._got_on_at(robot) > STILL]
         still = [robot for robot in long if self._has_to(robot)]
@@ -71,22 +71,22 @@ class StandsStill:
 
     def _tell(self, now: Instant, robots: tuple[int, ...], words: str) -> None:
         """Complain, and again only when they have stood still for as long once more."""
-        self._scene.violate(now, "stands still", robots, words)
+        self._view.violate(now, "stands still", robots, words)
         for robot in robots:
             self._got_on[robot] = now
 
     def _reasons(self, robot: int) -> list[str]:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
-        scene, reasons = self._scene, []
-        world, arena = scene.simulation.world, scene.simulation.lab.arena
-        turn = scene.node(robot).turns.current
+        view, reasons = self._view, []
+        world, arena = view.simulation.world, view.simulation.lab.arena
+        turn = view.node(robot).turns.current
         if turn is not None and turn.waits:
-            inside = [other for other in scene.robots if other != robot and self._inside(other, turn.event)]
+            inside = [other for other in view.robots if other != robot and self._inside(other, turn.event)]
             holders = f", held by robot {', '.join(map(str, inside))}" if inside else ""
             reasons.append(f"it waits for its turn of {turn.job.name}{holders}")
         x, y, _ = world.pose(robot)
         radius = arena.shape.radius
-        others = {other: world.pose(other) for other in scene.robots if other != robot}
+        others = {other: world.pose(other) for other in view.robots if other != robot}
         near = [other for other, at in others.items() if math.hypot(x - at.x, y - at.y) < 2.0 * radius + CLOSE_M]
         if near:
             reasons.append(f"{robots_named(near)} in its way")
@@ -96,35 +96,35 @@ class StandsStill:
 
     def _inside(self, robot: int, event: bytes) -> bool:
         """Return whether `robot` has the turn of `event`."""
-        turn = self._scene.node(robot).turns.current if self._scene.alive(robot) else None
+        turn = self._view.node(robot).turns.current if self._view.alive(robot) else None
         return turn is not None and turn.event == event and not turn.waits
 
     def _look(self, robot: int, now: Instant) -> None:
-        x, y, _ = self._scene.simulation.world.pose(robot)
+        x, y, _ = self._view.simulation.world.pose(robot)
         was_x, was_y = self._where[robot]
-        if math.hypot(x - was_x, y - was_y) > 2.0 * self._scene.simulation.lab.arena.shape.radius:
+        if math.hypot(x - was_x, y - was_y) > 2.0 * self._view.simulation.lab.arena.shape.radius:
             self._where[robot] = (x, y)
             self._got_on[robot] = now
 
-        if any(now + EVERY < running.pause.until < NEVER for running in self._scene.node(robot).actions.running):
+        if any(now + EVERY < running.pause.until < NEVER for running in self._view.node(robot).actions.running):
             self._got_on[robot] = now
 
     def _note_use(self, robot: int) -> None:
         """Count the progress of a robot inside its event as use of the event, for those that wait for their turn."""
-        turn = self._scene.node(robot).turns.current
+        turn = self._view.node(robot).turns.current
         if turn is not None and turn.phase is Phase.INSIDE:
             self._used[turn.event] = max(self._used.get(turn.event, 0), self._got_on[robot])
 
     def _got_on_at(self, robot: int) -> Instant:
         """Return when the robot got on last, by itself or by others' use of the event for which it waits."""
-        turn = self._scene.node(robot).turns.current
+        turn = self._view.node(robot).turns.current
         return max(self._got_on[robot], 0 if turn is None else self._used.get(turn.event, 0))
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
-        node = self._scene.node(robot)
+        node = self._view.node(robot)
         return node.turns.current is not None or node.actions.driving is not None
 
     def _waits(self, robot: int) -> bool:
         """Return whether an action lets time pass: it ends by itself."""
-        return any(not running.handler.wheels for running in self._scene.node(robot).actions.running)
+        return any(not running.handler.wheels for running in self._view.node(robot).actions.running)

@@ -10,7 +10,7 @@ KEPT_MAX = 10_000
 """Entries of a table; older ones concern what is settled: no lab has as many events or terms under way at a time."""
 
 
-class Newest(OrderedDict[K, V]):
+class RecentTable(OrderedDict[K, V]):
     """A table of the `KEPT_MAX` entries that were set last."""
 
     def __setitem__(self, key: K, value: V) -> None:

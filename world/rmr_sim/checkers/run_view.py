@@ -12,7 +12,7 @@ from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration, Instant
 from rmr.node.node import Node
 from rmr.radio.links import SHADOWING_SIGMAS, Disturbance
 from rmr.radio.phy import path_loss_db
-from rmr_sim.fault_record import Befell
+from rmr_sim.fault_record import FaultRecord
 from rmr_sim.simulation import Simulation
 from rmr_sim.violation import Violation
 from rmr_world.lab import Kill, Restart
@@ -27,7 +27,7 @@ VIOLATIONS_MAX = 1000
 """Of one run; what is that wrong does not become clearer by more."""
 
 
-class Scene:
+class RunView:
     """A run, and what befell it."""
 
     def __init__(self, simulation: Simulation) -> None:
@@ -36,9 +36,9 @@ class Scene:
         self._known = -1
         self._healed_at: Instant = 0
 
-    def hear(self, kind: type, hearer: Callable[[int, Instant, Any], None]) -> None:
-        """Let `hearer` be told of each event of type `kind`: the robot, the instant, the event."""
-        self.simulation.hearers.setdefault(kind, []).append(hearer)
+    def subscribe(self, kind: type, subscriber: Callable[[int, Instant, Any], None]) -> None:
+        """Let `subscriber` be told of each event of type `kind`: the robot, the instant, the event."""
+        self.simulation.subscribers.setdefault(kind, []).append(subscriber)
 
     def violate(self, at: Instant, check: str, robots: tuple[int, ...], words: str) -> None:
         """Note that a rule did not hold."""
@@ -93,8 +93,8 @@ class Scene:
                 end = max(end, one.until)
         return end if end >= since else 0
 
-    def _befell(self) -> list[Befell]:
-        return [one for one in self.simulation.befallen if isinstance(one, Befell)]
+    def _befell(self) -> list[FaultRecord]:
+        return [one for one in self.simulation.fault_records if isinstance(one, FaultRecord)]
 
     # -- between them -----------------------------------------------------------------------------------------
 
@@ -104,7 +104,7 @@ class Scene:
         if radio.bursts is not None or not self._in_range(a, b):
             return False
         kept = 1.0 - radio.loss
-        for one in self.simulation.befallen:
+        for one in self.simulation.fault_records:
             if isinstance(one, Disturbance) and one.since <= now and one.until > since and _touches(one, a, b):
                 if one.attenuation_db > 0.0:
                     return False
@@ -124,12 +124,12 @@ class Scene:
     @property
     def healed_at(self) -> Instant:
         """When the last fault that is known of is over; NEVER where one lasts."""
-        befallen = self.simulation.befallen
-        if len(befallen) != self._known:
-            self._known = len(befallen)
+        records = self.simulation.fault_records
+        if len(records) != self._known:
+            self._known = len(records)
             faults = self.simulation.lab.faults
             ends = [fault.at if isinstance(fault, Kill | Restart) else fault.end for fault in faults]
-            self._healed_at = max([0, *ends, *map(_end, befallen)])
+            self._healed_at = max([0, *ends, *map(_end, records)])
         return self._healed_at
 
 
@@ -142,9 +142,9 @@ def _touches(disturbance: Disturbance, a: int, b: int) -> bool:
     return one is not None and other is not None and one != other
 
 
-def _end(one: Befell | Disturbance) -> Instant:
+def _end(one: FaultRecord | Disturbance) -> Instant:
     """Return when something is over as far as healing goes: a link that is a little lossy for ever does not hinder."""
-    if isinstance(one, Befell):
+    if isinstance(one, FaultRecord):
         return one.at if one.until == NEVER else one.until
     if one.until == NEVER and one.attenuation_db == 0.0 and one.loss <= LOSS_FAIR:
         return 0

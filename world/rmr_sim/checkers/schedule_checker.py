@@ -11,8 +11,8 @@ from rmr.coord.messages import Entry, FrameKind, MessageError, Phase, Sched, dec
 from rmr.coord.term import Term
 from rmr.node.ports import Spoken
 from rmr_sim.checkers.passage_checker import TIMING
-from rmr_sim.checkers.recent_table import Newest
-from rmr_sim.checkers.run_view import Scene
+from rmr_sim.checkers.recent_table import RecentTable
+from rmr_sim.checkers.run_view import RunView
 
 LET_PASS = milliseconds(1200)
 """News that an owner gave a slot up concerns one that began so long before it at most."""
@@ -21,19 +21,19 @@ Promise = tuple[bytes, Term, int, Instant]
 """Event, term, robot, trigger."""
 
 
-class Schedules:
+class ScheduleChecker:
     """Looks at every schedule that is sent."""
 
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._room = scene.simulation.robots[0].payload_max
-        self._said: Newest[tuple[bytes, Term, Instant, int], bytes] = Newest()
-        self._promised: Newest[Promise, tuple[Instant, Instant]] = Newest()
+    def __init__(self, view: RunView) -> None:
+        self._view = view
+        self._room = view.simulation.robots[0].payload_max
+        self._said: RecentTable[tuple[bytes, Term, Instant, int], bytes] = RecentTable()
+        self._promised: RecentTable[Promise, tuple[Instant, Instant]] = RecentTable()
         """The slot that stands, and when the schedule that said so was issued: frames may overtake each other."""
-        self._given_up: Newest[tuple[int, bytes], Instant] = Newest()
-        scene.hear(Spoken, self._spoken)
-        scene.hear(SlotLost, self._gave_up)
-        scene.hear(EntryMissed, self._gave_up)
+        self._given_up: RecentTable[tuple[int, bytes], Instant] = RecentTable()
+        view.subscribe(Spoken, self._spoken)
+        view.subscribe(SlotLost, self._gave_up)
+        view.subscribe(EntryMissed, self._gave_up)
 
     def __call__(self, _now: Instant) -> None:
         """Nothing happens unheard."""
@@ -45,19 +45,19 @@ class Schedules:
         payload = spoken.payload
         if len(payload) > self._room:
             words = f"robot {robot} sent {len(payload)} octets where {self._room} fit"
-            self._scene.violate(now, "frame", (robot,), words)
+            self._view.violate(now, "frame", (robot,), words)
         if payload[:1] != _SCHED:
             return
         try:
             sched = decode(payload, self._room)
         except MessageError as error:
-            self._scene.violate(now, "frame", (robot,), f"robot {robot} sent a schedule that is none: {error}")
+            self._view.violate(now, "frame", (robot,), f"robot {robot} sent a schedule that is none: {error}")
             return
         assert isinstance(sched, Sched)
         key = (sched.group_id, sched.term, sched.issued, sched.part)
         if self._said.get(key, payload) != payload:
             words = f"robot {robot} sent another version of the schedule that leader {sched.term.leader} issued"
-            self._scene.violate(now, "schedule", (robot, sched.term.leader), words)
+            self._view.violate(now, "schedule", (robot, sched.term.leader), words)
         else:
             self._said[key] = payload
         if sched.term.leader == robot:
@@ -75,20 +75,20 @@ class Schedules:
             over = sched.issued > promised + entry.duration + TIMING.schedule.window
             if not over and not self._excused(entry.robot, sched, promised, now):
                 words = f"leader {sched.term.leader} moved the slot of robot {entry.robot}, which stood already"
-                self._scene.violate(now, "frozen slot", (sched.term.leader, entry.robot), words)
+                self._view.violate(now, "frozen slot", (sched.term.leader, entry.robot), words)
         if entry.start is not None and entry.start <= sched.issued + TIMING.schedule.frozen:
             self._promised[key] = entry.start, sched.issued
 
     def _excused(self, robot: int, sched: Sched, promised: Instant, now: Instant) -> bool:
         """Return whether the owner of a slot gave it up, or could not keep it."""
-        if robot not in self._scene.robots:
+        if robot not in self._view.robots:
             return True
         gave_up = self._given_up.get((robot, sched.group_id), -LET_PASS)
         since = promised - TIMING.liveness.gone
         return (
             gave_up >= promised - LET_PASS
-            or bool(self._scene.held_up(robot, since, now))
-            or self._scene.forgot(robot, since)
+            or bool(self._view.held_up(robot, since, now))
+            or self._view.forgot(robot, since)
         )
 
 

@@ -1,7 +1,7 @@
-"""Where robots go first: the program of each robot, run on its initial facts alone at instant 0.
+"""The first instant of each robot: its program run on its initial facts alone, at lab time 0.
 
-Without senses, radio and actions this shows the areas to which a `moveto` is derived at once. What begins later, or
-depends on what robots sense or are told, it does not show.
+Without senses, radio and actions this shows the jobs that start at once and the area of the first `moveto`. What begins
+later, or depends on what robots sense or receive, it does not show.
 """
 
 from functools import lru_cache
@@ -18,30 +18,34 @@ from rmr_world.lab import Lab
 from rmr_world.random_facts import Range, StatedFact
 
 ROBOTS_MAX = 200
-"""Robots whose program is tried; of more, the first show what is wrong."""
-MOVES = "moveto"
+"""Robots whose program is run; in a larger lab the first ones show what is wrong."""
+MOVETO = "moveto"
+"""The provided action that drives a robot to an area, in turns through the bottleneck."""
 
 
-def started(lab: Lab, program: Program, robot: int) -> Machine:
+def machine_after_start(lab: Lab, program: Program, robot: int) -> Machine:
     """Return the machine of `robot` after its first instant."""
     machine = new_machine(program, robot, Choices(f"{lab.seed}/robot{robot}/vm"), engine=Engine.INTERPRETER)
     machine.start(0)
     for fact in lab.stated_facts:
         index = program.index(fact.name)
         if index is not None and fact.owner in (None, robot):
-            machine.insert(0, index, at_most(fact))
+            machine.insert(0, index, largest_args(fact))
     machine.run(0)
     return machine
 
 
-def at_most(fact: StatedFact) -> tuple[Value, ...]:
-    """Return the arguments of a fact; of numbers that each run draws the greatest: what is too early even so, is so."""
+def largest_args(fact: StatedFact) -> tuple[Value, ...]:
+    """Return the arguments of a fact, with the largest number of each range.
+
+    A deadline that cannot be met even so cannot be met in any run.
+    """
     return tuple((arg.high if arg.whole else float(arg.high)) if isinstance(arg, Range) else arg for arg in fact.args)
 
 
 @lru_cache(maxsize=4)
-def bound_for(lab: Lab, program: Program) -> dict[int, Area]:
-    """Return where robots go: the destination that the lab names, else the area to which they move first."""
+def first_destinations(lab: Lab, program: Program) -> dict[int, Area]:
+    """Return where robots go: the destination that the lab names, else the area of the first `moveto`."""
     found = destinations(lab)
     for start in lab.robots[:ROBOTS_MAX]:
         if start.id not in found:
@@ -52,8 +56,8 @@ def bound_for(lab: Lab, program: Program) -> dict[int, Area]:
 
 
 def _first_area(lab: Lab, program: Program, robot: int) -> Area | None:
-    moveto = program.index(MOVES)
-    for event in started(lab, program, robot).drain() if moveto is not None else ():
+    moveto = program.index(MOVETO)
+    for event in machine_after_start(lab, program, robot).drain() if moveto is not None else ():
         if isinstance(event, ActionDerived) and event.predicate == moveto and event.executor == robot and event.args:
             name = event.args[0]
             return lab.arena.area(str(name)) if isinstance(name, Symbol) else None

@@ -1,37 +1,65 @@
-"""A lab and its program before they run: what makes a run senseless, and what a person should know.
+"""The entry point of validation: the phases in order, from a document to a lab that is ready to run.
 
-The same for `rmr sim`, `rmr up`, `rmr world` and `rmr check`: areas and facts must fit the program, robots must have a
-way to where they are to go. What can hardly be meant, deadlines that nothing can meet and turns that nobody takes are
-warnings, and the run goes on, for missing them may be its point.
+A phase with errors ends validation, for the later ones would report consequences of the same errors.
 """
 
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from pathlib import Path
 
 from rmr.bytecode.program import Program
-from rmr_world.document import LabError, Problem
+from rmr_world.document import Document
+from rmr_world.finding import Finding, LabError
 from rmr_world.lab import Lab
-from rmr_world.lab_program import LoadedProgram
-from rmr_world.validate.deadline_feasibility import impossible
-from rmr_world.validate.lab_warnings import doubtful
-from rmr_world.validate.program_fit import check_program
-from rmr_world.validate.reachability import unreachable
-from rmr_world.validate.schedulability import unkept
+from rmr_world.validate import (
+    area_capacity,
+    bottleneck_use,
+    deadline_feasibility,
+    floor_fit,
+    lab_lint,
+    program_fit,
+    reachability,
+    reference_fit,
+    schedulability,
+)
+from rmr_world.validate.lab_draft import LabDraft
+from rmr_world.validate.schema_conformance import check_schema
+
+Check = Callable[[Lab, Program], Iterable[Finding]]
+
+FILE_FIT = (*floor_fit.CHECKS, *reference_fit.CHECKS)
+"""Checks of phase 2 that need the lab file alone."""
+RUN_PHASES: tuple[tuple[Check, ...], ...] = (
+    program_fit.CHECKS,
+    (reachability.unreachable_places,),
+    (
+        *lab_lint.CHECKS,
+        *deadline_feasibility.CHECKS,
+        *area_capacity.CHECKS,
+        *bottleneck_use.CHECKS,
+        *schedulability.CHECKS,
+    ),
+)
+"""Checks of a lab and its program, by phase: the rest of fit, reachability, feasibility."""
 
 
-def errors_of(lab: Lab, program: Program) -> list[Problem]:
-    """Return why `program` cannot run in `lab`."""
-    return check_program(lab, program) or unreachable(lab, program)
+def lab_of(document: Document, path: Path) -> Lab:
+    """Return the lab that the document of the file `path` defines (phases 1 and 2). Raises LabError."""
+    draft = LabDraft(document, check_schema(document), path)
+    errors = [*draft.errors, *(finding for check in FILE_FIT for finding in check(draft))]
+    if errors:
+        raise LabError(errors)
+    return draft.lab()
 
 
-def warnings_of(lab: Lab, program: Program) -> list[Problem]:
-    """Return what a person should know of a run of `program` in `lab`, which has no errors, in order of the files."""
-    return sorted([*doubtful(lab, program), *impossible(lab, program), *unkept(lab, program)])
+def run_findings(lab: Lab, program: Program) -> list[Finding]:
+    """Return what is wrong, or can hardly be intended, with a run of `program` in `lab`, in the order of the files.
 
-
-def judged(lab: Lab, loaded: LoadedProgram) -> LoadedProgram:
-    """Return `loaded` with warnings of what it meets in `lab` beside its own. Raises LabError where they do not fit."""
-    problems = errors_of(lab, loaded.program)
-    if problems:
-        raise LabError(problems)
-    warnings = [f"{problem}\n" for problem in warnings_of(lab, loaded.program)]
-    return replace(loaded, warnings="".join([loaded.warnings, *warnings]))
+    These are the errors of the first phase that has any, else the warnings of all.
+    """
+    found: list[Finding] = []
+    for checks in RUN_PHASES:
+        found += [finding for check in checks for finding in check(lab, program)]
+        errors = [finding for finding in found if not finding.is_warning]
+        if errors:
+            return sorted(dict.fromkeys(errors))
+    return sorted(found)

@@ -1,7 +1,8 @@
-"""What the schema leaves of a document: each part that it refuses is told and cut out, so that the rest can be judged.
+"""Phase 1, schema: each key of a document by itself (types, units, unknown and missing keys).
 
-As little as possible is cut: of a list or a mapping the bad item alone. What a lab cannot be without is replaced by a
-stand-in, which nobody judges.
+A part that breaks the schema becomes an error and is removed, so that the later phases can check the rest. As little
+as possible is removed: of a list or a mapping only the bad item. A required section that is missing or wrong is
+replaced by a stand-in; findings about a stand-in are suppressed (`SchemaResult.items`, `SchemaResult.cut`).
 """
 
 from collections.abc import Mapping
@@ -11,40 +12,41 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from rmr_world.document import END_LINE, Document, LabError, Path_, Problem
+from rmr_world.document import Document
+from rmr_world.finding import END_LINE, FilePath, Finding, LabError
 from rmr_world.schema import LAB_NAME, NAME, PYTHON_FILE, LabFile, json_schema, near_miss
-from rmr_world.validate.schema_hints import advice
+from rmr_world.validate.schema_hints import hint
 from rmr_world.validate.schema_lookup import schema_items, schema_keys
 
 _ITEMISED = {"robots", "obstacles", "areas", "faults", "facts"}
-"""Sections of which a bad item is cut out alone."""
+"""Sections from which a bad item is removed alone; of any other section all is removed."""
 _STAND_INS: Mapping[str, Any] = {
     "lab": "x",
     "program": "x.rmr",
     "arena": {"size": [1000.0, 1000.0], "cell": 10.0},
     "robots": [{"id": 0, "pose": [500.0, 500.0, 0.0]}],
 }
-"""For required sections that are wrong or missing, so that the rest can be judged."""
-PROBLEMS_MAX = 200
-"""Mistakes of the schema that are told one by one: a file that is something else would tell thousands."""
+"""Values for required sections that are wrong or missing."""
+ERRORS_MAX = 200
+"""Errors of the schema that are listed one by one; a file that is no lab file at all would give thousands."""
 _SPELT: Mapping[str, str] = {
     LAB_NAME: "should be small letters, digits, _ and -, a letter first",
     NAME: "should be letters, digits and _, a small letter first",
     PYTHON_FILE: "should be a Python file, FILE.py",
 }
-"""What the schema's patterns ask for, in words."""
+"""Patterns of the schema, and the words for each in an error message."""
 
 
 @dataclass(slots=True)
-class Accepted:
-    """What the schema leaves of a document."""
+class SchemaResult:
+    """The part of a document that conforms to the schema, and the errors of the rest."""
 
     spec: LabFile
-    problems: list[Problem]
+    errors: list[Finding]
     cut: set[str] = field(default_factory=set)
-    """Sections from which something was cut out."""
+    """Sections from which something was removed."""
     kept: dict[str, list[int]] = field(default_factory=dict)
-    """For each list that lost items: the indices, in the file, of those that are left."""
+    """For each list that lost items: the indices, in the file, of the items that are left."""
 
     def items(self, name: str) -> list[tuple[int, Any]]:
         """Return the items of a list section with their indices in the file."""
@@ -52,39 +54,40 @@ class Accepted:
         return list(zip(self.kept.get(name, range(len(section))), section, strict=False))
 
 
-def accepted(document: Document) -> Accepted:
-    """Judge the document key by key."""
-    problems = list(document.problems)
+def check_schema(document: Document) -> SchemaResult:
+    """Check the document key by key. Raises LabError when it is no mapping at all."""
+    found = list(document.errors)
     if not isinstance(document.value, dict):
         message = "should be a mapping with the keys lab, program, arena and robots"
-        raise LabError([*problems, document.problem((), message)])
+        raise LabError([*found, document.finding((), message)])
     data: dict[str, Any] = dict(document.value)
     try:
-        return Accepted(LabFile.model_validate(data), problems)
+        return SchemaResult(LabFile.model_validate(data), found)
     except ValidationError as error:
         errors = error.errors(include_url=False)
     schema = json_schema()
-    unread = {problem.path for problem in problems}
-    found = [_problem(document, schema, item) for item in errors[:PROBLEMS_MAX]]
-    problems += [problem for problem in found if problem.path not in unread and "(key)" not in problem.path]
-    if len(errors) > PROBLEMS_MAX:
-        problems.append(Problem(document.file, END_LINE, 1, "", f"and {len(errors) - PROBLEMS_MAX} more mistakes"))
+    unread = {each.path for each in document.errors}  # the YAML reader has reported these places already
+    of_schema = [_finding(document, schema, item) for item in errors[:ERRORS_MAX]]
+    found += [each for each in of_schema if each.path not in unread and "(key)" not in each.path]
+    if len(errors) > ERRORS_MAX:
+        found.append(Finding(document.file, END_LINE, 1, "", f"and {len(errors) - ERRORS_MAX} more mistakes"))
     kept = _prune(data, [item["loc"] for item in errors])
     cut = {str(item["loc"][0]) for item in errors}
-    return Accepted(LabFile.model_validate(data), problems, cut, kept)
+    return SchemaResult(LabFile.model_validate(data), found, cut, kept)
 
 
-def _problem(document: Document, schema: dict[str, Any], error: ErrorDetails) -> Problem:
-    """Return one of pydantic's findings in this project's words."""
-    path: Path_ = tuple(part for part in error["loc"] if part != "[key]")
-    kind, message = error["type"], error["msg"]
+def _finding(document: Document, schema: dict[str, Any], error: ErrorDetails) -> Finding:
+    """Return an error of pydantic in this project's words."""
+    path: FilePath = tuple(part for part in error["loc"] if part != "[key]")
+    kind = error["type"]
+    message = error["msg"]
     if kind == "extra_forbidden":
         known = schema_keys(schema, path[:-1])
         free = [key for key in known if (*path[:-1], key) not in document.keys]
-        hint = near_miss(str(path[-1]), free) or "; known are " + ", ".join(known)
-        return document.problem(path, f"unknown key{hint}", key=True)
+        near = near_miss(str(path[-1]), free) or "; known are " + ", ".join(known)
+        return document.finding(path, f"unknown key{near}", key=True)
     if kind == "missing":
-        return document.problem(path, "is missing" + advice(path, kind, None))
+        return document.finding(path, "is missing" + hint(path, kind, None))
     message = message.removeprefix("Value error, ").replace(" after validation", "")
     if kind in {"model_type", "dict_type"}:
         keys = schema_keys(schema, path)
@@ -100,12 +103,12 @@ def _problem(document: Document, schema: dict[str, Any], error: ErrorDetails) ->
         message += f", not {'null' if given is None else repr(given)[:60]}"
     if path[0] == "robots" and path[-1] == "id" and isinstance(given, str) and not given.isdigit():
         message += "; several robots are given by ids and grid"
-    message += advice(path, kind, given)
-    return document.problem(path, message, key="[key]" in error["loc"])
+    message += hint(path, kind, given)
+    return document.finding(path, message, key="[key]" in error["loc"])
 
 
 def _prune(data: dict[str, Any], locations: list[tuple[int | str, ...]]) -> dict[str, list[int]]:
-    """Cut what stands at `locations` out of `data`, as little as possible; put stand-ins for what must be there.
+    """Remove the values at `locations` from `data` and put stand-ins for required sections.
 
     Returns the indices of the items that are left in lists that lost some.
     """
@@ -125,5 +128,5 @@ def _prune(data: dict[str, Any], locations: list[tuple[int | str, ...]]) -> dict
             data[name] = {key: item for key, item in section.items() if key not in bad}
         if name in _STAND_INS and not data.get(name):
             data[name] = _STAND_INS[name]
-            kept[name] = []  # nobody judges a stand-in
+            kept[name] = []  # a stand-in is not checked
     return kept

@@ -1,12 +1,13 @@
-"""What a person who writes a lab file for the first time is told to write instead: the second half of a complaint.
+"""Hints of the schema phase: what to write instead, appended to the message of an error.
 
-Keyed by where the mistake stands and by what stands there. A complaint without advice is complete as it is.
+A hint depends on the place of the error and on the value found there. A message without a hint is complete.
 """
 
 import re
 from collections.abc import Mapping
 
-Path_ = tuple[str | int, ...]
+from rmr_world.finding import FilePath
+
 _SHAPES: Mapping[str, str] = {
     "size": "[width, height]",
     "box": "[x0, y0, x1, y1]",
@@ -23,13 +24,13 @@ _SHAPES: Mapping[str, str] = {
     "facts": '["due(@1, 25)"]',
     "faults": "[{from: 3s, to: 6s, loss: 0.5}]",
 }
-"""What a list looks like, by its key; a list of two that is not named is a point."""
+"""Notation of a list by the key that holds it; a list of two under any other key is a point."""
 _MEASURE = re.compile(r"[-+]?[0-9.]+ *(?P<unit>[A-Za-z/%]+)")
 _SHARES = {"loss", "dropout"}
 
 
-def advice(path: Path_, kind: str, given: object) -> str:
-    """Return what to write at `path` in place of `given`, of which pydantic says that it is no `kind`; or nothing."""
+def hint(path: FilePath, kind: str, given: object) -> str:
+    """Return what to write at `path` in place of `given`; `kind` is pydantic's type of error. Empty if none fits."""
     key = str(path[-1]) if path else ""
     if kind in {"tuple_type", "list_type", "too_long"}:
         return _shape(path)
@@ -44,8 +45,8 @@ def advice(path: Path_, kind: str, given: object) -> str:
     return ""
 
 
-def _shape(path: Path_) -> str:
-    """Return what the list at `path` looks like."""
+def _shape(path: FilePath) -> str:
+    """Return the notation of the list at `path`."""
     key = path[-1] if path else ""
     shape = _SHAPES.get(str(key)) if isinstance(key, str) else None
     if shape is None and path and (isinstance(key, int) or key in {"at", "from", "to"}):
@@ -53,7 +54,7 @@ def _shape(path: Path_) -> str:
     return "" if shape is None else f"; write {shape}"
 
 
-def _number(path: Path_, key: str, given: str) -> str:
+def _number(path: FilePath, key: str, given: str) -> str:
     try:
         float(given)
     except ValueError:
@@ -67,20 +68,3 @@ def _number(path: Path_, key: str, given: str) -> str:
     if path[0] in {"arena", "areas", "obstacles", "robots", "robot", "localisation"}:
         return "; metres, and metres per second, stand without a unit"
     return "; write the number without a unit"
-
-
-_YAML: tuple[tuple[str, str], ...] = (
-    ("character '@'", "put text that begins with @ in quotation marks; an id is a plain number"),
-    ("character '\\t'", "indent with spaces, not with tabs"),
-    ("could not find expected ':'", "between a key and its value stand a colon and a space"),
-    ("mapping values are not allowed here", "a second colon stands in this line, or the line is indented too far"),
-    ("but found '-'", "a list's items and a mapping's keys do not mix: indent alike, or close the bracket above"),
-    ("found unexpected end of stream", "a quotation mark is never closed"),
-    ("but got", "a bracket above is never closed, or a comma is missing"),
-)
-"""What usually is wrong, by what the YAML parser says."""
-
-
-def yaml_advice(message: str) -> str:
-    """Return what usually is wrong where the YAML parser says `message`; or nothing."""
-    return next((f"; {words}" for said, words in _YAML if said in message), "")

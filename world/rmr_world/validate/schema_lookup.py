@@ -1,4 +1,4 @@
-"""What a JSON Schema knows at a place of a document, for complaints that say what could stand there."""
+"""Look-ups in the JSON Schema of a lab file: the keys and the lengths that it allows at a place of a document."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,7 +14,7 @@ def schema_items(schema: dict[str, Any], path: tuple[str | int, ...]) -> str:
 
 
 def schema_keys(schema: dict[str, Any], path: tuple[str | int, ...]) -> list[str]:
-    """Return the keys that a JSON Schema knows at `path`, in its own order."""
+    """Return the keys that a JSON Schema allows at `path`, in its order."""
     node = schema
     for part in path:
         node = _inner(schema, node, part)

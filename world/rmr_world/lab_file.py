@@ -1,0 +1,32 @@
+"""A lab file, its folder or the name of a provided lab, loaded as a `Lab`.
+
+`load_lab` reports every error of a file at once, each with line and column. It runs the first two phases of
+`rmr_world.validate`; the others need the lab's program.
+"""
+
+from pathlib import Path
+
+from rmr_world.document import read
+from rmr_world.finding import Finding, LabError
+from rmr_world.lab import PROGRAM_SUFFIXES, Lab
+from rmr_world.provided_labs import LAB_FILE, resolve
+
+
+def lab_path(path: Path) -> Path:
+    """Return the lab file that `path` means: a lab file, its folder, or the name of a provided lab."""
+    path = resolve(path)
+    return path / LAB_FILE if path.is_dir() else path
+
+
+def load_lab(path: Path) -> Lab:
+    """Return the lab in `path`: a lab file, a folder with a ``lab.yaml``, or the name of a provided lab.
+
+    Raises LabError with all errors of the file.
+    """
+    from rmr_world.validate.pipeline import lab_of  # noqa: PLC0415 - pydantic loads only where a file is read
+
+    file = lab_path(path)
+    if file.suffix in PROGRAM_SUFFIXES:
+        message = "is a program: name the lab file that it stands in, or its folder"
+        raise LabError([Finding(str(file), 1, 1, "", message)])
+    return lab_of(read(file), file)

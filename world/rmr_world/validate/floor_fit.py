@@ -1,0 +1,173 @@
+"""Phase 2, fit of the floor: robots, areas, queues, beacons and bottleneck against walls, obstacles and one another.
+
+Each check takes the draft of the lab and yields the errors of one rule.
+"""
+
+from collections.abc import Iterator, Sequence
+
+from rmr.base.geometry import Point, distance
+from rmr.node.motion.grid import TIGHT_MARGIN_M
+from rmr_world.finding import FilePath, Finding
+from rmr_world.lab_geometry import overlaps
+from rmr_world.units import ROBOTS_MAX
+from rmr_world.validate.lab_draft import LabDraft
+
+_TOUCH_M = 1e-9
+"""Tolerance of rounding: two bodies side by side do not overlap."""
+APART_M = 0.01
+"""Least gap between robots on neighbouring places: the accuracy of a robot's own position."""
+
+
+def robot_in_arena(draft: LabDraft) -> Iterator[Finding]:
+    """A robot is no wider than the arena."""
+    if not draft.robot_fits_arena:
+        message = f"a robot of radius {draft.spec.robot.radius:g} m does not fit into the arena"
+        yield draft.error(("robot", "radius"), message)
+
+
+def obstacles_in_arena(draft: LabDraft) -> Iterator[Finding]:
+    """Each obstacle lies in the arena, in part at least."""
+    for i, obstacle in draft.obstacles:
+        if not overlaps(obstacle, draft.arena.width, draft.arena.height):
+            yield draft.error(("obstacles", i), "lies outside the arena")
+
+
+def beacons_in_arena(draft: LabDraft) -> Iterator[Finding]:
+    """Each beacon that the file names stands in the arena."""
+    for k, (x, y) in enumerate(draft.spec.localisation.beacons or ()):
+        if not _in_arena(draft, x, y):
+            yield draft.error(("localisation", "beacons", k), f"is out of the arena, {_size(draft)}")
+
+
+def areas_in_arena(draft: LabDraft) -> Iterator[Finding]:
+    """Each area lies in the arena, and a robot can stand at each of its places and at each place of its queue."""
+    for name, (spec, area) in draft.areas.items():
+        path: FilePath = ("areas", name)
+        if spec.box is not None:
+            x0, y0, x1, y1 = spec.box
+            yield from _box_in_arena(draft, (*path, "box"), [Point(x0, y0), Point(x1, y1)])
+        elif spec.slots is not None:
+            yield from _slots_fit(draft, (*path, "slots"), area.places)
+        else:
+            yield from _places_fit(draft, (*path, "at" if spec.at is not None else "line"), area.places)
+        yield from _places_fit(draft, (*path, "queue"), area.queue)
+
+
+def places_apart(draft: LabDraft) -> Iterator[Finding]:
+    """Robots on two places of an area, or of its queue, do not touch."""
+    for name, (spec, area) in draft.areas.items():
+        if area.slotted:
+            yield from _apart(draft, ("areas", name, "slots" if spec.slots else "line"), area.places)
+        yield from _apart(draft, ("areas", name, "queue", "spacing"), area.queue)
+
+
+def bottleneck_defined(draft: LabDraft) -> Iterator[Finding]:
+    """The areas at the ends of the bottleneck are in the file."""
+    for name in draft.arena.bottleneck:
+        if name not in draft.area_names:
+            yield draft.error(("bottleneck",), draft.undefined_area(name))
+
+
+def bottleneck_ends_apart(draft: LabDraft) -> Iterator[Finding]:
+    """The two ends of the bottleneck are two places."""
+    arena = draft.arena
+    places = [area.places[0] for name in arena.bottleneck if (area := arena.area(name)) is not None]
+    if len(places) == 2 and distance(*places[0], *places[1]) < 2 * arena.shape.radius:
+        yield draft.error(("bottleneck",), "its two mouths are closer than a robot is wide")
+
+
+def robot_count(draft: LabDraft) -> Iterator[Finding]:
+    """The world and the radio can serve that many robots."""
+    if len(draft.robots) > ROBOTS_MAX:
+        message = f"there are {len(draft.robots)} robots; at most {ROBOTS_MAX} are possible"
+        yield draft.error(("robots",), message)
+
+
+def robots_start_free(draft: LabDraft) -> Iterator[Finding]:
+    """Each robot has an id of its own and starts in the arena, touching no wall, no obstacle and no other robot."""
+    arena = draft.arena
+    radius = arena.shape.radius
+    for number, (i, start) in enumerate(draft.robots):
+        earlier = [other for _, other in draft.robots[:number]]
+        path: FilePath = ("robots", i)
+        x, y, _ = start.pose
+        if any(other.id == start.id for other in earlier):
+            yield draft.error(path, f"robot {start.id} is there already")
+            continue
+        if not _in_arena(draft, x, y):
+            yield draft.error(path, f"robot {start.id} starts out of the arena, {_size(draft)}")
+        elif min(x, y, arena.width - x, arena.height - y) < radius - _TOUCH_M:
+            yield draft.error(path, f"robot {start.id} starts inside a wall")
+        elif any(obstacle.distance(x, y) < radius - _TOUCH_M for obstacle in arena.obstacles):
+            yield draft.error(path, f"robot {start.id} starts inside an obstacle")
+        touching = [o.id for o in earlier if distance(x, y, o.pose.x, o.pose.y) < 2 * radius - _TOUCH_M]
+        if touching:
+            yield draft.error(path, f"robot {start.id} starts inside robot {touching[0]}")
+
+
+def _in_arena(draft: LabDraft, x: float, y: float) -> bool:
+    return 0.0 <= x <= draft.arena.width and 0.0 <= y <= draft.arena.height
+
+
+def _size(draft: LabDraft) -> str:
+    return f"{draft.arena.width:g} m x {draft.arena.height:g} m"
+
+
+def _tight(draft: LabDraft, x: float, y: float) -> bool:
+    """Return whether an obstacle or a wall is too near to (x, y) for a robot."""
+    return draft.arena.clearance(x, y) < draft.arena.shape.radius + TIGHT_MARGIN_M - _TOUCH_M
+
+
+def _tight_message(draft: LabDraft, x: float, y: float) -> str:
+    spare = f"with {TIGHT_MARGIN_M * 1000:g} mm to spare"
+    return f"a robot of radius {draft.arena.shape.radius:g} m does not fit at ({x:g}, {y:g}) {spare}"
+
+
+def _box_in_arena(draft: LabDraft, path: FilePath, corners: Sequence[Point]) -> Iterator[Finding]:
+    if not all(_in_arena(draft, x, y) for x, y in corners):
+        yield draft.error(path, f"it is out of the arena, {_size(draft)}")
+
+
+def _slots_fit(draft: LabDraft, path: FilePath, slots: Sequence[Point]) -> Iterator[Finding]:
+    """Yield an error for each slot where a robot cannot stand: each has a place of its own in the file."""
+    for k, (x, y) in enumerate(slots):
+        if not _in_arena(draft, x, y):
+            yield draft.error((*path, k), f"it is out of the arena, {_size(draft)}")
+        elif _tight(draft, x, y):
+            yield draft.error((*path, k), _tight_message(draft, x, y))
+
+
+def _places_fit(draft: LabDraft, path: FilePath, places: Sequence[Point]) -> Iterator[Finding]:
+    """Yield one error for places of one path in the file: the first out of the arena, else the first tight one."""
+    out = next(((x, y) for x, y in places if not _in_arena(draft, x, y)), None)
+    if out is not None:
+        yield draft.error(path, f"({out[0]:g}, {out[1]:g}) is out of the arena, {_size(draft)}")
+        return
+    tight = next(((x, y) for x, y in places if _tight(draft, x, y)), None)
+    if tight is not None:
+        yield draft.error(path, _tight_message(draft, *tight))
+
+
+def _apart(draft: LabDraft, path: FilePath, places: Sequence[Point]) -> Iterator[Finding]:
+    """Yield an error for the first two of `places` that are too close."""
+    radius = draft.arena.shape.radius
+    for k, a in enumerate(places):
+        for i, b in enumerate(places[:k]):
+            if distance(*a, *b) < 2 * radius + APART_M - _TOUCH_M:
+                least = f"two robots of radius {radius:g} m and {APART_M * 1000:g} mm"
+                yield draft.error(path, f"places {i} and {k} are closer than {least}")
+                return
+
+
+CHECKS = (
+    robot_in_arena,
+    obstacles_in_arena,
+    beacons_in_arena,
+    areas_in_arena,
+    places_apart,
+    bottleneck_defined,
+    bottleneck_ends_apart,
+    robot_count,
+    robots_start_free,
+)
+"""The rules of the floor."""

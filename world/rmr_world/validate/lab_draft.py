@@ -1,0 +1,199 @@
+"""The parts of a lab as far as its document defines them: what the checks of phase 2 look at.
+
+The draft is built from the part of the document that conforms to the schema. A part that cannot be built (an obstacle
+that is not convex, a fact that does not parse) becomes an error of the draft and is left out. The draft states no other
+rule: whether the parts fit together is checked by `floor_fit` and `reference_fit`.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from rmr.base.arena import Area, Arena, Obstacle, RobotShape
+from rmr.base.geometry import Point, Pose
+from rmr.radio.links import Disturbance
+from rmr.radio.phy import Bursts
+from rmr.radio.security import UNSECURED
+from rmr_world.document import Document
+from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
+from rmr_world.finding import FilePath, Finding
+from rmr_world.lab import KEYED, Fault, Lab, Localisation, RadioSettings, RobotStart
+from rmr_world.lab_geometry import area_of, grid_poses, obstacle_of
+from rmr_world.random_facts import StatedFact
+from rmr_world.schema import RADIUS_M_MIN, AreaSpec, RadioSpec, RobotSpec, near_miss
+from rmr_world.validate.fault_specs import permanent_faults, timed_faults
+from rmr_world.validate.schema_conformance import SchemaResult
+
+
+class LabDraft:
+    """The parts of one lab, each with its place in the file."""
+
+    def __init__(self, document: Document, result: SchemaResult, path: Path) -> None:
+        self.document = document
+        self.spec = result.spec
+        self.path = path
+        """The lab file; files that it names are relative to its folder."""
+        self.cut = result.cut
+        """Sections from which the schema phase removed something: what refers to them is not checked."""
+        self.errors = list(result.errors)
+        """Errors of the schema and of parts that cannot be built."""
+        self._result = result
+        raw = document.value if isinstance(document.value, dict) else {}
+        areas = raw.get("areas")
+        self.area_names = sorted(areas) if isinstance(areas, dict) else []
+        """Names of all areas in the file, of wrong ones too: a reference to these is no further error."""
+        self.obstacles = self._obstacles()
+        self.areas = self._areas()
+        self.arena = self._arena()
+        self.robots = self._robots()
+        """The robots, each with the index of the item in the file that defines it."""
+        self.ids = {start.id for _, start in self.robots}
+        self.facts = self._facts()
+        """Facts by their index in the file."""
+        self.finish = None if not self.spec.finish else self._finish(self.spec.finish)
+        self.faults = self._faults()
+        """Faults of robots and disturbances of the radio, each with the path of the robots that it names."""
+
+    def error(self, path: FilePath, message: str) -> Finding:
+        """Return an error at `path` of the file."""
+        return self.document.finding(path, message)
+
+    def undefined_area(self, name: str) -> str:
+        """Return the message for a reference to an area that is not in the file."""
+        return f"area '{name}' is not defined{near_miss(name, self.area_names)}"
+
+    def robot_is_unknown(self, robot: int) -> bool:
+        """Return whether the lab certainly has no such robot."""
+        return robot not in self.ids and "robots" not in self.cut
+
+    def lab(self) -> Lab:
+        """Return the lab; it is complete only if there are no errors."""
+        spec = self.spec
+        folder = self.path.parent
+        faults = [fault for _, fault in self.faults]
+        return Lab(
+            name=spec.lab,
+            program=folder / spec.program,
+            seed=spec.seed,
+            duration=spec.duration,
+            finish=spec.finish or "",
+            arena=self.arena,
+            robots=tuple(robot for _, robot in self.robots),
+            facts=tuple(spec.facts),
+            radio=_radio_settings(spec.radio),
+            localisation=Localisation(spec.localisation.rate, spec.localisation.sigma, spec.localisation.dropout),
+            faults=tuple(fault for fault in faults if not isinstance(fault, Disturbance)),
+            disturbances=tuple(fault for fault in faults if isinstance(fault, Disturbance)),
+            path=self.path,
+            actions=None if spec.actions is None else folder / spec.actions,
+            events=None if spec.events is None else folder / spec.events,
+            key_file=None if spec.radio.key_file is None else folder / spec.radio.key_file,
+            places=self.document.places,
+        )
+
+    # -- the floor ----------------------------------------------------------------------------------------------
+
+    @property
+    def robot_fits_arena(self) -> bool:
+        """Whether a robot is no wider than the arena."""
+        return 2.0 * self.spec.robot.radius <= min(self.spec.arena.size) or "arena" in self.cut
+
+    def _arena(self) -> Arena:
+        spec = self.spec
+        width, height = spec.arena.size
+        # A robot that is too large for the arena fits nowhere: with the least radius that is one error, not many.
+        radius = spec.robot.radius if self.robot_fits_arena else RADIUS_M_MIN
+        shape = RobotShape(radius, spec.robot.speed, spec.robot.turn, spec.robot.view.angle, spec.robot.view.depth)
+        return Arena(
+            width,
+            height,
+            spec.arena.cell,
+            tuple(obstacle for _, obstacle in self.obstacles),
+            shape=shape,
+            areas=tuple(area for _, area in self.areas.values()),
+            beacons=self._beacons(),
+            bottleneck=() if spec.bottleneck is None else tuple(spec.bottleneck.mouths),
+        )
+
+    def _obstacles(self) -> list[tuple[int, Obstacle]]:
+        built: list[tuple[int, Obstacle]] = []
+        for i, item in self._result.items("obstacles"):
+            try:
+                built.append((i, obstacle_of(item)))
+            except ValueError as error:
+                self.errors.append(self.error(("obstacles", i), str(error)))
+        return built
+
+    def _areas(self) -> dict[str, tuple[AreaSpec, Area]]:
+        built = {}
+        for name, item in self.spec.areas.items():
+            try:
+                built[name] = (item, area_of(name, item))
+            except ValueError as error:
+                self.errors.append(self.error(("areas", name), str(error)))
+        return built
+
+    def _beacons(self) -> tuple[Point, ...]:
+        given = self.spec.localisation.beacons
+        if given is None:
+            return Point(0.0, 0.0), Point(self.spec.arena.size[0], 0.0)
+        return tuple(Point(x, y) for x, y in given)
+
+    # -- robots, facts, faults ----------------------------------------------------------------------------------
+
+    def _robots(self) -> list[tuple[int, RobotStart]]:
+        return [(i, start) for i, item in self._result.items("robots") for start in _starts(item)]
+
+    def _facts(self) -> list[tuple[int, StatedFact]]:
+        parsed: list[tuple[int, StatedFact]] = []
+        wrong = {each.path for each in self.errors}
+        items = self._result.items("facts")
+        split = _split_facts([text for _, text in items])
+        if split:
+            message = 'in [ ] a comma parts the items: put each fact in quotation marks, "..."'
+            self.errors.append(self.error(("facts", items[split[0]][0]), message))
+        for number, (i, text) in enumerate(items):
+            if number in split or f"facts.{i}" in wrong:
+                continue
+            try:
+                parsed.append((i, parse_fact(text)))
+            except TermError as error:
+                self.errors.append(self.error(("facts", i), str(error)))
+        return parsed
+
+    def _finish(self, text: str) -> FinishPattern | None:
+        try:
+            return parse_finish(text)
+        except TermError as error:
+            self.errors.append(self.error(("finish",), str(error)))
+            return None
+
+    def _faults(self) -> list[tuple[FilePath, Fault | Disturbance]]:
+        roster = sorted(self.ids)
+        built: list[tuple[FilePath, Fault | Disturbance]] = [*permanent_faults(self.spec.radio)]
+        for i, item in self._result.items("faults"):
+            built += timed_faults(item, ("faults", i), roster)
+        return built
+
+
+def _split_facts(texts: Sequence[str]) -> list[int]:
+    """Return the indices of parts of facts: without quotation marks, YAML splits a fact in brackets at its commas."""
+    open_ = [text.count("(") - text.count(")") for text in texts]
+    begins = any(a > 0 > b for a, b in pairwise(each for each in open_ if each))
+    return [i for i, each in enumerate(open_) if each] if begins else []
+
+
+def _radio_settings(spec: RadioSpec) -> RadioSettings:
+    bursts = None if spec.bursts is None else Bursts(**spec.bursts.model_dump())
+    security = spec.security or (UNSECURED if spec.key_file is None else KEYED)
+    others = {"bursts", "links", "partition", "security", "key_file"}
+    return RadioSettings(**spec.model_dump(exclude=others), bursts=bursts, security=security)
+
+
+def _starts(spec: RobotSpec) -> list[RobotStart]:
+    if spec.grid is not None and spec.ids is not None:
+        poses = grid_poses(spec.grid, len(spec.ids))
+        return [RobotStart(robot, pose) for robot, pose in zip(spec.ids, poses, strict=True)]
+    assert spec.id is not None
+    assert spec.pose is not None
+    return [RobotStart(spec.id, Pose(*spec.pose))]

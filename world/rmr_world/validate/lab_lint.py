@@ -1,0 +1,47 @@
+"""Lint of a lab: settings that are valid but can hardly be intended."""
+
+import re
+from collections.abc import Iterator
+
+from rmr.base.time import in_seconds
+from rmr.bytecode.program import Kind, Program
+from rmr_world.faults import faults_after_end
+from rmr_world.finding import Finding
+from rmr_world.lab import Lab
+
+NEEDS_POSITION = ("moveto", "lineup", "goto", "reach")
+"""The provided actions that begin only when the robot knows its position."""
+
+
+def fault_after_end(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of a fault that begins after the duration."""
+    for fault in faults_after_end(lab):
+        message = f"{fault} begins when the duration of {in_seconds(lab.duration):g} s is over"
+        yield lab.warning(("faults",), message)
+
+
+def no_localisation(lab: Lab, program: Program) -> Iterator[Finding]:
+    """Warn of a localisation service that gives no robot its position although the program drives."""
+    drives = [p.name for p in program.predicates if p.kind is Kind.ACTION and p.name in NEEDS_POSITION]
+    if not drives:
+        return
+    if len(set(lab.arena.beacons)) < 2:
+        key, why = "beacons", "that takes two beacons in different places"
+    elif lab.localisation.dropout == 1.0:
+        key, why = "dropout", "all pulses are lost"
+    else:
+        return
+    message = f"no robot will know where it is, and {drives[0]} will never begin: {why}"
+    yield lab.warning(("localisation", key), message)
+
+
+def variable_named_like_area(lab: Lab, _program: Program) -> Iterator[Finding]:
+    """Warn of a variable in `finish` that differs from the name of an area by case only: it matches any area."""
+    for word in re.findall(r"\b[A-Z]\w*", lab.finish):
+        names = [area.name for area in lab.arena.areas if area.name.lower() == word.lower()]
+        if len(word) > 1 and names:
+            yield lab.warning(("finish",), f"{word} is a variable, which matches anything; did you mean '{names[0]}'?")
+
+
+CHECKS = (fault_after_end, no_localisation, variable_named_like_area)
+"""The lint of a lab and its program."""

@@ -1,0 +1,116 @@
+"""Phase 2, fit of references: files, robots and areas that facts, `finish` and faults name are in the lab.
+
+Each check takes the draft of the lab and yields the errors of one rule.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rmr.base.time import in_seconds
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Constant
+from rmr.radio.links import DISTURBANCES_MAX, Disturbance
+from rmr_world.finding import Finding
+from rmr_world.lab import PROGRAM_SUFFIXES, Kill, Restart
+from rmr_world.schema import near_miss
+from rmr_world.validate.lab_draft import LabDraft
+
+
+def program_suffix(draft: LabDraft) -> Iterator[Finding]:
+    """The program is source or byte-code, by the end of its name."""
+    program = draft.spec.program
+    if Path(program).suffix not in PROGRAM_SUFFIXES:
+        yield draft.error(("program",), f"should be a .rmr or .rbc file, not '{program}'")
+
+
+def user_files_exist(draft: LabDraft) -> Iterator[Finding]:
+    """The files of actions and of events are there."""
+    for key, name in (("actions", draft.spec.actions), ("events", draft.spec.events)):
+        if name is None:
+            continue
+        file = draft.path.parent / name
+        if not file.is_file():
+            beside = sorted(each.name for each in file.parent.glob("*.py"))
+            yield draft.error((key,), f"there is no file {file}{near_miss(file.name, beside)}")
+
+
+def fact_owners_known(draft: LabDraft) -> Iterator[Finding]:
+    """The owner of each fact is a robot of the lab."""
+    for i, fact in draft.facts:
+        if fact.owner is not None and draft.robot_is_unknown(fact.owner):
+            yield draft.error(("facts", i), f"robot {fact.owner} is not in this lab")
+
+
+def finish_area_fits(draft: LabDraft) -> Iterator[Finding]:
+    """``finish: at(R, area)`` names an area of the lab in which all robots can be at a time."""
+    if draft.finish is None or draft.finish.name != "at":
+        return
+    patterns = draft.finish.patterns
+    if len(patterns) != 1:
+        yield draft.error(("finish",), "at has two arguments: at(R, area)")
+        return
+    pattern = patterns[0]
+    if not isinstance(pattern, Constant) or not isinstance(pattern.value, Symbol):
+        return
+    name = str(pattern.value)
+    robots = len(draft.robots)
+    area = draft.arena.area(name)
+    if name not in draft.area_names:
+        # With another case only, the area's own name is wrong, which is an error of the schema already.
+        if name.lower() not in map(str.lower, draft.area_names):
+            yield draft.error(("finish",), draft.undefined_area(name))
+    elif area is not None and area.slotted and len(area.places) < robots:
+        yield draft.error(("finish",), f"area '{name}' has {len(area.places)} slots for {robots} robots")
+    elif area is not None and not area.slotted and area.box is None and robots > 1:
+        message = f"area '{name}' is one point for {robots} robots; give it slots, or a box"
+        yield draft.error(("finish",), message)
+
+
+def fault_robots_known(draft: LabDraft) -> Iterator[Finding]:
+    """Each robot that a fault names is in the lab, and named once."""
+    for path, fault in draft.faults:
+        robots = [i for group in fault.groups for i in group] if isinstance(fault, Disturbance) else [fault.robot]
+        for robot in dict.fromkeys(robots):
+            if draft.robot_is_unknown(robot):
+                yield draft.error(path, f"robot {robot} is not in this lab")
+            if robots.count(robot) > 1:
+                yield draft.error(path, f"robot {robot} is named twice")
+
+
+def kills_and_restarts_alternate(draft: LabDraft) -> Iterator[Finding]:
+    """A robot is killed while it lives, and restarted after it was killed."""
+    if "faults" in draft.cut:
+        return  # the missing half of a pair may be the entry that was removed
+    dead: set[int] = set()
+    found = [(path, fault) for path, fault in draft.faults if isinstance(fault, Kill | Restart)]
+    for path, fault in sorted(found, key=lambda each: each[1].at):
+        robot = fault.robot
+        at = f"at {in_seconds(fault.at):g} s"
+        if isinstance(fault, Restart):
+            if robot not in dead:
+                yield draft.error(path, f"robot {robot} lives {at}: kill it before it is started again")
+            dead.discard(robot)
+        elif robot in dead:
+            yield draft.error(path, f"robot {robot} is dead {at}: start it again before it is killed once more")
+        else:
+            dead.add(robot)
+
+
+def disturbance_count(draft: LabDraft) -> Iterator[Finding]:
+    """The radio can hold that many disturbances."""
+    count = sum(isinstance(fault, Disturbance) for _, fault in draft.faults)
+    if count > DISTURBANCES_MAX:
+        message = f"the radio is disturbed in {count} ways; at most {DISTURBANCES_MAX} are possible"
+        yield draft.error(("faults",), message)
+
+
+CHECKS = (
+    program_suffix,
+    user_files_exist,
+    fact_owners_known,
+    finish_area_fits,
+    fault_robots_known,
+    kills_and_restarts_alternate,
+    disturbance_count,
+)
+"""The rules of references."""
