@@ -10,6 +10,7 @@ from rmr_world.document import read
 from rmr_world.finding import Finding, LabError
 from rmr_world.lab import PROGRAM_SUFFIXES, Lab
 from rmr_world.provided_labs import LAB_FILE, resolve
+from rmr_world.validate.pipeline import lab_of
 
 
 def lab_path(path: Path) -> Path:
@@ -23,8 +24,6 @@ def load_lab(path: Path) -> Lab:
 
     Raises LabError with all errors of the file.
     """
-    from rmr_world.validate.pipeline import lab_of  # noqa: PLC0415 - pydantic loads only where a file is read
-
     file = lab_path(path)
     if file.suffix in PROGRAM_SUFFIXES:
         message = "is a program: name the lab file that it stands in, or its folder"

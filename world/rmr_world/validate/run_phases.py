@@ -1,0 +1,30 @@
+"""The checks of a lab together with its program, by phase: the rest of fit, reachability, feasibility."""
+
+from collections.abc import Callable, Iterable
+
+from rmr.bytecode.program import Program
+from rmr_world.finding import Finding
+from rmr_world.lab import Lab
+from rmr_world.validate import (
+    area_capacity,
+    bottleneck_use,
+    deadline_feasibility,
+    lab_lint,
+    program_fit,
+    reachability,
+    schedulability,
+)
+
+Check = Callable[[Lab, Program], Iterable[Finding]]
+
+FEASIBILITY = (
+    *lab_lint.CHECKS,
+    *deadline_feasibility.CHECKS,
+    *area_capacity.CHECKS,
+    *bottleneck_use.CHECKS,
+    *schedulability.CHECKS,
+)
+"""Checks of phase 4, which yield warnings only."""
+
+RUN_PHASES: tuple[tuple[Check, ...], ...] = (program_fit.CHECKS, (reachability.unreachable_places,), FEASIBILITY)
+"""The phases in order."""
