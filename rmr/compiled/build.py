@@ -40,6 +40,7 @@ HOT = (
     "rmr/node/motion/*.py",
     "rmr/node/peers/*.py",
     "rmr/radio/*.py",
+    "world/rmr_sim/robot_host.py",
     "world/rmr_sim/simulated_robot.py",
     "world/rmr_sim/simulation.py",
     "world/rmr_world/physics.py",

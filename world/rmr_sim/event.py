@@ -1,24 +1,23 @@
-"""What happens in a simulated run beside what its robots do: an instant and a callback (paper V.A).
+"""Events of a simulated run other than the actions of its robots: an instant and a callback (paper V.A).
 
-Two steps add an event to a run: subclass `Event` and override `callback`; hand an instance to
-`Simulation.schedule`. The simulator's own faults are such events. Events of the same instant happen in the order in
-which they were scheduled, before whatever ends on the air then; the tick that begins at that instant comes first.
+To add an event to a run, subclass `Event`, override `callback`, and hand an instance to `Simulation.schedule`. The
+simulator's own faults are such events. At one instant the tick comes first, then the events in the order in which they
+were scheduled, then the ends of frames on the air.
+
+A callback is handed the running `rmr_sim.simulation.Simulation`. Its type is not named here: an import of that module
+would be a circle, and a narrower type would forbid users to annotate their own callbacks with `Simulation`.
 """
 
 import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 from rmr.base.errors import Error
 from rmr.base.mistake import place, words
 from rmr.base.time import Instant, in_seconds
 
-if TYPE_CHECKING:
-    from rmr_sim.simulation import Simulation
-
-
-PUT_OFF = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
-"""What tells functions whose call does nothing by itself."""
+DEFERRED = (inspect.iscoroutinefunction, inspect.isgeneratorfunction, inspect.isasyncgenfunction)
+"""Tests for functions whose call does not run their body."""
 
 
 class EventError(Error):
@@ -29,33 +28,33 @@ class Event:
     """Something that happens once. Subclass it and override `callback`."""
 
     def __init__(self, at: Instant) -> None:
-        """`at` is lab time; what is over already when it is scheduled happens at once."""
+        """`at` is lab time; an event whose time is past when it is scheduled happens at once."""
         self.at = at
 
-    def callback(self, simulation: "Simulation") -> None:
-        """Do what the event is about; `simulation.now` is the instant. It may schedule further events."""
+    def callback(self, simulation: Any) -> None:
+        """Perform the event at `simulation.now`; it may schedule further events."""
         raise NotImplementedError(f"override callback in {type(self).__name__}: it says what the event does")
 
-    def happen(self, simulation: "Simulation") -> None:
-        """Have `callback` done. Raises EventError if it raises anything, exit() included."""
+    def happen(self, simulation: Any) -> None:
+        """Call `callback`. Raises EventError if that raises anything, exit() included."""
         try:
             self.callback(simulation)
         except (EventError, KeyboardInterrupt):
             raise
         except BaseException as error:
             what = f"event {type(self).__name__}"
-            raise EventError(_told(what, simulation.now, self.callback, error)) from error
+            raise EventError(_described(what, simulation.now, self.callback, error)) from error
 
 
-def observed(observe: Callable[[Instant], None], now: Instant) -> None:
-    """Have a user's observer look. Raises EventError if it raises anything, exit() included."""
+def call_observer(observe: Callable[[Instant], None], now: Instant) -> None:
+    """Call a user's observer. Raises EventError if that raises anything, exit() included."""
     try:
         observe(now)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
         what = f"observer {getattr(observe, '__qualname__', type(observe).__name__)}"
-        raise EventError(_told(what, now, observe, error)) from error
+        raise EventError(_described(what, now, observe, error)) from error
 
 
 def checked(event: object) -> Event:
@@ -65,7 +64,7 @@ def checked(event: object) -> Event:
     if not hasattr(event, "at"):
         raise TypeError(f"{type(event).__name__} has no instant: its __init__ must call super().__init__(at)")
     instant(event.at)
-    if any(is_put_off(event.callback) for is_put_off in PUT_OFF):
+    if any(is_deferred(event.callback) for is_deferred in DEFERRED):
         raise TypeError(f"callback of {type(event).__name__} would not run when it is called: no async, no yield in it")
     return event
 
@@ -77,8 +76,8 @@ def instant(value: object) -> Instant:
     return value
 
 
-def _told(what: str, now: Instant, function: Callable[..., None], error: BaseException) -> str:
-    """Return what a user's `function` has raised, and where, as its author knows it: in the file that holds it."""
+def _described(what: str, now: Instant, function: Callable[..., None], error: BaseException) -> str:
+    """Return the message for an exception of a user's `function`, with its place in the user's file."""
     code = getattr(function, "__code__", None) or getattr(type(function).__call__, "__code__", None)
     where = "no Python file" if code is None else place(error, code.co_filename, code.co_firstlineno)
     return f"{what} at {in_seconds(now):.3f} s: {words(error)} ({where})"

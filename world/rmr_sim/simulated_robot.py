@@ -1,22 +1,22 @@
-"""One simulated robot: its node and its radio station, and what the host of a process does with them.
+"""One simulated robot: its node and its radio station, and the part of a process that hosts them.
 
-The host hands over samples and frames and calls the node: at each tick while the robot drives, else when the node
-wants to be called. What can befall a process is befalling the host's part here, and costs nothing while it does not:
+The host hands over samples and frames and calls the node: at each tick while the robot drives, else at the time that
+the node asks for. A fault of the process changes what the host does, and costs nothing in its absence:
 
-    state    the node is called           the station               what comes in meanwhile
-    served   as it wants                  on                        is handed over at once
-    slow     every so often               on                        waits for the call
-    stalled  not at all                   stands still              waits, as in a stopped process
-    dead     not at all, and never again  off                       is lost
+    state    calls of the node        station          input in the meantime
+    served   as the node asks         on               handed over at once
+    slow     once in a given time     on               queued until the call
+    stalled  none                     held             queued, as in a stopped process
+    dead     none, never again        off              lost
 
-The body is no part of this: it stays where it is, and its wheels stop when nobody has commanded them for a while.
-A robot that starts again has a new node, of a further epoch, and a station that remembers nothing; what the nodes
-before it counted and did stays in the report.
+The body is not affected: it stays in the world, and its wheels brake when no command has come for a while
+(`physics.WATCHDOG`). A restarted robot has a new node, of the next epoch, and a station without memory. The counters
+and actions of its earlier nodes stay in the report.
 """
 
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from rmr.base.geometry import Twist
 from rmr.base.kernel import EVENT, ROBOT, Alarm
@@ -26,24 +26,22 @@ from rmr.base.values import Value
 from rmr.node.node import Node
 from rmr.node.ports import Confirmed, Ports, Received, Sensed
 from rmr.node.report import robot_report
+from rmr_sim.robot_host import RobotHost
 from rmr_world.incarnations import merged_report, with_lost_jobs
 
-if TYPE_CHECKING:
-    from rmr_sim.simulation import Simulation
-
 SAMPLES_MAX: Final = 240
-"""Samples that wait for a node that is not called, as in a process; the oldest go first."""
+"""Bound of the queue of samples, as in a process; the oldest are dropped."""
 FRAMES_MAX: Final = 512
-"""Frames, and outcomes, likewise."""
+"""Bound of the queues of frames and of confirmations; the oldest are dropped."""
 
 T = TypeVar("T")
 
 MakeNode = Callable[[Ports, int], Node]
-"""Of a robot's ports and its epoch."""
+"""Makes the node of an incarnation from the robot's ports and its epoch."""
 
 
 def _taken(queue: deque[T]) -> list[T]:
-    """Return what waits in `queue`, which is empty then."""
+    """Empty `queue` and return its items."""
     taken = list(queue)
     queue.clear()
     return taken
@@ -52,34 +50,32 @@ def _taken(queue: deque[T]) -> list[T]:
 class SimulatedRobot:
     """A node with its station and its body in the world."""
 
-    def __init__(self, simulation: "Simulation", robot: int, make_node: MakeNode, bodily: bool) -> None:
+    def __init__(self, host: RobotHost, robot: int, make_node: MakeNode, bodily: bool) -> None:
         """A robot without a body (`bodily`) is not sampled."""
         self.bodily = bodily
-        self._simulation = simulation
+        self._host = host
         self._make_node = make_node
         self.robot = robot
-        self.x, self.y, _ = simulation.world.pose(robot)
-        rng = stream(f"{simulation.seed}/robot{robot}/csma")
-        self.station = simulation.ether.add(
-            robot, rng, self._take, self.x, self.y, security=simulation.security(robot, 0)
-        )
+        self.x, self.y, _ = host.world.pose(robot)
+        rng = stream(f"{host.seed}/robot{robot}/csma")
+        self.station = host.ether.add(robot, rng, self._take, self.x, self.y, security=host.security(robot, 0))
         self._samples: deque[Sensed] = deque(maxlen=SAMPLES_MAX)
         self._received: deque[Received] = deque(maxlen=FRAMES_MAX)
         self._confirmed: deque[Confirmed] = deque(maxlen=FRAMES_MAX)
         self.alive = True
         self.served = True
-        """Whether the host serves it as in the absence of faults."""
+        """Whether the host serves the robot normally: neither dead, stalled nor slow."""
         self._stalled_until: Instant = 0
         self._slow_until: Instant = 0
         self._every: Duration = 0
         self.still = True
         self.node = make_node(self._ports, 0)
-        self.node_alarm = Alarm(simulation.kernel, ROBOT, self.tick)
-        self._slow_alarm = Alarm(simulation.kernel, ROBOT, self._slow_tick)
+        self.node_alarm = Alarm(host.kernel, ROBOT, self.tick)
+        self._slow_alarm = Alarm(host.kernel, ROBOT, self._slow_tick)
         self._called: Instant = NEVER
-        """When a frame begins, or will have begun, in which one without a body is looked after."""
+        """Wake-up time that the host has been told, of a robot without a body; NEVER if none."""
         self._past: list[dict[str, Any]] = []
-        """The parts of the report of the nodes before this one."""
+        """Parts of the report of the earlier incarnations, the oldest first."""
 
     # -- the node's ports -------------------------------------------------------------------------------------
 
@@ -111,28 +107,28 @@ class SimulatedRobot:
     def act(self, twist: Twist, stamp: Instant) -> None:
         """Command the wheels."""
         self.still = twist.v == 0.0 and twist.w == 0.0
-        self._simulation.world.act(self.robot, twist, stamp, self._simulation.kernel.now)
+        self._host.world.act(self.robot, twist, stamp, self._host.kernel.now)
 
     # -- the host's part --------------------------------------------------------------------------------------
 
     def sample(self, now: Instant) -> None:
         """Take a sample of the world."""
-        sample = self._simulation.world.sense(self.robot, now)
+        sample = self._host.world.sense(self.robot, now)
         self.x, self.y, _ = sample.truth
         self.station.move(self.x, self.y)
         self._samples.append(sample)
 
     def tick(self, now: Instant) -> None:
-        """Let the node run, and see to what it wants next."""
+        """Call the node, and arrange its next call."""
         self.node.tick(now)
         if self.node.notes.entries:
-            self._simulation.take_trace(self)
+            self._host.take_trace(self.node)
         self.wake_in_frame(now)
 
     def wake_in_frame(self, now: Instant) -> None:
-        """See to it that the node is called if it wants to be before the next frame, when all are looked after."""
+        """Arrange the node's next call if it is due before the next tick, at which all robots are served anyway."""
         wake = self.node.next_wake
-        if wake < self._simulation.frame_end:
+        if wake < self._host.frame_end:
             self.node_alarm.set(wake if wake > now else now + 1)
             return
         if self.node_alarm.when < NEVER:
@@ -140,24 +136,24 @@ class SimulatedRobot:
         if not self.bodily and wake != self._called:
             self._called = wake
             if wake < NEVER:
-                self._simulation.call(self.station.index, wake)
+                self._host.call(self.station.index, wake)
 
     def _take(self, out: Received | Confirmed) -> None:
         if isinstance(out, Confirmed):
             if not self.node.awaits(out):
                 return
             self._confirmed.append(out)
-        elif self.served and not self._received and self.node.overhear(self._simulation.kernel.now, out):
+        elif self.served and not self._received and self.node.overhear(self._host.kernel.now, out):
             return
         else:
             self._received.append(out)
         if self.served:
-            self.node_alarm.set(self._simulation.kernel.now)
+            self.node_alarm.set(self._host.kernel.now)
 
     def insert(self, name: str, args: tuple[Value, ...]) -> None:
         """Insert a fact from outside; a dead robot holds none. Raises ValueError if the program cannot hold it."""
         if self.alive:
-            now = self._simulation.now
+            now = self._host.now
             self.node.insert(now, name, args)
             if self.served:
                 self.node_alarm.set(now)
@@ -166,29 +162,30 @@ class SimulatedRobot:
         """Return whether it lives and holds the finish fact."""
         return self.alive and self.node.finished()
 
-    # -- what befalls it --------------------------------------------------------------------------------------
+    # -- faults -----------------------------------------------------------------------------------------------
 
     @property
     def restarts(self) -> int:
-        """How many nodes have been this robot before."""
+        """Number of restarts so far."""
         return len(self._past)
 
     def kill(self) -> None:
-        """End the process: nothing of it is called or answers any more."""
+        """Kill the process: its node is not called any more and its station is off."""
         self.alive = False
         self._stalled_until = self._slow_until = 0
         self.station.switch_off()
-        self._settle(self._simulation.now)
+        self._settle(self._host.now)
 
     def restart(self) -> None:
-        """Begin a new life. Raises ValueError while the old one lasts, or when a secured radio has none left."""
+        """Start the next incarnation. Raises ValueError while the robot lives, or if a secured radio allows no more."""
         if self.alive:
             raise ValueError(f"robot {self.robot} lives: kill it before it is started again")
-        epoch, now = self.restarts + 1, self._simulation.now
-        rng = stream(f"{self._simulation.seed}/robot{self.robot}/csma/{epoch}")
-        self.x, self.y, _ = self._simulation.world.pose(self.robot)
+        epoch = self.restarts + 1
+        now = self._host.now
+        rng = stream(f"{self._host.seed}/robot{self.robot}/csma/{epoch}")
+        self.x, self.y, _ = self._host.world.pose(self.robot)
         self.station.move(self.x, self.y)
-        self.station.switch_on(rng, self._simulation.security(self.robot, epoch))
+        self.station.switch_on(rng, self._host.security(self.robot, epoch))
         self._past.append(with_lost_jobs(robot_report(self.node, {})))
         for queue in (self._samples, self._received, self._confirmed):
             queue.clear()
@@ -198,24 +195,25 @@ class SimulatedRobot:
         self._settle(now)
 
     def stall(self, until: Instant) -> None:
-        """Stop the process `until` then; a stop that lasts longer already is not cut short."""
+        """Stop the process until `until`; a longer stop under way is not shortened."""
         if self.alive:
             self._stalled_until = max(self._stalled_until, until)
-            self._settle(self._simulation.now)
-            self._simulation.kernel.at(until, EVENT, self._settle)
+            self._settle(self._host.now)
+            self._host.kernel.at(until, EVENT, self._settle)
 
     def slow(self, until: Instant, every: Duration) -> None:
-        """Have the node called once in `every` nanoseconds only, `until` then; of two such times the slower holds."""
+        """Call the node once in `every` nanoseconds only, until `until`; of two such faults the slower applies."""
         if self.alive:
-            now = self._simulation.now
+            now = self._host.now
             self._every = max(every, self._every) if now < self._slow_until else every
             self._slow_until = max(self._slow_until, until)
             self._settle(now)
-            self._simulation.kernel.at(until, EVENT, self._settle)
+            self._host.kernel.at(until, EVENT, self._settle)
 
     def _settle(self, now: Instant) -> None:
-        """Serve it as far as it lives and what has befallen it is over."""
-        stalled, slow = now < self._stalled_until, now < self._slow_until
+        """Set station, alarms and `served` according to the faults at `now`."""
+        stalled = now < self._stalled_until
+        slow = now < self._slow_until
         if stalled:
             self.station.hold()
         elif self.alive and self.station.held:
@@ -223,20 +221,20 @@ class SimulatedRobot:
         self.served = self.alive and not stalled and not slow
         self.node_alarm.set(now if self.served else NEVER)
         self._slow_alarm.set(now + self._every if slow and not stalled else NEVER)
-        self._simulation.sort_out()
+        self._host.sort_out()
 
     def _slow_tick(self, now: Instant) -> None:
         self.node.tick(now)
-        self._simulation.take_trace(self)
+        self._host.take_trace(self.node)
         self._slow_alarm.set(now + self._every)
 
     # -- the report -------------------------------------------------------------------------------------------
 
     def report(self) -> dict[str, Any]:
-        """Return its part of the report: what its nodes counted and did, and what the present one holds."""
+        """Return the robot's part of the report, over all of its incarnations."""
         part = robot_report(self.node, self.station.counters.as_dict(), self.restarts)
         if not self.alive:
             part = with_lost_jobs(part)
         part = merged_report(self._past, part)
-        part["distance_m"] = round(self._simulation.world.distance_m(self.robot), 3)
+        part["distance_m"] = round(self._host.world.distance_m(self.robot), 3)
         return part

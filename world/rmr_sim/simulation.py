@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from rmr.base.kernel import EVENT, Kernel
+from rmr.base.kernel import EVENT
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, tick_start
 from rmr.base.values import Value
 from rmr.bytecode.program import Program
@@ -20,18 +20,16 @@ from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
 from rmr.node.trace import Level
-from rmr.radio.ether import Ether
 from rmr.radio.links import Disturbance
-from rmr.radio.security import LEVELS, Security, run_key
 from rmr_sim.bodies import needs_bodies
-from rmr_sim.event import Event, EventError, checked, instant, observed
+from rmr_sim.event import Event, EventError, call_observer, checked, instant
 from rmr_sim.fault_events import FaultEvent
 from rmr_sim.fault_record import FaultRecord
+from rmr_sim.robot_host import RobotHost
 from rmr_sim.simulated_robot import MakeNode, SimulatedRobot
 from rmr_sim.violation import Violation
 from rmr_world.disturbances import LINGER
 from rmr_world.lab import Lab
-from rmr_world.physics import World
 from rmr_world.schema import TICK
 
 IDLE_SAMPLE_TICKS: Final = 6
@@ -41,7 +39,7 @@ EVENTS_MAX: Final = 200_000
 """Within one tick: twice as many as a file may begin with. More can only be events that schedule others for ever."""
 
 
-class Simulation:
+class Simulation(RobotHost):
     """A lab's run in virtual time."""
 
     def __init__(
@@ -63,14 +61,7 @@ class Simulation:
 
         Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
-        self.lab = lab
-        self._key = None if key is None else run_key(key, "simulator", lab.name, seed)
-        self.seed = seed
-        self.kernel = Kernel()
-        self.world = World(lab, seed)
-        self.radio = lab.radio.config
-        radio_seed = seed if lab.radio.seed is None else lab.radio.seed
-        self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan)
+        super().__init__(lab, seed, key)
         self.checkers: list[Callable[[Instant], None]] = []
         """Called with the instant of each tick when all has happened that belongs to it."""
         self.observers: list[Callable[[Instant], None]] = []
@@ -88,15 +79,13 @@ class Simulation:
         self._stopping = False
         self._happened = 0
         """Events since the last tick."""
-        self._trace: list[dict[str, Any]] = []
-        self.frame_end: Instant = 0
-        """When the next frame begins."""
         self._fresh = fresh
         self._bodily = needs_bodies(lab, program, handlers or {})
         self.robots = self._robots(program, digest, handlers or {}, self._config(trace, timing or Timing()))
-        self._calls: list[tuple[Instant, int]] = []
-        """When robots without bodies want to be called, beyond the present frame, and their indices: a heap."""
-        self._served, self._waiting = list[SimulatedRobot](), list[SimulatedRobot]()
+        self._served: list[SimulatedRobot] = []
+        """Robots that are served normally."""
+        self._waiting: list[SimulatedRobot] = []
+        """Robots that live and are stalled or slow: their samples and frames are queued."""
         self.sort_out()
         self._by_id = {robot.robot: robot for robot in self.robots}
         for fault in lab.faults:
@@ -137,14 +126,6 @@ class Simulation:
             witness=self.tell,
         )
 
-    def security(self, robot: int, life: int) -> Security | None:
-        """Return what secures the frames of the `life`-th life, from 0, of `robot`; None: nothing does."""
-        level = LEVELS[self.lab.radio.security]
-        if level is None:
-            return None
-        assert self._key is not None, "a lab whose radio is secured comes with its key"
-        return Security(level, self._key, robot, life)
-
     def run(self) -> bool:
         """Run until every robot holds the finish fact or the lab's duration is over; return whether all finished.
 
@@ -164,7 +145,7 @@ class Simulation:
             for check in self.checkers:
                 check(now)
             for observe in self.observers:
-                observed(observe, now)
+                call_observer(observe, now)
             if self.lab.finish and all(robot.finished() for robot in self.robots):
                 self.finished = True
                 return True
@@ -283,10 +264,6 @@ class Simulation:
                 else:
                     robot.wake_in_frame(now)
 
-    def call(self, robot: int, when: Instant) -> None:
-        """Look after the robot of index `robot`, which has no body, in the frame of `when`."""
-        heapq.heappush(self._calls, (when, robot))
-
     def _called(self, before: Instant) -> list[SimulatedRobot]:
         """Return the served robots without bodies that may want to be called before then: of a thousand nearly none."""
         found = dict[int, None]()
@@ -295,19 +272,9 @@ class Simulation:
         return [robot for robot in map(self.robots.__getitem__, sorted(found)) if robot.served]
 
     def take_traces(self) -> None:
-        """Take over what the robots noted, of which they themselves keep the newest part alone."""
+        """Move the traces of all robots to the trace of the run."""
         for robot in self.robots:
-            self.take_trace(robot)
-
-    def take_trace(self, robot: SimulatedRobot) -> None:
-        """Take over what one robot noted."""
-        self._trace += robot.node.trace_log
-        robot.node.trace_log.clear()
-
-    @property
-    def now(self) -> Instant:
-        """Virtual time."""
-        return self.kernel.now
+            self.take_trace(robot.node)
 
     def robot_parts(self) -> dict[int, dict[str, Any]]:
         """Return every robot's part of the report."""
