@@ -14,7 +14,8 @@ from rmr_world.bound import bound_s, destinations
 from rmr_world.lab import Lab
 from rmr_world.validate.first_instant import first_destinations
 
-EXIT_USAGE, EXIT_INVALID = 2, 3
+EXIT_USAGE = 2
+EXIT_INVALID = 3
 
 
 def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:

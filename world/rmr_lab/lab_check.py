@@ -106,8 +106,10 @@ def _load(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
 
 def _compile(found: CheckResult, program: Path, stated: Sequence[str]) -> None:
     compilation = compile_file(program, dict.fromkeys(stated, False))
-    found.diagnostics, found.sources = compilation.diagnostics, compilation.sources
-    found.program, found.unreadable = compilation.program, compilation.unreadable
+    found.diagnostics = compilation.diagnostics
+    found.sources = compilation.sources
+    found.program = compilation.program
+    found.unreadable = compilation.unreadable
 
 
 def _compile_of_wrong_lab(found: CheckResult, file: Path) -> None:
@@ -118,7 +120,8 @@ def _compile_of_wrong_lab(found: CheckResult, file: Path) -> None:
         return
     if not isinstance(value, dict):
         return
-    name, facts = value.get("program"), value.get("facts")
+    name = value.get("program")
+    facts = value.get("facts")
     if isinstance(name, str) and Path(name).suffix in PROGRAM_SUFFIXES and (file.parent / name).is_file():
         stated = [str(fact).split("(")[0].strip(" !") for fact in facts] if isinstance(facts, list) else []
         _load(found, file.parent / name, stated)

@@ -97,7 +97,8 @@ class _Picture:
     # -- layers -------------------------------------------------------------------------------------------------
 
     def _floor(self) -> Iterator[str]:
-        arena, lab = self._arena, self._lab
+        arena = self._arena
+        lab = self._lab
         least = bound_s(lab)
         bound = f"; nothing finishes sooner than {least:.1f} s" if 0.0 < least < math.inf else ""
         title = f"{lab.name}: {arena.width:g} m x {arena.height:g} m, {len(lab.robots)} robots{bound}"
@@ -154,7 +155,8 @@ class _Picture:
 
     def _beacons(self) -> Iterator[str]:
         for x, y in self._arena.beacons:
-            px, py = self._x(x), self._y(y)
+            px = self._x(x)
+            py = self._y(y)
             corners = f"{px - 6:.1f},{py + 5:.1f} {px + 6:.1f},{py + 5:.1f} {px:.1f},{py - 7:.1f}"
             yield f'<polygon class="beacon" points="{corners}"/>'
 
@@ -169,13 +171,15 @@ class _Picture:
             yield self._line("heading", Point(x, y), front)
 
     def _view(self, robot: RobotStart) -> str:
-        (x, y, theta), shape = robot.pose, self._arena.shape
+        x, y, theta = robot.pose
+        shape = self._arena.shape
         half = min(shape.view_angle, math.tau * 0.999) / 2.0
         a, b = (
             Point(x + shape.view_depth * math.cos(t), y + shape.view_depth * math.sin(t))
             for t in (theta - half, theta + half)
         )
-        reach, wide = shape.view_depth * self._scale, int(half > math.pi / 2.0)
+        reach = shape.view_depth * self._scale
+        wide = int(half > math.pi / 2.0)
         arc = f"A {reach:.1f} {reach:.1f} 0 {wide} 0 {self._points([b])}"
         return f'<path class="view" d="M {self._points([Point(x, y), a])} {arc} Z"/>'
 
@@ -188,7 +192,8 @@ class _Picture:
             top = max(place.y for place in area.places) + radius
             left = min(place.x for place in area.places) - radius
             if area.box is not None:
-                left, top = area.box[0], area.box[3]
+                left = area.box[0]
+                top = area.box[3]
             role = " (bottleneck)" if area.name in bottleneck else ""
             yield self._text("name", Point(left, min(top, self._arena.height)), area.name + role, 5)
 

@@ -63,7 +63,8 @@ class LoadedLab:
 
     def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
-        lab, program = self.lab, self.program
+        lab = self.lab
+        program = self.program
         handlers = load_handlers(program.program, lab.actions)
         seed = lab.seed if seed is None else seed
         if self.options.chaos:

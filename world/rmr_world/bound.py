@@ -105,7 +105,9 @@ def _areas(lab: Lab, values: Sequence[object]) -> list[Area]:
 @lru_cache(maxsize=4)
 def free_times(lab: Lab) -> FreeTimes:
     """Return the free-flow times of `lab`; infinite where there is no way."""
-    arena, flow, goals = lab.arena, FreeFlow(lab.arena), destinations(lab)
+    arena = lab.arena
+    flow = FreeFlow(lab.arena)
+    goals = destinations(lab)
     speed = arena.shape.speed
     necks = [approachable(area) for name in arena.bottleneck if (area := arena.area(name)) is not None]
     across = min(flow.lengths(necks[0][0], necks[1])) if len(necks) == 2 else 0.0
@@ -194,7 +196,8 @@ def _longest_trip(trips: Sequence[Sequence[float]], *, shared: bool) -> float:
     if shared or len(trips[0]) < len(trips):
         return max(map(min, trips))
     candidates = sorted(dict.fromkeys(time for row in trips for time in row if time < math.inf))
-    low, high = 0, len(candidates)
+    low = 0
+    high = len(candidates)
     while low < high:
         middle = (low + high) // 2
         if _assignable(trips, candidates[middle]):

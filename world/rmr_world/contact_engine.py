@@ -49,7 +49,8 @@ class ContactEngine:
     def __init__(self, arena: Arena, begin: Touch, end: Touch) -> None:
         """`begin` and `end` are called, from `step`, when a contact begins and ends."""
         self._radius = arena.shape.radius
-        self._begin, self._end = begin, end
+        self._begin = begin
+        self._end = end
         self._space = pymunk.Space()
         self._space.collision_slop = _SLOP_M
         self._bodies: dict[int, pymunk.Body] = {}
@@ -69,7 +70,9 @@ class ContactEngine:
                 shapes.append(pymunk.Circle(ground, obstacle.radius, (obstacle.centre.x, obstacle.centre.y)))
             else:
                 shapes.append(pymunk.Poly(ground, [(x, y) for x, y in obstacle.corners]))
-        w, h, t = arena.width, arena.height, _WALL_M
+        w = arena.width
+        h = arena.height
+        t = _WALL_M
         corners = [(-t, -t), (w + t, -t), (w + t, h + t), (-t, h + t)]
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
             shapes.append(pymunk.Segment(ground, a, b, t))
@@ -125,7 +128,8 @@ class ContactEngine:
         points = arbiter.contact_point_set.points
         where = None
         if points:  # the middle, for which of the two is `a` depends on what else the engine was asked
-            (ax, ay), (bx, by) = points[0].point_a, points[0].point_b
+            ax, ay = points[0].point_a
+            bx, by = points[0].point_b
             where = 0.5 * (ax + bx), 0.5 * (ay + by)
         self._begin(self._of(arbiter), where)
 

@@ -119,7 +119,8 @@ def _look(before: _Reached, after: _Reached, group: int, job: _Job, times: FreeT
     """Let `job` of `group` enter next where it is in time, or drop it."""
     earliest, latest = job
     for (last, count), at in before.items():
-        dropped, taken = (last, count), (group, count + 1)
+        dropped = (last, count)
+        taken = (group, count + 1)
         after[dropped] = min(at, after.get(dropped, math.inf))
         entry = max(earliest, at + (times.spacing if group == last else times.turnaround))
         if entry <= latest:

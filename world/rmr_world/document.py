@@ -42,7 +42,8 @@ class Document:
         table = self.keys if key else self.places
         known = path
         while known not in table and known:
-            known, table = known[:-1], self.places
+            known = known[:-1]
+            table = self.places
         line, column = table.get(known, (1, 1))
         return Finding(self.file, line, column, ".".join(map(str, path)), message)
 

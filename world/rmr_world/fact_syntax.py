@@ -149,7 +149,8 @@ def _robot(text: str) -> Robot:
 
 
 def _range(token: re.Match[str]) -> Range:
-    low, high = _number(token["low"], token["low_unit"]), _number(token["high"], token["high_unit"])
+    low = _number(token["low"], token["low_unit"])
+    high = _number(token["high"], token["high_unit"])
     try:
         return Range(low, high)
     except ValueError as error:

@@ -50,7 +50,8 @@ class FreeFlow:
     def __init__(self, arena: Arena) -> None:
         radius = arena.shape.radius
         self._low = radius - _INSIDE_M
-        self._right, self._top = arena.width - self._low, arena.height - self._low
+        self._right = arena.width - self._low
+        self._top = arena.height - self._low
         step = ARC_STEP
         self._rings = [_grown(obstacle, radius, step) for obstacle in arena.obstacles]
         while sum(len(ring.points) for ring in self._rings) > CORNERS_MAX and step < math.pi:
@@ -132,7 +133,8 @@ def _passes(corner: _Corner, other: Point) -> bool:
     A shortest way bends nowhere else: where it cut into the ring it would be blocked or could be shortened.
     """
     (x, y), (px, py), (qx, qy) = corner
-    dx, dy = other[0] - x, other[1] - y
+    dx = other[0] - x
+    dy = other[1] - y
     slack = _INSIDE_M * (abs(dx) + abs(dy))
     side_p = dx * (py - y) - dy * (px - x)
     side_q = dx * (qy - y) - dy * (qx - x)
@@ -156,7 +158,8 @@ def _grown(obstacle: Obstacle, radius: float, step: float) -> _Ring:
             first = math.atan2(corner.y - before.y, corner.x - before.x) - math.pi / 2
             second = math.atan2(after.y - corner.y, after.x - corner.x) - math.pi / 2
             points += _arc(corner, radius, first, first + (second - first) % math.tau, step)
-    xs, ys = [point.x for point in points], [point.y for point in points]
+    xs = [point.x for point in points]
+    ys = [point.y for point in points]
     return _Ring(tuple(points), min(xs), max(xs), min(ys), max(ys))
 
 
@@ -169,14 +172,17 @@ def _arc(centre: Point, radius: float, first: float, last: float, step: float) -
 
 def _crosses(a: Point, b: Point, ring: Sequence[Point]) -> bool:
     """Return whether the segment a-b passes the inside of a convex ring (clipping by half-planes, Cyrus-Beck)."""
-    enter, leave = 0.0, 1.0
+    enter = 0.0
+    leave = 1.0
     px, py = ring[-1]
     for qx, qy in ring:
-        ex, ey = qx - px, qy - py
+        ex = qx - px
+        ey = qy - py
         length = math.sqrt(ex * ex + ey * ey)
         at_a = ex * (a[1] - py) - ey * (a[0] - px) - _INSIDE_M * length  # above 0: inside of this edge
         at_b = ex * (b[1] - py) - ey * (b[0] - px) - _INSIDE_M * length
-        px, py = qx, qy
+        px = qx
+        py = qy
         if at_a <= 0.0 and at_b <= 0.0:
             return False
         if at_a <= 0.0:

@@ -47,7 +47,8 @@ def _convex(corners: list[Point]) -> tuple[Point, ...]:
         for a, b, c in zip(corners, corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
     ]
     if all(turn < 0 for turn in turns):
-        corners, turns = corners[::-1], [-turn for turn in turns]
+        corners = corners[::-1]
+        turns = [-turn for turn in turns]
     if not all(turn > 0 for turn in turns) or _windings(corners) != 1:
         raise ValueError("polygon should be convex, without repeated corners or corners on a straight edge")
     return tuple(corners)
@@ -74,7 +75,8 @@ def area_of(name: str, spec: AreaSpec) -> Area:
 
 def line_places(line: LineSpec) -> tuple[Point, ...]:
     """Return `count` places evenly spaced from one end of the line to the other."""
-    (ax, ay), (bx, by) = line.from_, line.to
+    ax, ay = line.from_
+    bx, by = line.to
     last = line.count - 1
     return tuple(_point(ax + (bx - ax) * k / last, ay + (by - ay) * k / last) for k in range(line.count))
 
@@ -103,16 +105,19 @@ def _along(corners: list[Point], way: float) -> Point:
 
 def grid_poses(grid: GridSpec, count: int) -> list[Pose]:
     """Return `count` starts, row by row."""
-    (x, y), (dx, dy) = grid.from_, grid.step
+    x, y = grid.from_
+    dx, dy = grid.step
     return [Pose(*_point(x + k % grid.columns * dx, y + k // grid.columns * dy), grid.facing) for k in range(count)]
 
 
 def overlaps(obstacle: Obstacle, width: float, height: float) -> bool:
     """Return whether any of `obstacle` can lie in the arena (by its bounding box)."""
     if isinstance(obstacle, Disc):
-        (x, y), r = obstacle.centre, obstacle.radius
+        x, y = obstacle.centre
+        r = obstacle.radius
         corners = [Point(x - r, y - r), Point(x + r, y + r)]
     else:
         corners = list(obstacle.corners)
-    xs, ys = [c.x for c in corners], [c.y for c in corners]
+    xs = [c.x for c in corners]
+    ys = [c.y for c in corners]
     return max(xs) > 0.0 and min(xs) < width and max(ys) > 0.0 and min(ys) < height

@@ -72,7 +72,8 @@ class _Robot:
         self.view = Normals(stream(f"{seed}/robot{robot}/view"))
         self.sensors = sensors
         self.x, self.y, self.theta = pose
-        self.cos, self.sin = math.cos(pose.theta), math.sin(pose.theta)
+        self.cos = math.cos(pose.theta)
+        self.sin = math.sin(pose.theta)
         self.vx = self.vy = self.v = self.w = 0.0
         self.goes_vx = self.goes_vy = self.goes_w = 0.0
         """The velocity that the wheels give the body in this tick."""
@@ -98,9 +99,11 @@ class World:
 
     def __init__(self, lab: Lab, seed: int) -> None:
         """Put the lab's robots and obstacles on the floor; `seed` names all streams of chance."""
-        arena, service = lab.arena, lab.localisation
+        arena = lab.arena
+        service = lab.localisation
         self._shape = shape = arena.shape
-        self._width, self._height = arena.width, arena.height
+        self._width = arena.width
+        self._height = arena.height
         self._tick = 0
         self._engine = ContactEngine(arena, self._begin, self._separate)
         self._robots: dict[int, _Robot] = {}
@@ -140,12 +143,14 @@ class World:
         Speed and turn rate are cut to what the wheels can do. Raises KeyError for a robot that is not there.
         """
         state = self._robots[robot]
-        v, w = twist.v, twist.w
+        v = twist.v
+        w = twist.w
         stale = stamp < state.stamp or not -COMMAND_LEAD_MAX <= now - stamp <= COMMAND_AGE_MAX
         if stale or not (math.isfinite(v) and math.isfinite(w)):
             self.dropped += 1
             return
-        speed, turn = self._shape.speed, self._shape.turn
+        speed = self._shape.speed
+        turn = self._shape.turn
         if abs(v) > speed or abs(w) > turn:
             twist = Twist(max(-speed, min(speed, v)), max(-turn, min(turn, w)))
         state.target = twist
@@ -227,7 +232,8 @@ class World:
 
         Returns False for a robot that stands and shall.
         """
-        target_v, target_w = robot.target.v, robot.target.w
+        target_v = robot.target.v
+        target_w = robot.target.w
         if now - robot.decided > WATCHDOG:
             target_v = target_w = 0.0
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:
@@ -236,12 +242,16 @@ class World:
             target_v *= 1.0 + robot.slip.draw() * SLIP_SIGMA
         if target_w != 0.0:
             target_w *= 1.0 + robot.slip.draw() * TURN_SLIP_SIGMA
-        dv, dw = _DV, _DW
-        v, w = robot.v, robot.w
+        dv = _DV
+        dw = _DW
+        v = robot.v
+        w = robot.w
         v = v + dv if target_v > v + dv else v - dv if target_v < v - dv else target_v
         w = w + dw if target_w > w + dw else w - dw if target_w < w - dw else target_w
         heading = robot.theta + 0.5 * w * TICK_S  # the middle of the arc that the wheels roll along in this tick
-        robot.goes_vx, robot.goes_vy, robot.goes_w = v * math.cos(heading), v * math.sin(heading), w
+        robot.goes_vx = v * math.cos(heading)
+        robot.goes_vy = v * math.sin(heading)
+        robot.goes_w = w
         return True
 
     # Contacts and gaps
@@ -278,12 +288,14 @@ class World:
         order = self._by_x
         order.sort(key=_x)  # from tick to tick they hardly change places
         in_view = self._in_view_m
-        least, closest = self._least_centres, math.inf
+        least = self._least_centres
+        closest = math.inf
         wanted = max(in_view, 2.0 * self._alone_m)
         reach = max(wanted, least)
         for i in range(len(order)):
             a = order[i]
-            ax, ay = a.x, a.y
+            ax = a.x
+            ay = a.y
             for j in range(i + 1, len(order)):
                 b = order[j]
                 dx = b.x - ax
@@ -300,7 +312,8 @@ class World:
                     if centres <= in_view:
                         a.near.append(b)
                         b.near.append(a)
-        self._least_centres, self._closest = least, closest
+        self._least_centres = least
+        self._closest = closest
 
     @property
     def min_gap_m(self) -> float:
@@ -347,11 +360,16 @@ class World:
     def _bodies(self, robot: _Robot) -> tuple[SeenBody, ...]:
         """Return the robots whose hull reaches into the field of view, nearest first (paper IV.E)."""
         seen = []
-        cos, sin, radius = robot.cos, robot.sin, self._shape.radius
-        half, normal = 0.5 * self._shape.view_angle, robot.view
+        cos = robot.cos
+        sin = robot.sin
+        radius = self._shape.radius
+        half = 0.5 * self._shape.view_angle
+        normal = robot.view
         for other in robot.near:
-            dx, dy = other.x - robot.x, other.y - robot.y
-            ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+            dx = other.x - robot.x
+            dy = other.y - robot.y
+            ahead = cos * dx + sin * dy
+            left = cos * dy - sin * dx
             centres = math.hypot(dx, dy)
             if ahead <= 0.0 and half < _NARROW and centres >= 2.0 * radius:
                 continue  # behind, where half of a hull's width is 30 degrees at most
@@ -372,17 +390,25 @@ class World:
 
 def _roll(robot: _Robot) -> None:
     """Let a body that touches nothing go on for one tick."""
-    x, y, theta = robot.x, robot.y, robot.theta
-    dx, dy, turn = robot.goes_vx * _STEP_S, robot.goes_vy * _STEP_S, robot.goes_w * _STEP_S
+    x = robot.x
+    y = robot.y
+    theta = robot.theta
+    dx = robot.goes_vx * _STEP_S
+    dy = robot.goes_vy * _STEP_S
+    turn = robot.goes_w * _STEP_S
     for _ in range(SUBSTEPS):
-        x, y, theta = x + dx, y + dy, theta + turn
+        x = x + dx
+        y = y + dy
+        theta = theta + turn
     robot.rolled = True
     _moved(robot, x, y, theta)
 
 
 def _moved(robot: _Robot, x: float, y: float, theta: float) -> None:
     """Take over where a body has got to, and let the encoders count what the wheels rolled."""
-    dx, dy, turned = x - robot.x, y - robot.y, theta - robot.theta
+    dx = x - robot.x
+    dy = y - robot.y
+    turned = theta - robot.theta
     if dx == 0.0 == dy and turned == 0.0:
         robot.vx = robot.vy = robot.v = robot.w = 0.0
         return
@@ -390,7 +416,12 @@ def _moved(robot: _Robot, x: float, y: float, theta: float) -> None:
     way = dx * math.cos(middle) + dy * math.sin(middle)
     robot.sensors.moved(way, turned)
     robot.distance_m += math.sqrt(dx * dx + dy * dy)
-    robot.x, robot.y, robot.theta = x, y, theta
-    robot.vx, robot.vy = dx / TICK_S, dy / TICK_S
-    robot.cos, robot.sin = math.cos(theta), math.sin(theta)
-    robot.v, robot.w = way / TICK_S, turned / TICK_S
+    robot.x = x
+    robot.y = y
+    robot.theta = theta
+    robot.vx = dx / TICK_S
+    robot.vy = dy / TICK_S
+    robot.cos = math.cos(theta)
+    robot.sin = math.sin(theta)
+    robot.v = way / TICK_S
+    robot.w = turned / TICK_S

@@ -183,7 +183,8 @@ def rows(report: Mapping[str, Any]) -> list[JobRow]:
     for name, part in report["robots"].items():
         jobs = part["assertions"] or [{"deadline_s": None, "finish_s": part["finish_s"], "met": None, "job": ""}]
         for job in jobs:
-            deadline, finish = job["deadline_s"], job["finish_s"]
+            deadline = job["deadline_s"]
+            finish = job["finish_s"]
             lateness = None if deadline is None or finish is None else finish - deadline
             found.append(JobRow(int(name), deadline, finish, lateness, job["met"], job["job"]))
     return sorted(found, key=lambda row: (math.inf if row.deadline_s is None else row.deadline_s, row.robot))

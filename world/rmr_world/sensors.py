@@ -75,7 +75,8 @@ class Sensors:
     def moved(self, way_m: float, turned: float) -> None:
         """Take note that the robot went `way_m` forwards and turned by `turned` radians."""
         half = 0.5 * TRACK_M * turned
-        left, right = way_m - half, way_m + half
+        left = way_m - half
+        right = way_m + half
         normal = self._normal
         self.left_m += left * self._left_scale + normal.draw() * ENCODER_SLIP_SIGMA * math.sqrt(abs(left))
         self.right_m += right * self._right_scale + normal.draw() * ENCODER_SLIP_SIGMA * math.sqrt(abs(right))

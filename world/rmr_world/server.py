@@ -86,7 +86,8 @@ class WorldServer:
 
     def _describe(self) -> wire.Map:
         """Return what every robot must know."""
-        lab, finish = self._lab, self._lab.finish_pattern
+        lab = self._lab
+        finish = self._lab.finish_pattern
         radio = asdict(lab.radio)
         if radio["seed"] is None:
             radio["seed"] = self._seed
@@ -123,7 +124,8 @@ class WorldServer:
 
     def _serve(self) -> None:
         """Declare everything; the liveliness token comes last, for whoever sees it may ask at once."""
-        bus, keys = self._bus, self._keys
+        bus = self._bus
+        keys = self._keys
         bus.subscribe(keys.acts, self._on_act)
         bus.subscribe(keys.statuses, self._on_status)
         bus.subscribe(keys.stop(WORLD), self._on_stop)
@@ -187,7 +189,9 @@ class WorldServer:
         if not isinstance(message.body, wire.AskDisturbances):
             return None
         wish, wanted = message.body
-        disturbed, now, refused = self._disturbances, self._unreturned(), ""
+        disturbed = self._disturbances
+        now = self._unreturned()
+        refused = ""
         before = disturbed.held
         if wish == "clear":
             disturbed.clear(now)
@@ -296,7 +300,8 @@ class WorldServer:
         self._bus.publish(self._keys.clock, wire.Clock(self._time.state, now, now))
 
     def _disturbances_message(self, refused: str = "") -> wire.Disturbances:
-        disturbed, now = self._disturbances, self._unreturned()
+        disturbed = self._disturbances
+        now = self._unreturned()
         return wire.Disturbances(self._lab.name, now, disturbed.held, len(disturbed.given), refused)
 
     def _unreturned(self) -> Instant:

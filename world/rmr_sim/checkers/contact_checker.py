@@ -20,7 +20,8 @@ class ContactChecker:
         for contact in self._contacts[self._seen :]:
             robots = (contact.robot,) if contact.other is None else (contact.robot, contact.other)
             other = "an obstacle or a wall" if contact.other is None else f"robot {contact.other}"
-            x, y = round(contact.x, 2) + 0.0, round(contact.y, 2) + 0.0  # no negative zero
+            x = round(contact.x, 2) + 0.0
+            y = round(contact.y, 2) + 0.0  # no negative zero
             words = f"robot {contact.robot} touched {other} at ({x:.2f}, {y:.2f})"
             self._view.violate(contact.at, CONTACT, robots, words)
         self._seen = len(self._contacts)

@@ -53,7 +53,8 @@ class DeadlineChecker:
             self._owed.pop(robot, None)
 
     def _miss(self, robot: int, now: Instant, missed: JobMissed) -> None:
-        job, complain = missed.job, self._view.violate
+        job = missed.job
+        complain = self._view.violate
         if id(job) in self._missed:
             complain(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} a second time")
         if now < job.deadline:

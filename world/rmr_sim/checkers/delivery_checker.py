@@ -35,7 +35,9 @@ class DeliveryChecker:
         view.subscribe(Progress, self._progressed)
 
     def _progressed(self, robot: int, now: Instant, progress: Progress) -> None:
-        peer, epoch, sequence = progress.peer, progress.epoch, progress.sequence
+        peer = progress.peer
+        epoch = progress.epoch
+        sequence = progress.sequence
         if progress.stage is Stage.ACCEPTED:
             self._accept(now, (peer, epoch, robot, sequence))
             return

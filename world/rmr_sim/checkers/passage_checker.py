@@ -106,7 +106,8 @@ class PassageChecker:
             return
         least = min(one.headway, other.headway) - TIMING.schedule.window - TICK
         if one.start - other.start < least:
-            apart_ms, least_ms = (one.start - other.start) // 1_000_000, least // 1_000_000
+            apart_ms = (one.start - other.start) // 1_000_000
+            least_ms = least // 1_000_000
             words = f"robot {one.robot} entered {apart_ms} ms behind robot {other.robot}; {least_ms} ms is the least"
             self._view.violate(now, "spacing", pair, words)
 

@@ -77,8 +77,10 @@ class ProgressChecker:
 
     def _reasons(self, robot: int) -> list[str]:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
-        view, reasons = self._view, []
-        world, arena = view.simulation.world, view.simulation.lab.arena
+        view = self._view
+        reasons = []
+        world = view.simulation.world
+        arena = view.simulation.lab.arena
         turn = view.node(robot).turns.current
         if turn is not None and turn.waits:
             inside = [other for other in view.robots if other != robot and self._inside(other, turn.event)]

@@ -112,7 +112,8 @@ class RunView:
         return kept >= 1.0 - LOSS_FAIR
 
     def _in_range(self, a: int, b: int) -> bool:
-        config, world = self.simulation.radio, self.simulation.world
+        config = self.simulation.radio
+        world = self.simulation.world
         ax, ay, _ = world.pose(a)
         bx, by, _ = world.pose(b)
         loss = path_loss_db(math.hypot(ax - bx, ay - by), config.exponent)
@@ -138,7 +139,8 @@ def _touches(disturbance: Disturbance, a: int, b: int) -> bool:
     group_of = {robot: index for index, group in enumerate(disturbance.groups) for robot in group}
     if not group_of:
         return True
-    one, other = group_of.get(a), group_of.get(b)
+    one = group_of.get(a)
+    other = group_of.get(b)
     return one is not None and other is not None and one != other
 
 

@@ -26,9 +26,11 @@ def no_localisation(lab: Lab, program: Program) -> Iterator[Finding]:
     if not drives:
         return
     if len(set(lab.arena.beacons)) < 2:
-        key, why = "beacons", "that takes two beacons in different places"
+        key = "beacons"
+        why = "that takes two beacons in different places"
     elif lab.localisation.dropout == 1.0:
-        key, why = "dropout", "all pulses are lost"
+        key = "dropout"
+        why = "all pulses are lost"
     else:
         return
     message = f"no robot will know where it is, and {drives[0]} will never begin: {why}"
