@@ -1,7 +1,7 @@
-"""Whether the robots of a run need bodies: a program that neither drives nor senses runs the same without.
+"""Whether the robots of a run need bodies: a program that neither drives nor senses runs the same without them.
 
-Such robots stand where the lab file puts them and have no wheels, no localisation and no hellos; what is left of them
-is called when something happens. A thousand cost no more than what they say to each other.
+Robots without bodies stay at their starts and have no wheels, no localisation and no hellos. Their nodes are called
+only when something happens, so that a thousand of them cost no more than their messages.
 """
 
 from collections.abc import Mapping
@@ -12,13 +12,13 @@ from rmr.node.actions.dispatcher import Handler
 from rmr_world.lab import Lab
 
 SENSED_BY_BODIES = frozenset({"at", "pose", "obstacle", "neighbor", "range"})
-"""Neighbors too: they are told by hellos, and without a place there is none to tell."""
+"""Facts that need a body. Neighbors are known from hellos, which carry a position."""
 
 
 def needs_bodies(lab: Lab, program: Program, handlers: Mapping[str, Handler]) -> bool:
     """Return whether anything in the run may depend on wheels or senses.
 
-    What users write may use both; an effect on a sensed predicate holds only where nothing senses.
+    A user's handlers may use both. An effect on a sensed predicate holds only while nothing senses it.
     """
     if lab.finish_pattern is not None and lab.finish_pattern.name in SENSED_BY_BODIES:
         return True

@@ -1,4 +1,4 @@
-"""What has gone wrong with a robot of a simulated run, for those who judge what came of it."""
+"""Records of the faults of robots in a simulated run, for the checkers."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ class FaultRecord(NamedTuple):
 
     at: Instant
     until: Instant
-    """Of what lasts for a while; else NEVER."""
+    """End of a fault that lasts; else NEVER."""
     robot: int
     fault: str
-    """A word of the trace's `fault`: killed, restarted, stalled, slowed, silenced."""
+    """The trace's word: killed, restarted, stalled, slowed or silenced."""

@@ -1,4 +1,4 @@
-"""Ctrl-C: once ends in order what is under way, twice ends at once."""
+"""Ctrl-C: the first one ends the run in order, the second one at once."""
 
 import signal
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from types import TracebackType
 
 
 class Interruption:
-    """While it is entered, the first Ctrl-C is noted and ends the present run; the second raises KeyboardInterrupt."""
+    """Context manager: the first Ctrl-C ends the present run, the second raises KeyboardInterrupt."""
 
     def __init__(self) -> None:
         self.came = False
@@ -20,7 +20,7 @@ class Interruption:
         signal.signal(signal.SIGINT, self._before)
 
     def ends(self, stop: Callable[[], None]) -> None:
-        """Let Ctrl-C call `stop`, at once if it has come."""
+        """Call `stop` on Ctrl-C; at once if that has come already."""
         self._stop = stop
         if self.came:
             stop()

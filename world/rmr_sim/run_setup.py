@@ -1,8 +1,8 @@
-"""From a lab's path to simulations, and from a simulation to its report.
+"""Set-up of simulated runs: from a lab's path to simulations, and from a simulation to its report.
 
-What all runs of a lab have in common is read, compiled and checked once (`load`); each seed then makes a run of its
-own. Nothing of one run reaches another, and nothing of one robot another robot: the user's file of actions is run anew
-for each life of each robot, as its globals may hold state.
+The lab and its program are read, compiled and validated once (`load`); each seed then makes a run of its own. Runs
+share no state, and neither do robots: the user's file of actions is executed for each incarnation of each robot, as its
+globals may hold state.
 """
 
 from collections.abc import Callable, Iterable
@@ -29,10 +29,10 @@ from rmr_world.run_report import assemble
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What is asked of a run beside its seed."""
+    """The options of a run other than its seed."""
 
     robots: int | None = None
-    """Only the first so many of the lab."""
+    """Number of robots, the first ones of the lab; None: all."""
     loss: float | None = None
     """Share of radio frames lost, instead of the lab's."""
     actions: Path | None = None
@@ -42,24 +42,24 @@ class Options:
     chaos: bool = False
     """Whether faults are drawn from the seed."""
     order: Order = Order.OURS
-    """By which rule leaders order jobs."""
+    """The rule by which leaders order jobs."""
     wait: Duration | None = None
-    """The waiting time n of leaders, instead of what they work out."""
+    """The waiting time n of leaders, instead of the one that they compute."""
     duration: Duration | None = None
-    """After which a run ends at the latest, instead of the lab's."""
+    """Lab time at which a run ends at the latest, instead of the lab's."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoadedLab:
-    """What all runs of one lab have in common."""
+    """The shared parts of all runs of one lab."""
 
     lab: Lab
     program: LoadedProgram
     options: Options
     warnings: tuple[str, ...]
-    """What a person should know before the first run, each with its line end."""
+    """Warnings of the compiler and of validation, each with its line end."""
     key: bytes | None = field(repr=False)
-    """The radio's, where that is secured."""
+    """The key of the radio, if that is secured."""
 
     def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
@@ -79,10 +79,7 @@ class LoadedLab:
 
 
 def load(path: Path, options: Options) -> LoadedLab:
-    """Return what all runs of the lab in `path` have in common.
-
-    Raises LabError or ProgramError with what is wrong.
-    """
+    """Load and validate the lab in `path`. Raises LabError or ProgramError with all errors."""
     lab = load_lab(path)
     if options.robots is not None:
         lab = lab.with_robots(options.robots)
@@ -105,9 +102,9 @@ def prepare(
     warn: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> Simulation:
-    """Return one run of the lab in `path`, in which also `events` happen; `options` are those of `Options`.
+    """Return one run of the lab in `path` with additional `events`; `options` are the fields of `Options`.
 
-    Raises LabError or ProgramError with what is wrong.
+    Raises LabError or ProgramError with all errors.
     """
     loaded = load(path, Options(**options))
     for text in loaded.warnings:
@@ -119,7 +116,7 @@ def prepare(
 
 
 def report_of(simulation: Simulation, finished: bool) -> dict[str, Any]:
-    """Return the report of a run that is over; wall time is left out, so that equal seeds give equal octets."""
+    """Return the report of a run that is over, without wall time, so that equal seeds give equal octets."""
     world = simulation.world
     report = assemble(
         simulation.lab,

@@ -1,8 +1,8 @@
-"""One seed of a sweep: its run, and the row that stands for it.
+"""The run of one seed of a sweep, and its row in the results.
 
-A row holds what follows from lab, seed and options alone, so that the rows of a sweep are the same whoever ran them
-and in whatever order. A run that fails comes with its report and its trace, to be kept. What goes wrong inside this
-project (an assertion that does not hold) fails the seed and is kept as well; the sweep goes on.
+A row depends on lab, seed and options alone, so that the rows of a sweep are the same for any number of processes and
+any order. A failed run comes with its report and trace. An internal error (an assertion that fails) fails the seed and
+is kept as well; the sweep goes on.
 """
 
 import time
@@ -19,27 +19,27 @@ from rmr_world.lab_program import ProgramError
 from rmr_world.run_report import DECIMALS
 
 Row = dict[str, Any]
-"""A seed's line of sweep.json; `docs/simulation.md` says what stands in it."""
+"""A seed's entry in sweep.json; `docs/simulation.md` describes its keys."""
 
 
 class Result(NamedTuple):
-    """What became of one seed."""
+    """The result of one seed."""
 
     row: Row
     time_s: float
-    """Simulated."""
+    """Simulated time."""
     took_s: float
-    """Time of the processor that the simulation took."""
+    """Processor time of the simulation."""
     report: dict[str, Any] | None = None
-    """Of a run that failed, unless it broke down."""
+    """The report of a failed run, unless that had an internal error."""
     trace: list[dict[str, Any]] | None = None
-    """Of a run that failed."""
+    """The trace of a failed run."""
     breakdown: str | None = None
-    """Where this project's own code broke down, for whoever mends it."""
+    """The traceback of an internal error."""
 
 
 def run_seed(loaded: LoadedLab, seed: int, interruption: Interruption | None = None) -> Result:
-    """Run `seed` and return what became of it; `interruption` may stop it before its end."""
+    """Run `seed` and return its result; `interruption` may stop it before its end."""
     simulation: Simulation | None = None
     began = time.process_time()
     try:
@@ -97,12 +97,12 @@ def lost(seed: int, error: str) -> Result:
 
 
 def fails(row: Row) -> bool:
-    """Return whether the run is to be looked into: a missed deadline alone is none of its faults."""
+    """Return whether the run failed; a missed deadline alone is no failure."""
     return not row["finished"] or bool(row["collisions"] or row["violations"] or row["error"])
 
 
 def reasons(row: Row) -> list[str]:
-    """Return why a run failed, in words."""
+    """Return the reasons why a run failed."""
     if row["error"]:
         return [row["error"]]
     found = [] if row["finished"] else ["not finished"]

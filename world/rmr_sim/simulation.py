@@ -36,7 +36,7 @@ IDLE_SAMPLE_TICKS: Final = 6
 """A robot that stands still is sampled every sixth tick (10 Hz, the beacons' rate)."""
 
 EVENTS_MAX: Final = 200_000
-"""Within one tick: twice as many as a file may begin with. More can only be events that schedule others for ever."""
+"""Bound of the events in one tick, twice the bound of a file: stops events that schedule others without end."""
 
 
 class Simulation(RobotHost):
@@ -54,7 +54,7 @@ class Simulation(RobotHost):
         timing: Timing | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
     ) -> None:
-        """`key` is the lab's, where its radio is secured; `values` are those of coordination, where they are others.
+        """`key` is the lab's, where its radio is secured; `timing` is that of coordination, where it is another one.
 
         `fresh` returns handlers of their own for each life of each robot, so that the globals of the user's file are
         one robot's, as in a process; without it all share `handlers`.
@@ -63,19 +63,19 @@ class Simulation(RobotHost):
         """
         super().__init__(lab, seed, key)
         self.checkers: list[Callable[[Instant], None]] = []
-        """Called with the instant of each tick when all has happened that belongs to it."""
+        """Callbacks at the end of each tick, with its instant."""
         self.observers: list[Callable[[Instant], None]] = []
-        """The same for a user's own, called behind them. When one fails, `run` raises EventError."""
+        """The same for a user's own callbacks, called after `checkers`. When one fails, `run` raises EventError."""
         self.violations: list[Violation] = []
         """Rules that did not hold, found by the checkers (`rmr_sim.checkers`)."""
         self.violations_omitted = 0
-        """How many more did not hold."""
+        """Number of violations beyond those in `violations`."""
         self.subscribers: dict[type, list[Callable[[int, Instant, Any], None]]] = {}
-        """By the type of an event, who is told of such: the robot, the instant, the event."""
+        """Callbacks by type of event: called with the robot, the instant and the event."""
         self.fault_records: list[FaultRecord | Disturbance] = []
-        """What has gone wrong, and what the radio is told will, in the order in which it became known."""
+        """Faults of robots and disturbances of the radio, in the order in which they became known."""
         self.finished = False
-        """Whether all robots have held the finish fact at a tick."""
+        """Whether all robots held the finish fact at one tick."""
         self._stopping = False
         self._happened = 0
         """Events since the last tick."""
@@ -97,7 +97,7 @@ class Simulation(RobotHost):
     def _robots(
         self, program: Program, digest: int, handlers: Mapping[str, Handler], config: NodeConfig
     ) -> tuple[SimulatedRobot, ...]:
-        """Return the robots, each with what makes its node anew for each of its lives."""
+        """Return the robots, each with a function that makes the node of an incarnation."""
         facts = _by_robot(config.facts, config.roster)
 
         def maker(robot: int) -> MakeNode:
@@ -109,7 +109,7 @@ class Simulation(RobotHost):
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
     def _config(self, trace: Level, timing: Timing) -> NodeConfig:
-        """Return what all robots are told, as the first one is."""
+        """Return the configuration of the first robot, from which those of the others are made."""
         lab = replace(self.lab, seed=self.seed)
         facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)
         pattern = lab.finish_pattern
@@ -161,9 +161,9 @@ class Simulation(RobotHost):
             hear(robot, now, event)
 
     def schedule(self, event: Event) -> None:
-        """Let `event` happen at its instant. When its callback fails, `run` raises EventError.
+        """Schedule `event` at its instant. When its callback fails, `run` raises EventError.
 
-        Raises TypeError if it is no event, or its instant none.
+        Raises TypeError if it is no event, or its instant is none.
         """
         self.kernel.at(checked(event).at, EVENT, lambda _now: self._happen(event))
 
@@ -178,7 +178,7 @@ class Simulation(RobotHost):
         """End the run after the present tick; it has not finished then."""
         self._stopping = True
 
-    # -- what befalls robots and radio (each raises LookupError for a robot that is not there) -----------------------
+    # -- faults of robots and radio (each method raises LookupError for an unknown robot) ------------------------------
 
     def _robot(self, robot: int) -> SimulatedRobot:
         if robot not in self._by_id:
@@ -186,34 +186,34 @@ class Simulation(RobotHost):
         return self._by_id[robot]
 
     def kill(self, robot: int) -> None:
-        """Let the process of `robot` die. Its body stays where it is; the wheels brake 0.1 s later."""
+        """Kill the process of `robot`. Its body stays in the world; the wheels brake 0.1 s later."""
         self._robot(robot).kill()
         self._note(robot, "killed")
 
     def is_dead(self, robot: int) -> bool:
-        """Return whether `robot` has been killed and not been started again."""
+        """Return whether `robot` has been killed and not been restarted."""
         return not self._robot(robot).alive
 
     def restart(self, robot: int) -> None:
-        """Start `robot` again, which remembers nothing. Raises ValueError if it lives."""
+        """Restart `robot`, without memory. Raises ValueError if it lives."""
         self.take_traces()
         self._robot(robot).restart()
         self._note(robot, "restarted")
 
     def stall(self, robot: int, until: Instant) -> None:
-        """Stop the process of `robot` `until` then, as by a signal: what comes in waits for it. Nothing, if dead."""
+        """Stop the process of `robot` until `until`, as by a signal: its input is queued. No effect on a dead robot."""
         self._robot(robot).stall(instant(until))
         self._note(robot, "stalled", until)
 
     def slow(self, robot: int, until: Instant, every: Duration) -> None:
-        """Call the mind of `robot` once in `every` nanoseconds only, `until` then. Nothing, if dead."""
+        """Call the node of `robot` once in `every` nanoseconds only, until `until`. No effect on a dead robot."""
         if every <= TICK:
             raise ValueError(f"a slow robot is called less often than once a tick, which takes {TICK} ns, not {every}")
         self._robot(robot).slow(instant(until), instant(every))
         self._note(robot, "slowed", until)
 
     def silence(self, robot: int, until: Instant) -> None:
-        """Let `robot` hear no beacon of the localisation service `until` then."""
+        """Let `robot` receive no pulse of the localisation service until `until`."""
         self.world.silence(self._robot(robot).robot, instant(until))
         self._note(robot, "silenced", until)
 
@@ -225,7 +225,7 @@ class Simulation(RobotHost):
         self._robot(robot).insert(name, args)
 
     def disturb(self, disturbance: Disturbance) -> None:
-        """Let `disturbance` befall the radio. Raises ValueError if it cannot be one, or there are too many."""
+        """Add a disturbance of the radio. Raises ValueError if it is invalid, or there are too many."""
         self.ether.links.replace((*self._disturbances, disturbance))
         self._disturbances = (*self._disturbances, disturbance)
         self.fault_records.append(disturbance)
@@ -233,7 +233,7 @@ class Simulation(RobotHost):
             self.kernel.at(disturbance.until + LINGER, EVENT, self._forget)
 
     def _forget(self, now: Instant) -> None:
-        """Forget the disturbances that are long over: links that nothing disturbs cost less."""
+        """Drop the disturbances that are long over: undisturbed links cost less."""
         self._disturbances = tuple(one for one in self._disturbances if now < one.until + LINGER)
         self.ether.links.replace(self._disturbances)
 
@@ -242,7 +242,7 @@ class Simulation(RobotHost):
         self._trace.append({"t": round(in_seconds(self.now), 6), "robot": robot, "what": "fault", "fault": fault})
 
     def sort_out(self) -> None:
-        """Take note that robots are served otherwise than before."""
+        """Update the lists of served and waiting robots."""
         self._served = [robot for robot in self.robots if robot.served]
         self._waiting = [robot for robot in self.robots if robot.alive and not robot.served]
 
@@ -265,7 +265,7 @@ class Simulation(RobotHost):
                     robot.wake_in_frame(now)
 
     def _called(self, before: Instant) -> list[SimulatedRobot]:
-        """Return the served robots without bodies that may want to be called before then: of a thousand nearly none."""
+        """Return the served robots without bodies that may be due before then: few, even of a thousand."""
         found = dict[int, None]()
         while self._calls and self._calls[0][0] < before:
             found[heapq.heappop(self._calls)[1]] = None
@@ -288,13 +288,13 @@ class Simulation(RobotHost):
         return in_seconds(max(known) if self.finished and len(known) == len(ends) else self.now)
 
     def trace(self) -> list[dict[str, Any]]:
-        """Return what the robots noted, in order of time, then of their ids."""
+        """Return the trace of all robots, ordered by time, then by id."""
         self.take_traces()
         return sorted(self._trace, key=lambda entry: (entry["t"], entry["robot"]))
 
 
 def _by_robot(facts: Iterable[GivenFact], roster: Collection[int]) -> dict[int, list[GivenFact]]:
-    """Return the facts that concern each robot, in order."""
+    """Return the facts of each robot, in order."""
     found: dict[int, list[GivenFact]] = {robot: [] for robot in roster}
     for fact in facts:
         for robot in roster if fact[1] is None else (fact[1],):

@@ -1,7 +1,7 @@
-"""Many runs in a few lines: how many finished, how fast, what went wrong.
+"""Summary of a sweep: runs finished, times, failures.
 
-Quantiles are those of the runs that finished, by nearest rank: the least value that so many percent of the runs do
-not exceed, hence one that was measured.
+Quantiles are of the finished runs, by nearest rank: the least measured value that so many percent of the runs do not
+exceed.
 """
 
 import math
@@ -11,9 +11,9 @@ from typing import Any
 from rmr_sim.seed_run import Row, fails, reasons
 
 QUANTILES = {"median": 50, "p95": 95, "p99": 99, "max": 100}
-"""Percent of the runs."""
+"""Quantiles of the summary, in percent of the runs."""
 TOLD_MAX = 20
-"""Failing seeds that are told of; `sweep.json` has all of them."""
+"""Failing seeds that are listed; `sweep.json` has all of them."""
 
 
 def summary_of(rows: Sequence[Row]) -> dict[str, Any]:

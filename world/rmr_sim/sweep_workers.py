@@ -1,8 +1,7 @@
-"""Processes that share the seeds of a sweep, each of which loads the lab once.
+"""Worker processes that share the seeds of a sweep. Each loads the lab once.
 
-A process is given one seed at a time. One that dies costs the seed that it was given, which is told, and another one
-takes its place. None outlives the sweep, however that ends: they never get Ctrl-C, which is the parent's to handle,
-and each follows its parent.
+A worker gets one seed at a time. If it dies, that seed is reported as failed and a new worker replaces it. No worker
+outlives the sweep: they ignore Ctrl-C, which the parent handles, and end with their parent.
 """
 
 import sys
@@ -22,7 +21,7 @@ from rmr_world.finding import LabError
 from rmr_world.lab_program import ProgramError
 
 LOOK_S = 0.2
-"""How soon Ctrl-C is noticed while all processes are at work."""
+"""Period of the check for Ctrl-C while all workers are busy."""
 
 
 def shared(

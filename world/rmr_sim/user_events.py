@@ -9,7 +9,7 @@ from rmr_world.lab import Lab
 from rmr_world.lab_program import ProgramError
 
 EVENTS_MAX = 100_000
-"""Of one run from the file; more can only be a function that never ends. Events may schedule others as they happen."""
+"""Bound of the events of one run from the file, which stops an endless generator. Events may schedule others later."""
 
 
 def load_events(path: Path | None, lab: Lab, seed: int) -> list[Event]:

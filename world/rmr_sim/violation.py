@@ -1,4 +1,4 @@
-"""A rule that did not hold in a simulated run."""
+"""Violations: breaches of a checked rule in a simulated run."""
 
 from typing import Any, NamedTuple
 
@@ -15,9 +15,9 @@ class Violation(NamedTuple):
     check: str
     """Which rule, a name of `docs/simulation.md`."""
     robots: tuple[int, ...]
-    """Those concerned."""
+    """The robots concerned."""
     words: str
-    """What happened, for a person."""
+    """Description of the breach, for people."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of the report."""

@@ -1,15 +1,15 @@
-"""The physical bound of a run: how fast the robots could be if everything but geometry and speed were free.
+"""The physical bound of a run: a lower bound of its time, from geometry and top speed alone.
 
-No schedule beats it. It is the larger of two figures:
+No schedule is faster. The bound is the larger of two figures:
 
-- the longest free-flow trip, where the robots of one destination share its slots out among themselves so that the
-  longest trip is as short as it can be (a bottleneck assignment);
-- where the lab names a bottleneck, shortest approach to it + (n - 1) x 2 radius / speed + shortest departure
-  from it: robots pass its mouth one behind the other, and bodies do not overlap. Where they come from both sides,
-  the way from mouth to mouth is added for each change of direction, of which there is one at least.
+- the longest free-flow trip, with the slots of a destination assigned to its robots so that the longest trip is as
+  short as possible (bottleneck assignment problem);
+- if the lab names a bottleneck: shortest approach + (n - 1) x 2 radius / speed + shortest departure, for robots pass
+  an entrance one behind the other without overlap. If robots come from both sides, the passage from entrance to
+  entrance is added for each change of direction, of which there is at least one.
 
-A trip is the shortest obstacle-free way at full speed, without turning (`freeflow`). A robot's destination is the
-area that `finish` names or, where that names none, the one that the robot's facts name.
+A trip is the shortest obstacle-free path at full speed, without time for turning (`free_flow`). The destination of a
+robot is the area that `finish` names or, if that names none, the one area that the robot's facts name.
 """
 
 import math
@@ -26,36 +26,37 @@ from rmr_world.free_flow import FreeFlow
 from rmr_world.lab import Lab, RobotStart
 
 BOX_SIDE_PLACES = 8
-"""A box is reached at its edge; so many places stand for each side."""
+"""Sample points along each side of a box, which a robot reaches at its edge."""
 DETOUR_M = 0.3
-"""Who passes a bottleneck with two mouths goes this much farther at most by their very points."""
+"""Tolerance for a path through both entrances: their exact points make it longer than the true path by at most this."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """The free-flow times of the robots that have one destination and one way there, in seconds."""
+    """The free-flow times, in seconds, of the robots with one destination and one entrance."""
 
     robots: tuple[int, ...]
     shared: bool
-    """Whether all of them may be at one place of their destination, since it has no slots."""
+    """Whether all of them may be at one place of the destination, which has no slots."""
     trips: tuple[tuple[float, ...], ...]
-    """For each robot the time to each place of the destination; empty without one."""
+    """Time of each robot to each place of the destination; empty without a destination."""
     mouth: int
-    """By which mouth they enter the bottleneck, from 0; -1 if they do not pass it."""
+    """Number of the entrance by which they enter the bottleneck, from 0; -1 if they do not pass it."""
     approaches: tuple[float, ...]
-    """For each robot the time to its mouth; empty without one."""
+    """Time of each robot to its entrance; empty without an entrance."""
     departures: tuple[float, ...]
-    """From the mouth to each place of the destination; empty without either."""
+    """Time from the entrance to each place of the destination; empty without either."""
 
 
 @dataclass(frozen=True, slots=True)
 class EntranceGroup:
-    """The robots that enter the bottleneck by one mouth."""
+    """The robots that enter the bottleneck by one entrance: a job family in the terms of scheduling."""
 
     count: int
     approach: float
-    """The shortest one, seconds."""
+    """Shortest time to the entrance, seconds."""
     departure: float
+    """Shortest time from the entrance to a destination, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +65,13 @@ class FreeTimes:
 
     streams: tuple[Stream, ...]
     spacing: float
-    """Between two robots that pass the same point one behind the other: 2 radius / speed."""
+    """Least time between two robots at one point: 2 radius / speed."""
     turnaround: float
-    """Between two that enter by different mouths: from one mouth to the other, and the spacing."""
+    """Least time between two entries by different entrances: the passage from one to the other, and the spacing."""
 
     @property
     def entrances(self) -> dict[int, EntranceGroup]:
-        """By mouth, those by which robots enter the bottleneck."""
+        """Robots by entrance, for the entrances that are used."""
         found = {}
         for mouth in (0, 1):
             streams = [stream for stream in self.streams if stream.mouth == mouth]
@@ -82,7 +83,7 @@ class FreeTimes:
 
 
 def destinations(lab: Lab) -> dict[int, Area]:
-    """Return where robots are to go, as far as the lab says."""
+    """Return the destination of each robot that has one by the lab file."""
     pattern = lab.finish_pattern
     named = [part.value for part in (pattern.patterns if pattern else ()) if isinstance(part, Constant)]
     common = _areas(lab, named)
@@ -123,7 +124,7 @@ def free_times(lab: Lab) -> FreeTimes:
 def _streams(
     flow: FreeFlow, speed: float, goal: Area | None, starts: list[RobotStart], necks: list[list[Point]], across: float
 ) -> list[Stream]:
-    """Return the robots that go to `goal`, by the mouth by which they enter; `across` is the way between the mouths."""
+    """Return the robots that go to `goal`, by entrance; `across` is the length of the passage between the entrances."""
     places = approachable(goal) if goal else []
     beyond = [[min(column) for column in zip(*(flow.lengths(p, places) for p in neck), strict=True)] for neck in necks]
     rows: dict[int, list[tuple[int, list[float], float]]] = {}
@@ -147,14 +148,17 @@ def _streams(
 
 
 def _mouth(trip: list[float], into: list[float], beyond: list[list[float]], across: float) -> int:
-    """Return by which mouth a robot enters the bottleneck; -1 when it does not pass it."""
+    """Return the entrance on a robot's path; -1 if the shortest path avoids the bottleneck.
+
+    `into`: to each entrance, `beyond`: from each entrance to each place; all are lengths in metres.
+    """
     if len(into) < 2:
         return 0 if into else -1
     if not trip:
         return -1
-    ways = [into[mouth] + across + min(beyond[1 - mouth]) for mouth in (0, 1)]
-    mouth = ways.index(min(ways))
-    return mouth if ways[mouth] <= min(trip) + DETOUR_M else -1
+    paths_m = [into[mouth] + across + min(beyond[1 - mouth]) for mouth in (0, 1)]
+    mouth = paths_m.index(min(paths_m))
+    return mouth if paths_m[mouth] <= min(trip) + DETOUR_M else -1
 
 
 def bound_s(lab: Lab) -> float:
@@ -165,10 +169,11 @@ def bound_s(lab: Lab) -> float:
 
 
 def _passing(times: FreeTimes) -> float:
-    """Return how long it takes at least until all are through the bottleneck and at their destinations."""
+    """Return the least time until all robots have passed the bottleneck and reached their destinations, in seconds."""
     entrances = times.entrances
     total = sum(group.count for group in entrances.values())
     lengths = []
+    # With the first and the last robot's entrance fixed, as few changes of direction as possible are best.
     for first in entrances:
         for last in entrances:
             changes = 1 if first != last else 2 if len(entrances) == 2 else 0
@@ -180,7 +185,7 @@ def _passing(times: FreeTimes) -> float:
 
 
 def approachable(area: Area) -> list[Point]:
-    """Return the points by which an area can be reached: its places, for a box also points along its edge."""
+    """Return the points at which an area can be reached: its places, and for a box also points along its edge."""
     if area.box is None:
         return list(area.places)
     x0, y0, x1, y1 = area.box
@@ -190,7 +195,10 @@ def approachable(area: Area) -> list[Point]:
 
 
 def _longest_trip(trips: Sequence[Sequence[float]], *, shared: bool) -> float:
-    """Return the longest trip under the best assignment; with `shared` places all robots take their nearest."""
+    """Return the longest trip under the best assignment, seconds; with `shared` places each robot takes its nearest.
+
+    Binary search over the times that occur, for the least one within which a complete assignment exists.
+    """
     if not trips:
         return 0.0
     if shared or len(trips[0]) < len(trips):
@@ -208,13 +216,13 @@ def _longest_trip(trips: Sequence[Sequence[float]], *, shared: bool) -> float:
 
 
 def _assignable(trips: Sequence[Sequence[float]], limit: float) -> bool:
-    """Return whether every robot can have a slot of its own within `limit` seconds (augmenting paths)."""
+    """Return whether each robot can have a slot of its own within `limit` seconds (matching by augmenting paths)."""
     taken: dict[int, int] = {}
     return all(_place(robot, trips, limit, taken) for robot in range(len(trips)))
 
 
 def _place(robot: int, trips: Sequence[Sequence[float]], limit: float, taken: dict[int, int]) -> bool:
-    """Give `robot` a slot, moving others to further ones where needed; breadth first, so without recursion."""
+    """Give `robot` a slot, reassigning other robots where needed; breadth-first search for an augmenting path."""
     came: dict[int, int] = {}
     frontier = [robot]
     while frontier:
@@ -234,7 +242,7 @@ def _place(robot: int, trips: Sequence[Sequence[float]], limit: float, taken: di
 
 
 def _shift(slot: int, robot: int, came: dict[int, int], taken: dict[int, int]) -> None:
-    """Hand slots on along the path that ends at the free `slot`."""
+    """Reassign the slots along the augmenting path that ends at the free `slot`."""
     owner = {who: held for held, who in taken.items()}
     while True:
         who = came[slot]

@@ -1,7 +1,7 @@
-"""What hulls do to each other and to what stands still: pymunk's engine, seen from above, without gravity.
+"""Contacts of hulls with each other, obstacles and walls: pymunk's rigid-body engine, seen from above, without gravity.
 
-The engine is there for contacts alone. Between them a body goes on by its velocity, which is a sum (`physics`), so it
-is asked only for the ticks in which a hull comes near to something, and told before where everybody has got to.
+Without contact a body is integrated in `physics`. The engine runs only for ticks in which a hull comes near something;
+before that, the poses that changed in the meantime are copied into it.
 """
 
 from collections.abc import Callable
@@ -16,25 +16,25 @@ from rmr.base.time import Instant
 MASS_KG: Final = 0.5
 
 _WALL_M: Final = 0.1
-"""Thickness of the walls, outside of the arena."""
+"""Thickness of the walls, which lie outside the arena, metres."""
 _SLOP_M: Final = 0.0002
-"""How far bodies may overlap in contact (pymunk's own default is 0.1 units)."""
+"""Overlap of bodies that the solver allows in contact, metres (pymunk's default is 0.1)."""
 _FRICTION: Final = 0.3
 _ROBOT: Final = 1
 _FIXED: Final = 2
 """Collision types, and categories of shapes (a bit each)."""
 _OPAQUE: Final = pymunk.ShapeFilter(mask=_FIXED)
-"""What hides a robot from another one."""
+"""Filter of the ray cast of `hides`: obstacles and walls block the view, robots do not."""
 
 Touch = Callable[[list[int], tuple[float, float] | None], None]
-"""Called with one or two robots, the lower id first, and where they touch, if that is known."""
+"""Callback with one or two robots, the lower id first, and the point of contact if it is known."""
 
 
 class Contact(NamedTuple):
     """The beginning of a contact."""
 
     at: Instant
-    """Beginning of the tick in which it happened."""
+    """Beginning of the tick of the contact."""
     robot: int
     other: int | None
     """The other robot's id; None: an obstacle or a wall."""
@@ -99,35 +99,36 @@ class ContactEngine:
         self._robots[hull] = robot
 
     def place(self, robot: int, x: float, y: float, theta: float) -> None:
-        """Tell where `robot` has got to."""
+        """Set the pose of `robot`."""
         body = self._bodies[robot]
         body.position = (x, y)
         body.angle = theta
 
     def drive(self, robot: int, vx: float, vy: float, w: float) -> None:
-        """Let the body of `robot` go with that velocity, m/s and rad/s."""
+        """Set the velocity of `robot`, m/s and rad/s."""
         body = self._bodies[robot]
         body.velocity = (vx, vy)
         body.angular_velocity = w
 
     def where(self, robot: int) -> tuple[float, float, float]:
-        """Return place and heading of `robot`."""
+        """Return the position and heading of `robot`."""
         body = self._bodies[robot]
         x, y = body.position
         return x, y, body.angle
 
     def step(self, duration_s: float) -> None:
-        """Let all bodies go on for a while."""
+        """Advance all bodies by one step."""
         self._space.step(duration_s)
 
     def hides(self, a: tuple[float, float], b: tuple[float, float]) -> bool:
-        """Return whether an obstacle or a wall stands between two places."""
+        """Return whether an obstacle or a wall lies between two points."""
         return self._space.segment_query_first(a, b, 0.0, _OPAQUE) is not None
 
     def _touching(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:  # noqa: ARG002
         points = arbiter.contact_point_set.points
         where = None
-        if points:  # the middle, for which of the two is `a` depends on what else the engine was asked
+        if points:
+            # Which of the two shapes is `a` depends on earlier queries of the engine; the middle does not.
             ax, ay = points[0].point_a
             bx, by = points[0].point_b
             where = 0.5 * (ax + bx), 0.5 * (ay + by)

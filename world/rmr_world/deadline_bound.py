@@ -1,12 +1,11 @@
-"""How many deadlines could have been met at all: what a run's misses are to be measured against.
+"""Upper bound of the number of deadlines that any schedule could have met, to compare a run's misses with.
 
-An upper bound, not a schedule. A robot's job that ends with the lab's finish fact takes at least its free-flow
-trip; where the lab has a bottleneck, robots also enter it at least one body's length apart and, where they come
-from both sides, a whole passage apart when the direction changes. That is a single machine with equal processing
-times and setup times between two entrances; release times are relaxed to each group's earliest one. Within a
-group the order of deadlines is then optimal (of two that are both on time the earlier due may go first), so it is
-enough to look at all ways of merging the two, dropping what comes too late. Beside such jobs all others are taken as
-possible; of those alone no bound is known.
+A job that ends with the lab's finish fact takes at least the robot's free-flow trip. At a bottleneck, robots also enter
+at least one body length apart and, when the direction changes, a whole passage apart. This is scheduling on a single
+machine with equal processing times and set-up times between two job families (one for each entrance), with release
+times relaxed to the earliest of the family. Within a family earliest deadline first is then optimal, by an exchange
+argument. It is enough to search all merges of the two sequences, leaving out jobs that come too late (dynamic
+programming). All other jobs are taken as possible; if there are only such jobs, no bound is known.
 """
 
 import math
@@ -18,20 +17,20 @@ from rmr_world.fact_syntax import TermError, parse_fact
 from rmr_world.lab import Lab
 
 DIED = "died"
-"""Cause of a job that is undecided for good: its robot's process died, and with it the job."""
+"""Cause of a job that stays undecided because its robot's process died."""
 PAIRS_MAX = 2500
-"""Merging takes the product of two entrances' sizes, and their sum; beyond this each is looked at by itself."""
+"""Bound of the product of two families' sizes; beyond it each family is bounded by itself, which is weaker."""
 
 _Job = tuple[float, float]
-"""When it can enter at the earliest, and at the latest."""
+"""Earliest and latest entry of a job that meets its deadline, seconds."""
 _Reached = dict[tuple[int, int], float]
-"""By the group that entered last and by how many have entered: the instant of the last entry."""
+"""Earliest instant of the last entry, by the family that entered last and the number of entries."""
 
 
 def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int | None:
-    """Return an upper bound of the deadlines that any schedule could meet, of jobs that lived to see them.
+    """Return an upper bound of the deadlines that any schedule could meet, without jobs whose process died.
 
-    None where nothing is known: some job was not met in time, and no job's least time follows from the lab.
+    None if no bound is known: some deadline was missed, and the lab gives no job a least time.
     `robots` holds each robot's part of the report; its assertions' `deadline_s` and `start_s` are lab time.
     """
     jobs = [(at, job) for at in sorted(robots) for job in robots[at].get("assertions", ()) if job.get("cause") != DIED]
@@ -52,9 +51,9 @@ def best_possible(lab: Lab, robots: Mapping[int, Mapping[str, Any]]) -> int | No
 
 
 def least_s(lab: Lab, robot: int, job: Mapping[str, Any]) -> float | None:
-    """Return when `robot` could finish `job` at the earliest: after its free trip; None where that is not known.
+    """Return the earliest time at which `robot` could finish `job`: its free-flow trip, seconds; None if not known.
 
-    A deadline before it was impossible from the beginning.
+    A deadline before it could not be met.
     """
     if not _is_trip(lab, job):
         return None
@@ -65,7 +64,7 @@ def least_s(lab: Lab, robot: int, job: Mapping[str, Any]) -> float | None:
 
 
 def _in_time(stream: Stream, trips: Sequence[tuple[int, Mapping[str, Any]]]) -> list[float]:
-    """Return the deadlines of the stream's robots that a free trip can meet, in order."""
+    """Return the deadlines of the stream's robots that a free-flow trip can meet, in order."""
     least = dict(zip(stream.robots, (min(row, default=0.0) for row in stream.trips), strict=False))
     due = [(robot, float(job["deadline_s"])) for robot, job in trips if robot in stream.robots]
     return sorted(deadline for robot, deadline in due if deadline >= least.get(robot, 0.0))
@@ -83,7 +82,7 @@ def _is_trip(lab: Lab, job: Mapping[str, Any]) -> bool:
 
 
 def _through_bottleneck(times: FreeTimes, in_time: Sequence[list[float]]) -> int:
-    """Return how many of the jobs can be through in time one behind the other."""
+    """Return how many of the jobs can pass the bottleneck in time."""
     entrances = times.entrances
     due: dict[int, list[float]] = {mouth: [] for mouth in entrances}
     for stream, deadlines in zip(times.streams, in_time, strict=True):
@@ -100,8 +99,7 @@ def _through_bottleneck(times: FreeTimes, in_time: Sequence[list[float]]) -> int
 def _merged(times: FreeTimes, one: Sequence[_Job], other: Sequence[_Job]) -> int:
     """Return how many jobs of two entrances can enter in time, each group in order of deadline.
 
-    `reached[i, j]` tells, where the first i and j of them have been looked at, for each group that entered last and
-    each number that have, the earliest instant of that last entry.
+    `reached[i, j]` is the state after the first i and j jobs have been taken or dropped.
     """
     reached: dict[tuple[int, int], _Reached] = {(0, 0): {(0, 0): -math.inf}}
     here: _Reached = {}
@@ -109,19 +107,19 @@ def _merged(times: FreeTimes, one: Sequence[_Job], other: Sequence[_Job]) -> int
         for j in range(len(other) + 1):
             here = reached.pop((i, j))
             if i < len(one):
-                _look(here, reached.setdefault((i + 1, j), {}), 0, one[i], times)
+                _extend(here, reached.setdefault((i + 1, j), {}), 0, one[i], times)
             if j < len(other):
-                _look(here, reached.setdefault((i, j + 1), {}), 1, other[j], times)
+                _extend(here, reached.setdefault((i, j + 1), {}), 1, other[j], times)
     return max(count for _, count in here)
 
 
-def _look(before: _Reached, after: _Reached, group: int, job: _Job, times: FreeTimes) -> None:
-    """Let `job` of `group` enter next where it is in time, or drop it."""
+def _extend(before: _Reached, after: _Reached, family: int, job: _Job, times: FreeTimes) -> None:
+    """Extend the states `before` to `after`: `job` of `family` enters next if it is in time, or is dropped."""
     earliest, latest = job
     for (last, count), at in before.items():
         dropped = (last, count)
-        taken = (group, count + 1)
+        taken = (family, count + 1)
         after[dropped] = min(at, after.get(dropped, math.inf))
-        entry = max(earliest, at + (times.spacing if group == last else times.turnaround))
+        entry = max(earliest, at + (times.spacing if family == last else times.turnaround))
         if entry <= latest:
             after[taken] = min(entry, after.get(taken, math.inf))

@@ -1,8 +1,8 @@
-"""What disturbs the radio of a lab that runs: what the lab file says, and what people add by `rmr fault`.
+"""The list of a running lab's radio disturbances: those of the lab file, and those added by `rmr fault`.
 
-The world only keeps the list and hands it to the robots; each of them applies it to frames by their time stamps.
-So that all have heard of a change before it holds, whatever is added or ended begins or ends `LEAD` from now, and
-what is over is kept for `LINGER`: a frame that began before may not have been decided everywhere.
+The world keeps the list and publishes it; each robot applies it to frames by their time stamps. A change takes effect
+`LEAD` after it is made, so that all robots have received it by then. A disturbance that is over stays in the list for
+`LINGER`, for frames that began before its end and whose reception is not decided everywhere.
 """
 
 from collections.abc import Sequence
@@ -11,38 +11,38 @@ from rmr.base.time import NEVER, Duration, Instant, milliseconds
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 
 LEAD: Duration = milliseconds(50)
-"""Between a person's wish and its effect; a message crosses the bus in 0.3 to 2 ms, on a loaded machine in 20."""
+"""Delay of a change. A message takes 0.3 to 2 ms on the bus, and 20 ms on a loaded machine."""
 
 LINGER: Duration = milliseconds(1000)
-"""How long what is over is kept: more than anybody takes to decide a frame, and twice the time between two tellings."""
+"""How long a disturbance is kept after its end: longer than any decision on a frame, and two periods of publishing."""
 
 HISTORY_MAX = 1000
-"""Disturbances that are over and stay known, for the report."""
+"""Bound of the disturbances that are over and kept for the report."""
 
 
 class DisturbanceList:
-    """The disturbances of one lab. Changes are handed `now`, lab time."""
+    """The disturbances of one lab. Methods that change them take `now` in lab time."""
 
     def __init__(self, lab: str, roster: Sequence[int], given: Sequence[Disturbance]) -> None:
         self._lab = lab
         self._roster = roster
         self.given = tuple(given)
-        """By the lab file."""
+        """Disturbances of the lab file."""
         self.added: tuple[Disturbance, ...] = ()
-        """By people, in the order in which they begin."""
+        """Disturbances added at run time, in the order in which they begin."""
         self._over: list[Disturbance] = []
-        """Of what was added, what has been forgotten since: HISTORY_MAX of them, the first."""
+        """Added disturbances that are no longer kept, the first HISTORY_MAX of them."""
         self.touched = False
-        """Whether people have ever added any. From then on the list bears being told again, empty or not: who has
-        missed that the last one was cleared before it began would hold it for ever."""
+        """Whether any has ever been added. From then on the list is published again and again, even if empty: a robot
+        that missed the removal of the last one would apply it for ever."""
 
     @property
     def held(self) -> tuple[Disturbance, ...]:
-        """All of them, the lab file's first."""
+        """All present disturbances, those of the lab file first."""
         return self.given + self.added
 
     def add(self, wanted: Disturbance, now: Instant) -> str:
-        """Let `wanted` begin, and last until its `until`, counted from then; return why not, or nothing."""
+        """Add `wanted`, whose `until` counts from its beginning; return the reason of a refusal, empty if accepted."""
         self.forget(now)
         strangers = [str(i) for group in wanted.groups for i in group if i not in self._roster]
         if strangers:
@@ -56,14 +56,14 @@ class DisturbanceList:
         return ""
 
     def clear(self, now: Instant) -> None:
-        """End all that has been added."""
+        """End all added disturbances."""
         self.forget(now)
         end = max(0, now) + LEAD
-        # What has not begun yet is no part of the run.
+        # A disturbance that has not begun is removed: it is no part of the run.
         self.added = tuple(one._replace(until=min(end, one.until)) for one in self.added if one.since < end)
 
     def forget(self, now: Instant) -> None:
-        """Forget what has been added and is long over."""
+        """Move added disturbances that have been over for `LINGER` to the history."""
         over = [one for one in self.added if now >= one.until + LINGER]
         if over:
             self._over += over[: HISTORY_MAX - len(self._over)]
@@ -71,5 +71,5 @@ class DisturbanceList:
 
     @property
     def history(self) -> tuple[Disturbance, ...]:
-        """All that people have added and that has begun, or will, also what is over."""
+        """All added disturbances, past ones included."""
         return (*self._over, *self.added)

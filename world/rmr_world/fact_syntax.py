@@ -1,10 +1,9 @@
-"""Facts as a lab file writes them: ``due(@1, 25)`` and, for `finish`, ``at(R, exit)``.
+"""Syntax of the facts in a lab file: ``due(@1, 25)`` and, for `finish`, ``at(R, exit)``.
 
-A fact of a lab is a name and a list of values, so this reads terms and no expressions: robots (``@4``),
-integers, floats, times (``500ms``, ``2s``, ``1.5min``: seconds as a float), strings, symbols, ``true`` and
-``false``, and lists of these; for a number also a range such as ``20..60``, of which each run draws one. The first
-argument is the owner. Whether the program knows the predicate, and takes such arguments, is looked up later: a lab can
-be read without its program.
+A fact of a lab is a name and a list of values, without expressions: robots (``@4``), integers, floats, times
+(``500ms``, ``2s``, ``1.5min``: seconds as a float), strings, symbols, ``true`` and ``false``, and lists of these. A
+number may also be a range such as ``20..60``, from which each run draws. The first argument is the owner. A lab can be
+read without its program; the predicate and the types of its arguments are checked later (`validate.program_fit`).
 """
 
 import re
@@ -15,16 +14,16 @@ from rmr.bytecode.program import ANY, Anything, Constant
 from rmr_world.random_facts import Range, StatedFact
 
 TERM_DEPTH_MAX = 8
-"""Lists within lists; deeper ones serve nothing and would only exhaust the stack."""
+"""Bound of nested lists; deeper ones have no use and would exhaust the stack of the recursive parser."""
 
 
 class TermError(ValueError):
-    """A term is not one; the message says where and what was expected."""
+    """Syntax error in a fact; the message says where, and what was expected."""
 
 
 @dataclass(frozen=True, slots=True)
 class FinishPattern:
-    """What every robot must hold for the run to be finished."""
+    """The pattern of the fact that every robot must hold for the run to be finished."""
 
     name: str
     patterns: tuple[Anything | Constant, ...]
@@ -57,7 +56,7 @@ _ESCAPES = {"n": "\n", "t": "\t"}
 
 
 class _Terms:
-    """A recursive-descent reader of one fact."""
+    """A recursive-descent parser of one fact."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -127,7 +126,7 @@ class _Terms:
 
 
 def _leaf(token: re.Match[str]) -> _Term:
-    """Return the value or variable that one token stands for."""
+    """Return the value or variable of one token."""
     if token["robot"]:
         return _robot(token["robot"])
     if token["low"]:

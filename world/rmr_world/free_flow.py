@@ -1,11 +1,10 @@
-"""Free-flow ways: the shortest way of a robot's centre past walls and obstacles, as if it were alone.
+"""Free-flow paths: the shortest path of a robot's centre past walls and obstacles, without other robots.
 
-Obstacles grow by the robot's radius and the robot shrinks to a point; the shortest way then runs straight or
-along the grown corners, so it is a path in the visibility graph of the starts, the goals and the corners (Lozano-
-Perez and Wesley 1979), of which only the lines that touch their corners matter. A grown corner is round. It is
-replaced by a chain of points on the arc, whose chords cut a little into the forbidden ring: the result is never
-longer than the true way, hence a bound, and shorter by at most 0.3 % of the arcs. The walls, shrunk by the
-radius, leave a rectangle, which hides nothing.
+In configuration space obstacles are grown by the robot's radius and the robot is a point. The shortest path is then a
+path in the visibility graph of start, goal and corners (Lozano-Perez and Wesley 1979), of which only the lines tangent
+at their corners matter. A grown corner is an arc. It is replaced by a chain of points on the arc, whose chords cut a
+little into the grown obstacle: the result is never longer than the true path, hence a lower bound, and shorter by at
+most 0.3 % of the arcs. The walls, moved inwards by the radius, leave a rectangle, which blocks no line of sight.
 """
 
 import heapq
@@ -17,20 +16,20 @@ from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point
 
 ARC_STEP = math.radians(15.0)
-"""Angle between two points on a grown corner."""
+"""Angle between two points on a grown corner, radians."""
 CORNERS_MAX = 800
-"""Of the visibility graph. A lab with more is judged with coarser arcs, which only weakens the bound."""
+"""Bound of the corners of the visibility graph. With more, arcs are made coarser, which only weakens the bound."""
 
 _INSIDE_M = 1e-7
-"""A way may touch a grown obstacle, not enter it by more."""
+"""Depth to which a path may enter a grown obstacle, metres: tolerance of rounding for a path that touches it."""
 
 
 class _Corner(NamedTuple):
-    """A point where a way may bend."""
+    """A point where a path may bend."""
 
     at: Point
     before: Point
-    """Its neighbours on the ring around its obstacle."""
+    """Its neighbours on the boundary of its obstacle: the one before, and `after`."""
     after: Point
 
 
@@ -45,7 +44,7 @@ class _Ring(NamedTuple):
 
 
 class FreeFlow:
-    """Shortest ways in one arena for robots of its shape."""
+    """Shortest paths in one arena for robots of its shape."""
 
     def __init__(self, arena: Arena) -> None:
         radius = arena.shape.radius
@@ -61,7 +60,7 @@ class FreeFlow:
         self._links: list[list[tuple[int, float]]] | None = None
 
     def lengths(self, start: Point, goals: Sequence[Point]) -> list[float]:
-        """Return the length in metres of the shortest way from `start` to each goal; infinite where there is none."""
+        """Return the length in metres of the shortest path from `start` to each goal; infinite if there is none."""
         to_corner = self._distances(start)
         lengths = []
         for goal in goals:
@@ -81,7 +80,7 @@ class FreeFlow:
         return self._visible(point, point)
 
     def _distances(self, start: Point) -> list[float]:
-        """Return the shortest way from `start` to every corner (Dijkstra)."""
+        """Return the length of the shortest path from `start` to each corner (Dijkstra), metres."""
         links = self._graph()
         ways = [math.inf] * len(self._corners)
         heap = [
@@ -101,7 +100,7 @@ class FreeFlow:
         return ways
 
     def _graph(self) -> list[list[tuple[int, float]]]:
-        """Return for each corner those that a shortest way can go on to, with distances; made on first use."""
+        """Return the edges of the visibility graph by corner, with lengths in metres; built on first use."""
         if self._links is None:
             links: list[list[tuple[int, float]]] = [[] for _ in self._corners]
             for i, a in enumerate(self._corners):
@@ -128,21 +127,22 @@ class FreeFlow:
 
 
 def _passes(corner: _Corner, other: Point) -> bool:
-    """Return whether the line through `corner` and `other` only touches the corner's obstacle.
+    """Return whether the line through `corner` and `other` is tangent to the corner's obstacle.
 
-    A shortest way bends nowhere else: where it cut into the ring it would be blocked or could be shortened.
+    A shortest path bends only at such corners. Elsewhere the line enters the obstacle, or the bend can be cut short.
     """
     (x, y), (px, py), (qx, qy) = corner
     dx = other[0] - x
     dy = other[1] - y
     slack = _INSIDE_M * (abs(dx) + abs(dy))
+    # Cross products: both neighbours on one side of the line, or on it.
     side_p = dx * (py - y) - dy * (px - x)
     side_q = dx * (qy - y) - dy * (qx - x)
     return (side_p <= slack and side_q <= slack) or (side_p >= -slack and side_q >= -slack)
 
 
 def _corners(ring: _Ring) -> list[_Corner]:
-    """Return the ring's points with their neighbours."""
+    """Return the points of a boundary with their neighbours."""
     points = ring.points
     return [_Corner(*three) for three in zip(points, points[-1:] + points[:-1], points[1:] + points[:1], strict=True)]
 

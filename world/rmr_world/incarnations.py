@@ -1,7 +1,7 @@
-"""A robot that was started again: one entry of the report for all of its lives.
+"""One part of the report for all incarnations of a robot that was restarted.
 
-What was counted is added up and what was done stands in order; what the robot holds, and when it finished, is told by
-its last life. A job that was undecided when its robot's process died stays so, with the cause `DIED`.
+Counters are summed and lists of actions and jobs are concatenated; facts and the time of finishing are those of the
+last incarnation. A job that was undecided when its process died stays undecided, with the cause `DIED`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,19 +13,21 @@ COUNTED: Final = (
     "actions_failed", "actions_omitted", "assertions_omitted", "expression_failures", "undelivered", "ticks",
     "ticks_late", "tasks_skipped",
 )  # fmt: skip
+"""Fields of a robot's part of the report that are summed over its incarnations."""
 LISTED: Final = ("assertions", "actions")
+"""Fields that are concatenated."""
 FIRST: Final = ("first_failure", "first_undelivered")
-"""Fields of a robot's part of the report of which all lives have a sum, one list, and the first one there is."""
+"""Fields of which the first incarnation with a value counts."""
 
 
 def with_lost_jobs(part: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the `part` of a robot whose process has died, with the jobs marked that this has left undecided."""
+    """Return the `part` of a robot whose process has died, with the cause `DIED` in each undecided job."""
     jobs = [job | {"cause": DIED} if job["met"] is None else job for job in part.get("assertions", ())]
     return {**part, "assertions": jobs}
 
 
 def merged_report(past: Sequence[Mapping[str, Any]], part: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `part`, which is of the newest life, with what the lives before it (`past`, oldest first) add to it."""
+    """Return `part` of the newest incarnation, merged with the parts of the earlier ones (`past`, oldest first)."""
     if not past:
         return dict(part)
     whole = dict(part)

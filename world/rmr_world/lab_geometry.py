@@ -1,7 +1,7 @@
-"""From the lab file's figures to the arena's geometry: obstacles, areas with their places, queues, grids of starts.
+"""Geometry of the lab file: obstacles, areas with their places, queues, grids of starts.
 
-Each function takes one part of the file as the schema accepted it. What cannot be built raises ValueError with
-a message for the file's author; where it stands is the caller's to say.
+Each function takes one part of the file that conforms to the schema. A part that cannot be built raises ValueError with
+a message for the author of the file; the caller adds the place.
 """
 
 from itertools import pairwise
@@ -14,11 +14,11 @@ Box = tuple[float, float, float, float]
 
 QUEUE_PLACES_MAX = 1000
 _EPSILON = 1e-9
-"""Metres; what rounding makes of equal lengths."""
+"""Tolerance of rounding for equal lengths, metres."""
 
 
 def _point(x: float, y: float) -> Point:
-    """Return a computed point without rounding dust, as somebody would have written it."""
+    """Return a computed point rounded to a nanometre, as it would be written by hand."""
     return Point(round(x, 9), round(y, 9))
 
 
@@ -41,7 +41,7 @@ def box_corners(box: Box) -> tuple[Point, ...]:
 
 
 def _convex(corners: list[Point]) -> tuple[Point, ...]:
-    """Return `corners` counter-clockwise. Raises ValueError unless they turn one way only, once around."""
+    """Return `corners` counter-clockwise. Raises ValueError unless they turn in one direction only, and once around."""
     turns = [
         (b.x - a.x) * (c.y - b.y) - (b.y - a.y) * (c.x - b.x)
         for a, b, c in zip(corners, corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
@@ -55,7 +55,7 @@ def _convex(corners: list[Point]) -> tuple[Point, ...]:
 
 
 def _windings(corners: list[Point]) -> int:
-    """Return how often the edges of a polygon that turns left everywhere go from falling to rising."""
+    """Return the winding number of a polygon that turns left everywhere: its changes from falling to rising edges."""
     rises = [b.y > a.y or (b.y == a.y and b.x > a.x) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
     return sum(now and not before for before, now in zip(rises[-1:] + rises[:-1], rises, strict=True))
 
@@ -82,7 +82,7 @@ def line_places(line: LineSpec) -> tuple[Point, ...]:
 
 
 def queue_places(queue: QueueSpec) -> tuple[Point, ...]:
-    """Return the places of a queue: the first at the path's beginning, as many as fit at its spacing.
+    """Return the places of a queue: the first at the beginning of the path, then as many as fit at its spacing.
 
     Raises ValueError when there would be more than QUEUE_PLACES_MAX.
     """
@@ -94,7 +94,7 @@ def queue_places(queue: QueueSpec) -> tuple[Point, ...]:
 
 
 def _along(corners: list[Point], way: float) -> Point:
-    """Return the point `way` metres along the path."""
+    """Return the point `way` metres along the path, or its end if it is shorter."""
     for a, b in pairwise(corners):
         length = distance(*a, *b)
         if way <= length and length > 0.0:
@@ -111,7 +111,7 @@ def grid_poses(grid: GridSpec, count: int) -> list[Pose]:
 
 
 def overlaps(obstacle: Obstacle, width: float, height: float) -> bool:
-    """Return whether any of `obstacle` can lie in the arena (by its bounding box)."""
+    """Return whether a part of `obstacle` may lie in the arena (by its bounding box)."""
     if isinstance(obstacle, Disc):
         x, y = obstacle.centre
         r = obstacle.radius

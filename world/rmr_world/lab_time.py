@@ -1,8 +1,8 @@
-"""Lab time as the world keeps it: zero before the start, then real time from an origin, then still.
+"""Lab time, kept by the world: zero before the start, then real time from an origin, then constant.
 
-All other clocks of the lab follow this one. It runs with the machine's monotonic clock; only when the world
-itself was held up for long (a stopped process, a sleeping laptop) is it set back to where the physics stands, so that
-nobody's deadline passes while nobody could move.
+All other clocks of the lab follow this one. It runs with the machine's monotonic clock. After a long stop of the world
+itself (a stopped process, a suspended machine) it is set back to the time of the physics, so that no deadline passes
+while no robot could move.
 """
 
 from rmr.base.time import Duration, Instant
@@ -18,12 +18,12 @@ class LabTime:
         self._standing: Instant = 0
 
     def start(self, monotonic: int, delay: Duration) -> None:
-        """Let lab time be 0 at `monotonic` + `delay`; until then it is negative, so that all can hear of it."""
+        """Set lab time to 0 at `monotonic` + `delay`; it is negative until then, while the start is announced."""
         self.state = "running"
         self._origin = monotonic + delay
 
     def stop(self, monotonic: int) -> None:
-        """Stop lab time for good."""
+        """Stop lab time; it cannot be started again."""
         self._standing = self.at(monotonic)
         self.state = "stopped"
 

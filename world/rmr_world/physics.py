@@ -1,14 +1,14 @@
-"""The physics: robots as round bodies with two wheels on a flat floor, seen from above, without gravity.
+"""The physics: robots as round bodies with differential drive on a flat floor, seen from above, without gravity.
 
-The world alone knows where everything is. It is stepped by whoever owns the lab clock, once per tick, and advances in
-equal sub-steps, so that the same commands give the same bits. A wheel command asks for a twist; the wheels follow it
-with bounded acceleration and grip the floor, so the body cannot slide sideways, but it can be stopped or pushed, and it
-slips a little at random. Commands that are old, out of order or not finite are dropped and counted: a robot's mistake
-never stops the world (paper IV.E, V.B.2).
+Only the world holds the ground truth. The owner of the lab clock steps it once per tick. It advances in equal
+sub-steps, so that equal commands give bitwise equal runs. A wheel command is a target twist. The wheels follow it with
+bounded acceleration and grip the floor: the body does not slide sideways, but it can be stopped or pushed, and the
+wheels slip a little at random. Commands that are old, out of order or not finite are dropped and counted, so that no
+robot's mistake stops the world (paper IV.E, V.B.2).
 
-A body that can touch nothing within a tick *rolls*: its velocity is added in each sub-step, as the engine (`engine`)
-would, to the bit. The engine moves all in those ticks alone in which a hull comes near to another one, an obstacle or a
-wall. Robots that stand cost nothing. Readings of a robot are drawn from its own random streams (`sensors`).
+A body that can touch nothing within a tick is integrated here, bitwise as the contact engine (`contact_engine`) would
+do it. The engine runs only in ticks in which a hull comes near another one, an obstacle or a wall. Robots at rest cost
+nothing. The readings of a robot are drawn from its own random streams (`sensors`).
 """
 
 import math
@@ -24,41 +24,43 @@ from rmr_world.lab import Lab
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors
 
 SUBSTEPS: Final = 2
-"""Per tick; at 0.2 m/s a robot moves 1.7 mm in one, far below its radius."""
+"""Sub-steps per tick. At 0.2 m/s a robot moves 1.7 mm in one, far less than its radius."""
 ACCELERATION: Final = 0.8
-"""m/s^2, of the wheels."""
+"""Bound of the body's acceleration, m/s^2."""
 TURN_ACCELERATION: Final = 12.0
-"""rad/s^2."""
+"""Bound of the body's angular acceleration, rad/s^2."""
 SLIP_SIGMA: Final = 0.01
-"""Of the commanded speed, per tick."""
+"""Standard deviation of the slip of the speed in one tick, as a share of the commanded speed."""
 TURN_SLIP_SIGMA: Final = 0.02
-"""Of the commanded turn rate, per tick."""
+"""Standard deviation of the slip of the turn rate in one tick, as a share of the commanded rate."""
 COMMAND_AGE_MAX: Final = 100 * NS_PER_MS
-"""Older commands describe another situation."""
+"""Age at which a command is dropped: it was decided in another situation."""
 COMMAND_LEAD_MAX: Final = 100 * NS_PER_MS
-"""A stamp further in the future is no time of this lab, and would shut out all later commands."""
+"""Greatest lead of a command's stamp. One further ahead is wrong, and would make all later commands out of order."""
 WATCHDOG: Final = 100 * NS_PER_MS
-"""So long after the last command was decided, however late it has arrived, the wheels brake: a robot whose process dies
-or is held up at full speed goes another 2 cm until then and 2.5 cm while it brakes. A shorter gap costs nothing, a
-slightly longer one a little speed."""
+"""Time from the decision of the last command, however late it arrived, until the wheels brake. A robot whose process
+dies or stalls at full speed drives another 2 cm until then, and 2.5 cm while it brakes. A shorter gap between commands
+has no effect, a slightly longer one costs a little speed."""
 CONTACTS_MAX: Final = 10_000
-"""Records kept; contacts are counted beyond it."""
+"""Contacts that are recorded; beyond it they are only counted."""
 FASTEST: Final = 2.0
-"""No body goes faster than so many times what its wheels can: they slip by hundredths, and only equals push them."""
+"""Bound of a body's speed, in multiples of the wheels' top speed: slip adds hundredths, and only equal bodies push."""
 SETTLED_TICKS: Final = 3
-"""How long the engine goes on when no hull is near to anything any more: it corrects overlaps in the step that follows
-a contact and remembers it for three. As long it looks at the beginning, for who has been put into a wall."""
+"""Ticks for which the engine runs on after the last hull was near anything: it corrects overlaps in the step after a
+contact, and caches contacts for three steps. It also runs for as long at the start, for robots placed in contact."""
 
 _DV: Final = ACCELERATION * TICK_S
 _DW: Final = TURN_ACCELERATION * TICK_S
-"""What the wheels can do in one tick."""
+"""Bounds of the change of speed (m/s) and turn rate (rad/s) in one tick."""
 _STEP_S: Final = TICK_S / SUBSTEPS
 _NARROW: Final = math.radians(59.0)
+"""Half view angle below which a body behind a robot cannot be in its view: a hull that does not overlap has a half
+width of at most 30 degrees, so its edge is at least 60 degrees off the heading."""
 _x: Final = attrgetter("x")
 
 
 class _Robot:
-    """One robot's body, and what it was last told."""
+    """One robot's body and its last command."""
 
     __slots__ = (
         "active", "contacts", "cos", "decided", "distance_m", "free_until_m", "goes_vx", "goes_vy", "goes_w", "id",
@@ -76,21 +78,21 @@ class _Robot:
         self.sin = math.sin(pose.theta)
         self.vx = self.vy = self.v = self.w = 0.0
         self.goes_vx = self.goes_vy = self.goes_w = 0.0
-        """The velocity that the wheels give the body in this tick."""
+        """Velocity that the wheels give the body in this tick: m/s in world axes, and rad/s."""
         self.steered = False
-        """Whether they give it one."""
+        """Whether the wheels drive the body in this tick."""
         self.rolled = False
-        """Whether it has moved since the engine was asked last."""
+        """Whether the body has been integrated here since the engine last ran, so that the engine's copy is stale."""
         self.target: Twist = STILL
         self.stamp: Instant = -COMMAND_AGE_MAX
         self.decided: Instant = -WATCHDOG
-        """When what it was told was decided, as far as that is past."""
+        """When the last command was decided; for a stamp in the future, when it arrived."""
         self.contacts = 0
         self.active = False
-        """Whether its body may move in this tick."""
+        """Whether the body may move in this tick."""
         self.distance_m = 0.0
         self.free_until_m = 0.0
-        """Until it has gone so far it comes to no wall and no obstacle."""
+        """Value of `distance_m` up to which the body cannot have come near a wall or an obstacle."""
         self.near: list[_Robot] = []
 
 
@@ -98,7 +100,7 @@ class World:
     """The physical world of one lab."""
 
     def __init__(self, lab: Lab, seed: int) -> None:
-        """Put the lab's robots and obstacles on the floor; `seed` names all streams of chance."""
+        """Put the lab's robots and obstacles on the floor; `seed` names all random streams."""
         arena = lab.arena
         service = lab.localisation
         self._shape = shape = arena.shape
@@ -115,32 +117,32 @@ class World:
         self._list = list(self._robots.values())
         self._by_x = self._list.copy()
         self._awake: dict[int, _Robot] = {}
-        """The robots that have been told to move, or pushed, and do not stand again, by id."""
+        """By id, the robots that have been commanded or pushed and are not at rest again."""
         self._active: list[_Robot] = []
-        """Those whose bodies may move in this tick."""
+        """The robots whose bodies may move in this tick."""
         self._in_view_m = shape.view_depth + shape.radius
         self._alone_m = shape.radius + FASTEST * shape.speed * TICK_S
-        """A robot whose centre is farther than that from a wall does not touch it in this tick; two, twice as far."""
+        """Distance from a wall beyond which a centre cannot reach it in this tick; for two robots, twice that."""
         self._asked = SETTLED_TICKS
-        """For how many ticks the engine is asked still."""
+        """Ticks for which the engine still runs."""
         self.touching = 0
-        """Contacts at present."""
+        """Number of present contacts."""
         self.collisions = 0
-        """How many contacts of robots with robots, obstacles or walls have begun."""
+        """Number of contacts of robots with robots, obstacles or walls that have begun."""
         self.contacts: list[Contact] = []
         """The first CONTACTS_MAX of them."""
         self.dropped = 0
-        """Wheel commands that were too old, out of order or not finite."""
+        """Number of wheel commands that were too old, out of order or not finite."""
         self._least_centres = self._closest = math.inf
-        """The smallest distance of two robots so far, and now."""
+        """Smallest distance of two centres, metres: so far, and in this tick."""
         self._pairs()
 
     # Commands and clock
 
     def act(self, robot: int, twist: Twist, stamp: Instant, now: Instant) -> None:
-        """Let `robot`'s wheels follow `twist`, which its mind decided at `stamp`.
+        """Command the wheels of `robot` to `twist`, which its node decided at `stamp`.
 
-        Speed and turn rate are cut to what the wheels can do. Raises KeyError for a robot that is not there.
+        Speed and turn rate are clamped to the robot's limits. Raises KeyError for an unknown robot.
         """
         state = self._robots[robot]
         v = twist.v
@@ -159,7 +161,7 @@ class World:
         self._awake[robot] = state
 
     def silence(self, robot: int, until: Instant) -> None:
-        """Let `robot` hear no beacon `until` then; an outage that lasts longer already is not cut short."""
+        """Let `robot` receive no localisation pulse until `until`; a longer outage under way is not shortened."""
         sensors = self._robots[robot].sensors
         sensors.silent_until = max(sensors.silent_until, until)
 
@@ -171,7 +173,7 @@ class World:
             self._advance(tick_start(self._tick))
 
     def _advance(self, now: Instant) -> None:
-        """One tick."""
+        """Advance by one tick, which begins at `now`."""
         active = self._active
         active.clear()
         for robot in list(self._awake.values()):
@@ -194,11 +196,12 @@ class World:
         self._pairs()
 
     def _near_something(self) -> bool:
-        """Return whether some hull may touch another one, an obstacle or a wall in this tick, or does already."""
+        """Return whether a hull touches another one, an obstacle or a wall, or may in this tick."""
         if self.touching or self._closest <= 2.0 * self._alone_m:
             return True
         for robot in self._active:
             if robot.distance_m >= robot.free_until_m:
+                # The next free_m metres of driving, in any direction, need no further look.
                 free_m = self._free_m(robot.x, robot.y) - self._alone_m
                 if free_m <= 0.0:
                     return True
@@ -206,14 +209,14 @@ class World:
         return False
 
     def _free_m(self, x: float, y: float) -> float:
-        """Return how far it is from (x, y) to the nearest wall or box around an obstacle, at least."""
+        """Return a lower bound of the distance from (x, y) to the nearest wall or obstacle (by bounding boxes)."""
         free = min(x, y, self._width - x, self._height - y)
         for left, bottom, right, top in self._engine.extents:
             free = min(free, max(left - x, x - right, bottom - y, y - top))
         return free
 
     def _ask(self) -> None:
-        """Let the engine move all for one tick."""
+        """Move all bodies for one tick by the contact engine."""
         engine = self._engine
         for robot in self._list:
             if robot.rolled:
@@ -228,14 +231,14 @@ class World:
             _moved(robot, x, y, theta)
 
     def _steer(self, robot: _Robot, now: Instant) -> bool:
-        """Bring the body's velocity nearer to the commanded twist, as far as the wheels can in one tick.
+        """Set the velocity of this tick: a step from the present towards the commanded twist, bounded by acceleration.
 
-        Returns False for a robot that stands and shall.
+        Returns False for a robot at rest without a command to move.
         """
         target_v = robot.target.v
         target_w = robot.target.w
         if now - robot.decided > WATCHDOG:
-            target_v = target_w = 0.0
+            target_v = target_w = 0.0  # the watchdog brakes
         if target_v == 0.0 == target_w and robot.v == 0.0 == robot.w and robot.vx == 0.0 == robot.vy:
             return False
         if target_v != 0.0:
@@ -248,7 +251,8 @@ class World:
         w = robot.w
         v = v + dv if target_v > v + dv else v - dv if target_v < v - dv else target_v
         w = w + dw if target_w > w + dw else w - dw if target_w < w - dw else target_w
-        heading = robot.theta + 0.5 * w * TICK_S  # the middle of the arc that the wheels roll along in this tick
+        # Midpoint rule: along an arc the chord of this tick has the heading of the arc's middle.
+        heading = robot.theta + 0.5 * w * TICK_S
         robot.goes_vx = v * math.cos(heading)
         robot.goes_vy = v * math.sin(heading)
         robot.goes_w = w
@@ -257,11 +261,11 @@ class World:
     # Contacts and gaps
 
     def _begin(self, ids: list[int], where: tuple[float, float] | None) -> None:
-        """Note the beginning of a contact."""
+        """Record the beginning of a contact."""
         robots = [self._robots[robot] for robot in ids]
         for robot in robots:
             robot.contacts += 1
-            if not robot.active:  # it stood, and is pushed
+            if not robot.active:  # it was at rest, and is pushed
                 robot.active = True
                 self._active.append(robot)
                 self._awake[robot.id] = robot
@@ -281,16 +285,17 @@ class World:
         return tick_start(self._tick)
 
     def _pairs(self) -> None:
-        """Find who is near whom, and the smallest distance of two robots so far; one sweep along x."""
+        """Update each robot's neighbours in view range and the smallest distances: sweep and prune along x."""
         for robot in self._list:
             if robot.near:
                 robot.near = []
         order = self._by_x
-        order.sort(key=_x)  # from tick to tick they hardly change places
+        order.sort(key=_x)  # nearly sorted from the last tick, so this takes linear time
         in_view = self._in_view_m
         least = self._least_centres
         closest = math.inf
         wanted = max(in_view, 2.0 * self._alone_m)
+        # Pairs beyond `reach` are neither in view, nor near contact, nor a new smallest distance.
         reach = max(wanted, least)
         for i in range(len(order)):
             a = order[i]
@@ -320,7 +325,7 @@ class World:
         """Smallest gap between two robots' hulls so far, metres, 0 when they touched; infinite for one robot."""
         return max(0.0, self._least_centres - 2.0 * self._shape.radius)
 
-    # What is seen
+    # Sensing
 
     def pose(self, robot: int) -> Pose:
         """Return the true pose of `robot`; the heading is in [-pi, pi]."""
@@ -328,11 +333,11 @@ class World:
         return Pose(state.x, state.y, math.remainder(state.theta, math.tau))
 
     def distance_m(self, robot: int) -> float:
-        """Return the length of the way that `robot`'s centre has gone."""
+        """Return the length of the path of `robot`'s centre, metres."""
         return self._robots[robot].distance_m
 
     def sense(self, robot: int, now: Instant) -> Sensed:
-        """Return what `robot` senses as of the last step; `now` stamps it."""
+        """Return the sample of `robot` as of the last step, stamped `now`."""
         state = self._robots[robot]
         sensors = state.sensors
         theta = math.remainder(state.theta, math.tau)
@@ -349,7 +354,7 @@ class World:
         )
 
     def _hidden(self, robot: _Robot, other: _Robot) -> bool:
-        """Return whether something stands between the centres of two robots."""
+        """Return whether an obstacle lies between two robots' centres (bounding boxes first, then a ray cast)."""
         x0, x1 = (robot.x, other.x) if robot.x < other.x else (other.x, robot.x)
         y0, y1 = (robot.y, other.y) if robot.y < other.y else (other.y, robot.y)
         for left, bottom, right, top in self._engine.extents:
@@ -368,11 +373,12 @@ class World:
         for other in robot.near:
             dx = other.x - robot.x
             dy = other.y - robot.y
+            # The other's centre in the robot's frame: x ahead, y to the left.
             ahead = cos * dx + sin * dy
             left = cos * dy - sin * dx
             centres = math.hypot(dx, dy)
             if ahead <= 0.0 and half < _NARROW and centres >= 2.0 * radius:
-                continue  # behind, where half of a hull's width is 30 degrees at most
+                continue  # entirely behind, see _NARROW
             half_width = math.asin(min(1.0, radius / centres)) if centres > 0.0 else math.pi
             if abs(math.atan2(left, ahead)) - half_width > half:
                 continue
@@ -389,7 +395,7 @@ class World:
 
 
 def _roll(robot: _Robot) -> None:
-    """Let a body that touches nothing go on for one tick."""
+    """Integrate a body that can touch nothing for one tick, in the engine's order of additions: bitwise the same."""
     x = robot.x
     y = robot.y
     theta = robot.theta
@@ -405,13 +411,14 @@ def _roll(robot: _Robot) -> None:
 
 
 def _moved(robot: _Robot, x: float, y: float, theta: float) -> None:
-    """Take over where a body has got to, and let the encoders count what the wheels rolled."""
+    """Set the pose of a body after a tick; its velocity and its encoders follow from the displacement."""
     dx = x - robot.x
     dy = y - robot.y
     turned = theta - robot.theta
     if dx == 0.0 == dy and turned == 0.0:
         robot.vx = robot.vy = robot.v = robot.w = 0.0
         return
+    # Odometry measures the displacement along the mean heading; a sideways push turns no wheel.
     middle = robot.theta + 0.5 * turned
     way = dx * math.cos(middle) + dy * math.sin(middle)
     robot.sensors.moved(way, turned)

@@ -1,7 +1,7 @@
-"""The labs that come with RMR, and how a person names them: `rmr up corridor` works in every folder.
+"""The labs that come with RMR, and their names on the command line: `rmr up corridor` works in every folder.
 
-In a clone they are the folder ``deploy/labs``; a wheel carries a copy inside this package. A path that exists goes
-before a provided lab of the same name. Nothing heavy is imported: options are read with it.
+In a clone they are the folder ``deploy/labs``; a wheel has a copy inside this package. An existing path has precedence
+over a provided lab of the same name. Nothing heavy is imported, for the options of the commands are read with this.
 """
 
 import os
@@ -31,7 +31,7 @@ def resolve(path: Path) -> Path:
 
 
 def missing(path: Path) -> str:
-    """Return the sentence for a lab that is neither a path nor provided."""
+    """Return the message for a lab that is neither a path nor a provided lab."""
     names = list(provided_labs())
     near = get_close_matches(path.name, names, n=1)
     hint = f"did you mean '{near[0]}'?" if near else f"provided labs are {', '.join(names)}"

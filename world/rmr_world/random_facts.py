@@ -1,7 +1,7 @@
-"""Random numbers in a lab's facts: ``due(@1, 20..60)`` is another deadline under each seed.
+"""Facts of a lab with random numbers: ``due(@1, 20..60)`` is another deadline for each seed.
 
-Each fact has a stream of its own, named by the run's seed, the fact's place in the lab file and the robot that holds
-it: a lab with fewer robots, or with one more fact at its end, leaves the numbers of the others as they were.
+Each fact has a random stream of its own, named by the run's seed, the fact's index in the lab file and the robot that
+holds it. With fewer robots, or with another fact at the end of the file, the other numbers stay the same.
 """
 
 import math
@@ -13,18 +13,18 @@ from rmr.base.streams import stream
 from rmr.base.values import Value
 
 STEPS_PER_UNIT = 10
-"""A range of floats gives numbers with one decimal: what people read, and fine enough for deadlines in seconds."""
+"""Resolution of a range of floats: numbers with one decimal, which read well and suffice for deadlines in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A number that each run draws anew, both ends included: an int between ints, else a float with one decimal."""
+    """A random number of each run, both ends included: an int between ints, else a float with one decimal."""
 
     low: int | float
     high: int | float
 
     def __post_init__(self) -> None:
-        """Refuse a range that holds no number. Raises ValueError."""
+        """Raise ValueError for a range without a number."""
         if self.low > self.high:
             raise ValueError(f"the range {self} is the wrong way round: its smaller end comes first")
         if any(math.isinf(end * STEPS_PER_UNIT) for end in (self.low, self.high)):
@@ -37,21 +37,21 @@ class Range:
 
     @property
     def whole(self) -> bool:
-        """Whether it gives ints."""
+        """Whether the number is an int."""
         return isinstance(self.low, int) and isinstance(self.high, int)
 
     @property
     def first(self) -> int:
-        """The least number, counted in the steps between two numbers."""
+        """The least number, in steps of the resolution."""
         return math.ceil(self.low if self.whole else self.low * STEPS_PER_UNIT)
 
     @property
     def last(self) -> int:
-        """The greatest number, likewise."""
+        """The greatest number, in steps of the resolution."""
         return math.floor(self.high if self.whole else self.high * STEPS_PER_UNIT)
 
     def draw(self, chance: Random) -> int | float:
-        """Return one of its numbers, each as likely as the others."""
+        """Return a number of the range, uniformly distributed."""
         step = chance.randint(self.first, self.last)
         return step if self.whole else step / STEPS_PER_UNIT
 
@@ -69,7 +69,7 @@ class StatedFact:
 
 @dataclass(frozen=True, slots=True)
 class LabFact:
-    """An initial fact of a run: nothing in it is left to chance any more."""
+    """An initial fact of a run, with its random numbers drawn."""
 
     name: str
     owner: int | None
@@ -79,7 +79,7 @@ class LabFact:
 
 
 def drawn(fact: StatedFact, index: int, seed: int, roster: Iterable[int]) -> Iterator[LabFact]:
-    """Yield what `fact`, number `index` of the lab file, becomes in a run; every robot draws for itself."""
+    """Yield the facts of a run for `fact`, of index `index` in the lab file; each robot draws numbers of its own."""
     random = any(isinstance(arg, Range) for arg in fact.args)
     for owner in roster if random and fact.owner is None else (fact.owner,):
         chance = stream(f"{seed}/fact{index}/robot{owner}/number")

@@ -1,4 +1,4 @@
-"""The folder that a run leaves: ``runs/LAB-DATE-TIME/`` unless the user names one."""
+"""The folder of a run's results: ``runs/LAB-DATE-TIME/`` unless the user names one."""
 
 from datetime import datetime
 from pathlib import Path
@@ -22,7 +22,7 @@ def make_run_folder(lab: str, folder: Path | None) -> Path:
 
 
 def _new_folder(parent: Path, name: str) -> Path:
-    """Make a folder that was not there before: two runs may begin within one second."""
+    """Make a folder that did not exist: two runs may begin within one second."""
     parent.mkdir(exist_ok=True)
     for number in range(1, 1000):
         path = parent / (name if number == 1 else f"{name}-{number}")

@@ -1,8 +1,8 @@
 """The report of a run: the same document from processes and from the simulator.
 
-`assemble` puts together what the robots said of themselves, what the world saw and what follows from the lab,
-`write` leaves it in the run's folder. Keys are sorted and floats rounded, so that equal runs give equal bytes;
-numbers that JSON does not have (the gap of a lone robot, the bound of an impossible lab) are null.
+`assemble` combines the robots' own reports, the world's observations and the figures that follow from the lab; `write`
+stores it in the run's folder. Keys are sorted and floats rounded, so that equal runs give equal bytes. Numbers that
+JSON lacks (the gap of a lone robot, the bound of an impossible lab) are null.
 """
 
 import json
@@ -19,12 +19,12 @@ from rmr_world.lab import Lab
 
 REPORT_FILE = "report.json"
 SECONDS_DECIMALS = 3
-"""Of keys that end in ``_s``."""
+"""Decimals of values whose key ends in ``_s``."""
 DECIMALS = 4
-"""Of all other floats."""
+"""Decimals of all other floats."""
 
 COLUMNS = ("robot", "deadline", "finish", "lateness", "met")
-"""Of the table that people read."""
+"""Columns of the table for people."""
 
 _ROBOT_DEFAULTS: Mapping[str, Any] = {
     "finish_s": None,
@@ -41,7 +41,7 @@ _ROBOT_DEFAULTS: Mapping[str, Any] = {
     "tasks_skipped": 0,
     "left_out": [],
 }
-"""What stands in the report of a robot that never said so."""
+"""Fields of a robot that has reported nothing of them."""
 
 
 def assemble(
@@ -60,9 +60,9 @@ def assemble(
     """Return the report of a run of `lab`.
 
     `mode` is ``processes`` or ``simulated``; `time_s` is lab time up to the last robot's finish. `wall_s` is None
-    where wall time would make equal runs differ. `robots` holds what each robot said last; robots of the lab that
-    said nothing are added. `schedule` is by default the newest one that robots tell of, event by event. `truth` is
-    the world's: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id.
+    if wall time would make equal runs differ. `robots` holds the last report of each robot; robots of the lab without
+    one are added. `schedule` is by default the newest schedule of each event in the robots' reports. `truth` comes from
+    the world: ``collisions``, ``min_gap_m`` and ``distance_m`` by robot id.
     """
     parts = {robot: _robot_part(robot, robots.get(robot, {}), truth) for robot in sorted({*lab.roster, *robots})}
     for robot, part in parts.items():
@@ -93,7 +93,7 @@ def assemble(
 
 
 def _robot_part(robot: int, said: Mapping[str, Any], truth: Mapping[str, Any]) -> dict[str, Any]:
-    """Return one robot's part; the way that it went is what the world saw, if it saw any."""
+    """Return one robot's part; the distance is the world's if it has measured one."""
     part = {**_ROBOT_DEFAULTS, **said}
     part.pop("schedules", None)
     ways: Mapping[Any, float] = truth.get("distance_m", {})
@@ -104,9 +104,9 @@ def _robot_part(robot: int, said: Mapping[str, Any], truth: Mapping[str, Any]) -
 
 
 def newest_schedules(robots: Mapping[int, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the newest schedule of each leader's term that any robot tells of (its ``schedules``), by event and term.
+    """Return the newest schedule of each event, term and leader in the robots' reports (``schedules``), in this order.
 
-    Most are told often: every robot tells the newest one that it heard or made.
+    Most occur often: each robot reports the newest one that it has received or made.
     """
     newest: dict[tuple[str, int, int], dict[str, Any]] = {}
     for robot in sorted(robots):
@@ -118,7 +118,7 @@ def newest_schedules(robots: Mapping[int, Mapping[str, Any]]) -> list[dict[str, 
 
 
 def _rounded(value: Any, key: str = "") -> Any:
-    """Return `value` with floats rounded and what JSON cannot express as None."""
+    """Return `value` with floats rounded, and None for floats that JSON cannot express."""
     if isinstance(value, float):
         if not math.isfinite(value):
             return None
@@ -136,7 +136,7 @@ def to_json(report: Mapping[str, Any]) -> str:
 
 
 def write(report: Mapping[str, Any], folder: Path) -> Path:
-    """Write `report` into `folder`, which is made if need be; return the file. A half-written one never shows.
+    """Write `report` into `folder`, which is made if it does not exist; return the file. It is replaced atomically.
 
     Raises OSError, which names the file, when it cannot be written.
     """
@@ -162,7 +162,7 @@ class JobRow(NamedTuple):
     lateness_s: float | None
     """Finish minus deadline: negative when early."""
     met: bool | None
-    """None while undecided, or without a deadline."""
+    """None if undecided, or without a deadline."""
     job: str
     """The finish fact; empty for a robot without a job."""
 

@@ -1,20 +1,20 @@
-"""What went wrong in a run without ending it, in sentences: a run that finished may still have lost something.
+"""Warnings about a run that is over, from its report: failures and losses that did not end the run.
 
-Failed actions, what was not delivered, what a robot dropped because a bound was reached, and what the report leaves
-out. The launcher and the simulator print these lines to standard error behind the table.
+These are failed actions, undelivered messages, entries that a robot dropped at a bound, and omissions of the report.
+The launcher and the simulator print these lines to standard error after the table.
 """
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 TEXT_MAX = 120
-"""Characters of a fact, an action or a reason that are shown."""
+"""Characters of a fact, an action or a reason that are printed."""
 OMITTED = {"actions_omitted": "actions", "assertions_omitted": "jobs", "goals_omitted": "achieved goals"}
-"""Fields of a robot's part, and what they count."""
+"""Fields of a robot's part that count omissions, and the words for what is omitted."""
 
 
 def run_warnings(report: Mapping[str, Any]) -> list[str]:
-    """Return a line for each kind of trouble that `report` tells of; none when all is well."""
+    """Return a line for each kind of failure or loss in `report`."""
     parts: Mapping[str, Mapping[str, Any]] = report["robots"]
     failed = _total(parts, "actions_failed")
     lines = []
@@ -36,7 +36,7 @@ def _total(parts: Mapping[str, Mapping[str, Any]], field: str) -> int:
 
 
 def _first(parts: Mapping[str, Mapping[str, Any]], field: str) -> str:
-    """Return the earliest of what robots tell in `field`: [seconds, what, why]."""
+    """Return the earliest entry of `field` among the robots; an entry is [seconds, what, why]."""
     told = [(part[field][0], int(robot), *part[field][1:]) for robot, part in parts.items() if part.get(field)]
     if not told:
         return "not known"

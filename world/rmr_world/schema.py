@@ -1,9 +1,8 @@
-"""The shape of a lab file: which keys there are, their types, units and defaults.
+"""The schema of a lab file: its keys, their types, units and defaults.
 
-These models say everything that can be judged key by key; what relates several keys (a robot inside an
-obstacle, an area that is not defined) is `checks`' business. The JSON Schema that editors use comes from the
-same models. Types are strict: ``"3.0"`` is no number and ``true`` no integer, because a lab file that is
-silently misread costs an afternoon.
+These models hold every rule about a single key. Rules about several keys (a robot inside an obstacle, an area that is
+not defined) are in `rmr_world.validate`. The JSON Schema for editors is made from the same models. Types are strict:
+``"3.0"`` is no number and ``true`` no integer, so that no lab file is silently misread.
 """
 
 import difflib
@@ -22,17 +21,17 @@ LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
 NAME = r"^[a-z][A-Za-z0-9_]*$"
 ARENA_M_MAX = 1000.0
 RADIUS_M_MIN = 0.001
-"""Of a hull: those of some nanometres have no moment of inertia as the physics reckons."""
+"""Least radius of a hull, metres. The moment of inertia of a hull of some nanometres is rounded to zero."""
 SPEED_MAX = 10.0
-"""Metres per second: 0.17 m in a tick, more than a hull; what is faster passes through others between two ticks."""
+"""Greatest speed, m/s. It covers 0.17 m in a tick, more than a hull; faster bodies would pass through one another."""
 CELLS_MAX = 250_000
-"""Of the planning grid."""
+"""Bound of the cells of the planning grid."""
 ATTENUATION_DB_MAX = 300.0
-"""More than any radio has to lose; a link that is to be silent is cut."""
+"""Greatest attenuation, dB, above the link budget of any radio; to silence a link, cut it."""
 HARMS = ("loss", "attenuation_db", "cut")
-"""What may be wrong with a link, or with all of them."""
+"""Keys of the effects on one link or on all links; an entry has exactly one of them."""
 TICK = tick_start(1)
-"""A mind that is called once a tick is not slow."""
+"""Length of a tick, ns: a node that is called once in each is not slow."""
 
 
 def _cut(value: object) -> bool:
@@ -43,7 +42,7 @@ def _cut(value: object) -> bool:
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Seed = Annotated[int, Strict(), Field(ge=0)]
-"""No greater than `SEED_MAX`: a lab file has no whole numbers of more digits."""
+"""Seed of a run; at most `SEED_MAX`, for integers in a lab file have no more digits."""
 Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Strict(), Field(ge=0, le=1)]
 Length = Annotated[float, Strict(), Field(gt=0, le=ARENA_M_MAX)]
@@ -86,7 +85,7 @@ Cut = Annotated[Literal[True], BeforeValidator(_cut)]
 
 
 class _Strict(BaseModel):
-    """Unknown keys are errors; values are what they say."""
+    """Base of all models: unknown keys are errors, values are immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=False)
 
@@ -388,6 +387,6 @@ def json_schema() -> dict[str, Any]:
 
 
 def near_miss(word: str, known: list[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the known word nearest to `word`, or nothing."""
+    """Return ``; did you mean 'x'?`` for the known word nearest to `word`; empty if none is near."""
     matches = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     return f"; did you mean '{matches[0]}'?" if matches else ""

@@ -1,12 +1,12 @@
-"""What one robot senses of the world: odometry, gyro, compass, ultrasonic ranges (paper V.B.1, V.B.2).
+"""Sensor models of one robot: odometry, gyro, compass, ultrasonic ranges (paper V.B.1, V.B.2).
 
-The model is that of a cheap two-wheeled robot. Each wheel's encoder has a scale error of its own, drawn once,
-and a slip that grows with the square root of the way; the gyro has a bias and noise, the compass noise. Each
-ultrasonic beacon sends at its own regular instants, in turn, so that two pulses never meet; a pulse is lost
-with the lab's `dropout`, a range carries noise of `sigma`.
+The model is that of a low-cost robot with differential drive. Each wheel encoder has a scale error, drawn once, and
+slip noise that grows with the square root of the distance. The gyro has a bias and noise, the compass noise. The
+ultrasonic beacons send in turn at regular instants, so that no two pulses overlap. A pulse is lost with the probability
+`dropout` of the lab; a range has noise of `sigma`.
 
-Every number comes from the robot's own stream, in an order that only its own samples fix: what a robot senses
-is the same whether other robots are there or not, as long as it moves the same way.
+All numbers are drawn from the robot's own stream, in an order fixed by its own samples: the readings of a robot with
+the same motion are the same whether other robots are present or not.
 """
 
 import math
@@ -18,20 +18,21 @@ from rmr.base.streams import Normals
 from rmr.base.time import NEVER, NS_PER_S, Instant
 
 TRACK_M: Final = 0.1
-"""Distance between the wheels."""
+"""Distance between the wheels, metres."""
 ENCODER_SCALE_SIGMA: Final = 0.005
-"""Error of a wheel's measured way: tyre wear, fixed per wheel."""
+"""Standard deviation of the relative scale error of an encoder (tyre wear), fixed per wheel."""
 ENCODER_SLIP_SIGMA: Final = 0.002
-"""Noise of the way of one wheel, in metres per square root of a metre."""
+"""Noise of an encoder, metres per square root of a metre: independent slips add up as a random walk."""
 GYRO_BIAS_SIGMA: Final = 0.005
-"""rad/s, fixed per robot."""
+"""Standard deviation of the gyro's bias, rad/s, fixed per robot."""
 GYRO_SIGMA: Final = 0.01
-"""rad/s."""
+"""Standard deviation of the gyro's noise, rad/s."""
 COMPASS_SIGMA: Final = math.radians(2.0)
+"""Standard deviation of the compass's noise, radians."""
 BODY_POSITION_SIGMA: Final = 0.002
-"""Metres, of another robot's position in the field of view."""
+"""Noise of another robot's position in the field of view, metres."""
 BODY_VELOCITY_SIGMA: Final = 0.005
-"""m/s."""
+"""Noise of another robot's velocity in the field of view, m/s."""
 
 
 class Sensors:
@@ -62,19 +63,21 @@ class Sensors:
         self._right_scale = 1.0 + normal.draw() * ENCODER_SCALE_SIGMA
         self._gyro_bias = normal.draw() * GYRO_BIAS_SIGMA
         self._period = round(NS_PER_S / rate)
+        # Beacon k sends at k / n of the period, so that pulses are evenly spaced in time.
         self._phases = tuple(self._period * index // max(1, len(beacons)) for index in range(len(beacons)))
         self._next_pulse: Instant = 0 if beacons else NEVER
         self._sigma = sigma
         self._dropout = dropout
         self.left_m = 0.0
-        """Measured way of the left wheel since power-on."""
+        """Distance of the left wheel as its encoder measures it, metres since power-on."""
         self.right_m = 0.0
+        """The same for the right wheel."""
         self.silent_until: Instant = 0
-        """Pulses before that instant are not heard: an outage of the localisation service."""
+        """End of the present outage of the localisation service: earlier pulses are not received."""
 
     def moved(self, way_m: float, turned: float) -> None:
-        """Take note that the robot went `way_m` forwards and turned by `turned` radians."""
-        half = 0.5 * TRACK_M * turned
+        """Add a motion to the encoders: `way_m` metres forwards and `turned` radians."""
+        half = 0.5 * TRACK_M * turned  # differential drive: the outer wheel goes farther by this, the inner one less
         left = way_m - half
         right = way_m + half
         normal = self._normal
@@ -90,7 +93,7 @@ class Sensors:
         return math.remainder(theta + self._normal.draw() * COMPASS_SIGMA, math.tau)
 
     def ranges(self, now: Instant, x: float, y: float) -> tuple[tuple[int, float], ...]:
-        """Return (beacon, metres) for every beacon that sent since the last call and was heard at (x, y)."""
+        """Return (beacon, metres) for each beacon with a pulse since the last call that was received at (x, y)."""
         if now < self._next_pulse:
             return ()
         heard = []
@@ -103,6 +106,7 @@ class Sensors:
             if last >= due and last >= phase:
                 bx, by = self.beacons[index]
                 metres = math.hypot(x - bx, y - by) + self._normal.draw() * self._sigma
+                # The noise above and this number are drawn for lost pulses, too: the stream keeps its order.
                 if self._random() >= self._dropout and last >= self.silent_until:
                     heard.append((index, max(0.0, metres)))
         return tuple(heard)

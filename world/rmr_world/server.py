@@ -1,11 +1,11 @@
-"""The world as a process: lab time, physics in real time, the robots' bodies, and ground truth for operators.
+"""The world as a process: lab time, physics in real time, sensor samples, and ground truth for operators.
 
-The physics is stepped tick by tick of lab time. A tick that begins late is made up for, a bounded number at a
-time, and counted; a world that was held up for longer than `BEHIND_MAX` sets lab time back instead. Each robot
-that is alive gets its sensor samples, 60 a second while it moves and fewer while it stands.
+The physics is stepped tick by tick of lab time. Late ticks are caught up, a bounded number at a time, and counted. A
+world that is more than `BEHIND_MAX` behind sets lab time back instead. Each robot that is alive gets its sensor
+samples, 60 a second while it moves and fewer while it is at rest.
 
-A robot's place in the lab is claimed with the question for the map: whoever asks first is that robot while its
-liveliness token stands. Vanished tokens mean nothing while the world itself has lost its router.
+A process claims the identity of a robot with its request for the map: the first one is that robot while its liveliness
+token exists. Tokens that vanish while the world itself has lost its router are ignored.
 """
 
 import asyncio
@@ -30,31 +30,31 @@ from rmr_world.lab_time import LabTime
 from rmr_world.physics import World
 
 START_DELAY = milliseconds(100)
-"""Between the decision to start and lab time 0: all robots have heard of it by then."""
+"""Delay from the decision to start to lab time 0, within which the start reaches all robots."""
 
 CATCH_UP_MAX = 10
-"""Ticks made up for before the bus has its turn again."""
+"""Late ticks that are caught up before the bus is served again."""
 
 BEHIND_MAX = 60
-"""Ticks that are made up for at all; a world further behind sets lab time back."""
+"""Late ticks that are caught up at all; a world further behind sets lab time back."""
 
 STANDING_EVERY = 4
-"""A standing robot gets every fourth sample: 15 a second."""
+"""A robot at rest gets every fourth sample: 15 a second."""
 
 TRUTH_EVERY = 6
-"""Ground truth goes out every sixth tick: 10 a second."""
+"""Ground truth is published at every sixth tick: 10 times a second."""
 
 STATUS_S = 0.5
-"""Between the world's own statuses, and between samples and truths before lab time runs a third of it."""
+"""Period of the world's own status. Before lab time runs, samples have a third of this period."""
 
 CLAIM_S = 1.0
-"""How long a claim stands without a liveliness token: a robot shows it within milliseconds."""
+"""How long a claim is valid without a liveliness token, which a robot declares within milliseconds."""
 
 JUDGE_S = 0.2
-"""Between the loss of a token and its judgement: the loss of the world's own connection shows within this time."""
+"""Delay from the loss of a token to the decision on it: a loss of the world's own connection shows within this time."""
 
 FLUSH_S = 0.05
-"""What the last messages get to leave before the session is closed."""
+"""Time for the last messages to be sent before the session is closed."""
 
 log = logging.getLogger("rmr")
 
@@ -76,7 +76,8 @@ class WorldServer:
         self._late = 0
         self._set_back = 0
         self._alive: set[int] = set()
-        self._doubted: set[int] = set()
+        self._vanished: set[int] = set()
+        """Robots whose token has vanished and that are not given up yet."""
         self._claims: dict[int, tuple[int, float]] = {}
         self._tokens: dict[int, list[int]] = {}
         self._ready: set[int] = set()
@@ -85,7 +86,7 @@ class WorldServer:
         self._map = self._describe()
 
     def _describe(self) -> wire.Map:
-        """Return what every robot must know."""
+        """Return the map: the lab as every robot must know it."""
         lab = self._lab
         finish = self._lab.finish_pattern
         radio = asdict(lab.radio)
@@ -106,7 +107,7 @@ class WorldServer:
             disturbances=self._disturbances.held,
         )
 
-    # -- life -----------------------------------------------------------------------------------------------
+    # -- run ------------------------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Serve until the end is asked for."""
@@ -123,7 +124,7 @@ class WorldServer:
         await self._leave()
 
     def _serve(self) -> None:
-        """Declare everything; the liveliness token comes last, for whoever sees it may ask at once."""
+        """Declare all keys. The liveliness token comes last, for a process that sees it may send requests at once."""
         bus = self._bus
         keys = self._keys
         bus.subscribe(keys.acts, self._on_act)
@@ -143,14 +144,14 @@ class WorldServer:
             log.info("the lab file disturbs the radio: %s", fault_line(fault_entry(given)))
 
     async def _leave(self) -> None:
-        """Stop lab time, tell for the last time, leave."""
+        """Stop lab time, publish the last messages, leave."""
         self._time.stop(time.monotonic_ns())
         self._publish_clock()
         self._publish_status(final=True)
-        self._publish_truth(final=True)  # the last: whoever waits for it has heard all else
+        self._publish_truth(final=True)  # the last message: its receivers have all others by then
         await asyncio.sleep(FLUSH_S)
 
-    # -- questions --------------------------------------------------------------------------------------------
+    # -- requests ---------------------------------------------------------------------------------------------
 
     def _answer_map(self, message: wire.Envelope, _arrived: int) -> wire.Message | None:
         if not isinstance(message.body, wire.AskMap):
@@ -168,7 +169,7 @@ class WorldServer:
         return known._replace(taken=taken, lives=self._lives(robot, token))
 
     def _lives(self, robot: int, token: int) -> int:
-        """Return how many other processes have been `robot` before the one with `token`."""
+        """Return the number of earlier processes of `robot`: the incarnation of the one with `token`."""
         tokens = self._tokens.get(robot, [])
         return tokens.index(token) if token in tokens else len(tokens)
 
@@ -176,7 +177,7 @@ class WorldServer:
         claim = self._claims.get(robot)
         if claim is None or claim[0] == token:
             return False
-        alive = robot in self._alive and robot not in self._doubted
+        alive = robot in self._alive and robot not in self._vanished
         return alive or time.monotonic() - claim[1] < CLAIM_S
 
     def _answer_clock(self, message: wire.Envelope, arrived: int) -> wire.Message | None:
@@ -185,7 +186,7 @@ class WorldServer:
         return wire.Clock(self._time.state, self._time.at(arrived), self._time.at(time.monotonic_ns()))
 
     def _answer_disturbances(self, message: wire.Envelope, _arrived: int) -> wire.Message | None:
-        """Grant a person's wish, or say why not; the robots are told first."""
+        """Perform a request of `rmr fault`, or refuse it with the reason; a change is published before the answer."""
         if not isinstance(message.body, wire.AskDisturbances):
             return None
         wish, wanted = message.body
@@ -204,7 +205,7 @@ class WorldServer:
             self._publish_disturbances()
         return self._disturbances_message(refused)
 
-    # -- what comes in ----------------------------------------------------------------------------------------
+    # -- input ------------------------------------------------------------------------------------------------
 
     def _on_act(self, _key: str, message: wire.Envelope) -> None:
         body = message.body
@@ -228,23 +229,23 @@ class WorldServer:
         if robot is None or robot not in self._lab.roster:
             return
         if not alive:
-            self._doubted.add(robot)
+            self._vanished.add(robot)
             asyncio.get_running_loop().call_later(JUDGE_S, self._judge, robot)
             return
-        self._doubted.discard(robot)
+        self._vanished.discard(robot)
         if robot not in self._alive:
             self._alive.add(robot)
             log.info("robot %d is here", robot)
         self._publish_sense(robot)
 
     def _judge(self, robot: int) -> None:
-        """Decide whether a robot whose token has vanished is gone."""
-        if self._ending.asked or robot not in self._doubted:
+        """Decide whether a robot whose token has vanished has left."""
+        if self._ending.asked or robot not in self._vanished:
             return
         if self._bus.is_client and not self._bus.connected:
             asyncio.get_running_loop().call_later(LEASE_MS / 1000, self._judge, robot)
             return
-        self._doubted.discard(robot)
+        self._vanished.discard(robot)
         self._alive.discard(robot)
         self._ready.discard(robot)
         self._claims.pop(robot, None)
@@ -253,7 +254,7 @@ class WorldServer:
     # -- physics ------------------------------------------------------------------------------------------------
 
     async def _drive(self) -> None:
-        """Step the physics in lab time; before it runs, let the robots feel where they stand."""
+        """Step the physics in lab time; before that runs, publish samples so that robots can localise themselves."""
         while self._time.state != "running":
             for robot in sorted(self._alive):
                 self._publish_sense(robot)
@@ -265,7 +266,7 @@ class WorldServer:
                 self._catch_up()
 
     def _catch_up(self) -> None:
-        """Make the ticks that are due, `CATCH_UP_MAX` at most."""
+        """Step the ticks that are due, at most `CATCH_UP_MAX`."""
         behind = tick_index(self._time.at(time.monotonic_ns())) - self._tick
         if behind > BEHIND_MAX:
             self._time.set_back((behind - 1) * NS_PER_S // TICK_HZ)
@@ -288,12 +289,12 @@ class WorldServer:
         return self._tick // every != (self._tick - ticks) // every
 
     def _due(self, robot: int, ticks: int) -> bool:
-        """Return whether `robot` gets a sample now: always while it moves or is told to, else now and then."""
+        """Return whether `robot` gets a sample now: always while it moves or is commanded, else every fourth tick."""
         if self._commanded.get(robot, STILL) != STILL or self._seen.get(robot) != self._physics.pose(robot):
             return True
         return (self._tick + robot) // STANDING_EVERY != (self._tick + robot - ticks) // STANDING_EVERY
 
-    # -- what goes out --------------------------------------------------------------------------------------------
+    # -- output ----------------------------------------------------------------------------------------------------
 
     def _publish_clock(self) -> None:
         now = self._time.at(time.monotonic_ns())
@@ -305,9 +306,9 @@ class WorldServer:
         return wire.Disturbances(self._lab.name, now, disturbed.held, len(disturbed.given), refused)
 
     def _unreturned(self) -> Instant:
-        """Return lab time, but none that is about to be set back because the world was held up.
+        """Return lab time, limited to what the physics can catch up: later times are about to be set back.
 
-        By such a time disturbances would be forgotten that still hold, and new ones begin long after the wish.
+        With such a time, disturbances that are still active would be dropped, and new ones would begin too late.
         """
         return min(self._time.at(time.monotonic_ns()), tick_start(self._tick + BEHIND_MAX))
 
@@ -339,7 +340,7 @@ class WorldServer:
         while True:
             self._publish_status(final=False)
             self._disturbances.forget(self._unreturned())
-            if self._disturbances.touched:  # once more, for who came between two news, or lost them
+            if self._disturbances.touched:  # again, for robots that started in between or lost a message
                 self._publish_disturbances()
             if self._time.state != "running":
                 self._publish_truth(final=False)

@@ -1,6 +1,6 @@
-"""Durations, angles and robots' ids as people write them, in lab files and on the command line.
+"""Notations of durations, angles and robot ids in lab files and on the command line.
 
-Each function returns the value in its unit and raises ValueError that says what is expected.
+Each function returns the value in the project's unit and raises ValueError with the expected notation.
 """
 
 import math
@@ -11,14 +11,14 @@ from rmr.base.time import NS_PER_MS, NS_PER_S, Duration
 from rmr.base.values import ROBOT_ID_MAX
 
 ROBOTS_MAX = 1000
-"""What one world and one radio can carry; a slip of the pen in a grid must not make a million."""
+"""Bound of the robots of one world and one radio, which also stops a typing error in a grid."""
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(ms|s|min)")
 _UNIT_NS = {"ms": NS_PER_MS, "s": NS_PER_S, "min": 60 * NS_PER_S}
 _ANGLE = re.compile(r"(-?[0-9]+(?:\.[0-9]+)?)\s*(deg|rad)")
 _DURATION_S_MAX = 1e6
 _ANGLE_MAX = 1000.0
-"""Radians: beyond many turns a float says less and less of where one faces."""
+"""Greatest angle, radians: with many turns a float loses precision of the heading."""
 
 
 def duration(value: object) -> Duration:

@@ -6,7 +6,7 @@ from rmr_sim.violation import CONTACT
 
 
 class ContactChecker:
-    """Looks at the contacts that physics sees."""
+    """Checks the contacts of the physics."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
@@ -14,7 +14,7 @@ class ContactChecker:
         self._seen = 0
 
     def __call__(self, _now: Instant) -> None:
-        """Look at those since the last look."""
+        """Check the contacts since the last call."""
         if len(self._contacts) == self._seen:
             return
         for contact in self._contacts[self._seen :]:

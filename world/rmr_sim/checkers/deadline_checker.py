@@ -1,7 +1,7 @@
-"""Each deadline that passes without the finish fact derives its violation action, once and on time (paper III.E).
+"""Rule: a deadline that passes without the finish fact derives its violation action, once and on time (paper III.E).
 
-On time is within the tick of the deadline. A robot that was stopped or slow then may take until the first tick after;
-what was lost with a robot's process is nobody's fault.
+On time is within the tick of the deadline. A robot that was stopped or slow then has until the first tick after. Jobs
+that were lost with a robot's process are excused.
 """
 
 import heapq
@@ -14,32 +14,32 @@ from rmr_sim.checkers.run_view import TICK, RunView
 
 CHECK = "deadline"
 MISSED_MAX = 10_000
-"""Missed jobs remembered, to notice a second miss of one; the oldest go first."""
+"""Bound of the missed jobs that are kept to detect a second miss; the oldest are dropped."""
 
 
 class DeadlineChecker:
-    """Keeps a queue of its own of all deadlines."""
+    """Checks deadlines against a queue of its own."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._due: list[tuple[Instant, int, int, int, Job]] = []
-        """When the miss of a deadline must be known, a number, the robot, its life, the job."""
+        """Heap of jobs: instant at which a miss must be known, sequence number, robot, incarnation, job."""
         self._number = 0
         self._missed: OrderedDict[int, Job] = OrderedDict()
-        """By identity; while a job is remembered no other one has its."""
+        """Missed jobs by identity, which is unique as long as the job is kept here."""
         self._owed: dict[int, Job] = {}
-        """By robot, the job whose violation action comes next."""
+        """By robot, the missed job whose violation action must come next."""
         self._paid: dict[int, ActionDerived] = {}
-        """By robot, the violation action that was the last thing that happened."""
+        """By robot, the violation action just derived, if nothing has happened since."""
         view.subscribe(JobStarted, self._started)
-        view.subscribe(JobFinished, self._something)
-        view.subscribe(RuleFired, self._something)
-        view.subscribe(ExpressionFailed, self._something)
+        view.subscribe(JobFinished, self._other_event)
+        view.subscribe(RuleFired, self._other_event)
+        view.subscribe(ExpressionFailed, self._other_event)
         view.subscribe(JobMissed, self._miss)
         view.subscribe(ActionDerived, self._derived)
 
     def _started(self, robot: int, _now: Instant, started: JobStarted) -> None:
-        self._something(robot, 0, started)
+        self._other_event(robot, 0, started)
         if started.job.deadline < NEVER - TICK:
             self._await(started.job.deadline + TICK, robot, self._view.life(robot), started.job)
 
@@ -47,22 +47,22 @@ class DeadlineChecker:
         self._number += 1
         heapq.heappush(self._due, (at, self._number, robot, life, job))
 
-    def _something(self, robot: int, _now: Instant, event: object) -> None:
+    def _other_event(self, robot: int, _now: Instant, event: object) -> None:
         self._paid.pop(robot, None)
-        if isinstance(event, ExpressionFailed):  # the action's arguments have no value: it is left out, and told
+        if isinstance(event, ExpressionFailed):  # the arguments have no value: the action is left out, and reported
             self._owed.pop(robot, None)
 
     def _miss(self, robot: int, now: Instant, missed: JobMissed) -> None:
         job = missed.job
-        complain = self._view.violate
+        violate = self._view.violate
         if id(job) in self._missed:
-            complain(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} a second time")
+            violate(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} a second time")
         if now < job.deadline:
-            complain(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} before it was due")
+            violate(now, CHECK, (robot,), f"robot {robot} missed the deadline of {job.text} before it was due")
         held_up = self._view.held_up(robot, job.deadline, job.deadline)
         if now > max(job.deadline, held_up) + TICK:
             late_s = in_seconds(now - job.deadline)
-            complain(now, CHECK, (robot,), f"robot {robot} noticed {late_s:.3f} s late that {job.text} was overdue")
+            violate(now, CHECK, (robot,), f"robot {robot} noticed {late_s:.3f} s late that {job.text} was overdue")
         self._missed[id(job)] = job
         if len(self._missed) > MISSED_MAX:
             self._missed.popitem(last=False)
@@ -82,7 +82,7 @@ class DeadlineChecker:
             self._view.violate(now, CHECK, (robot,), f"robot {robot} derived the action of a missed deadline twice")
 
     def __call__(self, now: Instant) -> None:
-        """Look at the deadlines whose time is over, and at the misses of this tick."""
+        """Check the deadlines that have passed, and the misses of this tick."""
         if self._owed:
             for robot, job in self._owed.items():
                 self._view.violate(now, CHECK, (robot,), f"robot {robot} derived no action when {job.text} was overdue")
@@ -90,13 +90,13 @@ class DeadlineChecker:
         self._paid.clear()
         while self._due and self._due[0][0] < now:
             _, _, robot, life, job = heapq.heappop(self._due)
-            self._judge(now, robot, life, job)
+            self._check(now, robot, life, job)
 
-    def _judge(self, now: Instant, robot: int, life: int, job: Job) -> None:
-        """Complain if `job` is overdue and its robot, though awake, has not noticed."""
+    def _check(self, now: Instant, robot: int, life: int, job: Job) -> None:
+        """Report a violation if `job` is overdue and its robot, though called, has not noticed."""
         view = self._view
         if job.missed or job.finish is not None or job.deadline + TICK >= now:
-            return  # noticed, done or started anew, with a later deadline of its own entry
+            return  # noticed, done, or started again with a later deadline, which has its own entry
         if not view.alive(robot) or view.life(robot) != life:
             return
         held_up = view.held_up(robot, job.deadline, now)

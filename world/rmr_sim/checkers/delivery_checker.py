@@ -1,8 +1,7 @@
-"""No fact, goal or action on its way between two robots that live is lost or doubled.
+"""Rule: no fact, goal or action that one live robot sends another is lost or duplicated.
 
-What a robot sends is accepted once by the other's mind, or the sender reports that it could not be delivered; then it
-may have been accepted all the same, if all acknowledgements were lost. A robot that is started anew has forgotten what
-it accepted.
+The receiver's node accepts a message exactly once, or the sender reports it undelivered. In the second case it may have
+been accepted as well, if all acknowledgements were lost. A restarted robot has no memory of what it accepted.
 """
 
 import heapq
@@ -14,23 +13,23 @@ from rmr_sim.checkers.run_view import RunView
 
 CHECK = "delivery"
 LOOK_AFTER: Duration = 2 * TIME_TO_LIVE
-"""What is not decided by then is looked at: longer than any delivery that does not wait for others is under way."""
+"""Age at which an undecided delivery is checked: longer than any delivery takes unless it waits for others."""
 ACCEPTED_MAX = 100_000
-"""Acceptances remembered, the newest; a repeat comes within seconds."""
+"""Bound of the acceptances that are kept, the newest ones; a duplicate comes within seconds."""
 
 Name = tuple[int, int, int, int]
-"""A delivery: its sender, the sender's epoch, the receiver, the sequence number."""
+"""Identity of a delivery: sender, the sender's epoch, receiver, sequence number."""
 
 
 class DeliveryChecker:
-    """Keeps account of every delivery."""
+    """Checks every delivery."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._open: dict[Name, int] = {}
-        """What is under way, with the life of its sender."""
+        """Deliveries under way, with the incarnation of the sender."""
         self._accepted: OrderedDict[tuple[Name, int], None] = OrderedDict()
-        """With the life of the receiver."""
+        """Acceptances, with the incarnation of the receiver."""
         self._look: list[tuple[Instant, Name]] = []
         view.subscribe(Progress, self._progressed)
 
@@ -45,7 +44,7 @@ class DeliveryChecker:
         if progress.stage is Stage.BEGUN:
             self._open[name] = self._view.life(robot)
             for life in range(self._view.life(peer) + 1 if peer in self._view.robots else 0):
-                self._accepted.pop((name, life), None)  # the number has gone round
+                self._accepted.pop((name, life), None)  # the sequence number has wrapped around
             heapq.heappush(self._look, (now + LOOK_AFTER, name))
             return
         self._open.pop(name, None)
@@ -67,7 +66,7 @@ class DeliveryChecker:
         return any((name, life) in self._accepted for life in range(self._view.life(name[2]) + 1))
 
     def __call__(self, now: Instant) -> None:
-        """Look at what has been under way for long."""
+        """Check the deliveries that have been under way for long."""
         while self._look and self._look[0][0] < now:
             _, name = heapq.heappop(self._look)
             sender, _, receiver, _ = name

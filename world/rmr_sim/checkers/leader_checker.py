@@ -1,7 +1,7 @@
-"""Who leads: no term has two leaders, and when all is well again an event has one.
+"""Rule: no term has two leaders, and without faults an event has at most one leader.
 
-A term is named by its leader and a counter, so two leaders of one term are two lives of one robot or one that begins
-the same term again; a robot that was started anew remembers no counter, and is excused.
+A term is identified by its leader and a counter, so a term with two leaders is one that a robot begins twice. A
+restarted robot has lost its counter and is excused.
 """
 
 from rmr.base.time import NS_PER_S, Duration, Instant, seconds
@@ -10,18 +10,18 @@ from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
 
 SETTLE: Duration = seconds(5)
-"""So long two leaders that hear each other may take to agree: many repetitions of their schedules."""
+"""Time for two leaders in radio range to agree: many repetitions of their schedules."""
 EVERY: Duration = NS_PER_S
-"""How often the leaders of an event are counted."""
+"""Period of the count of leaders."""
 
 
 class LeaderChecker:
-    """Looks at who begins and ends to lead."""
+    """Checks the beginnings and ends of leadership."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._leads: dict[bytes, dict[int, tuple[int, Instant]]] = {}
-        """By event and robot: the life in which it leads, and since when."""
+        """By event and robot: the incarnation that leads, and since when."""
         self._terms: RecentTable[tuple[bytes, int, int], None] = RecentTable()
         self._told: RecentTable[tuple[bytes, int, int], None] = RecentTable()
         self._look_at: Instant = 0
@@ -48,12 +48,12 @@ class LeaderChecker:
                 if not self._view.alive(robot) or self._view.life(robot) != life:
                     del leads[robot]
             if len(leads) > 1:
-                self._judge(now, event, leads)
+                self._check(now, event, leads)
             elif not leads:
                 del self._leads[event]
 
-    def _judge(self, now: Instant, event: bytes, leads: dict[int, tuple[int, Instant]]) -> None:
-        """Complain about two who have led side by side for too long though they hear each other."""
+    def _check(self, now: Instant, event: bytes, leads: dict[int, tuple[int, Instant]]) -> None:
+        """Report two robots that have led one event for too long although they are linked."""
         ordered = sorted(leads)
         for index, a in enumerate(ordered):
             for b in ordered[index + 1 :]:

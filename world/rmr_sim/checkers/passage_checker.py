@@ -1,11 +1,11 @@
-"""Who is inside an event, and whether it may be (docs/coordination.md).
+"""Rules: when a robot may enter an event, and which robots may be inside together (docs/coordination.md).
 
-- A robot enters in the window of its slot, under a lease that has not run out, and once for each of its jobs.
-- No two robots are inside in ways that exclude each other. Under one term that holds whatever is lost, unless the
-  leader has lost its memory; under two terms where the two can hear each other and neither has been stopped. Who enters
-  "with caution" after a long silence has said so.
-- A robot that finds itself inside as its job starts, for it was started again there, is inside without a slot.
-- In the same way one follows the other by its headway, less the window in which either may enter.
+- A robot enters in the window of its slot, under a valid lease, and once for each of its jobs.
+- No two robots are inside in directions that exclude each other. Under one term this holds whatever frames are lost,
+  unless the leader has been restarted. Under two terms it holds if the two robots are linked and neither was stopped. A
+  robot that enters "with caution" after a long silence is exempt.
+- A robot that is inside when its job starts, for it was restarted there, is inside without a slot.
+- In one direction a robot follows the other by its headway, less the window in which either may enter.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from rmr_sim.checkers.run_view import TICK, RunView
 
 TIMING = Timing()
 NO_COUNTER = -1
-"""Of the term of a robot that is inside without a slot."""
+"""Counter of the term of a robot that is inside without a slot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,26 +32,26 @@ class Inside:
     direction: int
     headway: Duration
     term: tuple[int, int]
-    """Of the schedule by which it entered: counter and leader."""
+    """Term of the schedule by which it entered: counter and leader."""
     cautious: bool
 
 
 class PassageChecker:
-    """Looks at every entry, and at who is inside then."""
+    """Checks each entry against the robots inside."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._slots: RecentTable[tuple[int, bytes], SlotAssigned] = RecentTable()
         self._inside: dict[bytes, dict[int, Inside]] = {}
         self._entered: RecentTable[tuple[int, bytes, Instant], None] = RecentTable()
-        """The jobs that have had their entry: a second one is noticed."""
+        """Jobs that have had their entry, to detect a second one."""
         view.subscribe(SlotAssigned, self._slotted)
         view.subscribe(SlotLost, self._unslotted)
         view.subscribe(EntryMissed, self._unslotted)
         view.subscribe(Entered, self._entry)
 
     def __call__(self, _now: Instant) -> None:
-        """Forget those who have left."""
+        """Drop the robots that have left."""
         for event, inside in list(self._inside.items()):
             for robot, one in list(inside.items()):
                 if not self._view.alive(robot) or self._view.node(robot).core.job(event) is not one.job:
@@ -74,16 +74,16 @@ class PassageChecker:
             self._view.violate(now, "entry", (robot,), f"robot {robot} entered without a slot")
             return
         else:
-            self._judge_entry(robot, entered.start, slot, job)
+            self._check_entry(robot, entered.start, slot, job)
             term = (slot.term, slot.leader)
         one = Inside(robot, job, entered.start, job.request.direction, job.request.headway, term, entered.cautious)
         inside = self._inside.setdefault(entered.group_id, {})
         for other in inside.values():
             if other.robot != robot:
-                self._judge_pair(now, one, other)
+                self._check_pair(now, one, other)
         inside[robot] = one
 
-    def _judge_entry(self, robot: int, start: Instant, slot: SlotAssigned, job: OwnJob) -> None:
+    def _check_entry(self, robot: int, start: Instant, slot: SlotAssigned, job: OwnJob) -> None:
         violate = self._view.violate
         if not slot.start <= start <= slot.start + TIMING.schedule.window:
             late_ms = (start - slot.start) // 1_000_000
@@ -95,8 +95,8 @@ class PassageChecker:
             violate(start, "entry", (robot,), f"robot {robot} entered twice for one job")
         self._entered[key] = None
 
-    def _judge_pair(self, now: Instant, one: Inside, other: Inside) -> None:
-        """Complain if `one` must not enter while `other` is inside."""
+    def _check_pair(self, now: Instant, one: Inside, other: Inside) -> None:
+        """Report a violation if `one` must not enter while `other` is inside."""
         if one.cautious or not self._bound(now, one, other):
             return
         pair = (other.robot, one.robot)
@@ -112,7 +112,7 @@ class PassageChecker:
             self._view.violate(now, "spacing", pair, words)
 
     def _bound(self, now: Instant, one: Inside, other: Inside) -> bool:
-        """Return whether the protocol promises anything of these two."""
+        """Return whether the protocol guarantees anything for these two robots."""
         view = self._view
         if one.term == other.term:
             return not view.forgot(one.term[1], other.start - TIMING.schedule.lease)

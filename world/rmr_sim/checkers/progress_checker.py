@@ -1,10 +1,11 @@
-"""Nobody stands still for ever: when all faults are over, whoever has something to do gets on with it.
+"""Rule of liveness: when all faults are over, each robot with something to do makes progress.
 
-A robot gets on when it moves away by its own width (to and fro is no progress), when its machine has anything to
-report but a missed deadline, while one of its actions sleeps for a second or longer, or when others use the event for
-which it waits: by entering, or by getting on inside.
-A robot that drives, or waits for its turn, and has not got on for `STILL` stands still; so do all robots together when
-none of them has got on for so long, and none waits for a time to come. A lab without a finish fact has nothing to do.
+A robot makes progress when it moves away by its own width (motion to and fro is none), when its machine reports
+anything but a missed deadline, while one of its actions sleeps for a second or longer, or when other robots use the
+event for which it waits: by entering, or by progress inside.
+
+A robot that drives, or waits for its turn, and has made no progress for `STILL` stands still. So do all robots together
+when none has made progress for so long and none waits for a time. A lab without a finish fact has nothing to do.
 """
 
 import math
@@ -18,38 +19,39 @@ from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
 
 STILL: Duration = seconds(30)
-"""Longer than a drive that finds no way takes to fail (20 s), and than a silent robot is taken for inside (10 s)."""
+"""Time without progress: longer than a drive without a way takes to fail (20 s), and than a silent robot is presumed
+inside (10 s)."""
 CLOSE_M = 0.05
-"""Between two hulls: a robot stops so near to one that stands before it."""
+"""Gap between two hulls, metres, within which one robot counts as in the way of the other."""
 TOUCHES_M = 0.005
-"""Between a hull and an obstacle that it presses against."""
+"""Gap between a hull and an obstacle, metres, that counts as touching."""
 EVERY: Duration = NS_PER_S
-"""How often robots are looked at; an action that sleeps for less may be one that polls, and counts as standing."""
+"""Period of the check. An action that sleeps for less may be polling, and counts as no progress."""
 
 
 class ProgressChecker:
-    """Looks once a second who has got on."""
+    """Checks the progress of all robots once a second."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._look_at: Instant = 0
         world = view.simulation.world
         self._where = {robot: (pose.x, pose.y) for robot in view.robots for pose in [world.pose(robot)]}
-        self._got_on: dict[int, Instant] = dict.fromkeys(view.robots, 0)
+        self._progress_at: dict[int, Instant] = dict.fromkeys(view.robots, 0)
         self._used: RecentTable[bytes, Instant] = RecentTable()
-        """When each event was entered last, or when the robot inside got on last."""
+        """By event, the last entry or the last progress of a robot inside."""
         for kind in (RuleFired, FactSent, GoalAchieved, JobFinished):
             view.subscribe(kind, self._reported)
         view.subscribe(Entered, self._entered)
 
     def _reported(self, robot: int, now: Instant, _event: object) -> None:
-        self._got_on[robot] = now
+        self._progress_at[robot] = now
 
     def _entered(self, robot: int, now: Instant, entered: Entered) -> None:
-        self._got_on[robot] = self._used[entered.group_id] = now
+        self._progress_at[robot] = self._used[entered.group_id] = now
 
     def __call__(self, now: Instant) -> None:
-        """Look at all robots, once a second."""
+        """Check all robots, once a second."""
         if now < self._look_at:
             return
         self._look_at = now + EVERY
@@ -60,7 +62,7 @@ class ProgressChecker:
             self._note_use(robot)
         if not busy or not view.simulation.lab.finish or now < view.healed_at + STILL:
             return
-        long = [robot for robot in busy if now - self._got_on_at(robot) > STILL]
+        long = [robot for robot in busy if now - self._progress_of(robot) > STILL]
         still = [robot for robot in long if self._has_to(robot)]
         for robot in still:
             words = f"robot {robot} has stood still for {in_seconds(STILL):g} s"
@@ -70,10 +72,10 @@ class ProgressChecker:
             self._tell(now, tuple(busy), words)
 
     def _tell(self, now: Instant, robots: tuple[int, ...], words: str) -> None:
-        """Complain, and again only when they have stood still for as long once more."""
+        """Report a violation, and another one only after the same time again."""
         self._view.violate(now, "stands still", robots, words)
         for robot in robots:
-            self._got_on[robot] = now
+            self._progress_at[robot] = now
 
     def _reasons(self, robot: int) -> list[str]:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
@@ -97,7 +99,7 @@ class ProgressChecker:
         return reasons
 
     def _inside(self, robot: int, event: bytes) -> bool:
-        """Return whether `robot` has the turn of `event`."""
+        """Return whether `robot` holds `event`."""
         turn = self._view.node(robot).turns.current if self._view.alive(robot) else None
         return turn is not None and turn.event == event and not turn.waits
 
@@ -106,21 +108,21 @@ class ProgressChecker:
         was_x, was_y = self._where[robot]
         if math.hypot(x - was_x, y - was_y) > 2.0 * self._view.simulation.lab.arena.shape.radius:
             self._where[robot] = (x, y)
-            self._got_on[robot] = now
+            self._progress_at[robot] = now
 
         if any(now + EVERY < running.pause.until < NEVER for running in self._view.node(robot).actions.running):
-            self._got_on[robot] = now
+            self._progress_at[robot] = now
 
     def _note_use(self, robot: int) -> None:
-        """Count the progress of a robot inside its event as use of the event, for those that wait for their turn."""
+        """Count the progress of a robot inside an event as use of the event, for the robots that wait for it."""
         turn = self._view.node(robot).turns.current
         if turn is not None and turn.phase is Phase.INSIDE:
-            self._used[turn.event] = max(self._used.get(turn.event, 0), self._got_on[robot])
+            self._used[turn.event] = max(self._used.get(turn.event, 0), self._progress_at[robot])
 
-    def _got_on_at(self, robot: int) -> Instant:
-        """Return when the robot got on last, by itself or by others' use of the event for which it waits."""
+    def _progress_of(self, robot: int) -> Instant:
+        """Return the last progress of the robot, its own or by other robots' use of the event for which it waits."""
         turn = self._view.node(robot).turns.current
-        return max(self._got_on[robot], 0 if turn is None else self._used.get(turn.event, 0))
+        return max(self._progress_at[robot], 0 if turn is None else self._used.get(turn.event, 0))
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
@@ -128,5 +130,5 @@ class ProgressChecker:
         return node.turns.current is not None or node.actions.driving is not None
 
     def _waits(self, robot: int) -> bool:
-        """Return whether an action lets time pass: it ends by itself."""
+        """Return whether an action without wheels is running: it ends by itself."""
         return any(not running.handler.wheels for running in self._view.node(robot).actions.running)

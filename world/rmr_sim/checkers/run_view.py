@@ -1,7 +1,7 @@
-"""What checkers know of a run: its robots, and what has gone wrong with them and between them.
+"""The checkers' view of a run: its robots, their faults, and the state of the radio between them.
 
-Some rules hold only where nothing stood in the way: no protocol keeps robots apart that cannot hear each other, and
-nobody acts on time who has been stopped. A rule asks here before it complains.
+Some rules hold only in the absence of certain faults: no protocol keeps robots apart that cannot hear each other, and a
+stopped robot does not act on time. A checker asks here before it reports a violation.
 """
 
 import math
@@ -18,17 +18,17 @@ from rmr_sim.violation import Violation
 from rmr_world.lab import Kill, Restart
 
 TICK: Duration = NS_PER_S // TICK_HZ + 1
-"""A frame of 1/60 s, in which whatever is due in it may happen."""
+"""Length of a tick, rounded up: the tolerance of a rule about time."""
 LOSS_FAIR = 0.5
-"""Links that lose more than this are taken for cut: of twelve beacons in a row not one may come through."""
+"""Loss above which a link counts as cut: of twelve beacons in a row none may arrive."""
 MARGIN_DB = 6.0
-"""A link this much above the receiver's sensitivity is no matter of luck."""
+"""Margin above the receiver's sensitivity with which a link counts as reliable."""
 VIOLATIONS_MAX = 1000
-"""Of one run; what is that wrong does not become clearer by more."""
+"""Bound of the violations of one run; more of them add no information."""
 
 
 class RunView:
-    """A run, and what befell it."""
+    """A run, its faults and its violations."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
@@ -37,11 +37,11 @@ class RunView:
         self._healed_at: Instant = 0
 
     def subscribe(self, kind: type, subscriber: Callable[[int, Instant, Any], None]) -> None:
-        """Let `subscriber` be told of each event of type `kind`: the robot, the instant, the event."""
+        """Call `subscriber` with the robot, the instant and the event for each event of type `kind`."""
         self.simulation.subscribers.setdefault(kind, []).append(subscriber)
 
     def violate(self, at: Instant, check: str, robots: tuple[int, ...], words: str) -> None:
-        """Note that a rule did not hold."""
+        """Record a violation."""
         if len(self.simulation.violations) < VIOLATIONS_MAX:
             self.simulation.violations.append(Violation(at, check, robots, words))
         else:
@@ -55,7 +55,7 @@ class RunView:
         return tuple(self._robots)
 
     def node(self, robot: int) -> Node:
-        """Return the mind of `robot`, which may be dead."""
+        """Return the node of `robot`, which may be dead."""
         return self._robots[robot].node
 
     def alive(self, robot: int) -> bool:
@@ -63,24 +63,24 @@ class RunView:
         return self._robots[robot].alive
 
     def life(self, robot: int) -> int:
-        """Return how often `robot` has been started again."""
+        """Return the number of restarts of `robot`."""
         return self._robots[robot].restarts
 
     def finished(self, robot: int) -> bool:
-        """Return whether `robot` has ever held the finish fact in this life."""
+        """Return whether `robot` has held the finish fact since its last start."""
         return self.node(robot).finish_at is not None
 
     def forgot(self, robot: int, since: Instant) -> bool:
-        """Return whether `robot` has lost its memory after `since`."""
-        return any(one.robot == robot and one.fault == "restarted" and one.at >= since for one in self._befell())
+        """Return whether `robot` was restarted, hence without memory, at or after `since`."""
+        return any(one.robot == robot and one.fault == "restarted" and one.at >= since for one in self._robot_faults())
 
     def held_up(self, robot: int, since: Instant, until: Instant) -> Instant:
-        """Return until when `robot` was stopped, slow or dead at some time from `since` to `until`; else 0.
+        """Return the end of the faults that held `robot` up (stopped, slow, dead) between `since` and `until`, else 0.
 
-        What begins before the last of it is over goes on with it; a restart ends all.
+        Overlapping faults count as one; a restart ends all.
         """
         end: Instant = 0
-        for one in self._befell():
+        for one in self._robot_faults():
             if one.robot != robot:
                 continue
             if one.fault == "restarted":
@@ -93,13 +93,13 @@ class RunView:
                 end = max(end, one.until)
         return end if end >= since else 0
 
-    def _befell(self) -> list[FaultRecord]:
+    def _robot_faults(self) -> list[FaultRecord]:
         return [one for one in self.simulation.fault_records if isinstance(one, FaultRecord)]
 
     # -- between them -----------------------------------------------------------------------------------------
 
     def linked(self, a: int, b: int, since: Instant, now: Instant) -> bool:
-        """Return whether the radio between two robots has been fair from `since` to `now`."""
+        """Return whether the radio link of two robots was reliable from `since` to `now`."""
         radio = self.simulation.lab.radio
         if radio.bursts is not None or not self._in_range(a, b):
             return False
@@ -124,7 +124,7 @@ class RunView:
 
     @property
     def healed_at(self) -> Instant:
-        """When the last fault that is known of is over; NEVER where one lasts."""
+        """End of the last known fault; NEVER if one has no end."""
         records = self.simulation.fault_records
         if len(records) != self._known:
             self._known = len(records)
@@ -135,7 +135,7 @@ class RunView:
 
 
 def _touches(disturbance: Disturbance, a: int, b: int) -> bool:
-    """Return whether a disturbance concerns frames between two robots, one way at least."""
+    """Return whether a disturbance affects frames between two robots, in at least one direction."""
     group_of = {robot: index for index, group in enumerate(disturbance.groups) for robot in group}
     if not group_of:
         return True
@@ -145,7 +145,7 @@ def _touches(disturbance: Disturbance, a: int, b: int) -> bool:
 
 
 def _end(one: FaultRecord | Disturbance) -> Instant:
-    """Return when something is over as far as healing goes: a link that is a little lossy for ever does not hinder."""
+    """Return the end of a fault for `healed_at`: a permanent small loss is no fault."""
     if isinstance(one, FaultRecord):
         return one.at if one.until == NEVER else one.until
     if one.until == NEVER and one.attenuation_db == 0.0 and one.loss <= LOSS_FAIR:

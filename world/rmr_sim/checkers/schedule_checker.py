@@ -1,7 +1,7 @@
-"""What leaders say: one schedule for each instant of issue, and slots that stand once they are near.
+"""Rules about schedules: one version for each instant of issue, and fixed slots in the near future.
 
-- A schedule means the same whoever sends it: those who pass it on change nothing, and no two versions bear one instant.
-- A slot nearer than the frozen zone is not moved, unless its owner let it pass, was stopped, or it is long over.
+- Robots that forward a schedule do not change it, and no two versions have the same instant of issue.
+- A slot within the frozen zone is not moved, unless its owner missed it, was stopped, or it is long over.
 - A frame fits the radio.
 """
 
@@ -15,28 +15,28 @@ from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
 
 LET_PASS = milliseconds(1200)
-"""News that an owner gave a slot up concerns one that began so long before it at most."""
+"""Greatest age of a slot at the report that its owner gave it up."""
 
 Promise = tuple[bytes, Term, int, Instant]
 """Event, term, robot, trigger."""
 
 
 class ScheduleChecker:
-    """Looks at every schedule that is sent."""
+    """Checks every schedule that is sent."""
 
     def __init__(self, view: RunView) -> None:
         self._view = view
         self._room = view.simulation.robots[0].payload_max
         self._said: RecentTable[tuple[bytes, Term, Instant, int], bytes] = RecentTable()
         self._promised: RecentTable[Promise, tuple[Instant, Instant]] = RecentTable()
-        """The slot that stands, and when the schedule that said so was issued: frames may overtake each other."""
+        """The fixed slot, and the issue of the schedule that fixed it: frames may overtake one another."""
         self._given_up: RecentTable[tuple[int, bytes], Instant] = RecentTable()
         view.subscribe(Spoken, self._spoken)
         view.subscribe(SlotLost, self._gave_up)
         view.subscribe(EntryMissed, self._gave_up)
 
     def __call__(self, _now: Instant) -> None:
-        """Nothing happens unheard."""
+        """Do nothing: all checks are made on events."""
 
     def _gave_up(self, robot: int, now: Instant, lost: SlotLost | EntryMissed) -> None:
         self._given_up[robot, lost.group_id] = now
@@ -62,10 +62,10 @@ class ScheduleChecker:
             self._said[key] = payload
         if sched.term.leader == robot:
             for entry in sched.entries:
-                self._judge(now, sched, entry)
+                self._check(now, sched, entry)
 
-    def _judge(self, now: Instant, sched: Sched, entry: Entry) -> None:
-        """Complain if a slot that stood has moved; remember those that stand now."""
+    def _check(self, now: Instant, sched: Sched, entry: Entry) -> None:
+        """Report a fixed slot that has moved; record the slots that are fixed now."""
         key = (sched.group_id, sched.term, entry.robot, entry.trigger)
         promised, issued = self._promised.get(key, (None, -1))
         if sched.issued <= issued:
@@ -80,7 +80,7 @@ class ScheduleChecker:
             self._promised[key] = entry.start, sched.issued
 
     def _excused(self, robot: int, sched: Sched, promised: Instant, now: Instant) -> bool:
-        """Return whether the owner of a slot gave it up, or could not keep it."""
+        """Return whether the owner of a slot gave it up or could not use it."""
         if robot not in self._view.robots:
             return True
         gave_up = self._given_up.get((robot, sched.group_id), -LET_PASS)
