@@ -44,6 +44,7 @@ HOT = (
     "world/rmr_sim/simulated_robot.py",
     "world/rmr_sim/simulation.py",
     "world/rmr_world/physics.py",
+    "world/rmr_world/robot_body.py",
     "world/rmr_world/sensors.py",
 )
 INTERPRETED = {

@@ -10,7 +10,7 @@ the node asks for. A fault of the process changes what the host does, and costs 
     dead     none, never again        off              lost
 
 The body is not affected: it stays in the world, and its wheels brake when no command has come for a while
-(`physics.WATCHDOG`). A restarted robot has a new node, of the next epoch, and a station without memory. The counters
+(`robot_body.WATCHDOG`). A restarted robot has a new node, of the next epoch, and a station without memory. The counters
 and actions of its earlier nodes stay in the report.
 """
 

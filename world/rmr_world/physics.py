@@ -15,16 +15,15 @@ import math
 from operator import attrgetter
 from typing import Final
 
-from rmr.base.geometry import STILL, Pose, Twist
-from rmr.base.streams import Normals, stream
+from rmr.base.geometry import Pose, Twist
+from rmr.base.streams import stream
 from rmr.base.time import NS_PER_MS, TICK_S, Instant, tick_index, tick_start
 from rmr.node.ports import SeenBody, Sensed
 from rmr_world.contact_engine import Contact, ContactEngine
 from rmr_world.lab import Lab
+from rmr_world.robot_body import COMMAND_AGE_MAX, STEP_S, SUBSTEPS, WATCHDOG, RobotBody, moved, roll
 from rmr_world.sensors import BODY_POSITION_SIGMA, BODY_VELOCITY_SIGMA, Sensors
 
-SUBSTEPS: Final = 2
-"""Sub-steps per tick. At 0.2 m/s a robot moves 1.7 mm in one, far less than its radius."""
 ACCELERATION: Final = 0.8
 """Bound of the body's acceleration, m/s^2."""
 TURN_ACCELERATION: Final = 12.0
@@ -33,14 +32,8 @@ SLIP_SIGMA: Final = 0.01
 """Standard deviation of the slip of the speed in one tick, as a share of the commanded speed."""
 TURN_SLIP_SIGMA: Final = 0.02
 """Standard deviation of the slip of the turn rate in one tick, as a share of the commanded rate."""
-COMMAND_AGE_MAX: Final = 100 * NS_PER_MS
-"""Age at which a command is dropped: it was decided in another situation."""
 COMMAND_LEAD_MAX: Final = 100 * NS_PER_MS
 """Greatest lead of a command's stamp. One further ahead is wrong, and would make all later commands out of order."""
-WATCHDOG: Final = 100 * NS_PER_MS
-"""Time from the decision of the last command, however late it arrived, until the wheels brake. A robot whose process
-dies or stalls at full speed drives another 2 cm until then, and 2.5 cm while it brakes. A shorter gap between commands
-has no effect, a slightly longer one costs a little speed."""
 CONTACTS_MAX: Final = 10_000
 """Contacts that are recorded; beyond it they are only counted."""
 FASTEST: Final = 2.0
@@ -52,48 +45,10 @@ contact, and caches contacts for three steps. It also runs for as long at the st
 _DV: Final = ACCELERATION * TICK_S
 _DW: Final = TURN_ACCELERATION * TICK_S
 """Bounds of the change of speed (m/s) and turn rate (rad/s) in one tick."""
-_STEP_S: Final = TICK_S / SUBSTEPS
 _NARROW: Final = math.radians(59.0)
 """Half view angle below which a body behind a robot cannot be in its view: a hull that does not overlap has a half
 width of at most 30 degrees, so its edge is at least 60 degrees off the heading."""
 _x: Final = attrgetter("x")
-
-
-class _Robot:
-    """One robot's body and its last command."""
-
-    __slots__ = (
-        "active", "contacts", "cos", "decided", "distance_m", "free_until_m", "goes_vx", "goes_vy", "goes_w", "id",
-        "near", "rolled", "sensors", "sin", "slip", "stamp", "steered", "target", "theta", "v", "view", "vx", "vy", "w",
-        "x", "y",
-    )  # fmt: skip
-
-    def __init__(self, robot: int, pose: Pose, seed: int, sensors: Sensors) -> None:
-        self.id = robot
-        self.slip = Normals(stream(f"{seed}/robot{robot}/wheels"))
-        self.view = Normals(stream(f"{seed}/robot{robot}/view"))
-        self.sensors = sensors
-        self.x, self.y, self.theta = pose
-        self.cos = math.cos(pose.theta)
-        self.sin = math.sin(pose.theta)
-        self.vx = self.vy = self.v = self.w = 0.0
-        self.goes_vx = self.goes_vy = self.goes_w = 0.0
-        """Velocity that the wheels give the body in this tick: m/s in world axes, and rad/s."""
-        self.steered = False
-        """Whether the wheels drive the body in this tick."""
-        self.rolled = False
-        """Whether the body has been integrated here since the engine last ran, so that the engine's copy is stale."""
-        self.target: Twist = STILL
-        self.stamp: Instant = -COMMAND_AGE_MAX
-        self.decided: Instant = -WATCHDOG
-        """When the last command was decided; for a stamp in the future, when it arrived."""
-        self.contacts = 0
-        self.active = False
-        """Whether the body may move in this tick."""
-        self.distance_m = 0.0
-        self.free_until_m = 0.0
-        """Value of `distance_m` up to which the body cannot have come near a wall or an obstacle."""
-        self.near: list[_Robot] = []
 
 
 class World:
@@ -108,17 +63,17 @@ class World:
         self._height = arena.height
         self._tick = 0
         self._engine = ContactEngine(arena, self._begin, self._separate)
-        self._robots: dict[int, _Robot] = {}
+        self._robots: dict[int, RobotBody] = {}
         for start in sorted(lab.robots, key=lambda robot: robot.id):
             rng = stream(f"{seed}/robot{start.id}/sensors")
             sensors = Sensors(rng, arena.beacons, service.rate, service.sigma, service.dropout)
-            self._robots[start.id] = _Robot(start.id, start.pose, seed, sensors)
+            self._robots[start.id] = RobotBody(start.id, start.pose, seed, sensors)
             self._engine.add(start.id, start.pose)
         self._list = list(self._robots.values())
         self._by_x = self._list.copy()
-        self._awake: dict[int, _Robot] = {}
+        self._awake: dict[int, RobotBody] = {}
         """By id, the robots that have been commanded or pushed and are not at rest again."""
-        self._active: list[_Robot] = []
+        self._active: list[RobotBody] = []
         """The robots whose bodies may move in this tick."""
         self._in_view_m = shape.view_depth + shape.radius
         self._alone_m = shape.radius + FASTEST * shape.speed * TICK_S
@@ -192,7 +147,7 @@ class World:
             self._ask()
         else:
             for robot in active:
-                _roll(robot)
+                roll(robot)
         self._pairs()
 
     def _near_something(self) -> bool:
@@ -225,12 +180,12 @@ class World:
                 engine.drive(robot.id, robot.goes_vx, robot.goes_vy, robot.goes_w)
                 robot.rolled = False
         for _ in range(SUBSTEPS):
-            engine.step(_STEP_S)
+            engine.step(STEP_S)
         for robot in self._active:
             x, y, theta = engine.where(robot.id)
-            _moved(robot, x, y, theta)
+            moved(robot, x, y, theta)
 
-    def _steer(self, robot: _Robot, now: Instant) -> bool:
+    def _steer(self, robot: RobotBody, now: Instant) -> bool:
         """Set the velocity of this tick: a step from the present towards the commanded twist, bounded by acceleration.
 
         Returns False for a robot at rest without a command to move.
@@ -353,7 +308,7 @@ class World:
             (state.x, state.y, theta),
         )
 
-    def _hidden(self, robot: _Robot, other: _Robot) -> bool:
+    def _hidden(self, robot: RobotBody, other: RobotBody) -> bool:
         """Return whether an obstacle lies between two robots' centres (bounding boxes first, then a ray cast)."""
         x0, x1 = (robot.x, other.x) if robot.x < other.x else (other.x, robot.x)
         y0, y1 = (robot.y, other.y) if robot.y < other.y else (other.y, robot.y)
@@ -362,7 +317,7 @@ class World:
                 return self._engine.hides((robot.x, robot.y), (other.x, other.y))
         return False
 
-    def _bodies(self, robot: _Robot) -> tuple[SeenBody, ...]:
+    def _bodies(self, robot: RobotBody) -> tuple[SeenBody, ...]:
         """Return the robots whose hull reaches into the field of view, nearest first (paper IV.E)."""
         seen = []
         cos = robot.cos
@@ -392,43 +347,3 @@ class World:
             )
             seen.append((centres, other.id, body))
         return tuple([body for _, _, body in sorted(seen)]) if seen else ()
-
-
-def _roll(robot: _Robot) -> None:
-    """Integrate a body that can touch nothing for one tick, in the engine's order of additions: bitwise the same."""
-    x = robot.x
-    y = robot.y
-    theta = robot.theta
-    dx = robot.goes_vx * _STEP_S
-    dy = robot.goes_vy * _STEP_S
-    turn = robot.goes_w * _STEP_S
-    for _ in range(SUBSTEPS):
-        x = x + dx
-        y = y + dy
-        theta = theta + turn
-    robot.rolled = True
-    _moved(robot, x, y, theta)
-
-
-def _moved(robot: _Robot, x: float, y: float, theta: float) -> None:
-    """Set the pose of a body after a tick; its velocity and its encoders follow from the displacement."""
-    dx = x - robot.x
-    dy = y - robot.y
-    turned = theta - robot.theta
-    if dx == 0.0 == dy and turned == 0.0:
-        robot.vx = robot.vy = robot.v = robot.w = 0.0
-        return
-    # Odometry measures the displacement along the mean heading; a sideways push turns no wheel.
-    middle = robot.theta + 0.5 * turned
-    way = dx * math.cos(middle) + dy * math.sin(middle)
-    robot.sensors.moved(way, turned)
-    robot.distance_m += math.sqrt(dx * dx + dy * dy)
-    robot.x = x
-    robot.y = y
-    robot.theta = theta
-    robot.vx = dx / TICK_S
-    robot.vy = dy / TICK_S
-    robot.cos = math.cos(theta)
-    robot.sin = math.sin(theta)
-    robot.v = way / TICK_S
-    robot.w = turned / TICK_S
