@@ -17,9 +17,9 @@ from rmr.bus import wire
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
 from rmr.bus.keys import ANY_LAB, Keys
-from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_OK, EXIT_USAGE
 from rmr.bus.secret import SecretError, read_secret
 from rmr.bus.session import Bus, NobodyThereError, open_bus
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
 from rmr_deploy.running import endpoint_of, newest_run, secret_of
@@ -64,9 +64,9 @@ def perform(
         return error.exit_code
     if told.refused:
         click.echo(f"rmr fault: {told.refused}", err=True)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     click.echo(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
-    return EXIT_OK
+    return ExitCode.OK
 
 
 def find(connect: str | None, folder: Path | None, secret: Path | None) -> Place:
@@ -75,15 +75,15 @@ def find(connect: str | None, folder: Path | None, secret: Path | None) -> Place
         try:
             return Place(check_endpoint(connect), secret)
         except BusError as error:
-            raise FaultError(str(error), EXIT_USAGE) from None
+            raise FaultError(str(error), ExitCode.USAGE) from None
     where = folder or newest_run(Path("runs"))
     if where is None:
         return Place(DEFAULT_ENDPOINT, secret)
     endpoint = endpoint_of(where)
     if endpoint is None:
-        raise FaultError(f"{where} is no folder of a run of processes", EXIT_USAGE)
+        raise FaultError(f"{where} is no folder of a run of processes", ExitCode.USAGE)
     if (where / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
-        raise FaultError(f"the run in {where} is over", EXIT_FAILED)
+        raise FaultError(f"the run in {where} is over", ExitCode.FAILED)
     return Place(endpoint, secret or secret_of(where))
 
 
@@ -91,23 +91,25 @@ def _keys(lab: str | None) -> Keys:
     try:
         return Keys(lab or ANY_LAB)
     except ValueError as error:
-        raise FaultError(str(error), EXIT_USAGE) from None
+        raise FaultError(str(error), ExitCode.USAGE) from None
 
 
 async def _ask(place: Place, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
     endpoint = place.endpoint
     if missing := unreadable((place.secret,)):
-        raise FaultError(missing[0], EXIT_USAGE)
+        raise FaultError(missing[0], ExitCode.USAGE)
     try:
         secret = None if place.secret is None else read_secret(place.secret)
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
     except SecretError as error:
-        raise FaultError(str(error), EXIT_INVALID) from None
+        raise FaultError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
         problem, foreign = host_problem(endpoint), stranger(endpoint)
-        raise FaultError(f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", EXIT_FAILED) from None
+        raise FaultError(
+            f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", ExitCode.FAILED
+        ) from None
     except BusError as error:
-        raise FaultError(str(error), EXIT_FAILED) from None
+        raise FaultError(str(error), ExitCode.FAILED) from None
     try:
         if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
             keys = Keys((await _answer(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
@@ -122,10 +124,10 @@ async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint
     labs = sorted({one.lab for one in told})
     if len(labs) > 1:
         message = f"several labs run at {endpoint}: {', '.join(labs)}; choose with --lab"
-        raise FaultError(message, EXIT_USAGE)
+        raise FaultError(message, ExitCode.USAGE)
     if not told:
         who = "no lab's world" if keys.lab == ANY_LAB else f"no world of lab {keys.lab}"
-        raise FaultError(f"{who} answers at {endpoint}, though a zenoh router does", EXIT_FAILED)
+        raise FaultError(f"{who} answers at {endpoint}, though a zenoh router does", ExitCode.FAILED)
     return told[0]
 
 

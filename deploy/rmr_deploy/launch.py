@@ -23,8 +23,9 @@ from pathlib import Path
 
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
+from rmr.entry import ExitCode
 from rmr_deploy.obituary import how, obituary
-from rmr_deploy.plan import INVALID, Plan, free_port
+from rmr_deploy.plan import Plan, free_port
 from rmr_deploy.running import write_processes
 from rmr_deploy.screen import Line, Screen
 from rmr_deploy.supervisor import Child, Family
@@ -226,7 +227,7 @@ class Run:
             code = child.exit_code()
             assert code is not None
             self.outcome.died[child.name] = code
-            self.outcome.invalid |= code == INVALID
+            self.outcome.invalid |= code == ExitCode.INVALID
             self._screen.say(obituary(child))
             if self.watch is not None:
                 for robot in self._robots_of(child):

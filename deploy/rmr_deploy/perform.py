@@ -14,15 +14,13 @@ from typing import Any
 import click
 from rich.console import Console
 
+from rmr.entry import ExitCode
 from rmr_deploy.launch import Outcome, Run
-from rmr_deploy.plan import INVALID, Plan, RefusedError, Wishes, make_plan
+from rmr_deploy.plan import Plan, RefusedError, Wishes, make_plan
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import make_screen, table
 from rmr_world import report
 from rmr_world.troubles import troubles
-
-FINE, FAILED, NOT_STRICT = 0, 1, 4
-"""Exit codes beside those of `plan`."""
 
 
 def perform(wishes: Wishes) -> int:
@@ -48,9 +46,9 @@ def perform(wishes: Wishes) -> int:
         outcome, record = asyncio.run(run_and_report(plan))
     except OSError as error:
         click.echo(f"rmr up: {error}", err=True)
-        return FAILED
+        return ExitCode.FAILED
     tell(record, outcome, plan)
-    return exit_code(outcome, record, strict=wishes.strict) if outcome.report_error is None else FAILED
+    return exit_code(outcome, record, strict=wishes.strict) if outcome.report_error is None else ExitCode.FAILED
 
 
 async def run_and_report(plan: Plan) -> tuple[Outcome, dict[str, Any]]:
@@ -86,11 +84,11 @@ def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
 def exit_code(outcome: Outcome, record: Mapping[str, Any], *, strict: bool) -> int:
     """Return the exit code of a run."""
     if outcome.invalid and outcome.ready_s is None:
-        return INVALID
+        return ExitCode.INVALID
     if not outcome.finished or outcome.died:
-        return FAILED
+        return ExitCode.FAILED
     imperfect = record["deadlines"]["missed"] or record["collisions"]
-    return NOT_STRICT if strict and imperfect else FINE
+    return ExitCode.STRICT if strict and imperfect else ExitCode.OK
 
 
 __all__ = ["Wishes", "exit_code", "perform", "tell"]

@@ -12,15 +12,13 @@ from pathlib import Path
 
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr_world.judge import judged
 from rmr_world.lab import Lab, LabError, lab_path, load_lab
 from rmr_world.program import LoadedProgram, ProgramError, load_handlers, load_lab_program
 from rmr_world.radio_key import radio_key
 from rmr_world.run_folder import RunFolderError, make_run_folder
-
-USAGE, INVALID = 2, 3
-"""Exit codes: wrong usage; an invalid program, byte-code or lab file."""
 
 
 class RefusedError(Exception):
@@ -97,7 +95,7 @@ class Plan:
 def make_plan(wishes: Wishes, *, color: bool) -> Plan:
     """Return the plan of a run and make its folder. Raises RefusedError."""
     if missing := unreadable((lab_path(wishes.lab), wishes.actions)):
-        raise RefusedError("\n".join(f"rmr up: {line}" for line in missing), USAGE)
+        raise RefusedError("\n".join(f"rmr up: {line}" for line in missing), ExitCode.USAGE)
     lab = read_lab(wishes.lab, wishes.robots)
     if wishes.seed is not None:
         lab = replace(lab, seed=wishes.seed)
@@ -106,17 +104,17 @@ def make_plan(wishes: Wishes, *, color: bool) -> Plan:
         wishes = replace(wishes, actions=wishes.actions or lab.actions)
         load_handlers(program.program, wishes.actions)
     except ProgramError as error:
-        raise RefusedError(str(error), INVALID) from error
+        raise RefusedError(str(error), ExitCode.INVALID) from error
     try:
         plan = Plan(wishes, lab, program, make_run_folder(lab.name, wishes.folder))
         _keep_private(plan)
         plan.logs.mkdir()
         plan.byte_code.write_bytes(plan.program.octets)
     except RunFolderError as error:
-        raise RefusedError(str(error), USAGE) from error
+        raise RefusedError(str(error), ExitCode.USAGE) from error
     except OSError as error:
         message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
-        raise RefusedError(message, USAGE) from error
+        raise RefusedError(message, ExitCode.USAGE) from error
     return plan
 
 
@@ -130,7 +128,7 @@ def _keep_private(plan: Plan) -> None:
     except SecretError as error:
         plan.secret.unlink()
         message = f"{plan.folder}: no file in it can be kept from other users; name another run folder with --run DIR"
-        raise RefusedError(message, USAGE) from error
+        raise RefusedError(message, ExitCode.USAGE) from error
 
 
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
@@ -138,7 +136,7 @@ def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
     try:
         return judged(lab, load_lab_program(lab, color=color))
     except (LabError, ProgramError) as error:
-        raise RefusedError(str(error), INVALID) from error
+        raise RefusedError(str(error), ExitCode.INVALID) from error
 
 
 def read_lab(path: Path, robots: int | None) -> Lab:
@@ -148,9 +146,9 @@ def read_lab(path: Path, robots: int | None) -> Lab:
         radio_key(lab)  # the robots will read it: here it is only judged
         return lab if robots is None else lab.with_robots(robots)
     except LabError as error:
-        raise RefusedError(str(error), INVALID) from error
+        raise RefusedError(str(error), ExitCode.INVALID) from error
     except OSError as error:
-        raise RefusedError(f"{error.filename or path}: {error.strerror}", INVALID) from error
+        raise RefusedError(f"{error.filename or path}: {error.strerror}", ExitCode.INVALID) from error
 
 
 def free_port() -> int:

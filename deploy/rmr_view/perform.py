@@ -10,9 +10,9 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from rmr import __version__
+from rmr.entry import ExitCode
 from rmr_view.chart import ChartError, figures_in, read
 
-EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
 DATA = Path("docs") / "evaluation"
 NO_MATPLOTLIB = "rmr plot: matplotlib is not installed; install it into this environment: pip install 'rmr[plot]'"
 
@@ -36,16 +36,16 @@ def perform(argv: list[str] | None) -> int:
         return _run(arguments)
     except ChartError as error:
         print(error, file=sys.stderr)
-        return EXIT_INVALID
+        return ExitCode.INVALID
     except OSError as error:
         print(f"rmr plot: {error}", file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
 
 
 def _run(arguments: argparse.Namespace) -> int:
     if not arguments.data.is_dir():
         print(f"rmr plot: there is no folder {arguments.data}; --data says where the data are", file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     known = figures_in(arguments.data)
     names = list(known) if arguments.all else list(dict.fromkeys(arguments.names))
     if not names:
@@ -57,7 +57,7 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"rmr plot: there is no figure {name!r}{_meant(matches)}", file=sys.stderr)
     if unknown:
         print(f"known in {arguments.data}: {', '.join(known) or 'none'}", file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     return _draw_all({name: known[name] for name in names}, arguments.output or arguments.data)
 
 
@@ -79,5 +79,5 @@ def _draw_all(chosen: dict[str, Path], folder: Path) -> int:
     except ImportError as error:
         absent = isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == "matplotlib"
         print(NO_MATPLOTLIB if absent else f"{BROKEN_MATPLOTLIB}: {error}", file=sys.stderr)
-        return EXIT_FAILED
+        return ExitCode.FAILED
     return 0

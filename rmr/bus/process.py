@@ -19,14 +19,9 @@ from typing import Any, TypeVar
 
 from rmr.base.printable import printable
 from rmr.bus.bridge import PreciseLoop
+from rmr.entry import ExitCode
 
 Result = TypeVar("Result")
-
-EXIT_OK = 0
-EXIT_FAILED = 1
-EXIT_USAGE = 2
-EXIT_INVALID = 3
-"""Exit codes: fine; it ran and failed; wrong usage; an invalid program, byte-code or lab file."""
 
 LIFELINE = "RMR_LIFELINE"
 """Environment variable with the number of a descriptor: its end-of-file means that the launcher has died."""
@@ -121,7 +116,7 @@ class Ending:
 
     def __init__(self) -> None:
         self._event = asyncio.Event()
-        self.code = EXIT_OK
+        self.code: int = ExitCode.OK
         self.reason = ""
 
     @property
@@ -129,7 +124,7 @@ class Ending:
         """Whether the end has been asked for."""
         return self._event.is_set()
 
-    def ask(self, reason: str, code: int = EXIT_OK) -> None:
+    def ask(self, reason: str, code: int = ExitCode.OK) -> None:
         """Ask for an orderly end."""
         if not self.asked:
             self.reason, self.code = reason, code
@@ -138,7 +133,7 @@ class Ending:
     def break_down(self, error: BaseException) -> None:
         """Ask for the end because of a mistake in rmr itself; the traceback goes to the log file alone."""
         logging.getLogger("rmr").debug("internal error", exc_info=error)
-        self.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
+        self.ask(f"internal error: {type(error).__name__}: {error}", ExitCode.FAILED)
 
     async def unless_asked(self, task: asyncio.Future[Any]) -> bool:
         """Wait for `task`; return False, and cancel it, when the end is asked for first."""
@@ -166,7 +161,7 @@ def handle_signals(ending: Ending) -> None:
 
     def asked(number: int, _frame: FrameType | None) -> None:
         if ending.asked or signals:
-            os._exit(EXIT_FAILED)
+            os._exit(ExitCode.FAILED)
         signals.append(number)
         with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending
             loop.call_soon_threadsafe(ending.ask, signal.Signals(number).name)
@@ -192,7 +187,7 @@ def hold_lifeline() -> None:
     def readable() -> None:
         with contextlib.suppress(BlockingIOError):
             if not os.read(descriptor, 64):
-                os._exit(EXIT_FAILED)
+                os._exit(ExitCode.FAILED)
 
     with contextlib.suppress(OSError, ValueError):
         asyncio.get_running_loop().add_reader(descriptor, readable)

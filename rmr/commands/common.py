@@ -9,14 +9,7 @@ from typing import NoReturn
 import click
 
 from rmr import __version__
-from rmr.entry import turn_into
-
-EXIT_FAILED = 1
-"""It ran and failed."""
-EXIT_USAGE = 2
-"""Wrong usage."""
-EXIT_INVALID = 3
-"""An invalid program, byte-code or lab file."""
+from rmr.entry import ExitCode, turn_into
 
 PATH = click.Path(path_type=Path)
 SETTINGS = {"help_option_names": ["-h", "--help"]}
@@ -62,7 +55,7 @@ def write(target: Path, octets: bytes, mode: int | None = None) -> int:
         if temporary:
             Path(temporary).unlink(missing_ok=True)
         click.echo(f"{target}: error: {reason(error)}", err=True)
-        return EXIT_FAILED
+        return ExitCode.FAILED
     return 0
 
 
@@ -71,13 +64,13 @@ def become_program(name: str, arguments: list[str]) -> NoReturn:
     path = Path(sys.executable).with_name(f"rmr-{name}")
     if not path.is_file():
         click.echo(f"rmr {name}: {path} is not installed; install the package `rmr` there", err=True)
-        sys.exit(EXIT_FAILED)
+        sys.exit(ExitCode.FAILED)
     sys.stdout.flush()
     try:
         turn_into(str(path), arguments)
     except OSError as error:
         click.echo(f"rmr {name}: cannot run {path}: {error.strerror}", err=True)
-    sys.exit(EXIT_FAILED)
+    sys.exit(ExitCode.FAILED)
 
 
 def _umask() -> int:

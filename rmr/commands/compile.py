@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from rmr.commands import diagnosed
-from rmr.commands.common import EXIT_INVALID, PATH, SETTINGS, VERSION, counted, print_json, write
+from rmr.commands.common import PATH, SETTINGS, VERSION, counted, print_json, write
+from rmr.entry import ExitCode
 
 
 @click.command("compile", context_settings=SETTINGS, short_help="Compile a program to byte-code.")
@@ -32,7 +33,7 @@ def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> N
             octets = encode(compilation.program, debug=not strip)
         except BytecodeError as error:
             click.echo(f"{program}: error: {error}", err=True)
-            sys.exit(EXIT_INVALID)
+            sys.exit(ExitCode.INVALID)
         code = write(target, octets)
         summary |= {
             "output": str(target) if code == 0 else None,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rmr.commands.common import EXIT_INVALID, EXIT_USAGE, counted
+from rmr.commands.common import counted
+from rmr.entry import ExitCode
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
@@ -50,5 +51,5 @@ def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:
 def exit_code(compilations: Sequence["Compilation"]) -> int:
     """Return 0, or the code for the worst that is wrong."""
     if any(each.errors and not each.unreadable for each in compilations):
-        return EXIT_INVALID
-    return EXIT_USAGE if any(each.unreadable for each in compilations) else 0
+        return ExitCode.INVALID
+    return ExitCode.USAGE if any(each.unreadable for each in compilations) else 0

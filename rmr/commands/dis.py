@@ -6,7 +6,8 @@ from pathlib import Path
 
 import click
 
-from rmr.commands.common import EXIT_INVALID, EXIT_USAGE, PATH, SETTINGS, VERSION, reason
+from rmr.commands.common import PATH, SETTINGS, VERSION, reason
+from rmr.entry import ExitCode
 
 
 @click.command("dis", context_settings=SETTINGS)
@@ -23,10 +24,10 @@ def command(program: Path) -> None:
             octets = stream.read(SIZE_MAX + 1)
     except (OSError, ValueError) as error:
         click.echo(f"{program}: error: {reason(error)}", err=True)
-        sys.exit(EXIT_USAGE)
+        sys.exit(ExitCode.USAGE)
     try:
         text = disassemble(octets)
     except BytecodeError as error:
         click.echo(f"{program}: error: this is no valid byte-code: {error}", err=True)
-        sys.exit(EXIT_INVALID)
+        sys.exit(ExitCode.INVALID)
     click.echo(text.rstrip("\n"))

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from rmr.commands import diagnosed
-from rmr.commands.common import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, PATH, SETTINGS, VERSION, counted, reason
+from rmr.commands.common import PATH, SETTINGS, VERSION, counted, reason
+from rmr.entry import ExitCode
 from rmr.eval import options
 from rmr.eval.options import OptionError
 
@@ -158,7 +159,7 @@ def command(
         interrupted = _run(run, until)
     _conclude(run, until, interrupted)
     _print(run, one_line)
-    sys.exit(EXIT_FAILED if interrupted else 0)
+    sys.exit(ExitCode.FAILED if interrupted else 0)
 
 
 # ---- before the run
@@ -181,7 +182,7 @@ def _read(wanted: "Wanted", topology: str, ids: dict[int, None]) -> tuple["Given
         raise click.UsageError(str(error)) from None
     except InvalidBytecodeError as error:
         click.echo(str(error), err=True)
-        sys.exit(EXIT_INVALID)
+        sys.exit(ExitCode.INVALID)
     return given, shape
 
 
@@ -230,7 +231,7 @@ def _traced(path: Path | None, sources: tuple[Path | None, ...]) -> Iterator["Si
             yield lambda notes: _write_notes(file, notes)
     except (OSError, ValueError) as error:
         click.echo(f"rmr eval: cannot write {path}: {reason(error)}", err=True)
-        sys.exit(EXIT_USAGE)
+        sys.exit(ExitCode.USAGE)
 
 
 def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:

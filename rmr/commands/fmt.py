@@ -14,9 +14,6 @@ from typing import TYPE_CHECKING
 import click
 
 from rmr.commands.common import (
-    EXIT_FAILED,
-    EXIT_INVALID,
-    EXIT_USAGE,
     PATH,
     SETTINGS,
     VERSION,
@@ -25,6 +22,7 @@ from rmr.commands.common import (
     write,
 )
 from rmr.commands.diagnosed import show_found
+from rmr.entry import ExitCode
 
 if TYPE_CHECKING:
     from rmr.lang.diagnostic import Diagnostic
@@ -67,7 +65,7 @@ def command(programs: tuple[Path, ...], check: bool, diff: bool, as_json: bool) 
     code = max(each.code for each in files)
     changed = [each for each in files if each.changes]
     if keeps:
-        code = code or (EXIT_FAILED if changed else 0)
+        code = code or (ExitCode.FAILED if changed else 0)
     elif STDIN in programs:
         click.echo(files[0].text.encode() if not files[0].wrong else b"", nl=False)
     else:
@@ -93,11 +91,11 @@ def _formatted(path: Path) -> _File:
         source = _read(path, name)
     except SourceError as error:
         wrong = [Diagnostic("E003", str(error), Span(name, 0, 0), error.hint)]
-        return _File(path, Source(name, ""), "", wrong, EXIT_USAGE if error.usage else EXIT_INVALID)
+        return _File(path, Source(name, ""), "", wrong, ExitCode.USAGE if error.usage else ExitCode.INVALID)
     found = Diagnostics()
     text = format_source(source, found)
     if text is None:
-        return _File(path, source, source.text, found.in_order(), EXIT_INVALID)
+        return _File(path, source, source.text, found.in_order(), ExitCode.INVALID)
     return _File(path, source, text, [], 0)
 
 
@@ -112,7 +110,7 @@ def _replace(file: _File) -> int:
     target = file.path.resolve()
     if not target.is_file():
         click.echo(f"{file.path}: error: no regular file; `-` reads from a pipe", err=True)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     return write(target, file.text.encode(), stat.S_IMODE(target.stat().st_mode))
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.compiled import FOLDER, INDEX, modules_in, state
+from rmr.entry import ExitCode
 
 ROOT = FOLDER.parents[1]
 ROOTS = {"rmr": "rmr", "agents/rmr_agent": "rmr_agent", "world/rmr_world": "rmr_world", "world/rmr_sim": "rmr_sim"}
@@ -60,8 +61,6 @@ GROUP = "rmr_compiled"
 """All are parts of one library: `rmr_compiled__mypyc`."""
 EXACT = ["-ffp-contract=off"] if os.name == "posix" else []
 """A product and a sum are rounded one by one, as Python does, also on machines that can round them together."""
-FAILED = 1
-USAGE = 2
 
 
 class UncompiledError(Exception):
@@ -83,13 +82,13 @@ def main() -> int:
         look_for_a_compiler()
     except UnableError as reason:
         print(f"make fast: {reason}; all works interpreted as well, at less than half of the speed", file=sys.stderr)
-        return 0 if sys.argv[1:] == ["--if-possible"] else USAGE
+        return 0 if sys.argv[1:] == ["--if-possible"] else ExitCode.USAGE
     print(f"compiling {len(hot())} modules into {shown}", flush=True)
     try:
         compile_into(FOLDER)
     except UncompiledError as why:
         print(why, file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
     return 0
 
 

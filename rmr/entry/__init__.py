@@ -10,8 +10,39 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from enum import IntEnum
 
-FAILED = 1
+
+class ExitCode(IntEnum):
+    """The exit codes of all commands, each with its meaning as docs/labs.md states it."""
+
+    meaning: str
+
+    def __new__(cls, value: int, meaning: str) -> "ExitCode":
+        """Return the member of `value`."""
+        it = int.__new__(cls, value)
+        it._value_ = value
+        it.meaning = meaning
+        return it
+
+    OK = 0, "fine"
+    FAILED = 1, "it ran and failed: not finished in time, a process died, an endpoint in use, a robot's id taken"
+    USAGE = (
+        2,
+        (
+            "wrong usage; a file named on the command line that is not there or cannot be read; an unwritable place; for "
+            "`rmr-agent` and `rmr fault` also a robot that the lab does not have, or several labs at the endpoint without "
+            "`--lab`"
+        ),
+    )
+    INVALID = (
+        3,
+        (
+            "an invalid program, byte-code, lab file, key or file of actions, a robot and a lab that do not agree on the "
+            "radio's security, a program with an action that nothing carries out, or one that does not fit the lab"
+        ),
+    )
+    STRICT = 4, "under `--strict`: finished, but a deadline was missed or robots touched something"
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:
@@ -20,7 +51,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for as long as the process lives
     if sys.stdout is None:
         print(f"{name}: standard output is closed; send it to /dev/null if nobody wants it", file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         try:
@@ -29,12 +60,12 @@ def run(name: str, command: Callable[[], int | None]) -> int:
             sys.stdout.flush()
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
     except OSError as error:  # of the output: commands deal with all others themselves
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still in its buffer would be tried again at the end
         if not isinstance(error, BrokenPipeError):  # who closes a pipe has seen enough
             print(f"{name}: cannot write the output: {error.strerror or error}", file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
 
 
 def turn_into(path: str, words: list[str]) -> None:

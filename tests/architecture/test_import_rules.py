@@ -10,7 +10,7 @@ import rmr
 
 MAY_IMPORT: dict[str, set[str]] = {
     "rmr": {"rmr.compiled"},
-    "rmr.compiled": set(),
+    "rmr.compiled": {"rmr.entry"},
     "rmr.base": set(),
     "rmr.bytecode": {"rmr.base"},
     "rmr.analysis": {"rmr.base", "rmr.bytecode"},
@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.vm"},
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
     "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
-    "rmr.bus": {"rmr.base", "rmr.node", "rmr.radio"},
+    "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio"},
     "rmr.entry": set(),
     "rmr.cli": {"rmr.commands", "rmr.entry"},
     "rmr.commands": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.eval", "rmr.lang", "rmr.radio", "rmr.vm"},

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import click
 
+from rmr.entry import ExitCode
 from rmr_lab.findings import ERROR, Findings, judge
 from rmr_lab.picture import draw
 from rmr_world.bound import bound_s, destinations
 from rmr_world.first_moves import bound_for
 from rmr_world.lab import Lab
-
-EXIT_USAGE, EXIT_INVALID = 2, 3
 
 
 def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
@@ -55,8 +54,8 @@ def _in_short(lab: Lab) -> str:
 
 def _exit_code(found: Sequence[Findings]) -> int:
     if any(ERROR in each.severities and not each.unreadable for each in found):
-        return EXIT_INVALID
-    return EXIT_USAGE if any(each.unreadable for each in found) else 0
+        return ExitCode.INVALID
+    return ExitCode.USAGE if any(each.unreadable for each in found) else 0
 
 
 def _draw(found: Findings, svg: Path) -> int:
@@ -64,11 +63,11 @@ def _draw(found: Findings, svg: Path) -> int:
     lab = found.lab
     if lab is None:
         click.echo(f"{svg} is not drawn: the lab file has errors", err=True)
-        return EXIT_INVALID
+        return ExitCode.INVALID
     goals = destinations(lab) if found.program is None else bound_for(lab, found.program)
     try:
         svg.write_text(draw(lab, goals), encoding="utf-8")
     except OSError as error:
         click.echo(f"{svg}: {error.strerror}", err=True)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     return 0

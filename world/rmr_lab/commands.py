@@ -9,10 +9,10 @@ from pathlib import Path
 import click
 
 from rmr import __version__
+from rmr.entry import ExitCode
 from rmr_world.provided_labs import missing, provided_labs, resolve
 
 SETTINGS = {"help_option_names": ["-h", "--help"]}
-EXIT_USAGE = 2
 PATH = click.Path(path_type=Path)
 
 
@@ -95,7 +95,7 @@ def copy(name: str, folder: Path | None) -> None:
         raise click.UsageError(str(error)) from None
     except OSError as error:
         click.echo(f"rmr lab copy: {error.filename or target}: {error.strerror}", err=True)
-        sys.exit(EXIT_USAGE)
+        sys.exit(ExitCode.USAGE)
     _tell_written(target, files)
 
 
@@ -117,7 +117,7 @@ def new(name: Path, origin: str | None) -> None:
         raise click.UsageError(str(error)) from None
     except OSError as error:
         click.echo(f"rmr new: {error.filename or name}: {error.strerror}", err=True)
-        sys.exit(EXIT_USAGE)
+        sys.exit(ExitCode.USAGE)
     _tell_written(name, files)
 
 
@@ -132,4 +132,4 @@ def _write(file: Path, text: str) -> None:
         file.write_text(text, encoding="utf-8")
     except OSError as error:
         click.echo(f"{file}: {error.strerror}", err=True)
-        sys.exit(EXIT_USAGE)
+        sys.exit(ExitCode.USAGE)
