@@ -6,14 +6,14 @@ from rmr.entry import run
 
 
 def _rmr() -> int:
-    from rmr.commands.group import command  # noqa: PLC0415 - see rmr.entry
+    from rmr.commands.subcommands import command  # noqa: PLC0415 - see rmr.entry
     from rmr.entry.clicked import perform  # noqa: PLC0415
 
     return perform(command, "rmr")
 
 
 def _rmrc() -> int:
-    from rmr.commands.compile import command  # noqa: PLC0415 - see rmr.entry
+    from rmr.commands.compile_command import command  # noqa: PLC0415 - see rmr.entry
     from rmr.entry.clicked import perform  # noqa: PLC0415
 
     return perform(command, "rmrc")

@@ -18,7 +18,7 @@ def _command(arguments: Sequence[str] | None) -> int:
 
     options = parser().parse_args(arguments)
     try:
-        from rmr_agent.perform import perform  # noqa: PLC0415 - the bus and the node load only where a robot runs
+        from rmr_agent.agent_process import perform  # noqa: PLC0415 - the bus and the node load only where a robot runs
 
         return perform(options)
     except KeyboardInterrupt:  # before the signal handlers stood: a robot that is told to stop has not failed

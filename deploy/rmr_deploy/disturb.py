@@ -22,7 +22,7 @@ from rmr.bus.session import Bus, NobodyThereError, open_bus
 from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
-from rmr_deploy.running import endpoint_of, newest_run, secret_of
+from rmr_deploy.active_runs import endpoint_of, newest_run, secret_of
 from rmr_world.report import REPORT_FILE
 
 ASK_S = 2.0

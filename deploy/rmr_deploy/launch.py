@@ -24,12 +24,12 @@ from pathlib import Path
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr.entry import ExitCode
+from rmr_deploy.active_runs import write_processes
 from rmr_deploy.obituary import how, obituary
-from rmr_deploy.plan import Plan, free_port
-from rmr_deploy.running import write_processes
+from rmr_deploy.preparation import Plan, free_port
+from rmr_deploy.process_group import Child, Family
 from rmr_deploy.screen import Line, Screen
-from rmr_deploy.supervisor import Child, Family
-from rmr_deploy.watch import Watch
+from rmr_deploy.status_monitor import Watch
 
 POLL_S = 0.05
 """How often processes are looked at: a death is told within a twentieth of a second."""

@@ -3,7 +3,7 @@
 import signal
 from pathlib import Path
 
-from rmr_deploy.supervisor import Child
+from rmr_deploy.process_group import Child
 
 LAST_LINES = 8
 """Lines that are shown: a traceback's end with the error, or what led up to it."""

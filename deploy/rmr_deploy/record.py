@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rmr_deploy.launch import Outcome
-from rmr_deploy.plan import Plan
-from rmr_deploy.watch import Watch
+from rmr_deploy.preparation import Plan
+from rmr_deploy.status_monitor import Watch
 from rmr_world.faults import befallen
 from rmr_world.lives import cut_short, of_all_lives
 from rmr_world.report import assemble

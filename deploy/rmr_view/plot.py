@@ -1,4 +1,4 @@
-"""The program `rmr-plot`; what it does is `rmr_view.perform`."""
+"""The program `rmr-plot`; what it does is `rmr_view.plot_command`."""
 
 import sys
 
@@ -11,7 +11,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _command(argv: list[str] | None) -> int:
-    from rmr_view.perform import perform  # noqa: PLC0415 - see rmr.entry
+    from rmr_view.plot_command import perform  # noqa: PLC0415 - see rmr.entry
 
     return perform(argv)
 

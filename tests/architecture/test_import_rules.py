@@ -44,7 +44,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 """Part -> the other parts that it may import."""
 
-OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_world.lab_time"}
+OF_WORLD = {"rmr_world.main", "rmr_world.world_process", "rmr_world.server", "rmr_world.lab_time"}
 """The world as a process."""
 
 LIBRARIES: dict[str, set[str]] = {
@@ -132,7 +132,7 @@ def test_nothing_in_rmr_but_the_bus_touches_network_threads_or_wall_clock(module
 
 def test_a_robot_process_can_reach_no_heavy_library_even_by_a_late_import():
     reached = reachable("rmr_agent.main")
-    assert "rmr_agent.perform" in reached
+    assert "rmr_agent.agent_process" in reached
     assert {name: importer for name, importer in reached.items() if name.split(".")[0] in HEAVY or name in HEAVY} == {}
 
 
@@ -155,6 +155,6 @@ def test_every_package_says_that_it_is_typed():
 
 
 def test_a_robot_process_has_loaded_no_heavy_library():
-    code = "import sys, rmr_agent.main, rmr_agent.perform; print(*sys.modules, sep='\\n')"
+    code = "import sys, rmr_agent.main, rmr_agent.agent_process; print(*sys.modules, sep='\\n')"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert [name for name in loaded if name.startswith(HEAVY + KEYED)] == []

@@ -15,8 +15,8 @@ from pathlib import Path
 from click import Command
 from click.testing import CliRunner
 
-from rmr.commands.group import PROGRAMS
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import PROGRAMS
+from rmr.commands.subcommands import command as main
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as simulate

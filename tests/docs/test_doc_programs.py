@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from doc_blocks import blocks_of, is_file
 
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -5,7 +5,7 @@ from typing import Any
 
 from click.testing import CliRunner, Result
 
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 
 class Bench:

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from rmr.commands import eval as command
+from rmr.commands import eval_command as command
 from rmr.eval.ensemble import LOOK_EVERY
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rmr_deploy.watch import Watch
+from rmr_deploy.status_monitor import Watch
 
 LABS = Path(__file__).parent / "labs"
 CORRIDOR = Path(__file__).parents[2] / "deploy" / "labs" / "corridor"

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 from expectations import diagnostics_of, holds, is_like, runs_of, split
 
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "docs" / "examples"

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from rmr.base.time import in_seconds, seconds
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 from rmr.node.trace import Level
 from rmr_sim.run import Options, load
 

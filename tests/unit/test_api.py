@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import rmr
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 CHARGE = """
 type action charge(R: robot, N: int) -o charged(R, N) else flat(R, N).

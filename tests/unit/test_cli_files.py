@@ -8,7 +8,7 @@ import os
 import pytest
 from click.testing import CliRunner
 
-from rmr.commands.group import command as rmr
+from rmr.commands.subcommands import command as rmr
 from rmr_agent.main import _command as agent
 from rmr_deploy.commands.up import command as up
 from rmr_lab.commands import command as lab

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rmr.commands import group
+from rmr.commands import subcommands
 from rmr.commands.radio_rows import NAMES
 
 FILES = Path(__file__).parents[1] / "validation" / "reference"
@@ -23,7 +23,7 @@ BRIEF = {
 
 
 def radio(line):
-    return CliRunner().invoke(group.command, ["radio", *line.split()])
+    return CliRunner().invoke(subcommands.command, ["radio", *line.split()])
 
 
 @pytest.mark.parametrize("name", BRIEF)

@@ -8,13 +8,13 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from rmr.commands import group
+from rmr.commands import subcommands
 from rmr.lang.diagnostic import CODES
 from rmr.lang.pages import page
 
 
 def explain(*arguments):
-    return CliRunner().invoke(group.command, ["explain", *arguments])
+    return CliRunner().invoke(subcommands.command, ["explain", *arguments])
 
 
 def test_a_code_is_explained_in_plain_text():
@@ -31,7 +31,7 @@ def test_a_code_is_explained_in_plain_text():
 @pytest.mark.skipif(os.name != "posix", reason="needs a terminal")
 def test_on_a_terminal_it_is_laid_out_and_coloured():
     reader, terminal = os.openpty()
-    run = "from rmr.commands.group import command; command(['explain', 'E012'])"
+    run = "from rmr.commands.subcommands import command; command(['explain', 'E012'])"
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     environment.pop("NO_COLOR", None)
     process = subprocess.run([sys.executable, "-c", run], stdout=terminal, env=environment, check=True)

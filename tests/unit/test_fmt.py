@@ -7,7 +7,7 @@ import stat
 import pytest
 from click.testing import CliRunner
 
-from rmr.commands import group
+from rmr.commands import subcommands
 
 UGLY = "p( R ).\r\n// why\r\np(R)-o q(R) ."
 NEAT = "p(R).\n// why\np(R) -o q(R).\n"
@@ -15,7 +15,7 @@ BAD = "p(R.\n"
 
 
 def fmt(*arguments, text=None):
-    return CliRunner().invoke(group.command, ["fmt", *(str(each) for each in arguments)], input=text)
+    return CliRunner().invoke(subcommands.command, ["fmt", *(str(each) for each in arguments)], input=text)
 
 
 @pytest.fixture

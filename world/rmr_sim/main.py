@@ -14,7 +14,7 @@ def _command(argv: list[str] | None) -> int:
     from rmr_sim.arguments import parse  # noqa: PLC0415 - see rmr.entry
 
     arguments = parse(argv)
-    from rmr_sim.perform import perform  # noqa: PLC0415 - lab, nodes and world load only where something runs
+    from rmr_sim.sim_command import perform  # noqa: PLC0415 - lab, nodes and world load only where something runs
 
     return perform(arguments)
 

@@ -18,7 +18,7 @@ def _command(arguments: Sequence[str] | None) -> int:
 
     options = parser().parse_args(arguments)
     try:
-        from rmr_world.perform import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
+        from rmr_world.world_process import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
 
         return perform(options)
     except KeyboardInterrupt:  # before the signal handlers stood: a world that is told to stop has not failed

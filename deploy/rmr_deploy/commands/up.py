@@ -49,7 +49,7 @@ def command(
     run folder with report.json and logs. Ctrl-C stops in order, twice at once. Other users of the machine can neither
     use the bus of the run, which has a secret (the file secret in the run folder), nor read the folder.
     """
-    from rmr_deploy.perform import Wishes, perform  # noqa: PLC0415 - the compiler loads only where a lab is run
+    from rmr_deploy.lab_run import Wishes, perform  # noqa: PLC0415 - the compiler loads only where a lab is run
 
     sys.exit(
         perform(

@@ -14,8 +14,8 @@ from rmr.bus.endpoint import DEFAULT_ENDPOINT
 from rmr.bus.secret import SECRET_FILE, make_secret
 from rmr.radio.links import Disturbance, partition
 from rmr_deploy import disturb
+from rmr_deploy.active_runs import PROCESSES_FILE, endpoint_of, newest_run, write_processes
 from rmr_deploy.commands.fault import command
-from rmr_deploy.running import PROCESSES_FILE, endpoint_of, newest_run, write_processes
 from rmr_world.report import REPORT_FILE
 
 S, MS = NS_PER_S, NS_PER_MS

@@ -35,10 +35,10 @@ from rmr_agent.bytecode import Loaded
 from rmr_agent.robot import Carried, HostedRobot
 from rmr_deploy import disturb
 from rmr_deploy.launch import Outcome
-from rmr_deploy.plan import Plan, Wishes
+from rmr_deploy.preparation import Plan, Wishes
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import printable, table
-from rmr_deploy.watch import Watch
+from rmr_deploy.status_monitor import Watch
 from rmr_world import report
 from rmr_world.lab import load_lab
 from rmr_world.program import LoadedProgram

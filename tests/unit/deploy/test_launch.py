@@ -13,9 +13,9 @@ import pytest
 
 import rmr_deploy.launch as launching
 from rmr.bus.secret import make_secret
+from rmr_deploy.lab_run import exit_code
 from rmr_deploy.launch import Run
-from rmr_deploy.perform import exit_code
-from rmr_deploy.plan import Plan, Wishes
+from rmr_deploy.preparation import Plan, Wishes
 from rmr_deploy.record import make_report
 from rmr_world.lab import load_lab
 from rmr_world.program import LoadedProgram
@@ -221,7 +221,7 @@ def test_a_signal_before_anybody_is_ready_stops_as_well(start):
 def test_a_process_that_does_not_leave_is_killed_and_named(start, monkeypatch):
     monkeypatch.setattr(launching, "FINAL_S_MAX", 0.2)
     monkeypatch.setattr(launching, "LEAVE_S_MAX", 0.1)
-    monkeypatch.setattr("rmr_deploy.supervisor.TERM_PATIENCE_S", 0.2)
+    monkeypatch.setattr("rmr_deploy.process_group.TERM_PATIENCE_S", 0.2)
     run = start("roam", "deaf")
     interrupt_when(run, working)
     end(run)

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from rmr_deploy.obituary import LAST_LINES, how, last_lines, obituary
-from rmr_deploy.supervisor import Child
+from rmr_deploy.process_group import Child
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-import rmr_deploy.plan as planning
+import rmr_deploy.preparation as planning
 from rmr.bus.secret import read_secret
 from rmr_deploy.launch import agent_command, world_command
-from rmr_deploy.plan import INVALID, USAGE, RefusedError, Wishes, make_plan
+from rmr_deploy.preparation import INVALID, USAGE, RefusedError, Wishes, make_plan
 
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rmr.bus.process import LIFELINE
-from rmr_deploy.supervisor import Child, Family
+from rmr_deploy.process_group import Child, Family
 
 OBEDIENT = "import time; print('up', flush=True); time.sleep(60)"
 STUBBORN = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
@@ -92,14 +92,14 @@ def test_an_obedient_process_leaves_at_sigterm(family, tmp_path):
 
 
 def test_a_process_that_ignores_sigterm_is_killed_after_a_bounded_time(family, tmp_path, monkeypatch):
-    monkeypatch.setattr("rmr_deploy.supervisor.TERM_PATIENCE_S", 0.1)
+    monkeypatch.setattr("rmr_deploy.process_group.TERM_PATIENCE_S", 0.1)
     child = start(family, tmp_path, STUBBORN)
     assert asyncio.run(family.stop([child])) == [child]
     assert child.exit_code() == -signal.SIGKILL
 
 
 def test_a_process_that_is_stopped_is_killed_as_well(family, tmp_path, monkeypatch):
-    monkeypatch.setattr("rmr_deploy.supervisor.TERM_PATIENCE_S", 0.1)
+    monkeypatch.setattr("rmr_deploy.process_group.TERM_PATIENCE_S", 0.1)
     child = start(family, tmp_path, ORDERLY)
     os.kill(child.pid, signal.SIGSTOP)
     assert asyncio.run(family.stop([child])) == [child]
@@ -120,7 +120,7 @@ def test_a_command_that_does_not_exist_is_an_error_and_leaves_no_child(family, t
 
 
 def test_the_lifeline_reads_end_of_file_when_the_launcher_lets_go(family, tmp_path, monkeypatch):
-    monkeypatch.setattr("rmr_deploy.supervisor._signal", lambda children, number: None)
+    monkeypatch.setattr("rmr_deploy.process_group._signal", lambda children, number: None)
     child = start(family, tmp_path, HANGING_ON_THE_LIFELINE)
     family.kill()
     eventually(lambda: child.exit_code() == 0)
@@ -128,7 +128,7 @@ def test_the_lifeline_reads_end_of_file_when_the_launcher_lets_go(family, tmp_pa
 
 LAUNCHER = """
 import pathlib, sys, time
-from rmr_deploy.supervisor import Family
+from rmr_deploy.process_group import Family
 family = Family()
 for number, code in enumerate(sys.argv[2:]):
     child = family.start(f"child-{number}", [sys.executable, "-S", "-c", code], pathlib.Path(sys.argv[1]) / f"{number}")

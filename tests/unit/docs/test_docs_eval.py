@@ -5,8 +5,8 @@ import json
 from click.testing import CliRunner
 from doc_pages import codes, page, table
 
-from rmr.commands.eval import command
-from rmr.commands.group import command as main
+from rmr.commands.eval_command import command
+from rmr.commands.subcommands import command as main
 from rmr.eval.ensemble import FIRINGS_MAX, FRAMES_MAX, RANGE_M
 from rmr.eval.ether import HOPS_AT_ONCE_MAX, LATENCY
 from rmr.eval.given import EDGE_FACTS_MAX

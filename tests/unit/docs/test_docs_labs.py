@@ -21,7 +21,7 @@ from rmr_deploy.commands.fault import command as fault
 from rmr_deploy.commands.up import command
 from rmr_deploy.disturb import record
 from rmr_deploy.launch import Outcome
-from rmr_deploy.plan import Plan, Wishes
+from rmr_deploy.preparation import Plan, Wishes
 from rmr_deploy.record import make_report
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new

@@ -12,7 +12,7 @@ from lang_source import compiled
 
 from rmr.analysis import levels
 from rmr.base.values import Robot, Symbol
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 from rmr.lang import octets as sizes
 from rmr.lang import serve
 from rmr.lang.compiler import compile_source

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from world_labs import LABS, ROOM, lab_of
 
-from rmr_deploy.plan import RefusedError, read_program
+from rmr_deploy.preparation import RefusedError, read_program
 from rmr_sim.main import main
 from rmr_world.document import LabError
 from rmr_world.judge import judged

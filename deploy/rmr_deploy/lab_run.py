@@ -16,7 +16,7 @@ from rich.console import Console
 
 from rmr.entry import ExitCode
 from rmr_deploy.launch import Outcome, Run
-from rmr_deploy.plan import Plan, RefusedError, Wishes, make_plan
+from rmr_deploy.preparation import Plan, RefusedError, Wishes, make_plan
 from rmr_deploy.record import make_report
 from rmr_deploy.screen import make_screen, table
 from rmr_world import report
