@@ -5,12 +5,11 @@ The world judges the wish and keeps the list; this is one more client of the sta
 
 import asyncio
 import json
+import sys
 from collections.abc import Iterator
 from math import isinf
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import click
 
 from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
@@ -37,7 +36,7 @@ class FaultError(Exception):
         self.exit_code = exit_code
 
 
-class Place(NamedTuple):
+class WorldAddress(NamedTuple):
     """Where a lab's world is asked."""
 
     endpoint: str
@@ -60,31 +59,31 @@ def perform(
         place, keys = find(connect, folder, secret), _keys(lab)
         told = asyncio.run(_ask(place, keys, wire.AskDisturbances(wish, added)))
     except FaultError as error:
-        click.echo(f"rmr fault: {error}", err=True)
+        print(f"rmr fault: {error}", file=sys.stderr)
         return error.exit_code
     if told.refused:
-        click.echo(f"rmr fault: {told.refused}", err=True)
+        print(f"rmr fault: {told.refused}", file=sys.stderr)
         return ExitCode.USAGE
-    click.echo(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
+    print(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
     return ExitCode.OK
 
 
-def find(connect: str | None, folder: Path | None, secret: Path | None) -> Place:
+def find(connect: str | None, folder: Path | None, secret: Path | None) -> WorldAddress:
     """Return where the world listens: as said, as the run folder says, or as a run under way here does."""
     if connect is not None:
         try:
-            return Place(check_endpoint(connect), secret)
+            return WorldAddress(check_endpoint(connect), secret)
         except BusError as error:
             raise FaultError(str(error), ExitCode.USAGE) from None
     where = folder or newest_run(Path("runs"))
     if where is None:
-        return Place(DEFAULT_ENDPOINT, secret)
+        return WorldAddress(DEFAULT_ENDPOINT, secret)
     endpoint = endpoint_of(where)
     if endpoint is None:
         raise FaultError(f"{where} is no folder of a run of processes", ExitCode.USAGE)
     if (where / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
         raise FaultError(f"the run in {where} is over", ExitCode.FAILED)
-    return Place(endpoint, secret or secret_of(where))
+    return WorldAddress(endpoint, secret or secret_of(where))
 
 
 def _keys(lab: str | None) -> Keys:
@@ -94,7 +93,7 @@ def _keys(lab: str | None) -> Keys:
         raise FaultError(str(error), ExitCode.USAGE) from None
 
 
-async def _ask(place: Place, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
+async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
     endpoint = place.endpoint
     if missing := unreadable((place.secret,)):
         raise FaultError(missing[0], ExitCode.USAGE)

@@ -1,9 +1,12 @@
-"""A lab as real processes, from the compiler to the report.
+"""`rmr up` from the checks before a run to its report.
 
-The order is: judge lab and program, with everything that is wrong with them; make the run folder; run (`launch`);
-write ``report.json``; show the table. The report is written whatever becomes of the run. The exit code is that of
-the commands' contract: 0 finished, 1 not finished or a process died, 2 wrong usage, 3 invalid program,
-byte-code or lab file, 4 under ``--strict`` when a deadline was missed or robots touched.
+1. Check lab and program (`preparation`), and make the run folder.
+2. Run the lab's processes (`launch`).
+3. Assemble the report of what each robot and the world said last, write ``report.json``, show the table.
+
+The report is written whatever becomes of the run, in the form that all modes share. A robot that died has its last
+known part; a world that died leaves the last truth that it told; a robot that was never heard of has done nothing.
+Times are lab time, except `wall_s` and `ready_s`.
 """
 
 import asyncio
@@ -11,52 +14,53 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-import click
 from rich.console import Console
 
 from rmr.entry import ExitCode
-from rmr_deploy.launch import Outcome, Run
-from rmr_deploy.preparation import Plan, RefusedError, Wishes, make_plan
-from rmr_deploy.record import make_report
+from rmr_deploy.launch import LabRun, RunOutcome
+from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, make_plan
 from rmr_deploy.screen import make_screen, table
+from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import report
+from rmr_world.faults import befallen
+from rmr_world.lives import cut_short, of_all_lives
 from rmr_world.troubles import troubles
 
 
-def perform(wishes: Wishes) -> int:
-    """Run a lab as `wishes` say; return the exit code."""
+def perform(options: RunOptions) -> int:
+    """Run a lab as `options` say; return the exit code."""
     try:
-        plan = make_plan(wishes, color=sys.stderr.isatty())
-    except RefusedError as refusal:
-        click.echo(str(refusal).rstrip("\n"), err=True)
+        plan = make_plan(options, color=sys.stderr.isatty())
+    except RunRefusedError as refusal:
+        print(str(refusal).rstrip("\n"), file=sys.stderr)
         return refusal.exit_code
     if plan.program.warnings:
-        click.echo(plan.program.warnings.rstrip("\n"), err=True)
+        print(plan.program.warnings.rstrip("\n"), file=sys.stderr)
     if plan.lab.faults:
-        click.echo(
+        print(
             f"{plan.lab.path}: faults: kill, restart, stall, slow and outage befall simulated robots alone (rmr sim); "
             "this run goes without them",
-            err=True,
+            file=sys.stderr,
         )
     if plan.lab.events is not None:
-        click.echo(
-            f"{plan.lab.path}: events: only rmr sim has events of your own; this run goes without them", err=True
+        print(
+            f"{plan.lab.path}: events: only rmr sim has events of your own; this run goes without them", file=sys.stderr
         )
     try:
         outcome, record = asyncio.run(run_and_report(plan))
     except OSError as error:
-        click.echo(f"rmr up: {error}", err=True)
+        print(f"rmr up: {error}", file=sys.stderr)
         return ExitCode.FAILED
     tell(record, outcome, plan)
-    return exit_code(outcome, record, strict=wishes.strict) if outcome.report_error is None else ExitCode.FAILED
+    return exit_code(outcome, record, strict=options.strict) if outcome.report_error is None else ExitCode.FAILED
 
 
-async def run_and_report(plan: Plan) -> tuple[Outcome, dict[str, Any]]:
+async def run_and_report(plan: RunPlan) -> tuple[RunOutcome, dict[str, Any]]:
     """Run, and write the report while signals are still in the run's hands: an impatient Ctrl-C loses nothing.
 
     A report that cannot be written does not keep the table back. Raises OSError when a process cannot be started.
     """
-    run = Run(plan, make_screen(json=plan.wishes.as_json))
+    run = LabRun(plan, make_screen(json=plan.options.as_json))
     outcome = await run.go()
     record = make_report(plan, outcome, run.watch)
     try:
@@ -66,22 +70,22 @@ async def run_and_report(plan: Plan) -> tuple[Outcome, dict[str, Any]]:
     return outcome, record
 
 
-def tell(record: Mapping[str, Any], outcome: Outcome, plan: Plan) -> None:
+def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
     """Show the table and the run in a few words, and where it is asked for the report as JSON."""
-    as_json = plan.wishes.as_json
+    as_json = plan.options.as_json
     where = f"the report is {plan.folder / report.REPORT_FILE}"
     if outcome.report_error is not None:
-        click.echo(f"rmr up: {outcome.report_error}", err=True)
+        print(f"rmr up: {outcome.report_error}", file=sys.stderr)
         where = "there is no report"
     Console(stderr=as_json, highlight=False).print(table(record))
-    click.echo(f"{report.summary(record)}\n{outcome.reason}; {where}", err=as_json)
+    print(f"{report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
     for line in troubles(record):
-        click.echo(f"rmr up: {line}", err=True)
+        print(f"rmr up: {line}", file=sys.stderr)
     if as_json:
-        click.echo(report.to_json(record), nl=False)
+        print(report.to_json(record), end="")
 
 
-def exit_code(outcome: Outcome, record: Mapping[str, Any], *, strict: bool) -> int:
+def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -> int:
     """Return the exit code of a run."""
     if outcome.invalid and outcome.ready_s is None:
         return ExitCode.INVALID
@@ -91,4 +95,53 @@ def exit_code(outcome: Outcome, record: Mapping[str, Any], *, strict: bool) -> i
     return ExitCode.STRICT if strict and imperfect else ExitCode.OK
 
 
-__all__ = ["Wishes", "exit_code", "perform", "tell"]
+# --- the report
+
+
+def make_report(plan: RunPlan, outcome: RunOutcome, watch: StatusMonitor | None) -> dict[str, Any]:
+    """Return the report of a run that is over; `watch` is None when nobody was ever heard."""
+    parts = {robot: _part(watch, robot) if watch else {} for robot in plan.lab.roster}
+    buses = [part.pop("bus", {}) for part in parts.values()]
+    for part in parts.values():
+        part.pop("log_cut_short", None)  # for people (`StatusMonitor.cut_logs`)
+    told = report.assemble(
+        plan.lab,
+        mode="processes",
+        seed=plan.lab.seed,
+        finished=outcome.finished,
+        time_s=time_s(parts, outcome, watch),
+        wall_s=outcome.wall_s,
+        robots=parts,
+        truth=truth(watch),
+        bus_lost=sum(bus.get("lost", 0) for bus in buses),
+    )
+    added = watch.world.report.get("faults", ()) if watch and watch.world else ()
+    told["faults"] = befallen(plan.lab, added, watch.now_s if watch else 0.0)
+    ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
+    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
+
+
+def _part(watch: StatusMonitor, robot: int) -> dict[str, Any]:
+    """Return a robot's part over all of its lives; of one that died and did not return, what it told last."""
+    past = [cut_short(part) for part in watch.past(robot)]
+    present = watch.report(robot)
+    if not present and past:
+        present = past.pop()
+    return of_all_lives(past, present)
+
+
+def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, watch: StatusMonitor | None) -> float:
+    """Return lab seconds from the first tick to the last robot's finish, or to the end of a run without one."""
+    finishes = [part.get("finish_s") for part in parts.values()]
+    if outcome.finished and finishes and None not in finishes:
+        return float(max(finish for finish in finishes if finish is not None))
+    return watch.now_s if watch else 0.0
+
+
+def truth(watch: StatusMonitor | None) -> dict[str, Any]:
+    """Return what the world saw, as the report wants it; empty when it told nothing."""
+    told = watch.truth if watch else None
+    if told is None:
+        return {}
+    ways = {robot: distance_m for robot, _x, _y, _theta, distance_m in told.robots}
+    return {"collisions": told.collisions, "min_gap_m": told.min_gap_m, "distance_m": ways}

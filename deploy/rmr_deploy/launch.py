@@ -25,11 +25,10 @@ from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr.entry import ExitCode
 from rmr_deploy.active_runs import write_processes
-from rmr_deploy.obituary import how, obituary
-from rmr_deploy.preparation import Plan, free_port
-from rmr_deploy.process_group import Child, Family
-from rmr_deploy.screen import Line, Screen
-from rmr_deploy.status_monitor import Watch
+from rmr_deploy.preparation import RunPlan, free_port
+from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
+from rmr_deploy.screen import RobotLine, Screen
+from rmr_deploy.status_monitor import StatusMonitor
 
 POLL_S = 0.05
 """How often processes are looked at: a death is told within a twentieth of a second."""
@@ -54,7 +53,7 @@ DRAW_S = 0.2
 
 
 @dataclass(slots=True)
-class Outcome:
+class RunOutcome:
     """What came of a run."""
 
     finished: bool = False
@@ -76,24 +75,24 @@ class Outcome:
     """Why the report could not be written."""
 
 
-class Run:
+class LabRun:
     """A run in progress."""
 
-    def __init__(self, plan: Plan, screen: Screen) -> None:
+    def __init__(self, plan: RunPlan, screen: Screen) -> None:
         self.plan = plan
-        self.outcome = Outcome()
-        self.watch: Watch | None = None
+        self.outcome = RunOutcome()
+        self.watch: StatusMonitor | None = None
         self._screen = screen
-        self._family = Family()
+        self._processes = ProcessGroup()
         self._world: Child | None = None
         self._robots: dict[int, Child] = {}
         self._returned: set[int] = set()
         """Robots whose process died and that another process, started by hand, is now."""
-        self._limit_s = plan.wishes.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
+        self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
         self._drawn = 0.0
 
-    async def go(self) -> Outcome:
+    async def go(self) -> RunOutcome:
         """Run to the end; whatever happens, no process is left behind. Raises OSError if one cannot be started."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -104,7 +103,7 @@ class Run:
             await self._stop()
         finally:
             self._screen.close()
-            self._family.kill()
+            self._processes.kill()
             if self.watch is not None:
                 self.watch.close()
             self.plan.secret.unlink(missing_ok=True)
@@ -116,7 +115,7 @@ class Run:
         """Stop in order at the first request, at once at the second."""
         if self.outcome.interrupted:
             self.outcome.hurried = True
-            self._family.kill()
+            self._processes.kill()
             return
         self.outcome.interrupted = True
         self._screen.say(
@@ -132,18 +131,18 @@ class Run:
         for crew in plan.crews:
             child = self._child(f"robot-{spelled(crew)}", agent_command(plan, crew, endpoint))
             self._robots |= dict.fromkeys(crew, child)
-        pids = {child.name: child.pid for child in self._family.children}
+        pids = {child.name: child.pid for child in self._processes.children}
         write_processes(plan.folder, endpoint, pids)
 
     def _child(self, name: str, command: Sequence[str]) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
-        return self._family.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
+        return self._processes.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
 
     # --- watch ---------------------------------------------------------------------------------------------
 
     async def _attend(self) -> None:
         """Return when the run is over; `outcome` says why."""
-        opening = asyncio.create_task(Watch.of(self.plan.lab.name, self._endpoint, self.plan.secret))
+        opening = asyncio.create_task(StatusMonitor.of(self.plan.lab.name, self._endpoint, self.plan.secret))
         try:
             await self._until(opening.done)
         finally:
@@ -159,7 +158,7 @@ class Run:
             self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
             await self._until(self._finished)
 
-    def _take_watch(self, opened: asyncio.Task[Watch]) -> None:
+    def _take_watch(self, opened: asyncio.Task[StatusMonitor]) -> None:
         """Take the launcher's own session, or the reason why the world, or what poses as it, refused it."""
         try:
             self.watch = opened.result()
@@ -222,17 +221,17 @@ class Run:
 
     def _mourn(self) -> None:
         """Tell of the processes that have died since the last look."""
-        news = [child for child in self._family.dead() if child.name not in self.outcome.died]
+        news = [child for child in self._processes.dead() if child.name not in self.outcome.died]
         for child in news:
             code = child.exit_code()
             assert code is not None
             self.outcome.died[child.name] = code
             self.outcome.invalid |= code == ExitCode.INVALID
-            self._screen.say(obituary(child))
+            self._screen.say(exit_report(child))
             if self.watch is not None:
                 for robot in self._robots_of(child):
                     self.watch.bury(robot)
-        if news and not (self.plan.wishes.keep_going and self._can_go_on()):
+        if news and not (self.plan.options.keep_going and self._can_go_on()):
             self.outcome.reason = f"{', '.join(self.outcome.died)} died"
 
     def _welcome(self) -> None:
@@ -264,10 +263,10 @@ class Run:
         lab_s = watch.now_s if watch is not None and watch.running(roster) else None
         self._screen.show(lab_s, [self._line(robot) for robot in roster])
 
-    def _line(self, robot: int) -> Line:
+    def _line(self, robot: int) -> RobotLine:
         if not self._lives(robot):
-            return Line(robot, "died", how(self._robots[robot].exit_code()))
-        return Line(robot, *(("starting", "") if self.watch is None else self.watch.line(robot)))
+            return RobotLine(robot, "died", how(self._robots[robot].exit_code()))
+        return RobotLine(robot, *(("starting", "") if self.watch is None else self.watch.line(robot)))
 
     # --- stop ----------------------------------------------------------------------------------------------
 
@@ -279,19 +278,19 @@ class Run:
                 watch.ask_to_stop(robot, self.outcome.reason)
             await self._patiently(lambda: all(self._has_said_its_last(robot) for robot in self._robots))
             self._tell_of_the_silent()
-            await self._family.left(robots, LEAVE_S_MAX)
+            await self._processes.left(robots, LEAVE_S_MAX)
         await self._end(robots, asked=not self._gone(self._world))
         assert self._world is not None
         if watch is not None:
             watch.ask_world_to_stop(self.outcome.reason)
             await self._patiently(lambda: (watch.truth is not None and watch.truth.final) or self._gone(self._world))
-            await self._family.left([self._world], LEAVE_S_MAX)
+            await self._processes.left([self._world], LEAVE_S_MAX)
         await self._end([self._world], asked=watch is not None)
 
     async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
         """End what has not left by itself; one that was `asked` to and did not is told of."""
         late = [child.name for child in children if child.exit_code() is None]
-        stubborn = [child.name for child in await self._family.stop(children)]
+        stubborn = [child.name for child in await self._processes.stop(children)]
         if late and asked and not self.outcome.hurried:
             self._screen.say(f"{', '.join(late)} did not leave when asked and got SIGTERM")
         if stubborn and not self.outcome.hurried:
@@ -322,7 +321,7 @@ class Run:
 
     def _sweep(self) -> None:
         """Show what processes that left in order had to say, and remove their plain output: their logs say the same."""
-        for child in self._family.children:
+        for child in self._processes.children:
             if child.name not in self.outcome.died:
                 for line in said(child.output):
                     self._screen.say(f"{child.name}: {line}")
@@ -348,16 +347,16 @@ def said(output: Path) -> list[str]:
     return [line for line in lines if " failed: " in line or "refused a process" in line][-SAID_MAX:]
 
 
-def world_command(plan: Plan, endpoint: str) -> list[str]:
+def world_command(plan: RunPlan, endpoint: str) -> list[str]:
     """Return the command that starts the world."""
     lab = plan.lab
     options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
     return [*python("rmr_world.main"), "--config", str(lab.path), *options, "--secret", str(plan.secret)]
 
 
-def agent_command(plan: Plan, crew: Sequence[int], endpoint: str) -> list[str]:
+def agent_command(plan: RunPlan, crew: Sequence[int], endpoint: str) -> list[str]:
     """Return the command that starts the process of the robots in `crew`."""
-    actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
+    actions = ["--actions", str(plan.options.actions)] if plan.options.actions else []
     key = ["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []
     options = ["--id", spelled(crew), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
     return [*python("rmr_agent.main"), *options, "--secret", str(plan.secret), str(plan.byte_code)]

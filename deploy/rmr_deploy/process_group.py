@@ -2,7 +2,7 @@
 
 Three things keep a run from leaving strays:
 
-- *Order.* `Family.stop` asks with SIGTERM, waits a bounded time and then sends SIGKILL. Signals go to the
+- *Order.* `ProcessGroup.stop` asks with SIGTERM, waits a bounded time and then sends SIGKILL. Signals go to the
   process by its id while it is still unreaped, so that an id that the system has given away again is never hit.
 - *The lifeline.* Every process inherits the read end of a pipe whose only write end the launcher holds; its
   number stands in the environment as `RMR_LIFELINE`. However the launcher ends, even by ``kill -9``, the kernel
@@ -43,6 +43,13 @@ PR_SET_PDEATHSIG = 1
 """Option of prctl(2), from linux/prctl.h."""
 
 
+LAST_LINES = 8
+"""Lines that are shown: a traceback's end with the error, or what led up to it."""
+
+TAIL_OCTETS = 16_384
+"""How much of the end is read to find them."""
+
+
 @dataclass(frozen=True, slots=True)
 class Child:
     """One process of the run."""
@@ -70,7 +77,7 @@ class Child:
         return self.process.poll()
 
 
-class Family:
+class ProcessGroup:
     """All processes of one run, in the order in which they were started."""
 
     def __init__(self) -> None:
@@ -165,3 +172,40 @@ def _death_with_parent() -> Callable[[], None] | None:
             os._exit(1)
 
     return ask
+
+
+# --- exit reports
+
+
+def exit_report(child: Child) -> str:
+    """Return who ended, how, and the last lines that it wrote."""
+    lines = "".join(f"\n    {line}" for line in last_lines(child.output))
+    return f"{child.name} (pid {child.pid}) {how(child.exit_code())}" + (f"; its last words:{lines}" if lines else "")
+
+
+def how(exit_code: int | None) -> str:
+    """Return an exit code in words."""
+    if exit_code is None:
+        return "runs"
+    if exit_code < 0:
+        return f"was killed by {_signal_name(-exit_code)}"
+    return f"ended with exit code {exit_code}"
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal has no name
+        return f"signal {number}"
+
+
+def last_lines(output: Path) -> list[str]:
+    """Return the last lines of what a process has written."""
+    try:
+        with output.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(max(0, size - TAIL_OCTETS))
+            text = file.read().decode(errors="replace")
+    except OSError:  # the run folder has been removed
+        return []
+    return [line for line in text.splitlines() if line.strip()][-LAST_LINES:]

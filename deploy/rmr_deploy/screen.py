@@ -29,7 +29,7 @@ COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": 
 MET_COLOURS = {True: "green", False: "bold red", None: ""}
 
 
-class Line(NamedTuple):
+class RobotLine(NamedTuple):
     """What one robot is doing."""
 
     robot: int
@@ -42,7 +42,7 @@ class Line(NamedTuple):
 class Screen(Protocol):
     """Where a run is shown."""
 
-    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+    def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
         """Show what the robots are doing at lab time `lab_s` (None: it has not begun)."""
 
     def say(self, message: str) -> None:
@@ -74,7 +74,7 @@ class LiveScreen:
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._live.start()
 
-    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+    def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
         """Redraw."""
         with suppress(OSError):  # a terminal that is gone
             self._live.update(Group(_head(lab_s, lines), *map(_drawn, lines)), refresh=True)
@@ -97,7 +97,7 @@ class PlainScreen:
         self.console = console
         self._shown: dict[int, tuple[str, str]] = {}
 
-    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+    def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
         """Write the lines that have changed."""
         for line in lines:
             news = line.state, MEASURED.sub("", line.progress)
@@ -115,13 +115,13 @@ class PlainScreen:
         """Do nothing: what is written is written."""
 
 
-def _head(lab_s: float | None, lines: Sequence[Line]) -> Text:
+def _head(lab_s: float | None, lines: Sequence[RobotLine]) -> Text:
     done = sum(line.state == "finished" for line in lines)
     time = "starting" if lab_s is None else f"{lab_s:.1f} s"
     return Text(f"{time}, {done} of {len(lines)} finished", style="bold", no_wrap=True)
 
 
-def _drawn(line: Line) -> Text:
+def _drawn(line: RobotLine) -> Text:
     text = Text(f"robot {line.robot:<4}", no_wrap=True, overflow="ellipsis")
     return text.append(f"{line.state:<9} ", COLOURS.get(line.state, "")).append(printable(line.progress))
 

@@ -22,7 +22,7 @@ AT_WORK = ("ready", "running", "finished")
 """States of a robot that has its program, its place and its clock."""
 
 
-class Watch:
+class StatusMonitor:
     """The newest word of each process of a lab."""
 
     def __init__(self, bus: Bus, lab: str) -> None:
@@ -46,7 +46,7 @@ class Watch:
         bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 
     @classmethod
-    async def of(cls, lab: str, endpoint: str, secret: Path) -> "Watch":
+    async def of(cls, lab: str, endpoint: str, secret: Path) -> "StatusMonitor":
         """Return the watch of `lab` as soon as its router answers at `endpoint`; `secret` is a file.
 
         Raises SecretError, and NotAdmittedError when the router refuses the session.

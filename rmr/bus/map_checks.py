@@ -10,6 +10,7 @@ from rmr.base.arena import Arena, Disc, RobotShape
 from rmr.base.geometry import Point
 from rmr.bus.checks import MalformedError, name, number, record
 from rmr.radio.phy import Bursts, RadioConfig
+from rmr.radio.settings import SETTINGS
 
 FLOOR_M_MAX: Final = 1000.0
 CELLS_MAX: Final = 1_000_000
@@ -17,8 +18,8 @@ CELLS_MAX: Final = 1_000_000
 PLACES_MAX: Final = 100_000
 """Places, corners and beacons of one floor: more than a lab file has room for."""
 BEACONS_MAX: Final = 16
-POWER_DBM_MAX: Final = 200.0
-"""Of powers and sensitivities, either way."""
+ENERGY_DB_MAX: Final = 200.0
+"""Greatest distance of the energy threshold from the sensitivity, either way."""
 OWN: Final = frozenset({"pan", "seed", "security"})
 """Entries of the radio's record that are no settings of its model."""
 
@@ -100,10 +101,9 @@ def radio(value: Any) -> dict[str, Any]:
 
 
 def _check_radio(config: RadioConfig) -> None:
-    for value in (config.tx_power_dbm, config.sensitivity_dbm, config.energy_threshold_db):
-        _within(value, -POWER_DBM_MAX, POWER_DBM_MAX)
-    _within(config.exponent, 0.1, 100.0)
-    _within(config.loss, 0.0, 1.0)
-    _within(config.shadowing_db, 0.0, 30.0)
+    for setting in SETTINGS:
+        if setting.limits is not None:
+            _within(getattr(config, setting.name), *setting.limits)
+    _within(config.energy_threshold_db, -ENERGY_DB_MAX, ENERGY_DB_MAX)
     if config.bursts is not None and not (type(config.bursts.good) is type(config.bursts.bad) is int):
         raise MalformedError("expected bursts in nanoseconds")

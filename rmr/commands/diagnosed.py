@@ -6,8 +6,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import click
-
 from rmr.commands.common import counted
 from rmr.entry import ExitCode
 
@@ -35,10 +33,10 @@ def show_found(found: Sequence[Found]) -> None:
 
     color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for diagnostics, sources in found:
-        click.echo(render_text(diagnostics, sources, color), nl=False, err=True, color=color)
+        print(render_text(diagnostics, sources, color), end="", file=sys.stderr)
     errors = [each for each in every if each.severity is Severity.ERROR]
-    click.echo(f"{counted(len(errors), 'errors')}, {counted(len(every) - len(errors), 'warnings')}", err=True)
-    click.echo(f"for more: rmr explain {(errors or every)[0].code}", err=True)
+    print(f"{counted(len(errors), 'errors')}, {counted(len(every) - len(errors), 'warnings')}", file=sys.stderr)
+    print(f"for more: rmr explain {(errors or every)[0].code}", file=sys.stderr)
 
 
 def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:

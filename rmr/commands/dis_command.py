@@ -4,17 +4,17 @@
 import sys
 from pathlib import Path
 
-import click
-
-from rmr.commands.common import PATH, SETTINGS, VERSION, reason
+from rmr.commands.common import reason
 from rmr.entry import ExitCode
+from rmr.entry.command_line import Command, Parser
 
 
-@click.command("dis", context_settings=SETTINGS)
-@click.argument("program", metavar="PROG.rbc", type=PATH)
-@VERSION
-def command(program: Path) -> None:
-    """Print byte-code as annotated text, offsets in hex."""
+def _declare(parser: Parser) -> None:
+    parser.positional("program", "PROG.rbc")
+
+
+def _disassemble(program: Path) -> int:
+    """Print a byte-code file as text; return the exit code."""
     from rmr.bytecode.disassemble import disassemble
     from rmr.bytecode.layout import SIZE_MAX
     from rmr.bytecode.wire import BytecodeError
@@ -23,11 +23,15 @@ def command(program: Path) -> None:
         with program.open("rb") as stream:
             octets = stream.read(SIZE_MAX + 1)
     except (OSError, ValueError) as error:
-        click.echo(f"{program}: error: {reason(error)}", err=True)
-        sys.exit(ExitCode.USAGE)
+        print(f"{program}: error: {reason(error)}", file=sys.stderr)
+        return ExitCode.USAGE
     try:
         text = disassemble(octets)
     except BytecodeError as error:
-        click.echo(f"{program}: error: this is no valid byte-code: {error}", err=True)
-        sys.exit(ExitCode.INVALID)
-    click.echo(text.rstrip("\n"))
+        print(f"{program}: error: this is no valid byte-code: {error}", file=sys.stderr)
+        return ExitCode.INVALID
+    print(text.rstrip("\n"))
+    return ExitCode.OK
+
+
+command = Command("Print byte-code as annotated text, offsets in hex.", _declare, _disassemble)

@@ -1,16 +1,15 @@
 """`rmr radio`: what the radio of a lab will carry, tried in virtual time before anything is deployed."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import click
-
-from rmr.commands.common import SETTINGS, VERSION, counted, print_json
+from rmr.commands.common import counted, print_json
+from rmr.entry.command_line import Command, CommandLineError, Entry, Group, Parser, Read, Runnable, one_of, real, whole
+from rmr.radio.settings import SETTINGS
 
 if TYPE_CHECKING:
     from multiprocessing.synchronize import Semaphore
@@ -26,96 +25,75 @@ SEEDS_MAX = 100_000
 """Replications; their intervals are then far narrower than the model is right."""
 
 _Sample = TypeVar("_Sample")
-_Command = TypeVar("_Command", bound=Callable[..., None])
+
+ANY_REAL = real()
+ANY_WHOLE = whole(-(10**18))
+"""Of values that an experiment checks itself: its message says more of what is wrong."""
+CASES = ("hidden", "exposed_control", "near_far_hidden")
 
 
-class Real(click.FloatRange):
-    """A number within limits, and no NaN, which lies within any."""
-
-    name = "number"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return `value` as a float."""
-        number = super().convert(value, param, ctx)
-        return self.fail(f"{value!r} is not a number.", param, ctx) if math.isnan(number) else number
+# ---- options
 
 
-def _options(*options: Callable[[_Command], _Command]) -> Callable[[_Command], _Command]:
-    """Return the decorator that adds `options`, in the order of the help."""
-
-    def add(command: _Command) -> _Command:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return add
-
-
-def _option(
-    name: str, kind: "click.ParamType[Any]", default: object, text: str, metavar: str
-) -> Callable[[_Command], _Command]:
-    return click.option(name, type=kind, default=default, show_default=True, help=text, metavar=metavar)
-
-
-_radio_options = _options(
-    click.option(
-        "--interference",
-        type=click.Choice(["capture_3db", "awgn"]),
-        default="capture_3db",
-        show_default=True,
-        help="capture_3db: a frame must be 3 dB above all others, as with real radios. awgn: others are like noise, "
-        "as in ns-3; more frames survive.",
-    ),
-    _option(
-        "--sensitivity", Real(-130, -40), -85.0, "Weakest power that is received, dBm; real radios -85 to -101.", "DBM"
-    ),
-    _option("--tx-power", Real(-60, 40), 0.0, "Power that is sent, dBm.", "DBM"),
-    _option("--exponent", Real(1.5, 6), 3.0, "How fast power falls with distance: 2 in the open, 3 in a room.", "N"),
-    _option("--shadowing", Real(0, 30), 0.0, "By how much links of one length differ: standard deviation, dB.", "DB"),
-    _option("--loss", Real(0, 1), 0.0, "Share of frames that are lost besides.", "SHARE"),
-)
-
-_json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document on stdout.")
+def _declare_radio(parser: Parser) -> None:
+    """Declare the radio's settings."""
+    for each in SETTINGS:
+        if each.choices:
+            parser.choice(each.option, each.choices, default=each.default, help=each.help)
+        elif each.option:
+            parser.option(
+                each.option,
+                dest=each.name,
+                metavar=each.metavar,
+                read=real(*each.trial_limits),
+                default=each.default,
+                help=each.help,
+            )
 
 
-def _run_options(seeds: int) -> Callable[[_Command], _Command]:
-    return _options(
-        _option("--seeds", click.IntRange(1, SEEDS_MAX), seeds, "How many times, each with chances of its own.", "N"),
-        _option("--seed", click.IntRange(min=0), 0, "The first seed; the same seeds give the same output.", "S"),
-        _option(
-            "--jobs", click.IntRange(1, JOBS_MAX), 1, "Processes that share the work; the output is the same.", "N"
-        ),
-        _json_option,
-        VERSION,
-    )
+def _declare_runs(parser: Parser, seeds: int) -> None:
+    """Declare the radio's settings and how often an experiment is run, by default with so many `seeds`."""
+    _declare_radio(parser)
+    _whole(parser, "--seeds", "N", seeds, "How many times, each with chances of its own.", whole(1, SEEDS_MAX))
+    _whole(parser, "--seed", "S", 0, "The first seed; the same seeds give the same output.", whole())
+    _whole(parser, "--jobs", "N", 1, "Processes that share the work; the output is the same.", whole(1, JOBS_MAX))
+    parser.flag("--json", dest="as_json", help="Print one JSON document on stdout.")
 
 
-_payload = _option("--payload", click.INT, 50, "Octets that each frame carries.", "B")
-_psdu = _option("--psdu", click.INT, 61, "Octets of a frame with header and check sequence: payload + 11.", "B")
-_unicast = click.option("--unicast", is_flag=True, help="To one station, which acknowledges; else to all.")
-_saturated = click.option("--saturated", is_flag=True, help="As many frames as will go, instead of a rate.")
+def _whole(parser: Parser, name: str, metavar: str, default: int, text: str, read: Read = ANY_WHOLE) -> None:
+    parser.option(name, metavar=metavar, read=read, default=default, help=text)
 
 
-@click.group("radio", context_settings=SETTINGS, short_help="Try what the radio will carry.")
-@VERSION
-def command() -> None:
-    """Try in virtual time what the radio of a lab will carry, before anything is deployed.
-
-    Each subcommand is one experiment with the radio that robots and simulator have: IEEE 802.15.4 at 2.4 GHz without
-    beacons. Shares and times come with the interval in which the true value lies 95 times of 100.
-    """
+def _real(parser: Parser, name: str, metavar: str, default: float, text: str) -> None:
+    parser.option(name, metavar=metavar, read=ANY_REAL, default=default, help=text)
 
 
-@command.command("contention", context_settings=SETTINGS, short_help="Many stations share the channel.")
-@_option("--senders", click.INT, 10, "Stations that send, 10 m around one that only listens.", "N")
-@_option("--offered-fps", click.FLOAT, 100.0, "Frames a second that they want to send, all together.", "F")
-@_saturated
-@_payload
-@_unicast
-@_option("--seconds", click.FLOAT, 60.0, "Virtual time that counts, of each run.", "S")
-@_radio_options
-@_run_options(10)
-def contention(
+def _declare_payload(parser: Parser) -> None:
+    _whole(parser, "--payload", "B", 50, "Octets that each frame carries.")
+    parser.flag("--unicast", help="To one station, which acknowledges; else to all.")
+
+
+def _declare_psdu(parser: Parser) -> None:
+    _whole(parser, "--psdu", "B", 61, "Octets of a frame with header and check sequence: payload + 11.")
+
+
+def _declare_saturated(parser: Parser) -> None:
+    parser.flag("--saturated", help="As many frames as will go, instead of a rate.")
+
+
+# ---- the experiments
+
+
+def _declare_contention(parser: Parser) -> None:
+    _whole(parser, "--senders", "N", 10, "Stations that send, 10 m around one that only listens.")
+    _real(parser, "--offered-fps", "F", 100.0, "Frames a second that they want to send, all together.")
+    _declare_saturated(parser)
+    _declare_payload(parser)
+    _real(parser, "--seconds", "S", 60.0, "Virtual time that counts, of each run.")
+    _declare_runs(parser, 10)
+
+
+def _contention(
     senders: int, offered_fps: float, saturated: bool, payload: int, unicast: bool, seconds: float, **others: Any
 ) -> None:
     """How many frames arrive, and how late, when many stations in range of each other send at random."""
@@ -129,30 +107,27 @@ def contention(
     _tell(title, partial(run, case), others)
 
 
-@command.command("hidden", context_settings=SETTINGS, short_help="Two stations that cannot hear each other.")
-@click.option(
-    "--case",
-    "name",
-    type=click.Choice(["hidden", "exposed_control", "near_far_hidden"]),
-    default="hidden",
-    show_default=True,
-    help="hidden: A and C do not hear each other. exposed_control: as far from B, but they do. near_far_hidden: "
-    "hidden, and C is the stronger.",
-)
-@_option("--load-fps", click.FLOAT, 25.0, "Frames a second that each of the two wants to send.", "F")
-@_saturated
-@_payload
-@_unicast
-@_option("--seconds", click.FLOAT, 120.0, "Virtual time that counts, of each run.", "S")
-@_radio_options
-@_run_options(10)
-def hidden(
+def _declare_hidden(parser: Parser) -> None:
+    parser.option(
+        "--case",
+        dest="name",
+        metavar="|".join(CASES),
+        read=one_of(CASES),
+        default="hidden",
+        help="hidden: A and C do not hear each other. exposed_control: as far from B, but they do. near_far_hidden: "
+        "hidden, and C is the stronger.",
+    )
+    _real(parser, "--load-fps", "F", 25.0, "Frames a second that each of the two wants to send.")
+    _declare_saturated(parser)
+    _declare_payload(parser)
+    _real(parser, "--seconds", "S", 120.0, "Virtual time that counts, of each run.")
+    _declare_runs(parser, 10)
+
+
+def _hidden(
     name: str, load_fps: float, saturated: bool, payload: int, unicast: bool, seconds: float, **others: Any
 ) -> None:
-    """How many frames arrive at B from A and C, which cannot hear each other.
-
-    They stand as far from B as the radio reaches well: 15 m with the radio of the defaults.
-    """
+    """How many frames arrive at B from A and C, which cannot hear each other."""
     from rmr.radio.trials.hidden import Hidden, distances, run
 
     with _refused():
@@ -164,21 +139,20 @@ def hidden(
     _tell(title, partial(run, case), others)
 
 
-@command.command("storm", context_settings=SETTINGS, short_help="A broadcast that all who hear it answer.")
-@_option("--members", click.INT, 10, "Stations that answer.", "N")
-@_option("--jitter-ms", click.FLOAT, 50.0, "Each waits a random time up to so long before it answers.", "J")
-@click.option(
-    "--geometry",
-    type=click.Choice(["circle", "disk"]),
-    default="circle",
-    show_default=True,
-    help="circle: all 10 m from whoever asks. disk: anywhere within 20 m.",
-)
-@_payload
-@_unicast
-@_radio_options
-@_run_options(100)
-def storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast: bool, **others: Any) -> None:
+def _declare_storm(parser: Parser) -> None:
+    _whole(parser, "--members", "N", 10, "Stations that answer.")
+    _real(parser, "--jitter-ms", "J", 50.0, "Each waits a random time up to so long before it answers.")
+    parser.choice(
+        "--geometry",
+        ["circle", "disk"],
+        default="circle",
+        help="circle: all 10 m from whoever asks. disk: anywhere within 20 m.",
+    )
+    _declare_payload(parser)
+    _declare_runs(parser, 100)
+
+
+def _storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast: bool, **others: Any) -> None:
     """How many answers to one broadcast arrive when all who hear it answer. One run is one storm."""
     from rmr.radio.trials.storm import GEOMETRIES, Storm, run
 
@@ -189,14 +163,15 @@ def storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast: 
     _tell(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
 
 
-@command.command("overlap", context_settings=SETTINGS, short_help="Two frames at once.")
-@_option("--sir", click.FLOAT, 6.0, "Power of the first frame over that of the second, dB.", "DB")
-@_option("--offset", click.FLOAT, 100.0, "By how much the second begins later, us.", "US")
-@_psdu
-@_option("--frames", click.INT, 400, "Pairs of frames of each run.", "N")
-@_radio_options
-@_run_options(1)
-def overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) -> None:
+def _declare_overlap(parser: Parser) -> None:
+    _real(parser, "--sir", "DB", 6.0, "Power of the first frame over that of the second, dB.")
+    _real(parser, "--offset", "US", 100.0, "By how much the second begins later, us.")
+    _declare_psdu(parser)
+    _whole(parser, "--frames", "N", 400, "Pairs of frames of each run.")
+    _declare_runs(parser, 1)
+
+
+def _overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) -> None:
     """Which of two frames at once is received, by their powers. The first comes from 10 m."""
     from rmr.radio.trials.overlap import Overlap, run, second_m
 
@@ -207,13 +182,13 @@ def overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) ->
     _tell(title, partial(run, case), others)
 
 
-@command.command("latency", context_settings=SETTINGS, short_help="One sender alone.")
-@_payload
-@_unicast
-@_option("--frames", click.INT, 2000, "Frames of each run.", "N")
-@_radio_options
-@_run_options(1)
-def latency(payload: int, unicast: bool, frames: int, **others: Any) -> None:
+def _declare_latency(parser: Parser) -> None:
+    _declare_payload(parser)
+    _whole(parser, "--frames", "N", 2000, "Frames of each run.")
+    _declare_runs(parser, 1)
+
+
+def _latency(payload: int, unicast: bool, frames: int, **others: Any) -> None:
     """How long a frame takes over 10 m on a channel that nobody else uses."""
     from rmr.radio.trials.latency import Latency, run
 
@@ -223,24 +198,94 @@ def latency(payload: int, unicast: bool, frames: int, **others: Any) -> None:
     _tell(title, partial(run, case), others)
 
 
-@command.command("link", context_settings=SETTINGS, short_help="One frame over a distance.")
-@click.option("--distance", metavar="M", type=click.FLOAT, required=True, help="Metres from sender to receiver.")
-@_psdu
-@click.option("--frames", metavar="N", type=click.INT, help="Also send so many, in each run, and count.")
-@_radio_options
-@_run_options(1)
-def link(distance: float, psdu: int, frames: int | None, **others: Any) -> None:
-    """How strong a frame is after a distance, and how likely it is received.
+def _declare_link(parser: Parser) -> None:
+    parser.option("--distance", metavar="M", read=ANY_REAL, required=True, help="Metres from sender to receiver.")
+    _declare_psdu(parser)
+    parser.option("--frames", metavar="N", read=ANY_WHOLE, help="Also send so many, in each run, and count.")
+    _declare_runs(parser, 1)
 
-    Nobody else is on the air. Under shadowing the shares are means of all links of that length. With --frames they
-    are what was counted on one such link in each run.
-    """
+
+def _link(distance: float, psdu: int, frames: int | None, **others: Any) -> None:
+    """How strong a frame is after a distance, and how likely it is received."""
     from rmr.radio.trials.link import Link, run
 
     with _refused():
         case = Link(distance, psdu, frames)
     title = f"{distance:g} m, a frame of {psdu} octets" + (f", {frames} sent" if frames else "")
     _tell(title, partial(run, case), others)
+
+
+EXPERIMENTS: dict[str, tuple[str, Command]] = {
+    "contention": (
+        "Many stations share the channel.",
+        Command(
+            "How many frames arrive, and how late, when many stations in range of each other send at random.",
+            _declare_contention,
+            _contention,
+        ),
+    ),
+    "hidden": (
+        "Two stations that cannot hear each other.",
+        Command(
+            """\
+How many frames arrive at B from A and C, which cannot hear each other.
+
+They stand as far from B as the radio reaches well: 15 m with the radio of the defaults.
+""",
+            _declare_hidden,
+            _hidden,
+        ),
+    ),
+    "storm": (
+        "A broadcast that all who hear it answer.",
+        Command(
+            "How many answers to one broadcast arrive when all who hear it answer. One run is one storm.",
+            _declare_storm,
+            _storm,
+        ),
+    ),
+    "overlap": (
+        "Two frames at once.",
+        Command(
+            "Which of two frames at once is received, by their powers. The first comes from 10 m.",
+            _declare_overlap,
+            _overlap,
+        ),
+    ),
+    "latency": (
+        "One sender alone.",
+        Command("How long a frame takes over 10 m on a channel that nobody else uses.", _declare_latency, _latency),
+    ),
+    "link": (
+        "One frame over a distance.",
+        Command(
+            """\
+How strong a frame is after a distance, and how likely it is received.
+
+Nobody else is on the air. Under shadowing the shares are means of all links of that length. With --frames they
+are what was counted on one such link in each run.
+""",
+            _declare_link,
+            _link,
+        ),
+    ),
+}
+"""Name of each experiment -> its summary and its command."""
+
+
+def _loaded(command: Command) -> Runnable:
+    return command
+
+
+command = Group(
+    """\
+Try in virtual time what the radio of a lab will carry, before anything is deployed.
+
+Each subcommand is one experiment with the radio that robots and simulator have: IEEE 802.15.4 at 2.4 GHz without
+beacons. Shares and times come with the interval in which the true value lies 95 times of 100.
+""",
+    {name: Entry(summary, partial(_loaded, experiment)) for name, (summary, experiment) in EXPERIMENTS.items()},
+)
 
 
 # ---- how they are run
@@ -252,7 +297,7 @@ def _refused() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise click.UsageError(str(error)) from None
+        raise CommandLineError(str(error)) from None
 
 
 def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
@@ -265,20 +310,13 @@ def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) ->
     if others["as_json"]:
         print_json(row)
     else:
-        click.echo(f"{title}; {counted(len(seeds), 'runs')}\n\n{told(row)}", nl=False)
+        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{told(row)}", end="")
 
 
 def _config(others: dict[str, Any]) -> "RadioConfig":
     from rmr.radio.phy import RadioConfig
 
-    return RadioConfig(
-        tx_power_dbm=others["tx_power"],
-        sensitivity_dbm=others["sensitivity"],
-        exponent=others["exponent"],
-        loss=others["loss"],
-        interference=others["interference"],
-        shadowing_db=others["shadowing"],
-    )
+    return RadioConfig(**{each.name: others[each.name] for each in SETTINGS if each.option})
 
 
 def _over(jobs: int) -> "Over":
@@ -287,12 +325,21 @@ def _over(jobs: int) -> "Over":
     def over(trial: Callable[[int], _Sample], seeds: Sequence[int]) -> Iterator[_Sample]:
         with _samples(trial, seeds, min(jobs, len(seeds))) as samples:
             if sys.stderr.isatty() and len(seeds) > 1:
-                with click.progressbar(samples, length=len(seeds), label="runs", file=sys.stderr) as shown:
-                    yield from shown
+                yield from _shown(samples, len(seeds))
             else:
                 yield from samples
 
     return over
+
+
+def _shown(samples: Iterator[_Sample], number: int) -> Iterator[_Sample]:
+    """Yield `samples`, of which there are `number`, and keep a line on the terminal up to date meanwhile."""
+    try:
+        for done, sample in enumerate(samples, 1):
+            print(f"\r\x1b[Kruns  {done} of {number}", end="", file=sys.stderr, flush=True)
+            yield sample
+    finally:
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 @contextmanager

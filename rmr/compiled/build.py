@@ -51,6 +51,7 @@ INTERPRETED = {
     "rmr/base/mistake.py": "the same",
     "rmr/base/record.py": "makes classes at run time",
     "rmr/base/values.py": "its classes are strings and ints",
+    "rmr/radio/settings.py": "a table that commands and schema read, with whole numbers where those write them",
     "rmr/node/actions/handle.py": "a handler meets the same coroutines and classes in both forms",
     "rmr/node/actions/built_in.py": "the same",
     "rmr/node/actions/user_file.py": "runs once, on a user's file",

@@ -6,11 +6,11 @@ An empty program is a program. A file that another one names, such as a lab's pr
 import os
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr.commands.subcommands import command as rmr
 from rmr_agent.main import _command as agent
-from rmr_deploy.commands.up import command as up
+from rmr_deploy.up import command as up
 from rmr_lab.commands import command as lab
 from rmr_sim.main import main as sim
 from rmr_world.main import _command as world
@@ -56,13 +56,13 @@ def run(tmp_path, monkeypatch, capfd):
     (tmp_path / "no-permission").write_text("x")
     (tmp_path / "no-permission").chmod(0)
     (tmp_path / "octets").write_bytes(b"\xff\x00{]")
-    assert CliRunner().invoke(rmr, ["compile", "tiny.rmr"]).exit_code == 0
+    assert invoke(rmr, ["compile", "tiny.rmr"]).exit_code == 0
 
     def call(command, file):
         main, *words = COMMANDS[command]
         words = [file if word == "FILE" else word for word in words]
         if command in CLICK:
-            answer = CliRunner().invoke(main, words)
+            answer = invoke(main, words)
             assert isinstance(answer.exception, SystemExit | None), answer.exception
             return answer.exit_code, answer.output
         try:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr.commands import subcommands
 from rmr.lang.diagnostic import CODES
@@ -14,7 +14,7 @@ from rmr.lang.pages import page
 
 
 def explain(*arguments):
-    return CliRunner().invoke(subcommands.command, ["explain", *arguments])
+    return invoke(subcommands.command, ["explain", *arguments])
 
 
 def test_a_code_is_explained_in_plain_text():
@@ -49,7 +49,7 @@ def test_small_letters_do_as_well():
 
 
 @pytest.mark.parametrize(
-    ("code", "hint"), [("E12", "Did you mean E012?"), ("nonsense", "`rmr explain` lists all codes.")]
+    ("code", "hint"), [("E12", "did you mean 'E012'?"), ("nonsense", "`rmr explain` lists all codes")]
 )
 def test_an_unknown_code_is_wrong_usage_with_a_hint(code, hint):
     result = explain(code)

@@ -5,7 +5,7 @@ import os
 import stat
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr.commands import subcommands
 
@@ -15,7 +15,7 @@ BAD = "p(R.\n"
 
 
 def fmt(*arguments, text=None):
-    return CliRunner().invoke(subcommands.command, ["fmt", *(str(each) for each in arguments)], input=text)
+    return invoke(subcommands.command, ["fmt", *(str(each) for each in arguments)], text=text)
 
 
 @pytest.fixture

@@ -6,8 +6,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
-
 from rmr.entry import ExitCode
 from rmr_lab.findings import ERROR, Findings, judge
 from rmr_lab.picture import draw
@@ -20,7 +18,7 @@ def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
     """Check `paths`, tell what is wrong, draw the lab if asked to; return the exit code."""
     found = [judge(path) for path in paths]
     if as_json:
-        click.echo(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
+        print(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
     else:
         _show(found)
     code = _exit_code(found)
@@ -32,14 +30,14 @@ def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
 def _show(found: Sequence[Findings]) -> None:
     color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for each in found:
-        click.echo(each.text(color), nl=False, err=True, color=color)
+        print(each.text(color), end="", file=sys.stderr)
     severities = [severity for each in found for severity in each.severities]
     errors = severities.count(ERROR)
     if severities:
-        click.echo(f"{_counted(errors, 'error')}, {_counted(len(severities) - errors, 'warning')}", err=True)
+        print(f"{_counted(errors, 'error')}, {_counted(len(severities) - errors, 'warning')}", file=sys.stderr)
     for each in found:
         if each.lab is not None and ERROR not in each.severities:
-            click.echo(f"{each.path}: {_in_short(each.lab)}", err=True)
+            print(f"{each.path}: {_in_short(each.lab)}", file=sys.stderr)
 
 
 def _counted(number: int, word: str) -> str:
@@ -62,12 +60,12 @@ def _draw(found: Findings, svg: Path) -> int:
     """Write the picture; return the exit code."""
     lab = found.lab
     if lab is None:
-        click.echo(f"{svg} is not drawn: the lab file has errors", err=True)
+        print(f"{svg} is not drawn: the lab file has errors", file=sys.stderr)
         return ExitCode.INVALID
     goals = destinations(lab) if found.program is None else bound_for(lab, found.program)
     try:
         svg.write_text(draw(lab, goals), encoding="utf-8")
     except OSError as error:
-        click.echo(f"{svg}: {error.strerror}", err=True)
+        print(f"{svg}: {error.strerror}", file=sys.stderr)
         return ExitCode.USAGE
     return 0

@@ -16,8 +16,9 @@ from rmr.base.values import Symbol
 from rmr.bytecode.program import Constant
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
-from rmr.radio.phy import Bursts
+from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
+from rmr.radio.settings import SETTINGS
 from rmr_world.accepted import Accepted, accepted
 from rmr_world.arena import area_of, grid_poses, obstacle_of, overlaps
 from rmr_world.document import Document, LabError, Path_
@@ -305,10 +306,11 @@ def _parted(texts: Sequence[str]) -> list[int]:
 
 
 def _radio(spec: RadioSpec) -> RadioSettings:
-    bursts = None if spec.bursts is None else Bursts(**spec.bursts.model_dump())
+    values = spec.model_dump(include={setting.name for setting in SETTINGS})
+    if values["bursts"] is not None:
+        values["bursts"] = Bursts(**values["bursts"])
     security = spec.security or (UNSECURED if spec.key_file is None else KEYED)
-    others = {"bursts", "links", "partition", "security", "key_file"}
-    return RadioSettings(**spec.model_dump(exclude=others), bursts=bursts, security=security)
+    return RadioSettings(RadioConfig(**values), spec.seed, security)
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:

@@ -15,7 +15,7 @@ from rmr.base.geometry import Pose
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
 from rmr.radio.links import Disturbance
-from rmr.radio.phy import Bursts, RadioConfig
+from rmr.radio.phy import RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr_world.document import LabError, Path_, Problem, read
 from rmr_world.provided_labs import LAB_FILE, resolve
@@ -40,32 +40,12 @@ class RobotStart:
 class RadioSettings:
     """The radio's settings of a lab."""
 
-    tx_power_dbm: float = 0.0
-    sensitivity_dbm: float = -85.0
-    exponent: float = 3.0
-    shadowing_db: float = 0.0
-    """Standard deviation of what each link adds to or takes from the path loss."""
-    loss: float = 0.0
-    """Share of all frames that is lost on top of what physics loses."""
-    bursts: Bursts | None = None
-    interference: str = "capture_3db"
+    config: RadioConfig = RadioConfig()
+    """The model of the radio that all robots share."""
     seed: int | None = None
     """None: the run's seed."""
     security: str = UNSECURED
     """A name of `rmr.radio.security.LEVELS`."""
-
-    @property
-    def config(self) -> RadioConfig:
-        """The model of the radio that all robots share."""
-        return RadioConfig(
-            tx_power_dbm=self.tx_power_dbm,
-            sensitivity_dbm=self.sensitivity_dbm,
-            exponent=self.exponent,
-            shadowing_db=self.shadowing_db,
-            loss=self.loss,
-            bursts=self.bursts,
-            interference=self.interference,
-        )
 
 
 @dataclass(frozen=True, slots=True)

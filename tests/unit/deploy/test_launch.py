@@ -13,10 +13,9 @@ import pytest
 
 import rmr_deploy.launch as launching
 from rmr.bus.secret import make_secret
-from rmr_deploy.lab_run import exit_code
-from rmr_deploy.launch import Run
-from rmr_deploy.preparation import Plan, Wishes
-from rmr_deploy.record import make_report
+from rmr_deploy.lab_run import exit_code, make_report
+from rmr_deploy.launch import LabRun
+from rmr_deploy.preparation import RunOptions, RunPlan
 from rmr_world.lab import load_lab
 from rmr_world.program import LoadedProgram
 
@@ -71,14 +70,14 @@ def start(tmp_path, monkeypatch):
     (tmp_path / "lab.yaml").write_text(LAB)
     (tmp_path / "run" / "logs").mkdir(parents=True)
 
-    def make(first: str, second: str, **wishes) -> Run:
+    def make(first: str, second: str, **options) -> Run:
         monkeypatch.setenv("STANDIN_1", first)
         monkeypatch.setenv("STANDIN_2", second)
         loaded = LoadedProgram(None, b"", 0, "")
-        plan = Plan(Wishes(lab=tmp_path, **wishes), load_lab(tmp_path), loaded, tmp_path / "run")
+        plan = RunPlan(RunOptions(lab=tmp_path, **options), load_lab(tmp_path), loaded, tmp_path / "run")
         plan.secret.unlink(missing_ok=True)
         make_secret(plan.secret)
-        return Run(plan, Notes())
+        return LabRun(plan, Notes())
 
     return make
 

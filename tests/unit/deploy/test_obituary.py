@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from rmr_deploy.obituary import LAST_LINES, how, last_lines, obituary
-from rmr_deploy.process_group import Child
+from rmr_deploy.process_group import LAST_LINES, Child, exit_report, how, last_lines
 
 
 @pytest.mark.parametrize(
@@ -28,7 +27,7 @@ def test_an_obituary_names_the_process_its_end_and_its_last_words(tmp_path):
     output.write_text("robot 3: no handler for action blink\n")
     process = subprocess.Popen([sys.executable, "-S", "-c", "raise SystemExit(3)"])
     process.wait()
-    assert obituary(Child("robot-3", process, output)) == (
+    assert exit_report(Child("robot-3", process, output)) == (
         f"robot-3 (pid {process.pid}) ended with exit code 3; its last words:\n    robot 3: no handler for action blink"
     )
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rmr.bus.process import LIFELINE
-from rmr_deploy.process_group import Child, Family
+from rmr_deploy.process_group import Child, ProcessGroup
 
 OBEDIENT = "import time; print('up', flush=True); time.sleep(60)"
 STUBBORN = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
@@ -21,12 +21,12 @@ HANGING_ON_THE_LIFELINE = f"import os; print('up', flush=True); os.read(int(os.e
 
 @pytest.fixture
 def family():
-    family = Family()
+    family = ProcessGroup()
     yield family
     family.kill()
 
 
-def start(family: Family, folder: Path, code: str, name: str = "robot-1") -> Child:
+def start(family: ProcessGroup, folder: Path, code: str, name: str = "robot-1") -> Child:
     child = family.start(name, [sys.executable, "-S", "-c", code], folder / f"{name}.jsonl")
     eventually(lambda: b"up" in child.output.read_bytes() or child.exit_code() is not None)
     return child
@@ -128,8 +128,8 @@ def test_the_lifeline_reads_end_of_file_when_the_launcher_lets_go(family, tmp_pa
 
 LAUNCHER = """
 import pathlib, sys, time
-from rmr_deploy.process_group import Family
-family = Family()
+from rmr_deploy.process_group import ProcessGroup
+family = ProcessGroup()
 for number, code in enumerate(sys.argv[2:]):
     child = family.start(f"child-{number}", [sys.executable, "-S", "-c", code], pathlib.Path(sys.argv[1]) / f"{number}")
     print(child.pid, flush=True)

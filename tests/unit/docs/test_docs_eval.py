@@ -2,7 +2,7 @@
 
 import json
 
-from click.testing import CliRunner
+from command_runner import invoke
 from doc_pages import codes, page, table
 
 from rmr.commands.eval_command import command
@@ -42,7 +42,7 @@ def paths(value, prefix=""):
 
 def test_every_key_of_the_report_is_documented_and_no_other(tmp_path):
     (tmp_path / "p.rmr").write_text("p(R).")
-    report = json.loads(CliRunner().invoke(main, ["eval", str(tmp_path / "p.rmr")]).stdout)
+    report = json.loads(invoke(main, ["eval", str(tmp_path / "p.rmr")]).stdout)
     assert [codes(row[0])[0] for row in table(PAGE, "key", "holds")] == list(paths(report))
 
 

@@ -17,12 +17,12 @@ from rmr.node.actions.dispatcher import RobotHandle
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr_agent.main import main as agent
 from rmr_deploy import launch
-from rmr_deploy.commands.fault import command as fault
-from rmr_deploy.commands.up import command
 from rmr_deploy.disturb import record
-from rmr_deploy.launch import Outcome
-from rmr_deploy.preparation import Plan, Wishes
-from rmr_deploy.record import make_report
+from rmr_deploy.fault import command as fault
+from rmr_deploy.lab_run import make_report
+from rmr_deploy.launch import RunOutcome
+from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.up import command
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as sim
@@ -223,8 +223,8 @@ def simulated():
 
 def of_processes(folder):
     lab = load_lab(ROOT / "deploy" / "labs" / "testbed")
-    plan = Plan(Wishes(lab=lab.path), lab, None, folder)
-    return make_report(plan, Outcome(reason="interrupted"), None)
+    plan = RunPlan(RunOptions(lab=lab.path), lab, None, folder)
+    return make_report(plan, RunOutcome(reason="interrupted"), None)
 
 
 def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_path):

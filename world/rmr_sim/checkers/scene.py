@@ -100,7 +100,7 @@ class Scene:
 
     def linked(self, a: int, b: int, since: Instant, now: Instant) -> bool:
         """Return whether the radio between two robots has been fair from `since` to `now`."""
-        radio = self.simulation.lab.radio
+        radio = self.simulation.lab.radio.config
         if radio.bursts is not None or not self._in_range(a, b):
             return False
         kept = 1.0 - radio.loss
