@@ -1,4 +1,4 @@
-"""The program `rmr-agent`: its options alone, so that help and wrong usage cost little; `agent_process` does the work."""
+"""The program `rmr-agent`: its options alone, so that help costs little; `agent_process` does the work."""
 # ruff: noqa: PLC0415 - see rmr.entry; the bus and the node load only where a robot runs
 
 import os

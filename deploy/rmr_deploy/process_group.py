@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rmr.bus.process import LIFELINE
+from rmr.entry import ExitCode
 
 POLL_S = 0.02
 """How often a stopping process is looked at; far below what a person notices."""
@@ -169,7 +170,7 @@ def _death_with_parent() -> Callable[[], None] | None:
     def ask() -> None:
         prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
         if os.getppid() != parent:  # it died before the kernel was asked
-            os._exit(1)
+            os._exit(ExitCode.FAILED)
 
     return ask
 

@@ -14,35 +14,32 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """The exit codes of all commands, each with its meaning as docs/labs.md states it."""
+    """The exit codes of all commands."""
 
-    meaning: str
+    OK = 0
+    FAILED = 1
+    USAGE = 2
+    INVALID = 3
+    STRICT = 4
 
-    def __new__(cls, value: int, meaning: str) -> "ExitCode":
-        """Return the member of `value`."""
-        it = int.__new__(cls, value)
-        it._value_ = value
-        it.meaning = meaning
-        return it
 
-    OK = 0, "fine"
-    FAILED = 1, "it ran and failed: not finished in time, a process died, an endpoint in use, a robot's id taken"
-    USAGE = (
-        2,
-        (
-            "wrong usage; a file named on the command line that is not there or cannot be read; an unwritable place; for "
-            "`rmr-agent` and `rmr fault` also a robot that the lab does not have, or several labs at the endpoint without "
-            "`--lab`"
-        ),
-    )
-    INVALID = (
-        3,
-        (
-            "an invalid program, byte-code, lab file, key or file of actions, a robot and a lab that do not agree on the "
-            "radio's security, a program with an action that nothing carries out, or one that does not fit the lab"
-        ),
-    )
-    STRICT = 4, "under `--strict`: finished, but a deadline was missed or robots touched something"
+MEANINGS = {
+    ExitCode.OK: "fine",
+    ExitCode.FAILED: (
+        "it ran and failed: not finished in time, a process died, an endpoint in use, a robot's id taken"
+    ),
+    ExitCode.USAGE: (
+        "wrong usage; a file named on the command line that is not there or cannot be read; an unwritable place; "
+        "for `rmr-agent` and `rmr fault` also a robot that the lab does not have, or several labs at the endpoint "
+        "without `--lab`"
+    ),
+    ExitCode.INVALID: (
+        "an invalid program, byte-code, lab file, key or file of actions, a robot and a lab that do not agree on "
+        "the radio's security, a program with an action that nothing carries out, or one that does not fit the lab"
+    ),
+    ExitCode.STRICT: "under `--strict`: finished, but a deadline was missed or robots touched something",
+}
+"""What each exit code means, as docs/labs.md states it."""
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:

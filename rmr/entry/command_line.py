@@ -69,8 +69,8 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
-        self._names: dict[str, str] = {"-h": "--help", "--help": "--help", "--version": "--version"}
-        """Every option -> its long name."""
+        self.names: dict[str, str] = {"-h": "--help", "--help": "--help", "--version": "--version"}
+        """Every option as it may be written -> its long name."""
         self._metavars: dict[str, str] = {}
         """The long name of every option that takes a value -> what stands for the value in the help."""
         self._required: list[str] = []
@@ -105,7 +105,7 @@ class Parser(argparse.ArgumentParser):
             action="append" if repeatable else "store",
             dest=dest or _attribute(names[-1]),
         )
-        self._names |= dict.fromkeys(names, names[-1])
+        self.names |= dict.fromkeys(names, names[-1])
         self._metavars[names[-1]] = metavar
         if required:
             self._required.append(f"{names[-1]} {metavar}")
@@ -117,7 +117,7 @@ class Parser(argparse.ArgumentParser):
     def flag(self, name: str, *, help: str, dest: str | None = None) -> None:  # noqa: A002
         """Declare an option without a value."""
         self.add_argument(name, action="store_true", help=help.replace("%", "%%"), dest=dest or _attribute(name))
-        self._names[name] = name
+        self.names[name] = name
 
     def positional(
         self,
@@ -130,7 +130,10 @@ class Parser(argparse.ArgumentParser):
         usage: str | None = None,
     ) -> None:
         """Declare a positional word; `count` as argparse's nargs, `usage` what the line of usage shows for it."""
-        self.add_argument(dest, metavar=metavar, type=_told(read), nargs=count, help=help.replace("%", "%%"))
+        default: list[str] | None = [] if count == "*" else None  # without one argparse takes it for required
+        self.add_argument(
+            dest, metavar=metavar, type=_told(read), nargs=count, default=default, help=help.replace("%", "%%")
+        )
         self._positional.append(usage if usage is not None else metavar)
 
     # --- parsing
@@ -177,9 +180,9 @@ class Parser(argparse.ArgumentParser):
             written, equals, value = word.partition("=")
         else:
             written, equals, value = word[:2], word[2:], word[2:]
-        name = self._names.get(written)
+        name = self.names.get(written)
         if name is None:
-            raise CommandLineError(f"unknown option '{written}'{did_you_mean(written, self._names)}")
+            raise CommandLineError(f"unknown option '{written}'{did_you_mean(written, self.names)}")
         metavar = self._metavars.get(name)
         if metavar is None:
             if equals:

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from multiprocessing import parent_process, resource_tracker
 from threading import Thread
 
+from rmr.entry import ExitCode
+
 
 def end_with_parent() -> None:
     """End this process when its parent has, however that ended: nobody takes its results."""
@@ -15,7 +17,7 @@ def end_with_parent() -> None:
 
     def follow() -> None:
         parent.join()
-        os._exit(1)
+        os._exit(ExitCode.FAILED)
 
     Thread(target=follow, daemon=True).start()
 

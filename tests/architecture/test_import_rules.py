@@ -53,12 +53,10 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.columns": {"numpy"},
     "rmr.radio": {"cryptography", "numpy"},
     "rmr.bus": {"zenoh", "msgpack"},
-    "rmr.entry": {"click"},
-    "rmr.commands": {"click", "rich"},
+    "rmr.commands": {"rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
-    "rmr_sim": {"click", "rich", "numpy", "pytest"},
-    "rmr_lab": {"click"},
-    "rmr_deploy": {"click", "rich"},
+    "rmr_sim": {"rich", "numpy", "pytest"},
+    "rmr_deploy": {"rich"},
     "rmr_view": {"pydantic", "matplotlib"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
@@ -84,7 +82,6 @@ HEAVY = (
     "rich",
     "pymunk",
     "numpy",
-    "click",
     "rmr.lang",
     "rmr.columns",
     "rmr_world",

@@ -97,7 +97,7 @@ def test_the_radio_is_that_of_the_options():
         ("contention --interference none", "capture_3db"),
         ("hidden --tx-power -60", "less than a metre"),
         ("storm --members ten", "--members: a whole number"),
-        ("storm --jitter-ms nan", "a jitter of nan ms"),
+        ("storm --jitter-ms nan", "--jitter-ms: a number, not 'nan'"),
         ("overlap --psdu 128", "11 to 127"),
         ("latency --frames 0", "0 frames: write 1 to"),
         ("link", "missing: --distance"),

@@ -31,7 +31,7 @@ def test_a_code_is_explained_in_plain_text():
 @pytest.mark.skipif(os.name != "posix", reason="needs a terminal")
 def test_on_a_terminal_it_is_laid_out_and_coloured():
     reader, terminal = os.openpty()
-    run = "from rmr.commands.subcommands import command; command(['explain', 'E012'])"
+    run = "from rmr.commands.subcommands import command; command.main(['explain', 'E012'])"
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     environment.pop("NO_COLOR", None)
     process = subprocess.run([sys.executable, "-c", run], stdout=terminal, env=environment, check=True)
@@ -54,7 +54,7 @@ def test_small_letters_do_as_well():
 def test_an_unknown_code_is_wrong_usage_with_a_hint(code, hint):
     result = explain(code)
     assert result.exit_code == 2
-    assert f"There is no code {code}. {hint}" in result.stderr
+    assert f"there is no code {code}; {hint}" in result.stderr
 
 
 def test_without_a_code_all_are_listed():

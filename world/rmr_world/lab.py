@@ -40,7 +40,7 @@ class RobotStart:
 class RadioSettings:
     """The radio's settings of a lab."""
 
-    config: RadioConfig = RadioConfig()
+    config: RadioConfig = field(default_factory=RadioConfig)
     """The model of the radio that all robots share."""
     seed: int | None = None
     """None: the run's seed."""

@@ -1,4 +1,4 @@
-"""The program `rmr-world`: its options alone, so that help and wrong usage cost little; `world_process` does the work."""
+"""The program `rmr-world`: its options alone, so that help costs little; `world_process` does the work."""
 # ruff: noqa: PLC0415 - see rmr.entry; physics and lab schema load only where a world runs
 
 import os

@@ -10,16 +10,8 @@ import difflib
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    Strict,
-    WithJsonSchema,
-    create_model,
-    model_validator,
-)
+import pydantic
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
 
 from rmr.base.time import NS_PER_S, tick_start
 from rmr.base.values import ROBOT_ID_MAX
@@ -264,20 +256,19 @@ class LinkSpec(_Strict):
         return self
 
 
-def _setting_type(setting: Setting) -> Any:
+def _type_of(setting: Setting) -> Any:
     """Return the type of the value that a lab file gives to a setting of the radio."""
     if setting.limits is not None:
-        least, most = setting.limits
-        return Annotated[float, Strict(), Field(ge=least, le=most)]
+        return Annotated[float, Strict(), Field(ge=setting.limits[0], le=setting.limits[1])]
     return Literal[setting.choices] if setting.choices else BurstsSpec | None
 
 
-_RADIO_KEYS: dict[str, Any] = {each.name: (_setting_type(each), each.default) for each in SETTINGS}
-_RadioModel = create_model("_RadioModel", __base__=_Strict, **_RADIO_KEYS)
+_RADIO_KEYS: dict[str, Any] = {each.name: (_type_of(each), each.default) for each in SETTINGS}
+_RadioModel = pydantic.create_model("_RadioModel", __base__=_Strict, **_RADIO_KEYS)
 """The keys of `radio` that are settings of the model (`rmr.radio.settings`)."""
 
 
-class RadioSpec(_RadioModel):  # type: ignore[valid-type, misc]
+class RadioSpec(_RadioModel, _Strict):  # type: ignore[valid-type, misc]
     """The emulated IEEE 802.15.4 radio."""
 
     seed: Seed | None = None

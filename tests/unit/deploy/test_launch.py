@@ -70,7 +70,7 @@ def start(tmp_path, monkeypatch):
     (tmp_path / "lab.yaml").write_text(LAB)
     (tmp_path / "run" / "logs").mkdir(parents=True)
 
-    def make(first: str, second: str, **options) -> Run:
+    def make(first: str, second: str, **options) -> LabRun:
         monkeypatch.setenv("STANDIN_1", first)
         monkeypatch.setenv("STANDIN_2", second)
         loaded = LoadedProgram(None, b"", 0, "")
@@ -82,7 +82,7 @@ def start(tmp_path, monkeypatch):
     return make
 
 
-def end(run: Run):
+def end(run: LabRun):
     """Run to the end; return outcome and report, and check that nothing is left behind."""
     outcome = asyncio.run(run.go())
     pids = json.loads((run.plan.folder / "processes.json").read_text())["processes"]
@@ -96,7 +96,7 @@ def at(moment_s: float, call, *arguments):
     asyncio.get_running_loop().call_later(moment_s, call, *arguments)
 
 
-def interrupt_when(run: Run, claim, number=signal.SIGINT):
+def interrupt_when(run: LabRun, claim, number=signal.SIGINT):
     """Send this process a signal once, as soon as `claim` holds while the run is shown."""
     shown = run._screen.show
 

@@ -9,8 +9,9 @@ import pytest
 
 import rmr_deploy.preparation as planning
 from rmr.bus.secret import read_secret
+from rmr.entry import ExitCode
 from rmr_deploy.launch import agent_command, world_command
-from rmr_deploy.preparation import INVALID, USAGE, RunOptions, RunRefusedError, make_plan
+from rmr_deploy.preparation import RunOptions, RunRefusedError, make_plan
 
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 
@@ -24,7 +25,7 @@ def test_an_empty_run_folder_that_may_not_be_written_is_wrong_usage(tmp_path, mo
     monkeypatch.setattr(Path, "write_bytes", denied)
     with pytest.raises(RunRefusedError, match=r"dash\.rbc: Permission denied; name a run folder") as refusal:
         make_plan(RunOptions(lab=DASH, folder=folder), color=False)
-    assert refusal.value.exit_code == USAGE
+    assert refusal.value.exit_code == ExitCode.USAGE
 
 
 def secured(folder, settings):
@@ -55,7 +56,7 @@ def test_the_robots_are_handed_the_file_of_the_key_and_the_world_is_not(tmp_path
 def test_a_secured_lab_without_its_key_is_refused_before_anything_starts(tmp_path, settings, why):
     with pytest.raises(RunRefusedError, match=why) as refusal:
         make_plan(RunOptions(lab=secured(tmp_path, settings), folder=tmp_path / "run"), color=False)
-    assert refusal.value.exit_code == INVALID
+    assert refusal.value.exit_code == ExitCode.INVALID
     assert not (tmp_path / "run").exists()
 
 
@@ -82,5 +83,5 @@ def test_run_folder_on_a_file_system_without_permissions_is_refused(tmp_path, mo
         RunRefusedError, match="no file in it can be kept from other users; name another run folder"
     ) as no:
         make_plan(RunOptions(lab=DASH, folder=tmp_path / "run"), color=False)
-    assert no.value.exit_code == USAGE
+    assert no.value.exit_code == ExitCode.USAGE
     assert not (tmp_path / "run" / "secret").exists()

@@ -137,7 +137,7 @@ def test_every_lab_of_the_repository_is_named():
 
 
 def up(arguments):
-    command.main(arguments, prog_name="rmr up")
+    command().main(arguments, "rmr up")
 
 
 def help_of(main):
@@ -162,9 +162,9 @@ def test_every_option_of_a_command_is_documented_and_no_other(title, main):
 def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_others():
     text = section(PAGE, "rmr fault")
     subcommands = [codes(row[0])[0].split()[2] for row in table(text, "command", "does")]
-    assert sorted(subcommands) == sorted(fault.commands)
+    assert sorted(subcommands) == sorted(fault().commands)
     offered = {"--version", "--help", "-h"}
-    offered |= {name for each in fault.commands.values() for option in each.params for name in option.opts}
+    offered |= {name for each in fault().commands.values() for name in each.load().parser("x").names}
     rows = table(text, "option", "does")
     documented = {code.split()[0] for row in rows for code in codes(row[0])}
     assert documented == {name for name in offered if name.startswith("-")}
@@ -173,8 +173,8 @@ def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_other
 def test_the_commands_of_rmr_lab_and_their_options_are_documented_and_no_others():
     text = section(PAGE, "rmr check LAB") + section(PAGE, "rmr lab") + section(PAGE, "rmr new NAME")
     documented = set(re.findall(r"`(?:[^`]* )?(--?[a-z]+)[^`]*`", text)) - {"--help", "-h", "--version"}
-    commands = [*lab.commands.values(), new]
-    offered = {name for each in commands for option in each.params for name in option.opts if name.startswith("-")}
+    commands = [*(entry.load() for entry in lab.commands.values()), new]
+    offered = {name for each in commands for name in each.parser("x").names}
     assert documented == offered - {"--help", "-h", "--version"}
     assert {f"rmr lab {name}" for name in lab.commands} <= set(re.findall(r"`(rmr lab [a-z]+)", text))
 
