@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import host_problem
-from rmr.bus.process import Ending, Seldom
+from rmr.bus.process import Ending, Throttle
 from rmr.bus.secret import Secret
 from rmr.bus.session import open_when_there, watch_admission
 from rmr_agent.robot import SAY_AGAIN_S, Carried, HostedRobot
@@ -28,7 +28,7 @@ async def live(
 ) -> None:
     """Let `robots` live until `ending` is asked for, or each of them has been asked to leave."""
     whose = f"lab {lab}'s" if lab else "the"
-    waiting = Seldom(
+    waiting = Throttle(
         lambda: log.info("waiting for %s world at %s%s", whose, connect, host_problem(connect) or stranger(connect)),
         SAY_AGAIN_S,
     )

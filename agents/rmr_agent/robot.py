@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.losses import Losses
-from rmr.bus.process import Ending, LogFile, Seldom
+from rmr.bus.process import Ending, LogFile, Throttle
 from rmr.bus.session import Bus
 from rmr.entry import ExitCode
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
@@ -96,7 +96,7 @@ class HostedRobot:
         self._clock = LabClock()
         self._clock_news = asyncio.Event()
         self._rejoin = asyncio.Event()
-        self._waiting = Seldom(self._say_waiting, SAY_AGAIN_S)
+        self._waiting = Throttle(self._say_waiting, SAY_AGAIN_S)
         self._lost = False
         self._restarts = 0
         self._life: Life | None = None

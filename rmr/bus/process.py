@@ -193,7 +193,7 @@ def hold_lifeline() -> None:
         asyncio.get_running_loop().add_reader(descriptor, readable)
 
 
-class Seldom:
+class Throttle:
     """Says a thing the first time and then every `period_s` seconds while it lasts."""
 
     def __init__(self, say: Callable[[], None], period_s: float) -> None:

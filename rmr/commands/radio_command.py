@@ -207,10 +207,10 @@ def _declare_link(parser: Parser) -> None:
 
 def _link(distance: float, psdu: int, frames: int | None, **others: Any) -> None:
     """How strong a frame is after a distance, and how likely it is received."""
-    from rmr.radio.trials.link import Link, run
+    from rmr.radio.trials.link import LinkTrial, run
 
     with _refused():
-        case = Link(distance, psdu, frames)
+        case = LinkTrial(distance, psdu, frames)
     title = f"{distance:g} m, a frame of {psdu} octets" + (f", {frames} sent" if frames else "")
     _tell(title, partial(run, case), others)
 

@@ -1,8 +1,8 @@
 """All radios of a lab in virtual time.
 
-The same medium access (`rmr.radio.mac`), the same intake and the same rules of reception as in a robot process, but
-for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whoever hears it; those
-out of reach only have their places in the arrays. Where few hear it they are judged one by one, by the same rules.
+Medium access (`rmr.radio.mac`), the receive filter and the rules of reception are those of a robot process, but receptions
+are computed for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whatever
+the number of its receivers. A frame with few receivers is decided one by one, by the same rules.
 Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol;
 so when a lock instant or an end comes, all that bears on it is known.
 
@@ -23,16 +23,27 @@ from numpy.typing import NDArray
 from rmr.base.kernel import AIR, Kernel
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement
+from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.cells import Cell
-from rmr.radio.etherstation import EtherStation, Take
-from rmr.radio.floor import Floats, Floor, Places
+from rmr.radio.ether_station import EtherStation, Take
 from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
-from rmr.radio.intake import Counters, Intake, decoded
 from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac
-from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, link_quality, mix
+from rmr.radio.path_loss_map import Floats, PathLossMap, Places
+from rmr.radio.phy import (
+    CCA,
+    TURNAROUND,
+    RadioConfig,
+    airtime,
+    channel_of,
+    draw_from,
+    is_dropped,
+    is_right,
+    link_quality,
+    mix,
+)
+from rmr.radio.receive_filter import Counters, ReceiveFilter, decoded
 from rmr.radio.security import Security, payload_max
-from rmr.radio.tallies import Tallies
 from rmr.radio.waves import (
     NOISE,
     Wave,
@@ -54,6 +65,7 @@ REACH_CELLS: Final = 2
 
 _ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 _WORD: Final = 4294967296.0
+"""2**32, as arrays of draws need it; see `phy.is_right`."""
 _ORDER: Final = attrgetter("order")
 
 
@@ -68,9 +80,9 @@ class Ether:
         self.config = config
         self.pan = pan
         self.links = Links(config, seed, disturbances)
-        self.floor = Floor(config, self.links)
+        self.path_loss = PathLossMap(config, self.links)
         self.stations: list[EtherStation] = []
-        self.tallies = Tallies(self.floor.room)
+        self.bulk_counters = BulkCounters(self.path_loss.room)
         self.awaiting: set[int] = set()
         """Indices of the stations that transmit or wait for an acknowledgement."""
         self.on_air: Callable[[Announcement], None] | None = None
@@ -81,7 +93,7 @@ class Ether:
         self._air: dict[Cell, deque[Wave]] = {}
         self._near_cells: dict[Cell, list[deque[Wave]]] = {}
         self._unsettled: list[Wave] = []
-        self.listening = np.zeros(self.floor.room, dtype=np.bool_)
+        self.listening = np.zeros(self.path_loss.room, dtype=np.bool_)
         """Whether the station of each index is switched on; data frames are for no others."""
 
     def add(
@@ -101,23 +113,23 @@ class Ether:
         """
         if address in self._by_address:
             raise ValueError(f"two stations with the address {address}")
-        index = self.floor.add(address, x, y)
-        if len(self.listening) < self.floor.room:
+        index = self.path_loss.add(address, x, y)
+        if len(self.listening) < self.path_loss.room:
             self._grow()
-        intake = Intake(address, self.pan, Counters(), security)
+        receive_filter = ReceiveFilter(address, self.pan, Counters(), security)
         mac = Mac(address, self.pan, rng, security=security)
-        station = EtherStation(self, index, mac, intake, take, payload_max(security))
+        station = EtherStation(self, index, mac, receive_filter, take, payload_max(security))
         self.stations.append(station)
         self._by_address[address] = station
         self.listening[index] = True
         if take is None:
-            self.tallies.bulk[index] = self.tallies.bulky = True
+            self.bulk_counters.bulk[index] = self.bulk_counters.bulky = True
         return station
 
     def _grow(self) -> None:
-        room = self.floor.room
+        room = self.path_loss.room
         self.listening = np.concatenate([self.listening, np.zeros(room - len(self.listening), dtype=np.bool_)])
-        self.tallies.grow(room)
+        self.bulk_counters.grow(room)
         for waves in self._air.values():
             for wave in waves:
                 wave.grow(room)
@@ -136,14 +148,14 @@ class Ether:
     def announce(self, station: EtherStation, psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
         """Let `station` transmit at `start`; it is deaf from now until 192 us after the end."""
         now, index = self.kernel.now, station.index
-        cell = self.floor.cell(index)
+        cell = self.path_loss.cell(index)
         self._settle(now)
         for wave in self._near(cell, now):
             if wave.locks is not None:
                 wave.locks[index] = False
-        x, y = self.floor.place(index)
+        x, y = self.path_loss.place(index)
         announcement = Announcement(
-            station.intake.address,
+            station.receive_filter.address,
             sequence,
             attempt,
             start,
@@ -153,7 +165,7 @@ class Ether:
             y,
             psdu,
         )
-        reached = self.floor.reached(index, start)
+        reached = self.path_loss.reached(index, start)
         wave = Wave(announcement, self._frame(psdu, reached.power), index, cell, reached, self._channel)
         air = self._air.get(cell)
         if air is None:
@@ -171,7 +183,7 @@ class Ether:
             return decoded(psdu)
         except FrameError:
             for index in np.flatnonzero(power).tolist():
-                self.stations[index].intake.counters.malformed += 1
+                self.stations[index].receive_filter.counters.malformed += 1
             return None
 
     def _near(self, cell: Cell, since: Instant) -> list[Wave]:
@@ -208,7 +220,7 @@ class Ether:
     def busy(self, station: EtherStation, now: Instant) -> bool:
         """Return what the channel assessment of `station` says that ends `now`."""
         self._settle(now)
-        near = self._near(self.floor.cell(station.index), now - CCA - TURNAROUND)
+        near = self._near(self.path_loss.cell(station.index), now - CCA - TURNAROUND)
         return channel_busy(station.index, now, near, self._channel)
 
     def _ended(self, wave: Wave) -> None:
@@ -244,16 +256,16 @@ class Ether:
                 self._hand(wave, frame, self.stations[index])
             return
         indices, qualities = self._come_through(wave, at)
-        if self.tallies.bulky:
-            bulk = self.tallies.bulk[indices]
-            self.tallies.received[indices] += bulk
+        if self.bulk_counters.bulky:
+            bulk = self.bulk_counters.bulk[indices]
+            self.bulk_counters.received[indices] += bulk
             indices, qualities = indices[~bulk], qualities[~bulk]
-        hearers: list[int] = indices.tolist()
+        receivers: list[int] = indices.tolist()
         powers_dbm: list[float] = wave.power_dbm[indices].tolist()
         lqi: list[int] = qualities.astype(np.int64).tolist()
-        for place, index in enumerate(hearers):
+        for place, index in enumerate(receivers):
             station = self.stations[index]
-            received = station.intake.take(frame, powers_dbm[place], lqi[place], wave.end)
+            received = station.receive_filter.take(frame, powers_dbm[place], lqi[place], wave.end)
             if received is not None and station.take is not None:
                 station.take(received)
 
@@ -270,11 +282,11 @@ class Ether:
     def _hand(self, wave: Wave, frame: DataFrame, station: EtherStation, success: float = 1.0) -> None:
         """Hand `frame`, which has come through with probability `success`, to `station`."""
         if station.take is None and not frame.wants_ack:
-            self.tallies.received[station.index] += 1
+            self.bulk_counters.received[station.index] += 1
             return
         rssi_dbm = wave.power_dbm.item(station.index)
         quality = link_quality(rssi_dbm, success, self.config)
-        received = station.intake.take(frame, rssi_dbm, quality, wave.end)
+        received = station.receive_filter.take(frame, rssi_dbm, quality, wave.end)
         if received is not None and station.take is not None:
             station.take(received)
 
@@ -284,10 +296,10 @@ class Ether:
         That it transmits at that time cannot be: it would be deaf.
         """
         if station.held:
-            station.intake.counters.withheld += 1
+            station.receive_filter.counters.withheld += 1
             return
         start = wave.end + TURNAROUND
-        station.intake.counters.acknowledgements += 1
+        station.receive_filter.counters.acknowledgements += 1
         original = wave.announcement
         attempt = ACK_ATTEMPT | original.attempt
         self.announce(station, encode_ack(frame.sequence), original.sequence, attempt, start)
@@ -302,14 +314,14 @@ class Ether:
         loses = self.links.loses
         open_ = np.flatnonzero(kept if loses else kept & (success < 1.0))
         if len(open_):
-            upper, lower = draws(self._mixed_seed, wave.announcement, self.floor.addresses[at[open_]])
+            upper, lower = draws(self._mixed_seed, wave.announcement, self.path_loss.addresses[at[open_]])
             comes = upper < success[open_] * _WORD
             if loses:
                 lost = comes & (lower < self._losses(wave, at[open_]) * _WORD)
                 comes &= ~lost
                 cause[open_[lost]] = NOISE
             kept[open_] = comes
-        self.tallies.note(at, ~kept, cause)
+        self.bulk_counters.note(at, ~kept, cause)
         through = at[kept]
         return through, self._quality(wave, through, success[kept])
 
@@ -321,14 +333,15 @@ class Ether:
         success, cause = verdict(wave, air, self._channel, index)
         loses = self.links.loses
         if loses or 0.0 < success < 1.0:
-            one, receiver = wave.announcement, int(self.floor.addresses[index])
-            bits = mix(mix(self._mixed_seed ^ (one.source << 16 | receiver)) ^ (one.sequence << 8 | one.attempt))
-            kept = (bits >> 32) < success * _WORD
-            if loses and kept and (bits & 0xFFFF_FFFF) < self._loss(wave, receiver) * _WORD:
-                kept, cause = False, NOISE
-            success = success if kept else 0.0
+            one, receiver = wave.announcement, int(self.path_loss.addresses[index])
+            bits = draw_from(self._mixed_seed, one.source, one.sequence, one.attempt, receiver)
+            if not is_right(bits, success):
+                success = 0.0
+            elif loses and is_dropped(bits, self._loss(wave, receiver)):
+                success = 0.0
+                cause = NOISE
         if success == 0.0:
-            self.tallies.note_one(index, cause)
+            self.bulk_counters.note_one(index, cause)
         return success
 
     def _loss(self, wave: Wave, receiver: int) -> float:
@@ -342,7 +355,7 @@ class Ether:
         if self.links.even:
             return self.config.loss
         source, start = wave.announcement.source, wave.start
-        return np.array([self.links.loss(source, other, start) for other in self.floor.addresses[at].tolist()])
+        return np.array([self.links.loss(source, other, start) for other in self.path_loss.addresses[at].tolist()])
 
     def _quality(self, wave: Wave, places: Places, success: Floats) -> Any:
         """Return the LQI at each of the places; see `phy.link_quality`."""

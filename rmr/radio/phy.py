@@ -139,7 +139,7 @@ class Signal:
         self.power_mw = power_mw
 
 
-class Verdict(NamedTuple):
+class ReceptionVerdict(NamedTuple):
     """What the rules say of one reception before chance has its say."""
 
     success: float
@@ -150,10 +150,10 @@ class Verdict(NamedTuple):
 
 Interval = tuple[Instant, Instant]
 
-_DEAF: Final = Verdict(0.0, "deaf")
-_COLLISION: Final = Verdict(0.0, "collision")
-_TOO_WEAK: Final = Verdict(0.0, "noise")
-_CERTAIN: Final = Verdict(1.0, "noise")
+_DEAF: Final = ReceptionVerdict(0.0, "deaf")
+_COLLISION: Final = ReceptionVerdict(0.0, "collision")
+_TOO_WEAK: Final = ReceptionVerdict(0.0, "noise")
+_CERTAIN: Final = ReceptionVerdict(1.0, "noise")
 
 
 def airtime(octets: int) -> Duration:
@@ -203,7 +203,7 @@ def interference(begin: Instant, finish: Instant, others: Sequence[Signal]) -> l
     ]
 
 
-def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> Verdict:
+def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> ReceptionVerdict:
     """Return the verdict on `frame` at a receiver.
 
     `air` is all that the receiver hears, `frame` included, sorted by (start, source) and reaching back
@@ -220,26 +220,45 @@ def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], ch
         ratio = frame.power_mw / channel.noise_mw
         if ratio >= CERTAIN_RATIO:
             return _CERTAIN
-        return Verdict(success_probability(ratio, (end - start) / BIT), "noise")
+        return ReceptionVerdict(success_probability(ratio, (end - start) / BIT), "noise")
     return _contended(frame, others, air, deaf, channel)
 
 
 def _contended(
     frame: Signal, others: Sequence[Signal], air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel
-) -> Verdict:
+) -> ReceptionVerdict:
     locked = locked_on(frame.start + (SYNCHRONISATION if channel.capture else 0), air, deaf, channel)
     if locked is not frame:
         return _COLLISION
     stretches = interference(frame.start, frame.end, others)
     if channel.capture:
-        if frame.power_mw < CAPTURE_RATIO * max(power for _, power in stretches):
+        if not is_captured(frame.power_mw, True, max(power for _, power in stretches)):
             return _COLLISION
         ratio = frame.power_mw / channel.noise_mw
-        return Verdict(success_probability(ratio, (frame.end - frame.start) / BIT), "noise")
+        return ReceptionVerdict(success_probability(ratio, (frame.end - frame.start) / BIT), "noise")
     success = 1.0
     for length, power in stretches:
         success *= success_probability(frame.power_mw / (channel.noise_mw + power), length / BIT)
-    return Verdict(success, "collision")
+    return ReceptionVerdict(success, "collision")
+
+
+def is_captured(power_mw: float, locked: bool, strongest_mw: float) -> bool:
+    """Return whether a frame prevails over others in mode ``capture_3db``.
+
+    `locked` says whether the receiver is locked on it; `strongest_mw` is the greatest power of all others together at
+    any time during it.
+    """
+    return locked and power_mw >= CAPTURE_RATIO * strongest_mw
+
+
+def is_right(bits: int, success: float) -> bool:
+    """Return whether all bits are right of a frame with the probability `success`; `bits` is its `draw`."""
+    return (bits >> 32) < success * _HALF_RANGE
+
+
+def is_dropped(bits: int, loss: float) -> bool:
+    """Return whether a frame that is right is lost all the same, with the probability `loss`; `bits` is its `draw`."""
+    return (bits & 0xFFFF_FFFF) < loss * _HALF_RANGE
 
 
 def locked_on(at: Instant, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> Signal | None:
@@ -308,7 +327,7 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
     """Return the LQI, 0..255 (6.9.8 leaves its scale free).
 
     In mode ``capture_3db`` it is linear in the power from the sensitivity to 40 dB above it, in mode ``awgn``
-    the probability of success (`Verdict`), as in ns-3.
+    the probability of success (`ReceptionVerdict`), as in ns-3.
     """
     if config.interference == "awgn":
         return int(255 * success)
@@ -317,6 +336,8 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
 
 
 _MASK: Final = (1 << 64) - 1
+_HALF_RANGE: Final = 4294967296.0
+"""2**32: each half of a draw is a number from 0 below this."""
 
 
 def mix(word: int) -> int:
@@ -329,4 +350,9 @@ def mix(word: int) -> int:
 
 def draw(seed: int, source: int, sequence: int, attempt: int, receiver: int) -> int:
     """Return 64 random bits that depend on nothing but the arguments; every process agrees on them."""
-    return mix(mix(mix(seed & _MASK) ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))
+    return draw_from(mix(seed & _MASK), source, sequence, attempt, receiver)
+
+
+def draw_from(mixed_seed: int, source: int, sequence: int, attempt: int, receiver: int) -> int:
+    """Return `draw` of a seed that is mixed already, as is done once for all frames of a run."""
+    return mix(mix(mixed_seed ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))

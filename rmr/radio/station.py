@@ -21,7 +21,6 @@ from typing import Final
 from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
 from rmr.radio.frame import ACK_OCTETS, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
-from rmr.radio.intake import Counters, Intake, decoded
 from rmr.radio.links import Links
 from rmr.radio.mac import Mac, State, Transmission
 from rmr.radio.phy import (
@@ -32,16 +31,19 @@ from rmr.radio.phy import (
     TURNAROUND,
     Interval,
     RadioConfig,
+    ReceptionVerdict,
     Signal,
-    Verdict,
     airtime,
     channel_busy,
     channel_of,
     draw,
+    is_dropped,
+    is_right,
     link_quality,
     milliwatts,
     reception,
 )
+from rmr.radio.receive_filter import Counters, ReceiveFilter, decoded
 from rmr.radio.security import Security, payload_max
 
 __all__ = ["Announcement", "Confirmed", "Counters", "RadioConfig", "Received", "Station"]
@@ -120,7 +122,7 @@ class Station:
         self._air: list[_Heard] = []
         self._due: list[_Heard] = []
         self._deaf: list[Interval] = []
-        self._intake = Intake(address, pan, self.counters, security)
+        self._receive_filter = ReceiveFilter(address, pan, self.counters, security)
         self._assessed: deque[Instant] = deque(maxlen=ASSESSMENTS_MAX)
         self._out: list[Output] = []
 
@@ -256,7 +258,7 @@ class Station:
         heard.frame = frame
         if isinstance(frame, AckFrame):
             return self._mac.awaits_ack(frame.sequence, heard.start)
-        return self._intake.concerns(frame)
+        return self._receive_filter.concerns(frame)
 
     def _resolve(self, heard: _Heard, at: Instant) -> None:
         verdict = reception(heard, self._air, self._deaf, self._channel)
@@ -271,11 +273,11 @@ class Station:
         if frame.wants_ack:
             self._acknowledge(heard, frame)
         quality = link_quality(heard.power_dbm, verdict.success, self.config)
-        received = self._intake.take(frame, heard.power_dbm, quality, heard.end)
+        received = self._receive_filter.take(frame, heard.power_dbm, quality, heard.end)
         if received is not None:
             self._out.append(received)
 
-    def _survives(self, heard: _Heard, verdict: Verdict) -> bool:
+    def _survives(self, heard: _Heard, verdict: ReceptionVerdict) -> bool:
         """Whether the frame is received; if not, count why."""
         counters = self.counters
         if verdict.success == 0.0:
@@ -290,14 +292,13 @@ class Station:
             return True
         _, sequence, attempt, start, *_ = announcement = heard.announcement
         bits = draw(self._seed, announcement.source, sequence, attempt, self.address)
-        if (bits >> 32) >= verdict.success * 4294967296.0:
+        if not is_right(bits, verdict.success):
             if verdict.cause == "collision":
                 counters.collided += 1
             else:
                 counters.dropped += 1
             return False
-        loss = self.links.loss(announcement.source, self.address, start)
-        if (bits & 0xFFFFFFFF) < loss * 4294967296.0:
+        if is_dropped(bits, self.links.loss(announcement.source, self.address, start)):
             counters.dropped += 1
             return False
         return True

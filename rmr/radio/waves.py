@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Cell
-from rmr.radio.floor import Floats, Places, Reached
 from rmr.radio.frame import AckFrame, DataFrame
+from rmr.radio.path_loss_map import Floats, Places, ReachedStations
 from rmr.radio.phy import (
     BER_TERMS,
     BIT,
@@ -31,6 +31,8 @@ from rmr.radio.phy import (
     SYNCHRONISATION,
     TURNAROUND,
     Channel,
+    is_captured,
+    success_probability,
 )
 
 Truths = NDArray[np.bool_]
@@ -40,7 +42,7 @@ NOISE: Final = 0
 COLLISION: Final = 1
 DEAF: Final = 2
 CAUSES: Final = (NOISE, COLLISION, DEAF)
-"""What a loss is due to (`phy.Verdict.cause`)."""
+"""What a loss is due to (`phy.ReceptionVerdict.cause`)."""
 
 _WEIGHTS: Final = np.array([weight for weight, _ in BER_TERMS])
 _SLOPES: Final = np.array([slope for _, slope in BER_TERMS])
@@ -82,7 +84,7 @@ class Wave:
         frame: DataFrame | AckFrame | None,
         origin: int,
         cell: Cell,
-        reached: Reached,
+        reached: ReachedStations,
         channel: Channel,
     ) -> None:
         self.announcement = announcement
@@ -227,10 +229,10 @@ def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tu
     others = [o for o in meet if o.start < end and o.end > start and o.power[index] > 0.0] if meet else meet
     if others:
         assert wave.locks is not None, "a wave is settled before it ends"
-        if not (wave.locks[index] and power >= CAPTURE_RATIO * strongest(start, end, others, index)):
+        locked = bool(wave.locks[index])
+        if not locked or not is_captured(power, locked, float(strongest(start, end, others, index))):
             return 0.0, COLLISION
-    ratio = power / channel.noise_mw
-    return (1.0 if ratio >= CERTAIN_RATIO else float(_certainty(np.array([ratio]), end - start)[0])), NOISE
+    return success_probability(power / channel.noise_mw, (end - start) / BIT), NOISE
 
 
 def _contended(

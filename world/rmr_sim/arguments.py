@@ -4,6 +4,7 @@ import argparse
 import os
 import re
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 
 from rmr.coord.values import Order
@@ -40,6 +41,15 @@ def declare(parser: Parser) -> None:
     parser.option("--trace", read=Path, metavar="FILE", help="write what happened as JSON lines")
     parser.flag("--json", help="the report as JSON on standard output")
     parser.flag("--strict", help="exit 4 when a deadline was missed or robots touched")
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """Return what `words` ask for, as if they were a command line. Raises CommandLineError."""
+    parser = Parser("rmr sim", ABOUT)
+    declare(parser)
+    arguments = parser.read(words)
+    check(arguments)
+    return arguments
 
 
 def check(arguments: argparse.Namespace) -> None:

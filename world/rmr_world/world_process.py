@@ -17,7 +17,7 @@ from rmr.bus.keys import Keys
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
     Ending,
-    Seldom,
+    Throttle,
     handle_signals,
     hold_lifeline,
     run_precisely,
@@ -80,7 +80,7 @@ class Refused:
     def __init__(self) -> None:
         self._count = 0
         self._reason = ""
-        self._say = Seldom(self._tell, SAY_AGAIN_S)
+        self._say = Throttle(self._tell, SAY_AGAIN_S)
 
     def __call__(self, reason: str) -> None:
         """Count one more, for a reason of `refusals.REASONS`."""
@@ -103,7 +103,7 @@ async def _open(options: argparse.Namespace, secret: Secret | None, ending: Endi
         except InUseError as error:
             raise BusError(f"{error}: {await who_listens(endpoint)}") from None
     router = options.connect
-    say = Seldom(
+    say = Throttle(
         lambda: log.info("waiting for the router at %s%s", router, host_problem(router) or stranger(router)),
         SAY_AGAIN_S,
     )

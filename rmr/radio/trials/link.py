@@ -43,7 +43,7 @@ RECEIVER, SENDER = 0, 1
 
 
 @dataclass(frozen=True)
-class Link:
+class LinkTrial:
     """What is sent how far. Raises `ValueError` for what cannot be."""
 
     distance_m: float
@@ -60,7 +60,7 @@ class Link:
             check_count(self.count)
 
 
-def run(case: Link, runs: Runs) -> Row:
+def run(case: LinkTrial, runs: Runs) -> Row:
     """Return what the formulas say, and then what has been counted."""
     row = at_distance(case.distance_m, case.psdu, runs.config)
     if case.count is None:

@@ -89,7 +89,7 @@ class _Last:
         self.end: Instant = 0
 
 
-class Intake:
+class ReceiveFilter:
     """The receiving side of one station, above the physical layer."""
 
     __slots__ = ("_last", "_security", "address", "counters", "pan")

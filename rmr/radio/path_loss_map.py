@@ -25,7 +25,7 @@ STATIONS_FIRST: Final = 64
 """Room for so many stations at first; it doubles when it is used up."""
 
 
-class Reached(NamedTuple):
+class ReachedStations(NamedTuple):
     """What one transmitter reaches."""
 
     at: Places
@@ -36,7 +36,7 @@ class Reached(NamedTuple):
     """In milliwatts; 0 where it is too weak even to disturb."""
 
 
-class Floor:
+class PathLossMap:
     """The stations' places."""
 
     def __init__(self, config: RadioConfig, links: Links) -> None:
@@ -50,7 +50,7 @@ class Floor:
         self._cells: list[Cell] = []
         self._members: dict[Cell, list[int]] = {}
         self._within: dict[Cell, Places] = {}
-        self._reached: dict[int, Reached] = {}
+        self._reached: dict[int, ReachedStations] = {}
         self.room = STATIONS_FIRST
         """Length of all arrays."""
         self.x, self.y = np.zeros(self.room), np.zeros(self.room)
@@ -92,7 +92,7 @@ class Floor:
         """Return the place of a station, metres."""
         return self._places[index]
 
-    def reached(self, index: int, start: Instant) -> Reached:
+    def reached(self, index: int, start: Instant) -> ReachedStations:
         """Return what a transmission of station `index` reaches that begins at `start`."""
         if self._links.fades:  # as the time and who else is disturbed will have it
             return self._reach(index, start)
@@ -107,7 +107,7 @@ class Floor:
         self._within.clear()
         self._reached.clear()
 
-    def _reach(self, index: int, start: Instant) -> Reached:
+    def _reach(self, index: int, start: Instant) -> ReachedStations:
         at = self._within_reach(self._cells[index])
         x, y = self._places[index]
         square, dy = self.x[at] - x, self.y[at] - y
@@ -129,7 +129,7 @@ class Floor:
         np.power(10.0, powers, out=powers)
         powers *= heard_dbm >= self._least_dbm
         power[at] = powers
-        return Reached(at, power_dbm, power)
+        return ReachedStations(at, power_dbm, power)
 
     def _within_reach(self, cell: Cell) -> Places:
         """Return the stations that a transmitter in `cell` may reach."""

@@ -1,11 +1,11 @@
-"""What befell the frames of the ether for each station, counted for all hearers of a frame at once."""
+"""What befell the frames of the ether for each station, counted for all receivers of a frame at once."""
 
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmr.radio.intake import Counters
+from rmr.radio.receive_filter import Counters
 from rmr.radio.waves import CAUSES, COLLISION, DEAF, NOISE, Causes, Truths
 
 _Kind = TypeVar("_Kind", bound=np.generic)
@@ -15,7 +15,7 @@ def _grown(array: NDArray[_Kind], room: int) -> NDArray[_Kind]:
     return np.concatenate([array, np.zeros(room - len(array), dtype=array.dtype)])
 
 
-class Tallies:
+class BulkCounters:
     """What befell the frames for each station, by index."""
 
     __slots__ = ("bulk", "bulky", "lost", "received")

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from rmr.base.kernel import RADIO, Alarm
 from rmr.base.time import NEVER, Instant
 from rmr.radio.air import Confirmed, Received
-from rmr.radio.intake import Counters, Intake
 from rmr.radio.mac import Mac, State, Transmission
+from rmr.radio.receive_filter import Counters, ReceiveFilter
 from rmr.radio.security import Security
 
 if TYPE_CHECKING:
@@ -27,11 +27,11 @@ class EtherStation:
     """One robot's radio in the ether."""
 
     def __init__(
-        self, ether: "Ether", index: int, mac: Mac, intake: Intake, take: Take | None, payload_max: int
+        self, ether: "Ether", index: int, mac: Mac, receive_filter: ReceiveFilter, take: Take | None, payload_max: int
     ) -> None:
         self.index = index
         self.mac = mac
-        self.intake = intake
+        self.receive_filter = receive_filter
         self.take = take
         self.payload_max = payload_max
         """Octets that fit a frame."""
@@ -43,7 +43,7 @@ class EtherStation:
     @property
     def counters(self) -> Counters:
         """What it has done and what befell it."""
-        return self._ether.tallies.complete(self.index, self.intake.counters)
+        return self._ether.bulk_counters.complete(self.index, self.receive_filter.counters)
 
     def request(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Send `payload` (`payload_max` octets at most) to `destination`, None for all.
@@ -55,12 +55,12 @@ class EtherStation:
         if self.mac.request(kernel.now, payload, destination, handle):
             self._alarm.set(self.mac.next_wake)
         else:
-            self.intake.counters.access_failed += 1
+            self.receive_filter.counters.access_failed += 1
             kernel.at(kernel.now, RADIO, lambda _now: self._tell(Confirmed(handle, "access_failure")))
 
     def move(self, x: float, y: float) -> None:
         """Set the station's true position, metres."""
-        self._ether.floor.move(self.index, x, y)
+        self._ether.path_loss.move(self.index, x, y)
 
     def acknowledged(self, end: Instant) -> None:
         """Take note of the acknowledgement waited for, whose last symbol arrives at `end`, which is now."""
@@ -93,9 +93,11 @@ class EtherStation:
 
     def switch_on(self, rng: Random, security: Security | None) -> None:
         """Begin a new life in the same place, which remembers nothing of the earlier one but the counters."""
-        ether, intake = self._ether, self.intake
-        self.mac = Mac(intake.address, intake.pan, rng, security=security)
-        self.intake = Intake(intake.address, intake.pan, intake.counters, security)
+        ether, receive_filter = self._ether, self.receive_filter
+        self.mac = Mac(receive_filter.address, receive_filter.pan, rng, security=security)
+        self.receive_filter = ReceiveFilter(
+            receive_filter.address, receive_filter.pan, receive_filter.counters, security
+        )
         self.held = False
         ether.listening[self.index] = True
 
@@ -104,7 +106,7 @@ class EtherStation:
             self.take(confirmed)
 
     def _fire(self, now: Instant) -> None:
-        mac, counters = self.mac, self.intake.counters
+        mac, counters = self.mac, self.receive_filter.counters
         out = mac.fire(mac.state is State.BACKOFF and self._ether.busy(self, now))
         if isinstance(out, Transmission):
             counters.sent += 1
