@@ -56,7 +56,8 @@ def perform(
 ) -> int:
     """Put `wish`, one of `wire.WISHES`, to the world; return the exit code."""
     try:
-        place, keys = find(connect, folder, secret), _keys(lab)
+        place = find(connect, folder, secret)
+        keys = _keys(lab)
         told = asyncio.run(_ask(place, keys, wire.AskDisturbances(wish, added)))
     except FaultError as error:
         print(f"rmr fault: {error}", file=sys.stderr)
@@ -103,7 +104,8 @@ async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) 
     except SecretError as error:
         raise FaultError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
-        problem, foreign = host_problem(endpoint), stranger(endpoint)
+        problem = host_problem(endpoint)
+        foreign = stranger(endpoint)
         raise FaultError(
             f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", ExitCode.FAILED
         ) from None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rmr.entry import run
 
 if TYPE_CHECKING:
-    from rmr.entry.command_line import Group, Parser
+    from rmr.entry.command_line import CommandGroup, Parser
     from rmr.radio.links import Disturbance
 
 # --- what the words of an option mean
@@ -146,14 +146,14 @@ Each command shows what disturbs the radio then.
 """
 
 
-def command() -> "Group":
+def command() -> "CommandGroup":
     """Return the command."""
-    from rmr.entry.command_line import Command, Entry, Group
+    from rmr.entry.command_line import Command, CommandGroup, Subcommand
 
-    def entry(row: Row) -> Entry:
-        return Entry(row[0], lambda: Command(*row))
+    def entry(row: Row) -> Subcommand:
+        return Subcommand(row[0], lambda: Command(*row))
 
-    return Group(ABOUT, {name: entry(row) for name, row in SUBCOMMANDS.items()})
+    return CommandGroup(ABOUT, {name: entry(row) for name, row in SUBCOMMANDS.items()})
 
 
 def _harm(loss: float | None, attenuation: float | None, cut: bool) -> tuple[float, float]:

@@ -125,7 +125,8 @@ class LabRun:
     # --- start ---------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
-        plan, endpoint = self.plan, f"tcp/127.0.0.1:{free_port()}"
+        plan = self.plan
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
         self._world = self._child("world", world_command(plan, endpoint))
         for crew in plan.crews:
@@ -151,7 +152,8 @@ class LabRun:
             opening.cancel()
         if self.outcome.reason or self.watch is None:
             return
-        watch, roster = self.watch, self.plan.lab.roster
+        watch = self.watch
+        roster = self.plan.lab.roster
         await self._until(lambda: watch.ready(roster))
         if not self.outcome.reason:
             self.outcome.ready_s = time.monotonic() - self._began
@@ -167,7 +169,9 @@ class LabRun:
 
     def _finished(self) -> bool:
         """Whether the run has reached its end in good order."""
-        watch, lab, outcome = self.watch, self.plan.lab, self.outcome
+        watch = self.watch
+        lab = self.plan.lab
+        outcome = self.outcome
         assert watch is not None
         living = self._living()
         absent = sorted(set(lab.roster) - set(living))
@@ -259,7 +263,8 @@ class LabRun:
         if not now and time.monotonic() < self._drawn + DRAW_S:
             return
         self._drawn = time.monotonic()
-        watch, roster = self.watch, self.plan.lab.roster
+        watch = self.watch
+        roster = self.plan.lab.roster
         lab_s = watch.now_s if watch is not None and watch.running(roster) else None
         self._screen.show(lab_s, [self._line(robot) for robot in roster])
 
@@ -272,7 +277,8 @@ class LabRun:
 
     async def _stop(self) -> None:
         """Stop the robots, then the world: ask, wait for the last word, then signals."""
-        watch, robots = self.watch, list({child.name: child for child in self._robots.values()}.values())
+        watch = self.watch
+        robots = list({child.name: child for child in self._robots.values()}.values())
         if watch is not None and not self._gone(self._world):  # without its router nobody hears
             for robot in self.plan.lab.roster:
                 watch.ask_to_stop(robot, self.outcome.reason)

@@ -111,7 +111,8 @@ def _log(axis: Any, set_scale: Any) -> None:
 
 
 def _points(axes: Any, series: Series, index: int) -> None:
-    mark, colour = MARKS[index % len(MARKS)], COLOURS[index % len(COLOURS)]
+    mark = MARKS[index % len(MARKS)]
+    colour = COLOURS[index % len(COLOURS)]
     dash = DASHES[index // 2 % len(DASHES)] if series.kind == "line" else "none"
     axes.errorbar(
         series.x, series.y, yerr=_reach(series), label=series.label, color=colour, marker=mark, markersize=4,

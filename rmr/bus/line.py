@@ -112,7 +112,9 @@ class Line:
             sample, data = item
             if not listeners or sample.kind != zenoh.SampleKind.PUT:
                 return
-            key, losses = str(sample.key_expr), listeners[0].owner.losses  # what the line loses counts once
+            # what the line loses counts once
+            key = str(sample.key_expr)
+            losses = listeners[0].owner.losses
             try:
                 message = wire.decode(data)
                 losses.note(key, message)
@@ -142,7 +144,8 @@ class Line:
         declared += self._unheard(sender)
         last = self._senders == 0
         leaving = threading.Thread(target=self._undeclare, args=(declared, last), name="bus-close", daemon=True)
-        before, self._leaving = self._leaving, [*self._leaving, leaving]
+        before = self._leaving
+        self._leaving = [*self._leaving, leaving]
         leaving.start()
         if last:
             leaving.join(CLOSE_PATIENCE_S)

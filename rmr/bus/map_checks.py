@@ -92,7 +92,8 @@ def radio(value: Any) -> dict[str, Any]:
         raise
     except Exception as error:
         raise MalformedError(f"expected a radio's settings: {type(error).__name__}") from None
-    pan, seed = data.get("pan"), data.get("seed")
+    pan = data.get("pan")
+    seed = data.get("seed")
     if type(pan) is not int or not 0 <= pan < 0xFFFF or type(seed) is not int:
         raise MalformedError("expected a radio's PAN and seed")
     if type(data.get("security", "")) is not str:

@@ -46,7 +46,9 @@ class Unfinished:
         stream = (key, message.sender)
         run, serial, octets = self._held.pop(stream, (message.run, part.serial, []))
         if part.place == 0:
-            run, serial, octets = message.run, part.serial, []
+            run = message.run
+            serial = part.serial
+            octets = []
         if (run, serial, len(octets)) != (message.run, part.serial, part.place) or part.parts > wire.PARTS_MAX:
             return None  # a part is missing: those that follow are of no use
         octets.append(part.octets)

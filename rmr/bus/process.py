@@ -74,7 +74,8 @@ class LogFile(logging.FileHandler):
 
     def handleError(self, _record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
         """Give the file up."""
-        logger, error = logging.getLogger("rmr"), sys.exc_info()[1]
+        logger = logging.getLogger("rmr")
+        error = sys.exc_info()[1]
         logger.removeHandler(self)
         with contextlib.suppress(OSError, ValueError):
             self.close()
@@ -127,7 +128,8 @@ class Ending:
     def ask(self, reason: str, code: int = ExitCode.OK) -> None:
         """Ask for an orderly end."""
         if not self.asked:
-            self.reason, self.code = reason, code
+            self.reason = reason
+            self.code = code
             self._event.set()
 
     def break_down(self, error: BaseException) -> None:

@@ -157,7 +157,9 @@ async def open_when_there(
 
     Raises NotAdmittedError when the router has refused it for `REFUSED_PATIENCE_S`.
     """
-    tries, pause_ms, refused_s = 0, RETRY_FIRST_MS, None
+    tries = 0
+    pause_ms = RETRY_FIRST_MS
+    refused_s = None
     while True:
         try:
             return open_bus(sender, connect=connect, secret=secret)

@@ -8,7 +8,18 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rmr.commands.common import counted, print_json
-from rmr.entry.command_line import Command, CommandLineError, Entry, Group, Parser, Read, Runnable, one_of, real, whole
+from rmr.entry.command_line import (
+    Command,
+    CommandGroup,
+    CommandLineError,
+    Parser,
+    Read,
+    Runnable,
+    Subcommand,
+    one_of,
+    real,
+    whole,
+)
 from rmr.radio.settings import SETTINGS
 
 if TYPE_CHECKING:
@@ -277,14 +288,14 @@ def _loaded(command: Command) -> Runnable:
     return command
 
 
-command = Group(
+command = CommandGroup(
     """\
 Try in virtual time what the radio of a lab will carry, before anything is deployed.
 
 Each subcommand is one experiment with the radio that robots and simulator have: IEEE 802.15.4 at 2.4 GHz without
 beacons. Shares and times come with the interval in which the true value lies 95 times of 100.
 """,
-    {name: Entry(summary, partial(_loaded, experiment)) for name, (summary, experiment) in EXPERIMENTS.items()},
+    {name: Subcommand(summary, partial(_loaded, experiment)) for name, (summary, experiment) in EXPERIMENTS.items()},
 )
 
 

@@ -12,7 +12,7 @@ from functools import partial
 from importlib import import_module
 
 from rmr.commands.common import become_program
-from rmr.entry.command_line import Entry, Group, Runnable
+from rmr.entry.command_line import CommandGroup, Runnable, Subcommand
 
 COMMANDS: dict[str, str] = {
     "check": "Check programs and labs and print what is wrong with them.",
@@ -39,7 +39,7 @@ PROGRAMS: dict[str, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class ExternalProgram:
     """A subcommand that becomes the program `rmr-NAME`, which is given all words."""
 
     program: str
@@ -54,8 +54,8 @@ def _own(name: str) -> Runnable:
     return command
 
 
-command = Group(
+command = CommandGroup(
     "One logic program for a whole ensemble of robots, with deadlines that hold.",
-    {name: Entry(summary, partial(_own, name)) for name, summary in COMMANDS.items()}
-    | {name: Entry(summary, partial(Program, name)) for name, summary in PROGRAMS.items()},
+    {name: Subcommand(summary, partial(_own, name)) for name, summary in COMMANDS.items()}
+    | {name: Subcommand(summary, partial(ExternalProgram, name)) for name, summary in PROGRAMS.items()},
 )

@@ -179,7 +179,9 @@ class Parser(argparse.ArgumentParser):
         if word.startswith("--"):
             written, equals, value = word.partition("=")
         else:
-            written, equals, value = word[:2], word[2:], word[2:]
+            written = word[:2]
+            equals = word[2:]
+            value = word[2:]
         name = self.names.get(written)
         if name is None:
             raise CommandLineError(f"unknown option '{written}'{did_you_mean(written, self.names)}")
@@ -226,7 +228,7 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class Subcommand:
     """A command of a group as the group's help lists it."""
 
     summary: str
@@ -235,11 +237,11 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class CommandGroup:
     """A command whose first word names one of several commands."""
 
     about: str
-    commands: Mapping[str, Entry]
+    commands: Mapping[str, Subcommand]
 
     def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
         """Carry out `words` (None: those of this process) as the command `name`; return the exit code."""

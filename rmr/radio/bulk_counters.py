@@ -31,7 +31,8 @@ class BulkCounters:
 
     def grow(self, room: int) -> None:
         """Make room for `room` stations."""
-        self.received, self.bulk = _grown(self.received, room), _grown(self.bulk, room)
+        self.received = _grown(self.received, room)
+        self.bulk = _grown(self.bulk, room)
         self.lost = np.stack([_grown(of_one_cause, room) for of_one_cause in self.lost])
 
     def note(self, at: NDArray[np.intp], lost: Truths, cause: Causes) -> None:

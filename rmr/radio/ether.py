@@ -1,8 +1,8 @@
 """All radios of a lab in virtual time.
 
-Medium access (`rmr.radio.mac`), the receive filter and the rules of reception are those of a robot process, but receptions
-are computed for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whatever
-the number of its receivers. A frame with few receivers is decided one by one, by the same rules.
+Medium access (`rmr.radio.mac`), the receive filter and the rules of reception are those of a robot process, but
+receptions are computed for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations,
+whatever the number of its receivers. A frame with few receivers is decided one by one, by the same rules.
 Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol;
 so when a lock instant or an end comes, all that bears on it is known.
 
@@ -147,7 +147,8 @@ class Ether:
 
     def announce(self, station: EtherStation, psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
         """Let `station` transmit at `start`; it is deaf from now until 192 us after the end."""
-        now, index = self.kernel.now, station.index
+        now = self.kernel.now
+        index = station.index
         cell = self.path_loss.cell(index)
         self._settle(now)
         for wave in self._near(cell, now):
@@ -259,7 +260,8 @@ class Ether:
         if self.bulk_counters.bulky:
             bulk = self.bulk_counters.bulk[indices]
             self.bulk_counters.received[indices] += bulk
-            indices, qualities = indices[~bulk], qualities[~bulk]
+            indices = indices[~bulk]
+            qualities = qualities[~bulk]
         receivers: list[int] = indices.tolist()
         powers_dbm: list[float] = wave.power_dbm[indices].tolist()
         lqi: list[int] = qualities.astype(np.int64).tolist()
@@ -333,7 +335,8 @@ class Ether:
         success, cause = verdict(wave, air, self._channel, index)
         loses = self.links.loses
         if loses or 0.0 < success < 1.0:
-            one, receiver = wave.announcement, int(self.path_loss.addresses[index])
+            one = wave.announcement
+            receiver = int(self.path_loss.addresses[index])
             bits = draw_from(self._mixed_seed, one.source, one.sequence, one.attempt, receiver)
             if not is_right(bits, success):
                 success = 0.0
@@ -354,7 +357,8 @@ class Ether:
         """Return the probability that the frame is lost whatever its power, at each of the stations `at`."""
         if self.links.even:
             return self.config.loss
-        source, start = wave.announcement.source, wave.start
+        source = wave.announcement.source
+        start = wave.start
         return np.array([self.links.loss(source, other, start) for other in self.path_loss.addresses[at].tolist()])
 
     def _quality(self, wave: Wave, places: Places, success: Floats) -> Any:

@@ -93,7 +93,8 @@ class EtherStation:
 
     def switch_on(self, rng: Random, security: Security | None) -> None:
         """Begin a new life in the same place, which remembers nothing of the earlier one but the counters."""
-        ether, receive_filter = self._ether, self.receive_filter
+        ether = self._ether
+        receive_filter = self.receive_filter
         self.mac = Mac(receive_filter.address, receive_filter.pan, rng, security=security)
         self.receive_filter = ReceiveFilter(
             receive_filter.address, receive_filter.pan, receive_filter.counters, security
@@ -106,7 +107,8 @@ class EtherStation:
             self.take(confirmed)
 
     def _fire(self, now: Instant) -> None:
-        mac, counters = self.mac, self.receive_filter.counters
+        mac = self.mac
+        counters = self.receive_filter.counters
         out = mac.fire(mac.state is State.BACKOFF and self._ether.busy(self, now))
         if isinstance(out, Transmission):
             counters.sent += 1

@@ -110,7 +110,8 @@ class _Active:
             return False
         if not self.group_of:
             return True
-        one, other = self.group_of.get(source), self.group_of.get(receiver)
+        one = self.group_of.get(source)
+        other = self.group_of.get(receiver)
         if one is None or other is None:
             return False
         return one < other if self.one_way else one != other

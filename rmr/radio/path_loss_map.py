@@ -53,7 +53,8 @@ class PathLossMap:
         self._reached: dict[int, ReachedStations] = {}
         self.room = STATIONS_FIRST
         """Length of all arrays."""
-        self.x, self.y = np.zeros(self.room), np.zeros(self.room)
+        self.x = np.zeros(self.room)
+        self.y = np.zeros(self.room)
         self._places: list[tuple[float, float]] = []
         self.addresses = np.zeros(self.room, dtype=np.uint64)
 
@@ -62,10 +63,12 @@ class PathLossMap:
         index = len(self._cells)
         if index == self.room:
             self.room *= 2
-            self.x, self.y = np.resize(self.x, self.room), np.resize(self.y, self.room)
+            self.x = np.resize(self.x, self.room)
+            self.y = np.resize(self.y, self.room)
             self.addresses = np.resize(self.addresses, self.room)
         self.addresses[index] = address
-        self.x[index], self.y[index] = x, y
+        self.x[index] = x
+        self.y[index] = y
         self._places.append((x, y))
         self._cells.append(self._grid.cell_of(x, y))
         self._enter(index, self._cells[index])
@@ -76,7 +79,8 @@ class PathLossMap:
         if self._places[index] == (x, y):
             return
         self._places[index] = x, y
-        self.x[index], self.y[index] = x, y
+        self.x[index] = x
+        self.y[index] = y
         self._reached.clear()
         was = self._cells[index]
         cell = self._grid.cell_of(x, y, was)
@@ -110,7 +114,8 @@ class PathLossMap:
     def _reach(self, index: int, start: Instant) -> ReachedStations:
         at = self._within_reach(self._cells[index])
         x, y = self._places[index]
-        square, dy = self.x[at] - x, self.y[at] - y
+        square = self.x[at] - x
+        dy = self.y[at] - y
         square *= square
         dy *= dy
         square += dy
@@ -120,7 +125,8 @@ class PathLossMap:
         if self._links.fades:
             source = int(self.addresses[index])
             heard_dbm += [self._links.gain_db(source, other, start) for other in self.addresses[at].tolist()]
-        power_dbm, power = np.empty(self.room), np.zeros(self.room)
+        power_dbm = np.empty(self.room)
+        power = np.zeros(self.room)
         power_dbm.fill(-inf)
         power_dbm[at] = heard_dbm
         power_dbm[index] = -inf

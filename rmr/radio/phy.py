@@ -209,7 +209,8 @@ def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], ch
     `air` is all that the receiver hears, `frame` included, sorted by (start, source) and reaching back
     `LOCK_HISTORY` before it; `deaf` are the times when it transmits or turns around.
     """
-    start, end = frame.start, frame.end
+    start = frame.start
+    end = frame.end
     for begin, finish in deaf:
         if begin < end and finish > start:
             return _DEAF

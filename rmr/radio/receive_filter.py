@@ -144,4 +144,5 @@ class ReceiveFilter:
         elif len(self._last) >= DUPLICATE_SOURCES_MAX:
             del self._last[next(iter(self._last))]
         self._last[source] = last = last or _Last()
-        last.sequence, last.end = frame.sequence, end
+        last.sequence = frame.sequence
+        last.end = end

@@ -200,7 +200,8 @@ class Station:
         self.soonest = self.next_wake = mac_at
         if self._due:
             self._want(heard_at, min(map(self._wanted, self._due)))
-        out, self._out = self._out, []
+        out = self._out
+        self._out = []
         return out
 
     def _want(self, possible: Instant, wanted: Instant) -> None:

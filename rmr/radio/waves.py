@@ -126,7 +126,8 @@ def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Place
     if len(others) == 1:
         return others[0].power[at]
     worst: Floats | None = None
-    starts, ends = {other.start for other in others}, {other.end for other in others}
+    starts = {other.start for other in others}
+    ends = {other.end for other in others}
     for since, until in pairwise(_edges(begin, finish, others)):
         if (until == finish or until in ends) and (since == begin or since in starts):
             total = _total(since, others, at)
@@ -159,7 +160,9 @@ def _total(now: Instant, others: Sequence[Wave], at: Places) -> Any:
 
 def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
     """Decide which stations lock on `wave`; all that began before its lock instant is in `air`, in order."""
-    at, start, lock_at = wave.at, wave.start, wave.lock_at
+    at = wave.at
+    start = wave.start
+    lock_at = wave.lock_at
     power = wave.power[at]
     if channel.capture:
         can = power > LOCK_RATIO * channel.noise_mw
@@ -194,12 +197,14 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: NDArray[np.i
 
     `wave` is settled, and `air` holds all that was on the air during it. What `phy.reception` says, for all.
     """
-    start, end = wave.start, wave.end
+    start = wave.start
+    end = wave.end
     power = wave.power[at]
     others = [o for o in air if o.start < end and o.end > start and o is not wave]
     if others and channel.capture and len(power) == 1:  # of many far away, one receiver hears few
         others = [o for o in others if o.power[at][0] > 0.0]
-    success, cause = np.zeros(len(power)), np.full(len(power), NOISE, dtype=np.int8)
+    success = np.zeros(len(power))
+    cause = np.full(len(power), NOISE, dtype=np.int8)
     near = np.flatnonzero(power >= LOCK_RATIO * channel.noise_mw)
     if others:
         success[near], cause[near] = _contended(wave, others, channel, at[near], power[near])
@@ -220,7 +225,9 @@ def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tu
     if not channel.capture:
         success, cause = verdicts(wave, air, channel, np.array([index], dtype=np.intp))
         return float(success[0]), int(cause[0])
-    start, end, power = wave.start, wave.end, wave.power.item(index)
+    start = wave.start
+    end = wave.end
+    power = wave.power.item(index)
     meet = [o for o in air if o.start < end + TURNAROUND and o.end > start - TURNAROUND and o is not wave]
     if meet and any(other.origin == index and other.deafens(start, end) for other in meet):
         return 0.0, DEAF
@@ -239,7 +246,8 @@ def _contended(
     wave: Wave, others: Sequence[Wave], channel: Channel, at: Places, power: Floats
 ) -> tuple[Floats, Causes]:
     assert wave.locks is not None, "a wave is settled before it ends"
-    start, end = wave.start, wave.end
+    start = wave.start
+    end = wave.end
     locked = wave.locks[at]
     heard = others[0].power[at] > 0.0
     for other in others[1:]:

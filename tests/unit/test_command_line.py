@@ -11,7 +11,7 @@ from rmr import __version__
 from rmr.commands import subcommands
 from rmr.commands.compile_command import command as rmrc
 from rmr.entry import MEANINGS, ExitCode
-from rmr.entry.command_line import Command, Group, did_you_mean, one_of, real, whole
+from rmr.entry.command_line import Command, CommandGroup, did_you_mean, one_of, real, whole
 from rmr_agent.main import command as agent
 from rmr_deploy.fault import command as fault
 from rmr_deploy.up import command as up
@@ -39,15 +39,15 @@ PROGRAMS = {
 def below(name, command):
     """Yield a command and all of its subcommands in this process, by name."""
     yield name, command
-    if isinstance(command, Group):
+    if isinstance(command, CommandGroup):
         for word, entry in command.commands.items():
             found = entry.load()
-            if isinstance(found, Command | Group):
+            if isinstance(found, Command | CommandGroup):
                 yield from below(f"{name} {word}", found)
 
 
 EVERY = dict(pair for name, command in PROGRAMS.items() for pair in below(name, command))
-GROUPS = {name: command for name, command in EVERY.items() if isinstance(command, Group)}
+GROUPS = {name: command for name, command in EVERY.items() if isinstance(command, CommandGroup)}
 SINGLE = {name: command for name, command in EVERY.items() if isinstance(command, Command)}
 
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from rmr.entry import ExitCode
-from rmr.entry.command_line import Command, CommandLineError, Entry, Group, Parser, Runnable
+from rmr.entry.command_line import Command, CommandGroup, CommandLineError, Parser, Runnable, Subcommand
 from rmr_world.provided_labs import existing_lab, provided_labs
 
 # --- rmr lab check
@@ -170,11 +170,11 @@ def _tell_written(folder: Path, files: list[Path]) -> None:
     print(f"now: rmr check {folder} && rmr sim {folder} && rmr up {folder}", file=sys.stderr)
 
 
-def _entry(summary: str, command: Runnable) -> Entry:
-    return Entry(summary, lambda: command)
+def _entry(summary: str, command: Runnable) -> Subcommand:
+    return Subcommand(summary, lambda: command)
 
 
-command = Group(
+command = CommandGroup(
     "Check, draw, list and copy labs; print the schema of the lab file.",
     {
         "check": _entry("Check labs and their programs; draw them.", _CHECK),

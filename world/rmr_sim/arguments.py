@@ -95,7 +95,8 @@ def _seeds(text: str) -> range:
     match = re.fullmatch(f"({WHOLE})(?:-({WHOLE}))?", text)
     if match is None:
         raise ValueError(f"seeds such as 1-100, not {text!r:.40}")
-    first, last = int(match[1]), int(match[2] or match[1])
+    first = int(match[1])
+    last = int(match[2] or match[1])
     if not first <= last < first + SEEDS_MAX:
         raise ValueError(f"from 1 to {SEEDS_MAX} seeds, the least first, not {text!r}")
     return range(first, last + 1)

@@ -147,7 +147,8 @@ def perform(options: argparse.Namespace) -> int:
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
         return ExitCode.USAGE
     try:
-        lab, secret = _load(options), _secret(options)
+        lab = _load(options)
+        secret = _secret(options)
     except (LabError, InvalidError, SecretError) as error:
         print(error, file=sys.stderr)
         return ExitCode.INVALID

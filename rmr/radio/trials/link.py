@@ -39,7 +39,8 @@ SHADES = 240
 TABLE_PSDUS = (5, 20, 50, 100, 127)
 """Sizes that `per` gives the packet error rate of."""
 
-RECEIVER, SENDER = 0, 1
+RECEIVER = 0
+SENDER = 1
 
 
 @dataclass(frozen=True)
