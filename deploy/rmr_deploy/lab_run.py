@@ -62,7 +62,7 @@ async def run_and_report(plan: RunPlan) -> tuple[RunOutcome, dict[str, Any]]:
     """
     run = LabRun(plan, make_screen(json=plan.options.as_json))
     outcome = await run.go()
-    record = make_report(plan, outcome, run.watch)
+    record = make_report(plan, outcome, run.monitor)
     try:
         report.write(record, plan.folder)
     except OSError as error:
@@ -98,9 +98,9 @@ def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -
 # --- the report
 
 
-def make_report(plan: RunPlan, outcome: RunOutcome, watch: StatusMonitor | None) -> dict[str, Any]:
-    """Return the report of a run that is over; `watch` is None when nobody was ever heard."""
-    parts = {robot: _part(watch, robot) if watch else {} for robot in plan.lab.roster}
+def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | None) -> dict[str, Any]:
+    """Return the report of a run that is over; `monitor` is None when nobody was ever heard."""
+    parts = {robot: _part(monitor, robot) if monitor else {} for robot in plan.lab.roster}
     buses = [part.pop("bus", {}) for part in parts.values()]
     for part in parts.values():
         part.pop("log_cut_short", None)  # for people (`StatusMonitor.cut_logs`)
@@ -109,38 +109,38 @@ def make_report(plan: RunPlan, outcome: RunOutcome, watch: StatusMonitor | None)
         mode="processes",
         seed=plan.lab.seed,
         finished=outcome.finished,
-        time_s=time_s(parts, outcome, watch),
+        time_s=time_s(parts, outcome, monitor),
         wall_s=outcome.wall_s,
         robots=parts,
-        truth=truth(watch),
+        truth=truth(monitor),
         bus_lost=sum(bus.get("lost", 0) for bus in buses),
     )
-    added = watch.world.report.get("faults", ()) if watch and watch.world else ()
-    told["faults"] = befallen(plan.lab, added, watch.now_s if watch else 0.0)
+    added = monitor.world.report.get("faults", ()) if monitor and monitor.world else ()
+    told["faults"] = befallen(plan.lab, added, monitor.now_s if monitor else 0.0)
     ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
     return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
 
 
-def _part(watch: StatusMonitor, robot: int) -> dict[str, Any]:
+def _part(monitor: StatusMonitor, robot: int) -> dict[str, Any]:
     """Return a robot's part over all of its lives; of one that died and did not return, what it told last."""
-    past = [cut_short(part) for part in watch.past(robot)]
-    present = watch.report(robot)
+    past = [cut_short(part) for part in monitor.past(robot)]
+    present = monitor.report(robot)
     if not present and past:
         present = past.pop()
     return of_all_lives(past, present)
 
 
-def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, watch: StatusMonitor | None) -> float:
+def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, monitor: StatusMonitor | None) -> float:
     """Return lab seconds from the first tick to the last robot's finish, or to the end of a run without one."""
     finishes = [part.get("finish_s") for part in parts.values()]
     if outcome.finished and finishes and None not in finishes:
         return float(max(finish for finish in finishes if finish is not None))
-    return watch.now_s if watch else 0.0
+    return monitor.now_s if monitor else 0.0
 
 
-def truth(watch: StatusMonitor | None) -> dict[str, Any]:
+def truth(monitor: StatusMonitor | None) -> dict[str, Any]:
     """Return what the world saw, as the report wants it; empty when it told nothing."""
-    told = watch.truth if watch else None
+    told = monitor.truth if monitor else None
     if told is None:
         return {}
     ways = {robot: distance_m for robot, _x, _y, _theta, distance_m in told.robots}

@@ -80,7 +80,7 @@ class RunPlan:
         return self.folder / "logs"
 
     @property
-    def crews(self) -> list[tuple[int, ...]]:
+    def process_robots(self) -> list[tuple[int, ...]]:
         """The robots of each process, in the order of the roster."""
         roster = self.lab.roster
         count = min(self.options.processes or len(roster), len(roster))

@@ -1,6 +1,6 @@
-"""The processes of one run: started together, watched, and never left behind.
+"""The process group of one run: starts its processes, polls them, ends all of them, and reports how one ended.
 
-Three things keep a run from leaving strays:
+Three mechanisms keep processes from outliving a run:
 
 - *Order.* `ProcessGroup.stop` asks with SIGTERM, waits a bounded time and then sends SIGKILL. Signals go to the
   process by its id while it is still unreaped, so that an id that the system has given away again is never hit.
@@ -32,23 +32,23 @@ from rmr.bus.process import LIFELINE
 from rmr.entry import ExitCode
 
 POLL_S = 0.02
-"""How often a stopping process is looked at; far below what a person notices."""
+"""Period with which a process that stops is polled; far below what a person notices."""
 
 TERM_PATIENCE_S = 2.0
-"""How long a process may take to leave after SIGTERM: a lost bus is given up after about one second."""
+"""Limit for a process to exit after SIGTERM; leaving a bus whose router is gone takes about one second."""
 
 KILL_PATIENCE_S = 2.0
-"""How long SIGKILL may take; only a process inside an uninterruptible system call is slower."""
+"""Limit for a process to end after SIGKILL; only one inside an uninterruptible system call takes longer."""
 
 PR_SET_PDEATHSIG = 1
 """Option of prctl(2), from linux/prctl.h."""
 
 
 LAST_LINES = 8
-"""Lines that are shown: a traceback's end with the error, or what led up to it."""
+"""Lines of a process's output in its exit report: the end of a traceback, or what led to the exit."""
 
 TAIL_OCTETS = 16_384
-"""How much of the end is read to find them."""
+"""Octets at the end of the output that are read to find those lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Child:
     """One process of the run."""
 
     name: str
-    """What people call it: ``world``, ``robot-4``, ``robot-1-20``."""
+    """Its name in messages and file names: ``world``, ``robot-4``, ``robot-1-20``."""
     process: subprocess.Popen[bytes]
     output: Path
     """Where its standard output and standard error go."""
@@ -179,7 +179,7 @@ def _death_with_parent() -> Callable[[], None] | None:
 
 
 def exit_report(child: Child) -> str:
-    """Return who ended, how, and the last lines that it wrote."""
+    """Return the name of the process, how it ended, and the last lines that it wrote."""
     lines = "".join(f"\n    {line}" for line in last_lines(child.output))
     return f"{child.name} (pid {child.pid}) {how(child.exit_code())}" + (f"; its last words:{lines}" if lines else "")
 

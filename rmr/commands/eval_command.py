@@ -279,7 +279,7 @@ def _run(run: "Run", until: int) -> bool:
     before = signal.signal(signal.SIGINT, interrupt)
     progress = ProgressLine(run, until)
     try:
-        run.run(until, progress.look)
+        run.run(until, progress.refresh)
     finally:
         signal.signal(signal.SIGINT, before)
         progress.clear()
@@ -296,7 +296,7 @@ class ProgressLine:
         self._shown = False
         self._terminal = sys.stderr.isatty()
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Show the line anew if it is time."""
         if not self._terminal or time.monotonic() < self._next:
             return

@@ -88,7 +88,7 @@ def end(run: LabRun):
     pids = json.loads((run.plan.folder / "processes.json").read_text())["processes"]
     assert [name for name, pid in pids.items() if Path(f"/proc/{pid}").exists()] == []
     assert run._screen.closed
-    return outcome, make_report(run.plan, outcome, run.watch)
+    return outcome, make_report(run.plan, outcome, run.monitor)
 
 
 def at(moment_s: float, call, *arguments):
@@ -203,9 +203,9 @@ def test_a_signal_stops_in_order_and_the_last_words_are_in_the_report(start, num
     interrupt_when(run, working, number)
     outcome, report = end(run)
     assert outcome.reason == "interrupted"
-    assert run.watch.final(1)
-    assert run.watch.final(2)
-    assert run.watch.truth.final
+    assert run.monitor.final(1)
+    assert run.monitor.final(2)
+    assert run.monitor.truth.final
     assert exit_code(outcome, report, strict=False) == 1
 
 
