@@ -1,6 +1,6 @@
-"""What `rmr fault` does: find the lab, put the wish to its world, show what disturbs the radio then.
+"""`rmr fault`: finds the lab, sends the request to its world, and shows the disturbances that result.
 
-The world judges the wish and keeps the list; this is one more client of the star for the length of a question.
+The world checks the request and keeps the list; this command is a client of the star for one query.
 """
 
 import asyncio
@@ -25,11 +25,11 @@ from rmr_deploy.active_runs import endpoint_of, newest_run, secret_of
 from rmr_world.report import REPORT_FILE
 
 ASK_S = 2.0
-"""How long the world may take to answer: it does so within milliseconds, unless its machine is overloaded."""
+"""Limit for the world's answer, which takes milliseconds unless its machine is overloaded."""
 
 
 class FaultError(Exception):
-    """The wish was not granted: why, for people, and the exit code."""
+    """The request failed: why, for people, and the exit code."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)
@@ -37,11 +37,11 @@ class FaultError(Exception):
 
 
 class WorldAddress(NamedTuple):
-    """Where a lab's world is asked."""
+    """The endpoint of a lab's world, and the secret of its bus."""
 
     endpoint: str
     secret: Path | None
-    """The file with the secret of its bus; None if it has none."""
+    """The file with the secret; None if the bus has none."""
 
 
 def perform(
@@ -54,7 +54,7 @@ def perform(
     lab: str | None,
     as_json: bool,
 ) -> int:
-    """Put `wish`, one of `wire.WISHES`, to the world; return the exit code."""
+    """Send `wish`, one of `wire.WISHES`, to the world; return the exit code."""
     try:
         place = find(connect, folder, secret)
         keys = _keys(lab)
@@ -133,7 +133,7 @@ async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint
 
 
 def current(told: wire.Disturbances) -> list[tuple[str, Disturbance]]:
-    """Return what holds now or will, each with who says so."""
+    """Return (origin, disturbance) of each disturbance that is active or will be."""
     return [
         ("lab file" if index < told.given else "rmr fault", one)
         for index, one in enumerate(told.held)
@@ -160,7 +160,7 @@ def record(told: wire.Disturbances) -> dict[str, Any]:
 
 
 def lines(told: wire.Disturbances) -> Iterator[str]:
-    """Yield the same for people."""
+    """Yield the lines that show the disturbances to a person."""
     held = current(told)
     yield f"lab {told.lab}, {in_seconds(max(0, told.stamp)):.1f} s:" + ("" if held else " nothing disturbs the radio")
     for source, one in held:

@@ -1,9 +1,9 @@
-"""What a person sees while a run goes on, and the table at its end.
+"""The display of a run: progress while it goes on, and the table at its end.
 
-On a terminal one line per robot is kept up to date in place; elsewhere a plain line is written when a robot's
-state changes or it does something new, so that a log file stays short: measured values alone are no news. With
-`--json` all of it goes to standard error, standard output then being one JSON document. A run does not depend on
-whether anybody reads: when its output is closed, or takes no more, it goes on unseen, and the report is written.
+On a terminal there is one line per robot, updated in place. Elsewhere a plain line is written when a robot's state or
+activity changes; a change of measured values alone writes none, so that a log file stays short. With `--json` all of
+it goes to standard error, and standard output is one JSON document. When the output is closed, or cannot be written, a
+run continues without display and writes its report.
 """
 
 import re
@@ -21,16 +21,16 @@ from rmr.base.printable import printable
 from rmr_world.report import COLUMNS, rows, several_jobs
 
 MEASURED = re.compile(r"-?\d+\.\d+")
-"""Values such as seconds and metres, which change all the time."""
+"""Measured values such as seconds and metres, which are left out when two lines are compared."""
 
 COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", "died": "bold red"}
-"""States as the robots tell them, and what the launcher knows of a process that is gone."""
+"""Colour of each state: those that robots publish, and ``died``, which the launcher adds."""
 
 MET_COLOURS = {True: "green", False: "bold red", None: ""}
 
 
 class RobotLine(NamedTuple):
-    """What one robot is doing."""
+    """The state and progress of one robot."""
 
     robot: int
     state: str
@@ -40,23 +40,23 @@ class RobotLine(NamedTuple):
 
 
 class Screen(Protocol):
-    """Where a run is shown."""
+    """The display of a run."""
 
     def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
-        """Show what the robots are doing at lab time `lab_s` (None: it has not begun)."""
+        """Show the robots' states at lab time `lab_s` (None: it has not begun)."""
 
     def say(self, message: str) -> None:
-        """Write a message that stays."""
+        """Write a permanent message."""
 
     def close(self) -> None:
-        """Show nothing more but messages."""
+        """End the progress display; messages can still be written."""
 
 
 class Unread(Console):
     """A console that raises BrokenPipeError where rich would end the process."""
 
     def on_broken_pipe(self) -> None:
-        """Leave it to the screen."""
+        """Raise it, for the screen to handle."""
         raise BrokenPipeError
 
 
@@ -91,7 +91,7 @@ class LiveScreen:
 
 
 class PlainScreen:
-    """A line of text whenever there is news."""
+    """A line of text for each change of a robot's state or activity."""
 
     def __init__(self, console: Console) -> None:
         self.console = console
@@ -107,8 +107,8 @@ class PlainScreen:
                 self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
 
     def say(self, message: str) -> None:
-        """Write `message`, as long as somebody takes it."""
-        with suppress(OSError):  # the end of the command tells of it
+        """Write `message`; an output that cannot be written is ignored."""
+        with suppress(OSError):  # reported at the end of the command
             self.console.print(Text(printable(message)))
 
     def close(self) -> None:

@@ -13,16 +13,17 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 POINTS_MAX = 100_000
-"""Of a series: more than a figure can show, and still a file of some megabytes."""
+"""Points of one series at most: more than a figure can show, in a file of some megabytes."""
 SERIES_MAX = 40
 PANELS_MAX = 12
-"""Beyond these nobody can tell the parts apart."""
+"""Series of a panel, and panels of a figure, at most: more cannot be told apart."""
 PROBLEMS_MAX = 5
-"""Mistakes told of one file."""
+"""Errors of one file that are shown at most."""
 OCTETS_MAX = 64 << 20
+"""Size of a data file at most."""
 
 NUMBER_MAX = 1e100
-"""Either way; beyond it the axes can no longer be reckoned with."""
+"""Greatest absolute value: beyond it the axes overflow."""
 
 Number = Annotated[float, Field(ge=-NUMBER_MAX, le=NUMBER_MAX, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=2_000)]

@@ -1,4 +1,4 @@
-"""What befell the frames of the ether for each station, counted for all receivers of a frame at once."""
+"""Counters of receptions and losses in the ether, incremented for all receivers of a frame at once."""
 
 from typing import TypeVar
 
@@ -16,18 +16,18 @@ def _grown(array: NDArray[_Kind], room: int) -> NDArray[_Kind]:
 
 
 class BulkCounters:
-    """What befell the frames for each station, by index."""
+    """Receptions and losses of each station, by index."""
 
     __slots__ = ("bulk", "bulky", "lost", "received")
 
     def __init__(self, room: int) -> None:
         self.received = np.zeros(room, dtype=np.int64)
         self.lost = np.zeros((len(CAUSES), room), dtype=np.int64)
-        """By cause."""
+        """Lost frames by cause and station."""
         self.bulk = np.zeros(room, dtype=np.bool_)
-        """Stations that nobody listens to: their receptions of broadcasts are counted here alone."""
+        """Stations without a `take`: their receptions of broadcasts are counted here alone."""
         self.bulky = False
-        """Whether there are any."""
+        """Whether any station is one of `bulk`."""
 
     def grow(self, room: int) -> None:
         """Make room for `room` stations."""

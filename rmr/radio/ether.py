@@ -3,11 +3,11 @@
 Medium access (`rmr.radio.mac`), the receive filter and the rules of reception are those of a robot process, but
 receptions are computed for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations,
 whatever the number of its receivers. A frame with few receivers is decided one by one, by the same rules.
-Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol;
-so when a lock instant or an end comes, all that bears on it is known.
+Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol.
+So at the instant at which receivers lock on a frame, and at its end, every frame that can interfere is known.
 
-What is due at the same instant happens in this order: a frame's end, with its receptions and acknowledgements;
-then the timers of medium access. Receivers of one frame are told in the order in which they were added.
+Order at the same instant: first the end of a frame, with its receptions and acknowledgements; then the timers of medium
+access. Receivers of one frame are called in the order in which they were added.
 """
 
 from bisect import insort
@@ -55,13 +55,13 @@ from rmr.radio.waves import (
 )
 
 REMEMBERED: Final[Duration] = 2 * (airtime(PSDU_MAX) + TURNAROUND)
-"""How long after its end a wave may still bear on another: on one as long as can be that began before it ended."""
+"""Time after its end for which a wave is kept: the longest frame that overlaps it has ended by then."""
 
 FEW: Final = 12
-"""Up to so many receivers of a frame are judged one by one, which costs less than the arrays of any number."""
+"""Number of receivers up to which a frame is decided one by one: fewer than this cost less than array operations."""
 
 REACH_CELLS: Final = 2
-"""Two frames can meet at a receiver when their transmitters are at most so many cells apart."""
+"""Distance in cells within which the transmitters of two frames can have a receiver in common."""
 
 _ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 _WORD: Final = 4294967296.0
@@ -70,7 +70,7 @@ _ORDER: Final = attrgetter("order")
 
 
 class Ether:
-    """The stations of one lab and what is on the air."""
+    """The stations of one lab and the transmissions on the air."""
 
     def __init__(
         self, kernel: Kernel, config: RadioConfig, seed: int, pan: int, disturbances: Iterable[Disturbance] = ()
@@ -94,7 +94,7 @@ class Ether:
         self._near_cells: dict[Cell, list[deque[Wave]]] = {}
         self._unsettled: list[Wave] = []
         self.listening = np.zeros(self.path_loss.room, dtype=np.bool_)
-        """Whether the station of each index is switched on; data frames are for no others."""
+        """Whether the station of each index is switched on; others receive no data frames."""
 
     def add(
         self,
@@ -137,7 +137,7 @@ class Ether:
     # -- transmissions ----------------------------------------------------------------------------------------
 
     def transmit(self, address: int, psdu: bytes, start: Instant, sequence: int = 0) -> None:
-        """Put octets on the air at `start`, without medium access: for experiments, and for what is no frame.
+        """Put octets on the air at `start` without medium access: for experiments, and for octets that are no frame.
 
         Raises `ValueError` if `start` is not at least the turnaround of 192 us away.
         """
@@ -150,6 +150,8 @@ class Ether:
         now = self.kernel.now
         index = station.index
         cell = self.path_loss.cell(index)
+        # Half duplex: the transmitter loses its lock on whatever it was receiving. Locks that were due before now are
+        # decided first, while it still listened.
         self._settle(now)
         for wave in self._near(cell, now):
             if wave.locks is not None:
@@ -169,7 +171,7 @@ class Ether:
         reached = self.path_loss.reached(index, start)
         wave = Wave(announcement, self._frame(psdu, reached.power), index, cell, reached, self._channel)
         air = self._air.get(cell)
-        if air is None:
+        if air is None:  # a first wave in this cell: neighbourhoods that were looked up without it are stale
             air = self._air[cell] = deque()
             self._near_cells.clear()
         air.append(wave)
@@ -179,7 +181,7 @@ class Ether:
             self.on_air(announcement)
 
     def _frame(self, psdu: bytes, power: Floats) -> DataFrame | AckFrame | None:
-        """Return the frame in `psdu`; None, counted at all who hear it, if it is none."""
+        """Return the frame in `psdu`; None if it is none, which all stations within reach count as malformed."""
         try:
             return decoded(psdu)
         except FrameError:
@@ -188,7 +190,7 @@ class Ether:
             return None
 
     def _near(self, cell: Cell, since: Instant) -> list[Wave]:
-        """Return the waves that may meet one from `cell` at a receiver and end after `since`, in order of start."""
+        """Return the waves that may interfere with one from `cell` and end after `since`, in order of start."""
         near = self._near_cells.get(cell)
         if near is None:
             reach = range(-REACH_CELLS, REACH_CELLS + 1)
@@ -197,7 +199,7 @@ class Ether:
         forgotten = self.kernel.now - REMEMBERED
         found: list[Wave] = []
         for air in near:
-            while air and air[0].end < forgotten:
+            while air and air[0].end < forgotten:  # each cell is trimmed when it is read: there is no clean-up timer
                 air.popleft()
             if air:
                 found += [wave for wave in air if wave.end > since]
@@ -206,11 +208,11 @@ class Ether:
         return found
 
     def _during(self, wave: Wave) -> list[Wave]:
-        """Return the waves that may bear on the reception of `wave`, which ends now, in order of start."""
+        """Return the waves that may interfere with `wave`, which ends now, in order of start."""
         return self._near(wave.cell, wave.start - TURNAROUND)
 
     def _settle(self, now: Instant) -> None:
-        """Settle who locks on the waves whose lock instants have come, in order."""
+        """Decide which stations lock on the waves whose lock instants have come, in order of those instants."""
         unsettled = self._unsettled
         while unsettled and unsettled[0].lock_at <= now:
             wave = unsettled.pop(0)
@@ -219,7 +221,7 @@ class Ether:
     # -- receptions -------------------------------------------------------------------------------------------
 
     def busy(self, station: EtherStation, now: Instant) -> bool:
-        """Return what the channel assessment of `station` says that ends `now`."""
+        """Return whether the channel assessment of `station` that ends `now` finds the channel busy."""
         self._settle(now)
         near = self._near(self.path_loss.cell(station.index), now - CCA - TURNAROUND)
         return channel_busy(station.index, now, near, self._channel)
@@ -241,7 +243,7 @@ class Ether:
                 self._arrive_at(wave, frame, receiver)
 
     def _end_of_ack(self, wave: Wave, frame: AckFrame) -> None:
-        """Let those take note who wait for just this acknowledgement; it bears no address."""
+        """Deliver an acknowledgement to the stations that wait for its sequence number: it has no address (7.2.2.3)."""
         for index in sorted(self.awaiting):
             station = self.stations[index]
             if not wave.power[index] or not station.mac.awaits_ack(frame.sequence, wave.start):
@@ -250,7 +252,7 @@ class Ether:
                 station.acknowledged(wave.end)
 
     def _arrive(self, wave: Wave, frame: DataFrame, at: NDArray[np.intp]) -> None:
-        """Hand `frame`, which is for all, to those of the stations `at` that receive it."""
+        """Hand the broadcast `frame` to those of the stations `at` that receive it."""
         if len(at) <= FEW and self._channel.capture:
             air = self._during(wave)
             for index in [index for index in at.tolist() if self._comes_through(wave, index, air)]:
@@ -272,7 +274,7 @@ class Ether:
                 station.take(received)
 
     def _arrive_at(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
-        """Hand `frame` to the one station that it is for, if that receives it."""
+        """Hand the unicast `frame` to its destination if that receives it."""
         index = station.index
         success = self._comes_through(wave, index, self._during(wave))
         if not success:
@@ -293,9 +295,9 @@ class Ether:
             station.take(received)
 
     def _acknowledge(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
-        """Let `station` acknowledge `wave`, unless it is held up.
+        """Let `station` acknowledge `wave`, unless its process is held up.
 
-        That it transmits at that time cannot be: it would be deaf.
+        It cannot be transmitting itself at that time: it would have been deaf and not received the frame.
         """
         if station.held:
             station.receive_filter.counters.withheld += 1
@@ -328,9 +330,9 @@ class Ether:
         return through, self._quality(wave, through, success[kept])
 
     def _comes_through(self, wave: Wave, index: int, air: Sequence[Wave]) -> float:
-        """Return with what probability `wave` was to come through to the station `index`; 0, and count it, if lost.
+        """Return the probability with which `wave` was received by the station `index`; 0 for a loss, which is counted.
 
-        `air` is all that was on the air during it.
+        `air` holds all waves during it.
         """
         success, cause = verdict(wave, air, self._channel, index)
         loses = self.links.loses
@@ -348,13 +350,13 @@ class Ether:
         return success
 
     def _loss(self, wave: Wave, receiver: int) -> float:
-        """Return the probability that the frame is lost to `receiver` whatever its power."""
+        """Return the probability that `receiver` loses the frame independently of its power."""
         if self.links.even:
             return self.config.loss
         return self.links.loss(wave.announcement.source, receiver, wave.start)
 
     def _losses(self, wave: Wave, at: Places) -> Floats | float:
-        """Return the probability that the frame is lost whatever its power, at each of the stations `at`."""
+        """Return the probability that the frame is lost independently of its power, at each of the stations `at`."""
         if self.links.even:
             return self.config.loss
         source = wave.announcement.source

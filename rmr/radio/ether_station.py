@@ -1,4 +1,4 @@
-"""One robot's radio in the ether: medium access on the kernel's time, and the switch of the process around it.
+"""One robot's radio in the ether: medium access in the kernel's time, and the state of the process around it.
 
 A radio is part of its robot's process, as in `rmr_agent`. When that is held up (a stopped process) the station stands
 still: frames that come through meanwhile are handed on, as a process that goes on decides them by their stamps, but
@@ -36,13 +36,13 @@ class EtherStation:
         self.payload_max = payload_max
         """Octets that fit a frame."""
         self.held = False
-        """Whether it is switched off or held up: it does nothing of itself and acknowledges nothing."""
+        """Whether its process is stopped or ended: it sends and acknowledges nothing."""
         self._ether = ether
         self._alarm = Alarm(ether.kernel, RADIO, self._fire)
 
     @property
     def counters(self) -> Counters:
-        """What it has done and what befell it."""
+        """Its counters, up to date."""
         return self._ether.bulk_counters.complete(self.index, self.receive_filter.counters)
 
     def request(self, payload: bytes, destination: int | None, handle: int) -> None:
@@ -63,7 +63,7 @@ class EtherStation:
         self._ether.path_loss.move(self.index, x, y)
 
     def acknowledged(self, end: Instant) -> None:
-        """Take note of the acknowledgement waited for, whose last symbol arrives at `end`, which is now."""
+        """Accept the awaited acknowledgement, whose last symbol arrives at `end`, which is now."""
         confirmed = self.mac.acknowledged(end, end)
         self._go_on()
         self._tell(confirmed)
@@ -71,14 +71,15 @@ class EtherStation:
     # -- what befalls the process that it is part of -------------------------------------------------------------
 
     def hold(self) -> None:
-        """Stand still: what is on the air stays there, what arrives is taken, but nothing is sent or acknowledged."""
+        """Stop the process: frames that arrive are taken, but nothing is sent or acknowledged."""
         self.held = True
         self._alarm.set(NEVER)
 
     def resume(self, now: Instant) -> None:
-        """Go on after `hold`: what was due in the meantime is due now, and backoffs begin anew."""
+        """Continue after `hold`: timers that were due meanwhile fire now, and backoffs start again."""
         self.held = False
         while self.mac.next_wake < now:
+            # An assessment of the past cannot be made up for: the channel of that instant is gone. Deadlines can.
             if self.mac.state is State.BACKOFF:
                 self.mac.back_off_again(now)
             else:
@@ -86,13 +87,13 @@ class EtherStation:
         self._go_on()
 
     def switch_off(self) -> None:
-        """Neither send nor hear anything more, as when the process dies; `switch_on` begins a new life."""
+        """Neither send nor receive any more, as when the process ends; `switch_on` starts the next incarnation."""
         self.hold()
         self._ether.listening[self.index] = False
         self._ether.awaiting.discard(self.index)
 
     def switch_on(self, rng: Random, security: Security | None) -> None:
-        """Begin a new life in the same place, which remembers nothing of the earlier one but the counters."""
+        """Start the next incarnation in the same place, which keeps nothing of the earlier one but the counters."""
         ether = self._ether
         receive_filter = self.receive_filter
         self.mac = Mac(receive_filter.address, receive_filter.pan, rng, security=security)

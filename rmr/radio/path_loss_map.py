@@ -1,8 +1,8 @@
-"""Where the stations of the ether stand, who is within reach of whom, and with what power each hears another.
+"""Received power between the stations of the ether, by their positions.
 
 Stations are known by their index; arrays have an entry for each. Only the stations in a transmitter's cell and the
-ring around it are looked at (`rmr.radio.cells`), so of robots out of range a frame costs no more than those entries.
-What a transmitter reaches is remembered until somebody moves, where links are what distance makes them.
+ring around it are computed (`rmr.radio.cells`), so robots out of range cost a frame nothing but those entries. The
+result for a transmitter is cached until a station moves, unless shadowing or disturbances apply.
 """
 
 from bisect import insort
@@ -22,28 +22,28 @@ Places = Any
 """An index array, in order, or a slice."""
 
 STATIONS_FIRST: Final = 64
-"""Room for so many stations at first; it doubles when it is used up."""
+"""Initial capacity in stations; it doubles when it is used up."""
 
 
 class ReachedStations(NamedTuple):
-    """What one transmitter reaches."""
+    """The stations within reach of one transmitter, and the power that each receives."""
 
     at: Places
-    """The stations that may hear it."""
+    """Indices of the stations within reach."""
     power_dbm: Floats
-    """At every station; minus infinity out of reach."""
+    """Received power at every station, dBm; minus infinity out of reach."""
     power: Floats
-    """In milliwatts; 0 where it is too weak even to disturb."""
+    """Received power at every station, milliwatts; 0 where it is too weak even to interfere."""
 
 
 class PathLossMap:
-    """The stations' places."""
+    """The positions of all stations, and the path loss between them."""
 
     def __init__(self, config: RadioConfig, links: Links) -> None:
         self._near_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB
-        """Power at 1 m and nearer."""
+        """Received power at 1 m and nearer."""
         self._decibels = 5.0 * config.exponent
-        """What ten times the square of a distance takes."""
+        """Path loss of ten times the squared distance, dB: 10 n log10(d) = 5 n log10(d^2)."""
         self._least_dbm = config.sensitivity_dbm - RELEVANCE_DB
         self._links = links
         self._grid = Grid(interference_range_m(config))
@@ -98,7 +98,7 @@ class PathLossMap:
 
     def reached(self, index: int, start: Instant) -> ReachedStations:
         """Return what a transmission of station `index` reaches that begins at `start`."""
-        if self._links.fades:  # as the time and who else is disturbed will have it
+        if self._links.fades:  # depends on the instant: not cached
             return self._reach(index, start)
         known = self._reached.get(index)
         if known is None:

@@ -46,16 +46,16 @@ LOCK_RATIO: Final[float] = 10**-0.5
 CAPTURE_RATIO: Final[float] = 10**0.3
 """Co-channel rejection of real radios: 3 dB."""
 CERTAIN_RATIO: Final = 4.0
-"""From 6 dB on the bit error rate is below 1e-16: nothing to compute and nothing to draw."""
+"""Ratio of 6 dB from which the bit error rate is below 1e-16 and taken for 0: neither computed nor drawn."""
 
 BURST_MIN: Final[Duration] = 1_000 * NS_PER_US
 BURST_MAX: Final[Duration] = 86_400 * NS_PER_S
 """Mean lengths of bursts and of the times between them."""
 
 RELEVANCE_DB: Final = 20.0
-"""A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
+"""Margin below the sensitivity beyond which a frame is dropped at once: it is neither received nor interferes."""
 LOCK_HISTORY: Final[Duration] = 20_000 * NS_PER_US
-"""How far back locks are followed: over four of the longest frames, by when it no longer matters who held then."""
+"""History of locks that is replayed: over four of the longest frames, after which an earlier lock has no effect."""
 
 BER_TERMS: Final = tuple(
     (8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17)
@@ -93,13 +93,13 @@ class RadioConfig:
     exponent: float = 3.0
     """Of the path loss: 2 in the open, 3 in a room."""
     loss: float = 0.0
-    """Probability that a frame is lost besides, for each receiver by itself; acknowledgements too."""
+    """Probability of an additional loss of a frame, independent for each receiver; acknowledgements too."""
     interference: str = "capture_3db"
     """``capture_3db`` or ``awgn``."""
     energy_threshold_db: float = 10.0
     """Energy detection: how far above the sensitivity the channel counts as busy (6.9.9: at most 10)."""
     shadowing_db: float = 0.0
-    """Standard deviation of what each link adds to or takes from the path loss, for ever."""
+    """Standard deviation, dB, of the constant that each link adds to the path loss."""
     bursts: Bursts | None = None
     """Bursts of losses on each link, besides `loss`."""
 
@@ -140,12 +140,12 @@ class Signal:
 
 
 class ReceptionVerdict(NamedTuple):
-    """What the rules say of one reception before chance has its say."""
+    """The result of the rules for one reception, before the random draw."""
 
     success: float
-    """Probability that all bits are right."""
+    """Probability that all bits are received right."""
     cause: str
-    """What a loss is due to: ``deaf``, ``collision`` or ``noise``."""
+    """Cause of a loss: ``deaf``, ``collision`` or ``noise``."""
 
 
 Interval = tuple[Instant, Instant]

@@ -49,17 +49,17 @@ from rmr.radio.security import Security, payload_max
 __all__ = ["Announcement", "Confirmed", "Counters", "RadioConfig", "Received", "Station"]
 
 GRACE_MARGIN: Final[Duration] = NS_PER_MS
-"""Besides twice the grace, how long a process waits for a late acknowledgement."""
+"""Margin on twice the grace for which a process waits for a late acknowledgement."""
 AIR_MAX: Final = 256
-"""Transmissions kept; the air of `LOCK_HISTORY` holds a few dozen. The oldest go first."""
+"""Transmissions kept at most; `LOCK_HISTORY` of a full channel holds a few dozen. The oldest are dropped first."""
 _ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 
 ASSESSMENTS_MAX: Final = 16
-"""Assessments that found the channel clear and are remembered until no announcement can contradict them."""
+"""Assessments with a clear channel that are kept, to detect late announcements that contradict them."""
 
 
 class _Heard(Signal):
-    """An announcement as this station hears it."""
+    """An announcement with the power that this station receives."""
 
     __slots__ = ("announcement", "frame", "power_dbm")
 
@@ -108,7 +108,7 @@ class Station:
         self.links = links or Links(self.config, seed)
         self.next_wake: Instant = NEVER
         self.soonest: Instant = NEVER
-        """When there is something to do; `next_wake` may be later by the patience."""
+        """The earliest instant at which something can be decided; `next_wake` may be later by the patience."""
         self._seed = seed
         self._security = security
         self._grace = grace
@@ -128,7 +128,7 @@ class Station:
 
     @property
     def mute(self) -> bool:
-        """Whether it sends nothing more, having used up its frame counter."""
+        """Whether it sends nothing any more because its frame counter is used up."""
         return self._security is not None and self._security.used_up
 
     def move(self, x: float, y: float) -> None:
@@ -149,7 +149,7 @@ class Station:
             self._want(self._mac.next_wake, self._mac.next_wake)
 
     def hear(self, announcement: Announcement, now: Instant | None = None) -> None:
-        """Take note of a transmission of another station, early, late or twice; its own are ignored.
+        """Take in the announcement of another station, early, late or repeated; its own are ignored.
 
         It is heard where the station was last said to be (`move`, `advance`). `now` is when it came in, for the
         counters alone; None: when the station was last advanced.
@@ -205,7 +205,7 @@ class Station:
         return out
 
     def _want(self, possible: Instant, wanted: Instant) -> None:
-        """Have something to do at `possible`, and ask to be advanced at `wanted` for it."""
+        """Schedule something that can be decided from `possible` on and is wanted at `wanted`."""
         self.soonest = min(self.soonest, possible)
         self.next_wake = min(self.next_wake, wanted)
 
@@ -226,7 +226,7 @@ class Station:
         return power_dbm
 
     def _contradict(self, late: _Heard) -> None:
-        """Count the assessments that found the channel clear because `late` was not known yet."""
+        """Count the assessments that found the channel clear although `late`, unknown then, was on the air."""
         if not self._assessed or self._assessed[-1] <= late.start:
             return
         channel = self._channel
@@ -234,13 +234,13 @@ class Station:
             self.counters.blind += sum(1 for end in self._assessed if late.start < end < late.end + CCA)
 
     def _add(self, heard: _Heard) -> bool:
-        """Keep `heard` among what is on the air, in order of start; False if it was there already."""
+        """Insert `heard` into the air, in order of start; False if it is a repeat."""
         air = self._air
         horizon = min(self._now, heard.start) - LOCK_HISTORY - 4 * self._grace - airtime(PSDU_MAX)
         while air and (air[0].end < horizon or len(air) >= AIR_MAX):
             del air[0]
         key = _by_start(heard)
-        if not air or _by_start(air[-1]) < key:  # as it comes, as a rule
+        if not air or _by_start(air[-1]) < key:  # the usual case: announcements come in order
             air.append(heard)
             return True
         at = bisect_left(air, key, key=_by_start)
@@ -338,8 +338,9 @@ class Station:
     def _busy(self, at: Instant) -> bool:
         """Assess the channel in the window that ends at `at`."""
         deaf = self._deaf
+        # With a grace, receptions are decided late: the acknowledgement of a frame that has ended may be due, unknown
+        # as yet. Its time counts as busy.
         if self._grace:
-            # Frames not decided yet may have to be acknowledged: keep their acknowledgements' times free.
             owed = [h.end for h in self._due if isinstance(h.frame, DataFrame) and h.frame.wants_ack]
             deaf = deaf + [(end, end + 2 * TURNAROUND + _ACK_AIRTIME) for end in owed]
         return channel_busy(at, self._air, deaf, self._channel)
