@@ -1,4 +1,4 @@
-"""What the subcommands that read programs say about them: diagnostics for people or as JSON, and the exit code."""
+"""Output of the subcommands that read programs: diagnostics for people or as JSON, and the exit code."""
 # ruff: noqa: PLC0415 - the compiler is imported when there is something to say
 
 import os
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rmr.lang.source import Source
 
 Found = tuple[Sequence["Diagnostic"], Mapping[str, "Source"]]
-"""What was found in one program, and the texts of its files by name."""
+"""The diagnostics of one program, and the sources of its files by name."""
 
 
 def show(compilations: Sequence["Compilation"]) -> None:

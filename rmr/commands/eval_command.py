@@ -31,7 +31,7 @@ PROGRESS_AFTER_S = 2.0
 PROGRESS_EVERY_S = 0.5
 """Period with which the line of progress is renewed."""
 COLUMNAR = "columnar"
-"""The engine that takes all robots at once, where the program suits it."""
+"""The engine that runs all robots at once as columns, where the program suits it."""
 WARNINGS_MAX = 8
 """Warnings of one kind that are shown; thousands of robots may give the same."""
 
@@ -250,7 +250,7 @@ def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:
 
 
 def _prepare(engine: str, program: "Program", given: "Given", conditions: "Conditions", sink: "Sink | None") -> "Run":
-    """Return the run by an engine; what does not suit columns is run by machines, and it is said why."""
+    """Return the run by an engine; a program that does not suit columns is run by machines, and says why."""
     from rmr.eval.ensemble import Ensemble
     from rmr.vm.engines import Engine
 
@@ -287,7 +287,7 @@ def _run(run: "Run", until: int) -> bool:
 
 
 class ProgressLine:
-    """One line on a terminal that says how a long run is getting on."""
+    """The progress of a long run, as one line on a terminal."""
 
     def __init__(self, run: "Run", until: int) -> None:
         self._run = run
@@ -297,7 +297,7 @@ class ProgressLine:
         self._terminal = sys.stderr.isatty()
 
     def refresh(self) -> None:
-        """Show the line anew if it is time."""
+        """Renew the line if its period has passed."""
         if not self._terminal or time.monotonic() < self._next:
             return
         self._next = time.monotonic() + PROGRESS_EVERY_S
@@ -308,7 +308,7 @@ class ProgressLine:
         print(f"\r\x1b[K{at}, {what}", end="", file=sys.stderr)
 
     def clear(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         if self._shown:
             print("\r\x1b[K", end="", file=sys.stderr)
 
@@ -317,7 +317,7 @@ class ProgressLine:
 
 
 def _conclude(run: "Run", until: int, interrupted: bool) -> None:
-    """Say on stderr what did not arrive, and what still went on if the run did not become quiescent."""
+    """Print warnings on stderr, and the outstanding work of a run that did not become quiescent."""
     from rmr.eval.report import reasons
 
     for texts in run.warnings():

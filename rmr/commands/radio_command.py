@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from rmr.radio.trials import Over, Row, Runs
 
 START_S = 10.0
-"""How long a process that shares the work may take to begin before nobody waits for it any more."""
+"""Limit for a worker process to start; after it the work begins without it."""
 JOBS_MAX = 64
-"""Processes at once; more than any one machine of a lab has use for."""
+"""Worker processes at most: more than the machine of a lab has cores."""
 SEEDS_MAX = 100_000
-"""Replications; their intervals are then far narrower than the model is right."""
+"""Replications at most: with these the confidence intervals are far narrower than the error of the model."""
 
 _Sample = TypeVar("_Sample")
 
 ANY_REAL = real()
 ANY_WHOLE = whole(-(10**18))
-"""Of values that an experiment checks itself: its message says more of what is wrong."""
+"""Readers without limits, for values that an experiment checks itself with a better message."""
 CASES = ("hidden", "exposed_control", "near_far_hidden")
 
 
@@ -304,7 +304,7 @@ beacons. Shares and times come with the interval in which the true value lies 95
 
 @contextmanager
 def _refused() -> Iterator[None]:
-    """Take what a case says against its values for wrong usage."""
+    """Turn the ValueError of an experiment that refuses its values into wrong usage."""
     try:
         yield
     except ValueError as error:
@@ -312,7 +312,7 @@ def _refused() -> Iterator[None]:
 
 
 def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
-    """Run an experiment and print what it finds."""
+    """Run an experiment and print its results."""
     from rmr.commands.radio_rows import told
     from rmr.radio.trials import Runs
 
@@ -331,7 +331,7 @@ def _config(others: dict[str, Any]) -> "RadioConfig":
 
 
 def _over(jobs: int) -> "Over":
-    """Return what runs replications, in so many processes, and tells on a terminal how many are done."""
+    """Return the function that runs replications in `jobs` processes, with progress on a terminal."""
 
     def over(trial: Callable[[int], _Sample], seeds: Sequence[int]) -> Iterator[_Sample]:
         with _samples(trial, seeds, min(jobs, len(seeds))) as samples:

@@ -8,26 +8,45 @@ begins another life.
 
 from collections.abc import Callable
 from random import Random
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
-from rmr.base.kernel import RADIO, Alarm
+from rmr.base.kernel import RADIO, Alarm, Kernel
 from rmr.base.time import NEVER, Instant
 from rmr.radio.air import Confirmed, Received
+from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.mac import Mac, State, Transmission
+from rmr.radio.path_loss_map import PathLossMap
 from rmr.radio.receive_filter import Counters, ReceiveFilter
 from rmr.radio.security import Security
 
-if TYPE_CHECKING:
-    from rmr.radio.ether import Ether
-
 Take = Callable[[Received | Confirmed], None]
+
+
+class Medium(Protocol):
+    """The ether as a station uses it (`rmr.radio.ether.Ether`)."""
+
+    kernel: Kernel
+    bulk_counters: BulkCounters
+    path_loss: PathLossMap
+    awaiting: set[int]
+    """Indices of the stations that transmit or wait for an acknowledgement."""
+    listening: Any
+    """Whether the station of each index is switched on (an array)."""
+
+    def busy(self, station: "EtherStation", now: Instant) -> bool:
+        """Return whether the channel assessment of `station` that ends `now` finds the channel busy."""
+        ...
+
+    def announce(self, station: "EtherStation", psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
+        """Let `station` transmit at `start`."""
+        ...
 
 
 class EtherStation:
     """One robot's radio in the ether."""
 
     def __init__(
-        self, ether: "Ether", index: int, mac: Mac, receive_filter: ReceiveFilter, take: Take | None, payload_max: int
+        self, ether: Medium, index: int, mac: Mac, receive_filter: ReceiveFilter, take: Take | None, payload_max: int
     ) -> None:
         self.index = index
         self.mac = mac

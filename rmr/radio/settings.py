@@ -5,12 +5,11 @@ these rows come the keys of a lab file (`radio:`), the options of `rmr radio`, a
 accepts what the world tells it. A new setting is a field of the model, its effect there, and a row here.
 """
 
-from dataclasses import fields
 from typing import Any, NamedTuple
 
 from rmr.radio.phy import RadioConfig
 
-_DEFAULTS: dict[str, Any] = {field.name: field.default for field in fields(RadioConfig)}
+_DEFAULTS = RadioConfig()
 
 
 class Setting(NamedTuple):
@@ -33,7 +32,7 @@ class Setting(NamedTuple):
     @property
     def default(self) -> Any:
         """The default of the model."""
-        return _DEFAULTS[self.name]
+        return getattr(_DEFAULTS, self.name)
 
 
 SETTINGS = (
