@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-import rmr_deploy.preparation as planning
 from rmr.bus.secret import read_secret
 from rmr.entry import ExitCode
+from rmr_deploy import preparation
 from rmr_deploy.launch import agent_command, world_command
 from rmr_deploy.preparation import RunOptions, RunRefusedError, make_plan
 
@@ -78,7 +78,7 @@ def test_run_folder_on_a_file_system_without_permissions_is_refused(tmp_path, mo
         path.write_text("rmr:0123456789abcdef\n")
         path.chmod(0o777)
 
-    monkeypatch.setattr(planning, "make_secret", open_to_all)
+    monkeypatch.setattr(preparation, "make_secret", open_to_all)
     with pytest.raises(
         RunRefusedError, match="no file in it can be kept from other users; name another run folder"
     ) as no:
