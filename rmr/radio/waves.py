@@ -1,4 +1,4 @@
-"""The rules of `rmr.radio.phy` for all receivers of a transmission at once, as numpy arrays.
+"""The rules of `rmr.radio.phy` for all receivers of a transmission at once, vectorised with numpy.
 
 `phy` is the specification: it decides one reception at one receiver from all that this one has heard. Here a
 `Wave` carries a transmission's power at every station, and what follows from it is worked out for all of them in a
@@ -42,14 +42,14 @@ NOISE: Final = 0
 COLLISION: Final = 1
 DEAF: Final = 2
 CAUSES: Final = (NOISE, COLLISION, DEAF)
-"""What a loss is due to (`phy.ReceptionVerdict.cause`)."""
+"""Causes of a loss (`phy.ReceptionVerdict.cause`)."""
 
 _WEIGHTS: Final = np.array([weight for weight, _ in BER_TERMS])
 _SLOPES: Final = np.array([slope for _, slope in BER_TERMS])
 
 
 def _word(number: int) -> Words:
-    """Return 64 bits as numpy takes them up fastest."""
+    """Return 64 bits as an array scalar, which numpy combines with arrays fastest."""
     return np.array(number, dtype=np.uint64)
 
 
@@ -129,6 +129,8 @@ def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Place
     starts = {other.start for other in others}
     ends = {other.end for other in others}
     for since, until in pairwise(_edges(begin, finish, others)):
+        # Local maxima only: where at the end of a stretch a wave begins and none ends, or at its start one has ended and
+        # none begins, a neighbouring stretch has at least as much power.
         if (until == finish or until in ends) and (since == begin or since in starts):
             total = _total(since, others, at)
             worst = total if worst is None else np.maximum(worst, total)
@@ -184,6 +186,7 @@ def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
                 can &= power >= other.power[at] if wave.before(other) else power > other.power[at]
     locks = np.zeros(len(wave.power), dtype=np.bool_)
     locks[at] = can
+    # A receiver keeps an earlier lock until the end of that frame, and a transmitter is deaf from its turnaround on.
     for other in air:
         if other.locks is not None and other.end > lock_at and other is not wave:
             locks &= ~other.locks
