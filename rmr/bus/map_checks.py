@@ -1,6 +1,6 @@
-"""Checks of what a map tells of the floor and of the radio: records that robots build their own values from.
+"""Checks of the floor and the radio in a map: the records from which robots build their own values.
 
-A map that passes describes a floor and a radio that exist; whether they fit the robot's program, the robot judges.
+A map that passes describes a possible floor and radio; whether they fit its program is checked by the robot.
 """
 
 from typing import Any, Final
@@ -14,14 +14,14 @@ from rmr.radio.settings import SETTINGS
 
 FLOOR_M_MAX: Final = 1000.0
 CELLS_MAX: Final = 1_000_000
-"""Cells of the planning grid: four times what a lab file may ask for."""
+"""Cells of the planning grid, at most: four times the limit of a lab file."""
 PLACES_MAX: Final = 100_000
-"""Places, corners and beacons of one floor: more than a lab file has room for."""
+"""Places, corners and beacons of one floor, at most: more than a lab file can hold."""
 BEACONS_MAX: Final = 16
 ENERGY_DB_MAX: Final = 200.0
 """Greatest distance of the energy threshold from the sensitivity, either way."""
 OWN: Final = frozenset({"pan", "seed", "security"})
-"""Entries of the radio's record that are no settings of its model."""
+"""Entries of the radio's record that are not settings of its model."""
 
 
 def floor(value: Any) -> dict[str, Any]:

@@ -129,8 +129,8 @@ def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Place
     starts = {other.start for other in others}
     ends = {other.end for other in others}
     for since, until in pairwise(_edges(begin, finish, others)):
-        # Local maxima only: where at the end of a stretch a wave begins and none ends, or at its start one has ended and
-        # none begins, a neighbouring stretch has at least as much power.
+        # Local maxima only: a stretch at whose end no wave ends, or at whose start none begins, has a neighbour with at
+        # least as much power.
         if (until == finish or until in ends) and (since == begin or since in starts):
             total = _total(since, others, at)
             worst = total if worst is None else np.maximum(worst, total)
