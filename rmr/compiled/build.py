@@ -137,7 +137,7 @@ def _build(sources: list[str], into: Path) -> None:
 
     class OnAllCores(build_ext):
         def build_extensions(self) -> None:
-            self.compiler.compile = _side_by_side(self.compiler.compile, Progress())
+            self.compiler.compile = _side_by_side(self.compiler.compile, CompilerProgress())
             super().build_extensions()
 
     scratch = into.with_name(into.name + ".c")
@@ -170,7 +170,7 @@ def _build(sources: list[str], into: Path) -> None:
     shutil.rmtree(scratch)
 
 
-class Progress:
+class CompilerProgress:
     """Tells each time that all files of a package have been compiled."""
 
     def __init__(self) -> None:
@@ -197,7 +197,7 @@ def package_of(source: str) -> str:
     return ".".join(name.split("___")[:-1]) if Path(source).stem != name else ""
 
 
-def _side_by_side(compile_all: Callable[..., list[str]], progress: Progress) -> Callable[..., list[str]]:
+def _side_by_side(compile_all: Callable[..., list[str]], progress: CompilerProgress) -> Callable[..., list[str]]:
     """Return a `compile` of a compiler of setuptools that compiles one file a core at a time, the longest first."""
 
     def compile_each(sources: list[str], **options: Any) -> list[str]:
