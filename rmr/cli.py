@@ -6,17 +6,15 @@ from rmr.entry import run
 
 
 def _rmr() -> int:
-    from rmr.commands.group import command  # noqa: PLC0415 - see rmr.entry
-    from rmr.entry.clicked import perform  # noqa: PLC0415
+    from rmr.commands.subcommands import command  # noqa: PLC0415 - see rmr.entry
 
-    return perform(command, "rmr")
+    return command.main(name="rmr")
 
 
 def _rmrc() -> int:
-    from rmr.commands.compile import command  # noqa: PLC0415 - see rmr.entry
-    from rmr.entry.clicked import perform  # noqa: PLC0415
+    from rmr.commands.compile_command import command  # noqa: PLC0415 - see rmr.entry
 
-    return perform(command, "rmrc")
+    return command.main(name="rmrc")
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ from rmr.bus.session import Bus
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Cell, Grid
 from rmr.radio.frame import DataFrame
-from rmr.radio.intake import decoded
+from rmr.radio.receive_filter import decoded
 
 
 class LocalAir:

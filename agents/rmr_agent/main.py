@@ -1,30 +1,74 @@
-"""The program `rmr-agent`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
+"""The program `rmr-agent`: its options alone, so that help costs little; `agent_process` does the work."""
+# ruff: noqa: PLC0415 - see rmr.entry; the bus and the node load only where a robot runs
 
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rmr.entry import run
 
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Command, Parser
 
-def main(arguments: Sequence[str] | None = None) -> None:
+
+def main(words: Sequence[str] | None = None) -> None:
     """Run the command; ends the process."""
-    code = run("rmr-agent", lambda: _command(arguments))
+    code = run("rmr-agent", lambda: command().main(words, "rmr-agent"))
     os._exit(code)  # zenoh's threads and a user's action must not keep the process
 
 
-def _command(arguments: Sequence[str] | None) -> int:
-    from rmr_agent.options import parser  # noqa: PLC0415 - see rmr.entry
+def command() -> "Command":
+    """Return the command."""
+    from rmr.entry.command_line import Command
 
-    options = parser().parse_args(arguments)
+    return Command(
+        "Run one robot, or several: load byte-code, find the world, live.",
+        _declare,
+        _live,
+        "Compile a program with rmrc; start its world with rmr-world; or let `rmr up LAB` do all of it.",
+    )
+
+
+def _declare(parser: "Parser") -> None:
+    from rmr.base.ids import listed
+    from rmr.bus.endpoint import DEFAULT_ENDPOINT, read_endpoint
+    from rmr.bus.keys import Keys
+
+    parser.positional("program", "PROG.rbc", help="the byte-code to run")
+    parser.option(
+        "--id", required=True, read=listed, metavar="N", help="which robot of the lab this is; 1-20: several robots"
+    )
+    parser.option(
+        "--connect", default=DEFAULT_ENDPOINT, read=read_endpoint, metavar="ENDPOINT", help="where the world listens"
+    )
+    parser.option("--actions", read=Path, metavar="FILE.py", help="handlers of the program's own actions")
+    parser.option("--radio-key", read=Path, metavar="FILE", help="the radio's key, where the lab's is secured")
+    parser.option(
+        "--secret",
+        read=Path,
+        metavar="FILE",
+        help="the secret of the world's bus (of rmr up: secret in the run folder)",
+    )
+    parser.option(
+        "--lab", read=lambda text: Keys(text).lab, metavar="NAME", help="the lab, where several run at one endpoint"
+    )
+    parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines, with the robot's trace")
+
+
+def _live(**options: Any) -> int:
+    """Run the robots until their end; return the exit code."""
+    from argparse import Namespace
+
     try:
-        from rmr_agent.perform import perform  # noqa: PLC0415 - the bus and the node load only where a robot runs
+        from rmr_agent.agent_process import perform
 
-        return perform(options)
+        return perform(Namespace(**options))
     except KeyboardInterrupt:  # before the signal handlers stood: a robot that is told to stop has not failed
-        from rmr.base.ids import spelled  # noqa: PLC0415
+        from rmr.base.ids import spelled
 
-        print(f"rmr-agent {spelled(options.id)}: ended (SIGINT)", file=sys.stderr)
+        print(f"rmr-agent {spelled(options['id'])}: ended (SIGINT)", file=sys.stderr)
         return 0
 
 

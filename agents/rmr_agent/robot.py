@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 from rmr.bus import wire
 from rmr.bus.keys import ANY_LAB, ROBOT_ROLE, WORLD_ROLE, Keys
 from rmr.bus.losses import Losses
-from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, LogFile, Throttle
+from rmr.bus.process import Ending, LogFile, Throttle
 from rmr.bus.session import Bus
+from rmr.entry import ExitCode
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
 from rmr_agent.air import LocalAir
@@ -148,7 +149,7 @@ class HostedRobot:
             labs = sorted({known.lab for _, known in maps})
             if len(labs) > 1:
                 self._ending.ask(
-                    f"several labs run at {self._connect}: {', '.join(labs)}; choose with --lab", EXIT_USAGE
+                    f"several labs run at {self._connect}: {', '.join(labs)}; choose with --lab", ExitCode.USAGE
                 )
             elif not maps:
                 self._waiting()
@@ -169,11 +170,13 @@ class HostedRobot:
         robot = self._robot
         if not known.listed:
             roster = ", ".join(map(str, known.roster))
-            self._ending.ask(f"lab {known.lab} has no robot {robot}; its robots are {roster}", EXIT_USAGE)
+            self._ending.ask(f"lab {known.lab} has no robot {robot}; its robots are {roster}", ExitCode.USAGE)
         elif not known.taken:
             return True
         elif time.monotonic() > patience_s:
-            self._ending.ask(f"robot {robot} of lab {known.lab} is taken: another process is it already", EXIT_FAILED)
+            self._ending.ask(
+                f"robot {robot} of lab {known.lab} is taken: another process is it already", ExitCode.FAILED
+            )
         return False
 
     def _listen(self) -> None:
@@ -207,7 +210,7 @@ class HostedRobot:
             )
             self._life = Life(config, loaded, fresh(), station, self._clock, send, self._ending.break_down)
         except RefusedError as error:
-            self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
+            self._ending.ask(f"lab {known.lab}: {error}", ExitCode.INVALID)
             return
         self._restarts = known.lives
         self._bus.losses = Losses()  # what the last run lost is not this one's

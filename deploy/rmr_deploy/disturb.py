@@ -1,48 +1,47 @@
-"""What `rmr fault` does: find the lab, put the wish to its world, show what disturbs the radio then.
+"""`rmr fault`: finds the lab, sends the request to its world, and shows the disturbances that result.
 
-The world judges the wish and keeps the list; this is one more client of the star for the length of a question.
+The world checks the request and keeps the list; this command is a client of the star for one query.
 """
 
 import asyncio
 import json
+import sys
 from collections.abc import Iterator
 from math import isinf
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import click
 
 from rmr.base.time import NEVER, in_seconds
 from rmr.bus import wire
 from rmr.bus.admission import stranger
 from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, check_endpoint, host_problem
 from rmr.bus.keys import ANY_LAB, Keys
-from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_OK, EXIT_USAGE
 from rmr.bus.secret import SecretError, read_secret
 from rmr.bus.session import Bus, NobodyThereError, open_bus
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.links import Disturbance
-from rmr_deploy.running import endpoint_of, newest_run, secret_of
+from rmr_deploy.active_runs import endpoint_of, newest_run, secret_of
 from rmr_world.run_report import REPORT_FILE
 
 ASK_S = 2.0
-"""How long the world may take to answer: it does so within milliseconds, unless its machine is overloaded."""
+"""Limit for the world's answer, which takes milliseconds unless its machine is overloaded."""
 
 
 class FaultError(Exception):
-    """The wish was not granted: why, for people, and the exit code."""
+    """The request failed: why, for people, and the exit code."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)
         self.exit_code = exit_code
 
 
-class Place(NamedTuple):
-    """Where a lab's world is asked."""
+class WorldAddress(NamedTuple):
+    """The endpoint of a lab's world, and the secret of its bus."""
 
     endpoint: str
     secret: Path | None
-    """The file with the secret of its bus; None if it has none."""
+    """The file with the secret; None if the bus has none."""
 
 
 def perform(
@@ -55,59 +54,63 @@ def perform(
     lab: str | None,
     as_json: bool,
 ) -> int:
-    """Put `wish`, one of `wire.WISHES`, to the world; return the exit code."""
+    """Send `wish`, one of `wire.WISHES`, to the world; return the exit code."""
     try:
-        place, keys = find(connect, folder, secret), _keys(lab)
+        place = find(connect, folder, secret)
+        keys = _keys(lab)
         told = asyncio.run(_ask(place, keys, wire.AskDisturbances(wish, added)))
     except FaultError as error:
-        click.echo(f"rmr fault: {error}", err=True)
+        print(f"rmr fault: {error}", file=sys.stderr)
         return error.exit_code
     if told.refused:
-        click.echo(f"rmr fault: {told.refused}", err=True)
-        return EXIT_USAGE
-    click.echo(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
-    return EXIT_OK
+        print(f"rmr fault: {told.refused}", file=sys.stderr)
+        return ExitCode.USAGE
+    print(json.dumps(record(told), indent=1) if as_json else "\n".join(lines(told)))
+    return ExitCode.OK
 
 
-def find(connect: str | None, folder: Path | None, secret: Path | None) -> Place:
+def find(connect: str | None, folder: Path | None, secret: Path | None) -> WorldAddress:
     """Return where the world listens: as said, as the run folder says, or as a run under way here does."""
     if connect is not None:
         try:
-            return Place(check_endpoint(connect), secret)
+            return WorldAddress(check_endpoint(connect), secret)
         except BusError as error:
-            raise FaultError(str(error), EXIT_USAGE) from None
+            raise FaultError(str(error), ExitCode.USAGE) from None
     where = folder or newest_run(Path("runs"))
     if where is None:
-        return Place(DEFAULT_ENDPOINT, secret)
+        return WorldAddress(DEFAULT_ENDPOINT, secret)
     endpoint = endpoint_of(where)
     if endpoint is None:
-        raise FaultError(f"{where} is no folder of a run of processes", EXIT_USAGE)
+        raise FaultError(f"{where} is no folder of a run of processes", ExitCode.USAGE)
     if (where / REPORT_FILE).exists():  # another run may listen at the same endpoint by now
-        raise FaultError(f"the run in {where} is over", EXIT_FAILED)
-    return Place(endpoint, secret or secret_of(where))
+        raise FaultError(f"the run in {where} is over", ExitCode.FAILED)
+    return WorldAddress(endpoint, secret or secret_of(where))
 
 
 def _keys(lab: str | None) -> Keys:
     try:
         return Keys(lab or ANY_LAB)
     except ValueError as error:
-        raise FaultError(str(error), EXIT_USAGE) from None
+        raise FaultError(str(error), ExitCode.USAGE) from None
 
 
-async def _ask(place: Place, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
+async def _ask(place: WorldAddress, keys: Keys, question: wire.AskDisturbances) -> wire.Disturbances:
     endpoint = place.endpoint
     if missing := unreadable((place.secret,)):
-        raise FaultError(missing[0], EXIT_USAGE)
+        raise FaultError(missing[0], ExitCode.USAGE)
     try:
         secret = None if place.secret is None else read_secret(place.secret)
         bus = open_bus(wire.OPERATOR_ID, connect=endpoint, secret=secret)
     except SecretError as error:
-        raise FaultError(str(error), EXIT_INVALID) from None
+        raise FaultError(str(error), ExitCode.INVALID) from None
     except NobodyThereError as error:
-        problem, foreign = host_problem(endpoint), stranger(endpoint)
-        raise FaultError(f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", EXIT_FAILED) from None
+        problem = host_problem(endpoint)
+        foreign = stranger(endpoint)
+        raise FaultError(
+            f"no world at {endpoint}{foreign}" if foreign else f"{error}{problem}", ExitCode.FAILED
+        ) from None
     except BusError as error:
-        raise FaultError(str(error), EXIT_FAILED) from None
+        raise FaultError(str(error), ExitCode.FAILED) from None
     try:
         if keys.lab == ANY_LAB:  # a wish must not reach two labs, so it is put to the one that is there
             keys = Keys((await _answer(bus, keys, wire.AskDisturbances("list", None), endpoint)).lab)
@@ -122,15 +125,15 @@ async def _answer(bus: Bus, keys: Keys, question: wire.AskDisturbances, endpoint
     labs = sorted({one.lab for one in told})
     if len(labs) > 1:
         message = f"several labs run at {endpoint}: {', '.join(labs)}; choose with --lab"
-        raise FaultError(message, EXIT_USAGE)
+        raise FaultError(message, ExitCode.USAGE)
     if not told:
         who = "no lab's world" if keys.lab == ANY_LAB else f"no world of lab {keys.lab}"
-        raise FaultError(f"{who} answers at {endpoint}, though a zenoh router does", EXIT_FAILED)
+        raise FaultError(f"{who} answers at {endpoint}, though a zenoh router does", ExitCode.FAILED)
     return told[0]
 
 
 def current(told: wire.Disturbances) -> list[tuple[str, Disturbance]]:
-    """Return what holds now or will, each with who says so."""
+    """Return (origin, disturbance) of each disturbance that is active or will be."""
     return [
         ("lab file" if index < told.given else "rmr fault", one)
         for index, one in enumerate(told.held)
@@ -157,7 +160,7 @@ def record(told: wire.Disturbances) -> dict[str, Any]:
 
 
 def lines(told: wire.Disturbances) -> Iterator[str]:
-    """Yield the same for people."""
+    """Yield the lines that show the disturbances to a person."""
     held = current(told)
     yield f"lab {told.lab}, {in_seconds(max(0, told.stamp)):.1f} s:" + ("" if held else " nothing disturbs the radio")
     for source, one in held:

@@ -3,13 +3,15 @@
     starting -> running -> stopping -> over
         any of them ends early when a process dies, time is up, or a person says so
 
-The world is the router and starts first, but nobody waits for it: robots are started at once and connect when it
-listens, so that the whole start costs what the slowest process costs. The lab clock begins when every robot is
-ready (``rmr-world --when-ready``). A run is over when every robot holds the finish fact, when the lab's duration
-has passed, or when a process has died; robots stop before the world, which is asked last for the final truth.
-With ``--keep-going`` a run goes on without a robot that died. A person may start that robot again by hand: from its
-liveliness token on it counts like any other, though its process is not the launcher's to end.
-Every wait here is bounded by a named constant.
+- *Start.* The world is the router and starts first. Robots are started at once and connect when it listens, so that
+  the start takes as long as its slowest process. The lab clock begins when every robot is ready
+  (``rmr-world --when-ready``).
+- *End.* A run is over when every robot holds the finish fact, when the lab's duration has passed, or when a process
+  has died. Robots stop before the world, which tells the final state last.
+- ``--keep-going``: a run goes on without a robot that died. A person may start that robot again by hand: from its
+  liveliness token on it counts like any other, but its process is not a child of the launcher, which cannot end it.
+
+Every wait is bounded by a named constant.
 """
 
 import asyncio
@@ -23,37 +25,37 @@ from pathlib import Path
 
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
-from rmr_deploy.obituary import how, obituary
-from rmr_deploy.plan import INVALID, Plan, free_port
-from rmr_deploy.running import write_processes
-from rmr_deploy.screen import Line, Screen
-from rmr_deploy.supervisor import Child, Family
-from rmr_deploy.watch import Watch
+from rmr.entry import ExitCode
+from rmr_deploy.active_runs import write_processes
+from rmr_deploy.preparation import RunPlan, free_port
+from rmr_deploy.process_group import Child, ProcessGroup, exit_report, how
+from rmr_deploy.screen import RobotLine, Screen
+from rmr_deploy.status_monitor import StatusMonitor
 
 POLL_S = 0.05
-"""How often processes are looked at: a death is told within a twentieth of a second."""
+"""Period with which the states of processes are polled: the exit of one is reported within this time."""
 
 READY_S_MAX = 30.0
-"""Six robots are ready within five seconds; a loaded machine may take longer, a broken one never gets there."""
+"""Limit of the start: six robots take five seconds on an idle machine, several times that on a loaded one."""
 
 SILENCE_S_MAX = 10.0
-"""Wall time beyond the lab's duration before a run whose clock does not advance is given up."""
+"""Wall time beyond the lab's duration after which a run is aborted whose lab clock does not advance."""
 
 FINAL_S_MAX = 2.0
-"""How long a process may take to say its last after it was asked to stop."""
+"""Limit for the last status of a process after it was asked to stop."""
 
 LEAVE_S_MAX = 1.5
-"""How long it may then take to leave by itself before it gets SIGTERM."""
+"""Limit for a process to exit by itself after its last status; then it gets SIGTERM."""
 
 SAID_MAX = 5
-"""Lines of each process's complaints that are shown at the end; all are in its log."""
+"""Error lines of each process that are shown at the end at most; all are in its log."""
 
 DRAW_S = 0.2
-"""Between two drawings of the robots' lines."""
+"""Period with which the robots' lines on the screen are redrawn."""
 
 
 @dataclass(slots=True)
-class Outcome:
+class RunOutcome:
     """What came of a run."""
 
     finished: bool = False
@@ -75,24 +77,24 @@ class Outcome:
     """Why the report could not be written."""
 
 
-class Run:
+class LabRun:
     """A run in progress."""
 
-    def __init__(self, plan: Plan, screen: Screen) -> None:
+    def __init__(self, plan: RunPlan, screen: Screen) -> None:
         self.plan = plan
-        self.outcome = Outcome()
-        self.watch: Watch | None = None
+        self.outcome = RunOutcome()
+        self.monitor: StatusMonitor | None = None
         self._screen = screen
-        self._family = Family()
+        self._processes = ProcessGroup()
         self._world: Child | None = None
         self._robots: dict[int, Child] = {}
         self._returned: set[int] = set()
-        """Robots whose process died and that another process, started by hand, is now."""
-        self._limit_s = plan.wishes.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
+        """Robots whose process died and whose place a process that was started by hand has taken."""
+        self._limit_s = plan.options.timeout_s or READY_S_MAX + plan.duration_s + SILENCE_S_MAX
         self._began = time.monotonic()
         self._drawn = 0.0
 
-    async def go(self) -> Outcome:
+    async def go(self) -> RunOutcome:
         """Run to the end; whatever happens, no process is left behind. Raises OSError if one cannot be started."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -103,9 +105,9 @@ class Run:
             await self._stop()
         finally:
             self._screen.close()
-            self._family.kill()
-            if self.watch is not None:
-                self.watch.close()
+            self._processes.kill()
+            if self.monitor is not None:
+                self.monitor.close()
             self.plan.secret.unlink(missing_ok=True)
             self.outcome.wall_s = time.monotonic() - self._began
         self._sweep()
@@ -115,7 +117,7 @@ class Run:
         """Stop in order at the first request, at once at the second."""
         if self.outcome.interrupted:
             self.outcome.hurried = True
-            self._family.kill()
+            self._processes.kill()
             return
         self.outcome.interrupted = True
         self._screen.say(
@@ -125,58 +127,62 @@ class Run:
     # --- start ---------------------------------------------------------------------------------------------
 
     def _start(self) -> None:
-        plan, endpoint = self.plan, f"tcp/127.0.0.1:{free_port()}"
+        plan = self.plan
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
         self._endpoint = endpoint
         self._world = self._child("world", world_command(plan, endpoint))
-        for crew in plan.crews:
-            child = self._child(f"robot-{spelled(crew)}", agent_command(plan, crew, endpoint))
-            self._robots |= dict.fromkeys(crew, child)
-        pids = {child.name: child.pid for child in self._family.children}
+        for robots in plan.process_robots:
+            child = self._child(f"robot-{spelled(robots)}", agent_command(plan, robots, endpoint))
+            self._robots |= dict.fromkeys(robots, child)
+        pids = {child.name: child.pid for child in self._processes.children}
         write_processes(plan.folder, endpoint, pids)
 
     def _child(self, name: str, command: Sequence[str]) -> Child:
         log = self.plan.logs / f"{name}.jsonl"
-        return self._family.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
+        return self._processes.start(name, [*command, "--log", str(log)], log.with_suffix(".out"))
 
     # --- watch ---------------------------------------------------------------------------------------------
 
     async def _attend(self) -> None:
         """Return when the run is over; `outcome` says why."""
-        opening = asyncio.create_task(Watch.of(self.plan.lab.name, self._endpoint, self.plan.secret))
+        opening = asyncio.create_task(StatusMonitor.of(self.plan.lab.name, self._endpoint, self.plan.secret))
         try:
             await self._until(opening.done)
         finally:
             if opening.done() and not opening.cancelled():
-                self._take_watch(opening)
+                self._take_monitor(opening)
             opening.cancel()
-        if self.outcome.reason or self.watch is None:
+        if self.outcome.reason or self.monitor is None:
             return
-        watch, roster = self.watch, self.plan.lab.roster
-        await self._until(lambda: watch.ready(roster))
+        monitor = self.monitor
+        roster = self.plan.lab.roster
+        await self._until(lambda: monitor.ready(roster))
         if not self.outcome.reason:
             self.outcome.ready_s = time.monotonic() - self._began
             self._screen.say(f"{len(roster)} robots ready after {self.outcome.ready_s:.1f} s")
             await self._until(self._finished)
 
-    def _take_watch(self, opened: asyncio.Task[Watch]) -> None:
-        """Take the launcher's own session, or the reason why the world, or what poses as it, refused it."""
+    def _take_monitor(self, opened: asyncio.Task[StatusMonitor]) -> None:
+        """Take the launcher's session on the bus, or the reason for which the router refused it."""
         try:
-            self.watch = opened.result()
+            self.monitor = opened.result()
         except BusError as error:
             self.outcome.reason = self.outcome.reason or str(error)
 
     def _finished(self) -> bool:
         """Whether the run has reached its end in good order."""
-        watch, lab, outcome = self.watch, self.plan.lab, self.outcome
-        assert watch is not None
+        monitor = self.monitor
+        lab = self.plan.lab
+        outcome = self.outcome
+        assert monitor is not None
         living = self._living()
         absent = sorted(set(lab.roster) - set(living))
-        if lab.finish and watch.finished(living):
+        if lab.finish and monitor.finished(living):
             outcome.finished = not absent
             outcome.reason = "every robot holds the finish fact"
             if absent:
                 outcome.reason = f"every robot that lives holds the finish fact; {_names(absent)} died"
-        elif watch.now >= lab.duration:
+        elif monitor.now >= lab.duration:
             outcome.finished = not lab.finish and not absent
             outcome.reason = f"the lab's duration of {self.plan.duration_s:g} s has passed"
         if outcome.finished and outcome.died:
@@ -192,18 +198,18 @@ class Run:
     async def _until(self, claim: Callable[[], bool]) -> None:
         """Wait until `claim` holds, or the run must end: `outcome.reason` is then set."""
         while not claim():
-            self._look_after()
+            self._check_processes()
             if self.outcome.reason:
                 break
             self._draw()
             await asyncio.sleep(POLL_S)
         self._draw(now=True)
 
-    def _look_after(self) -> None:
-        """Find a reason to end the run before its time."""
+    def _check_processes(self) -> None:
+        """Set the reason to end the run early, if there is one: an exit, an interruption, a limit."""
         elapsed_s = time.monotonic() - self._began
-        self._mourn()
-        self._welcome()
+        self._report_exits()
+        self._note_returned()
         if self.outcome.reason:
             return
         if self.outcome.interrupted:
@@ -214,39 +220,39 @@ class Run:
             self.outcome.reason = f"not finished within {self._limit_s:g} s of wall time"
 
     def _unready(self) -> list[str]:
-        watch = self.watch
-        if watch is None:
+        monitor = self.monitor
+        if monitor is None:
             return ["the world does not answer"]
-        return [f"robot {robot}" for robot in self.plan.lab.roster if not watch.ready((robot,))]
+        return [f"robot {robot}" for robot in self.plan.lab.roster if not monitor.ready((robot,))]
 
-    def _mourn(self) -> None:
-        """Tell of the processes that have died since the last look."""
-        news = [child for child in self._family.dead() if child.name not in self.outcome.died]
+    def _report_exits(self) -> None:
+        """Show an exit report of each process that has ended since the last poll; end the run unless it goes on."""
+        news = [child for child in self._processes.dead() if child.name not in self.outcome.died]
         for child in news:
             code = child.exit_code()
             assert code is not None
             self.outcome.died[child.name] = code
-            self.outcome.invalid |= code == INVALID
-            self._screen.say(obituary(child))
-            if self.watch is not None:
+            self.outcome.invalid |= code == ExitCode.INVALID
+            self._screen.say(exit_report(child))
+            if self.monitor is not None:
                 for robot in self._robots_of(child):
-                    self.watch.bury(robot)
-        if news and not (self.plan.wishes.keep_going and self._can_go_on()):
+                    self.monitor.retire(robot)
+        if news and not (self.plan.options.keep_going and self._can_go_on()):
             self.outcome.reason = f"{', '.join(self.outcome.died)} died"
 
-    def _welcome(self) -> None:
-        """Count robots in that were started again by hand, and out when they leave."""
-        watch = self.watch
-        if watch is None:
+    def _note_returned(self) -> None:
+        """Note the robots that were started again by hand, and those of them that have left."""
+        monitor = self.monitor
+        if monitor is None:
             return
         for robot, child in self._robots.items():
-            here = child.name in self.outcome.died and robot in watch.present
+            here = child.name in self.outcome.died and robot in monitor.present
             if here and robot not in self._returned:
                 self._returned.add(robot)
                 self._screen.say(f"robot {robot} is back: another process has taken its place")
             elif robot in self._returned and not here:
                 self._returned.discard(robot)
-                watch.bury(robot)
+                monitor.retire(robot)
                 self._screen.say(f"robot {robot} has left again")
 
     def _robots_of(self, child: Child) -> list[int]:
@@ -259,51 +265,55 @@ class Run:
         if not now and time.monotonic() < self._drawn + DRAW_S:
             return
         self._drawn = time.monotonic()
-        watch, roster = self.watch, self.plan.lab.roster
-        lab_s = watch.now_s if watch is not None and watch.running(roster) else None
+        monitor = self.monitor
+        roster = self.plan.lab.roster
+        lab_s = monitor.now_s if monitor is not None and monitor.running(roster) else None
         self._screen.show(lab_s, [self._line(robot) for robot in roster])
 
-    def _line(self, robot: int) -> Line:
+    def _line(self, robot: int) -> RobotLine:
         if not self._lives(robot):
-            return Line(robot, "died", how(self._robots[robot].exit_code()))
-        return Line(robot, *(("starting", "") if self.watch is None else self.watch.line(robot)))
+            return RobotLine(robot, "died", how(self._robots[robot].exit_code()))
+        return RobotLine(robot, *(("starting", "") if self.monitor is None else self.monitor.line(robot)))
 
     # --- stop ----------------------------------------------------------------------------------------------
 
     async def _stop(self) -> None:
-        """Stop the robots, then the world: ask, wait for the last word, then signals."""
-        watch, robots = self.watch, list({child.name: child for child in self._robots.values()}.values())
-        if watch is not None and not self._gone(self._world):  # without its router nobody hears
+        """Stop the robots, then the world: ask each, wait for its last status, then send signals."""
+        monitor = self.monitor
+        robots = list({child.name: child for child in self._robots.values()}.values())
+        if monitor is not None and not self._gone(self._world):  # without the router no message arrives
             for robot in self.plan.lab.roster:
-                watch.ask_to_stop(robot, self.outcome.reason)
-            await self._patiently(lambda: all(self._has_said_its_last(robot) for robot in self._robots))
-            self._tell_of_the_silent()
-            await self._family.left(robots, LEAVE_S_MAX)
+                monitor.ask_to_stop(robot, self.outcome.reason)
+            await self._patiently(lambda: all(self._is_final(robot) for robot in self._robots))
+            self._report_silent()
+            await self._processes.left(robots, LEAVE_S_MAX)
         await self._end(robots, asked=not self._gone(self._world))
         assert self._world is not None
-        if watch is not None:
-            watch.ask_world_to_stop(self.outcome.reason)
-            await self._patiently(lambda: (watch.truth is not None and watch.truth.final) or self._gone(self._world))
-            await self._family.left([self._world], LEAVE_S_MAX)
-        await self._end([self._world], asked=watch is not None)
+        if monitor is not None:
+            monitor.ask_world_to_stop(self.outcome.reason)
+            await self._patiently(
+                lambda: (monitor.truth is not None and monitor.truth.final) or self._gone(self._world)
+            )
+            await self._processes.left([self._world], LEAVE_S_MAX)
+        await self._end([self._world], asked=monitor is not None)
 
     async def _end(self, children: Sequence[Child], *, asked: bool) -> None:
-        """End what has not left by itself; one that was `asked` to and did not is told of."""
+        """End the processes that have not exited by themselves; report those that did not although `asked` to."""
         late = [child.name for child in children if child.exit_code() is None]
-        stubborn = [child.name for child in await self._family.stop(children)]
+        stubborn = [child.name for child in await self._processes.stop(children)]
         if late and asked and not self.outcome.hurried:
             self._screen.say(f"{', '.join(late)} did not leave when asked and got SIGTERM")
         if stubborn and not self.outcome.hurried:
             self._screen.say(f"{', '.join(stubborn)} did not leave at SIGTERM and got SIGKILL")
 
-    def _has_said_its_last(self, robot: int) -> bool:
-        if self.watch is not None and self.watch.final(robot):
+    def _is_final(self, robot: int) -> bool:
+        if self.monitor is not None and self.monitor.final(robot):
             return True
         return self._gone(self._robots[robot]) and robot not in self._returned
 
-    def _tell_of_the_silent(self) -> None:
-        """Name the robots whose last word did not come: the report then holds what they told before."""
-        silent = [robot for robot in self._robots if not self._has_said_its_last(robot)]
+    def _report_silent(self) -> None:
+        """Name the robots whose last status did not come: the report holds their status before it."""
+        silent = [robot for robot in self._robots if not self._is_final(robot)]
         if silent and not self.outcome.hurried:
             self._screen.say(
                 f"{_names(silent)} did not tell the end within {FINAL_S_MAX:g} s: the report has what was told before"
@@ -320,8 +330,8 @@ class Run:
             await asyncio.sleep(POLL_S)
 
     def _sweep(self) -> None:
-        """Show what processes that left in order had to say, and remove their plain output: their logs say the same."""
-        for child in self._family.children:
+        """Show the errors of processes that exited in order; remove their plain output, which their logs hold, too."""
+        for child in self._processes.children:
             if child.name not in self.outcome.died:
                 for line in said(child.output):
                     self._screen.say(f"{child.name}: {line}")
@@ -329,17 +339,17 @@ class Run:
                     child.output.unlink()
         if not self.plan.logs.is_dir():
             self._screen.say(f"{self.plan.folder} was removed during the run: its logs and compiled program are lost")
-        for name, why in self.watch.cut_logs() if self.watch is not None else ():
+        for name, why in self.monitor.cut_logs() if self.monitor is not None else ():
             self._screen.say(f"the log of {name} is cut short: {why}")
 
 
 def _names(robots: Sequence[int]) -> str:
-    """Return the robots as a sentence has them."""
+    """Return ``robot 1`` or ``robots 1-3`` for use in a sentence."""
     return f"robot{'s' if len(robots) > 1 else ''} {spelled(robots)}"
 
 
 def said(output: Path) -> list[str]:
-    """Return the last lines of a process's plain output that tell of something gone wrong, or of an intruder."""
+    """Return the last lines of a process's plain output that report a failure or a refused process."""
     try:
         lines = output.read_text(errors="replace").splitlines()
     except OSError:
@@ -347,21 +357,21 @@ def said(output: Path) -> list[str]:
     return [line for line in lines if " failed: " in line or "refused a process" in line][-SAID_MAX:]
 
 
-def world_command(plan: Plan, endpoint: str) -> list[str]:
+def world_command(plan: RunPlan, endpoint: str) -> list[str]:
     """Return the command that starts the world."""
     lab = plan.lab
     options = ["--listen", endpoint, "--seed", str(lab.seed), "--robots", str(len(lab.robots)), "--when-ready"]
     return [*python("rmr_world.main"), "--config", str(lab.path), *options, "--secret", str(plan.secret)]
 
 
-def agent_command(plan: Plan, crew: Sequence[int], endpoint: str) -> list[str]:
-    """Return the command that starts the process of the robots in `crew`."""
-    actions = ["--actions", str(plan.wishes.actions)] if plan.wishes.actions else []
+def agent_command(plan: RunPlan, robots: Sequence[int], endpoint: str) -> list[str]:
+    """Return the command that starts the process of the robots `robots`."""
+    actions = ["--actions", str(plan.options.actions)] if plan.options.actions else []
     key = ["--radio-key", str(plan.lab.key_file)] if plan.lab.key_file else []
-    options = ["--id", spelled(crew), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
+    options = ["--id", spelled(robots), "--connect", endpoint, "--lab", plan.lab.name, *actions, *key]
     return [*python("rmr_agent.main"), *options, "--secret", str(plan.secret), str(plan.byte_code)]
 
 
 def python(module: str) -> list[str]:
-    """Return the command that runs `module` with this very interpreter, whatever lies in the current folder (-P)."""
+    """Return the command that runs `module` with this interpreter; -P: without the current folder in its path."""
     return [sys.executable, "-P", "-m", module]

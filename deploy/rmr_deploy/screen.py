@@ -1,9 +1,9 @@
-"""What a person sees while a run goes on, and the table at its end.
+"""The display of a run: progress while it goes on, and the table at its end.
 
-On a terminal one line per robot is kept up to date in place; elsewhere a plain line is written when a robot's
-state changes or it does something new, so that a log file stays short: measured values alone are no news. With
-`--json` all of it goes to standard error, standard output then being one JSON document. A run does not depend on
-whether anybody reads: when its output is closed, or takes no more, it goes on unseen, and the report is written.
+On a terminal there is one line per robot, updated in place. Elsewhere a plain line is written when a robot's state or
+activity changes; a change of measured values alone writes none, so that a log file stays short. With `--json` all of
+it goes to standard error, and standard output is one JSON document. When the output is closed, or cannot be written, a
+run continues without display and writes its report.
 """
 
 import re
@@ -21,16 +21,16 @@ from rmr.base.printable import printable
 from rmr_world.run_report import COLUMNS, rows, several_jobs
 
 MEASURED = re.compile(r"-?\d+\.\d+")
-"""Values such as seconds and metres, which change all the time."""
+"""Measured values such as seconds and metres, which are left out when two lines are compared."""
 
 COLOURS = {"waiting": "yellow", "ready": "cyan", "running": "blue", "finished": "green", "died": "bold red"}
-"""States as the robots tell them, and what the launcher knows of a process that is gone."""
+"""Colour of each state: those that robots publish, and ``died``, which the launcher adds."""
 
 MET_COLOURS = {True: "green", False: "bold red", None: ""}
 
 
-class Line(NamedTuple):
-    """What one robot is doing."""
+class RobotLine(NamedTuple):
+    """The state and progress of one robot."""
 
     robot: int
     state: str
@@ -40,23 +40,23 @@ class Line(NamedTuple):
 
 
 class Screen(Protocol):
-    """Where a run is shown."""
+    """The display of a run."""
 
-    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
-        """Show what the robots are doing at lab time `lab_s` (None: it has not begun)."""
+    def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
+        """Show the robots' states at lab time `lab_s` (None: it has not begun)."""
 
     def say(self, message: str) -> None:
-        """Write a message that stays."""
+        """Write a permanent message."""
 
     def close(self) -> None:
-        """Show nothing more but messages."""
+        """End the progress display; messages can still be written."""
 
 
 class Unread(Console):
     """A console that raises BrokenPipeError where rich would end the process."""
 
     def on_broken_pipe(self) -> None:
-        """Leave it to the screen."""
+        """Raise it, for the screen to handle."""
         raise BrokenPipeError
 
 
@@ -74,7 +74,7 @@ class LiveScreen:
         self._live = Live(console=console, auto_refresh=False, transient=True)
         self._live.start()
 
-    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+    def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
         """Redraw."""
         with suppress(OSError):  # a terminal that is gone
             self._live.update(Group(_head(lab_s, lines), *map(_drawn, lines)), refresh=True)
@@ -91,13 +91,13 @@ class LiveScreen:
 
 
 class PlainScreen:
-    """A line of text whenever there is news."""
+    """A line of text for each change of a robot's state or activity."""
 
     def __init__(self, console: Console) -> None:
         self.console = console
         self._shown: dict[int, tuple[str, str]] = {}
 
-    def show(self, lab_s: float | None, lines: Sequence[Line]) -> None:
+    def show(self, lab_s: float | None, lines: Sequence[RobotLine]) -> None:
         """Write the lines that have changed."""
         for line in lines:
             news = line.state, MEASURED.sub("", line.progress)
@@ -107,21 +107,21 @@ class PlainScreen:
                 self.say(f"{when}robot {line.robot}  {line.state}  {line.progress}".rstrip())
 
     def say(self, message: str) -> None:
-        """Write `message`, as long as somebody takes it."""
-        with suppress(OSError):  # the end of the command tells of it
+        """Write `message`; an output that cannot be written is ignored."""
+        with suppress(OSError):  # reported at the end of the command
             self.console.print(Text(printable(message)))
 
     def close(self) -> None:
         """Do nothing: what is written is written."""
 
 
-def _head(lab_s: float | None, lines: Sequence[Line]) -> Text:
+def _head(lab_s: float | None, lines: Sequence[RobotLine]) -> Text:
     done = sum(line.state == "finished" for line in lines)
     time = "starting" if lab_s is None else f"{lab_s:.1f} s"
     return Text(f"{time}, {done} of {len(lines)} finished", style="bold", no_wrap=True)
 
 
-def _drawn(line: Line) -> Text:
+def _drawn(line: RobotLine) -> Text:
     text = Text(f"robot {line.robot:<4}", no_wrap=True, overflow="ellipsis")
     return text.append(f"{line.state:<9} ", COLOURS.get(line.state, "")).append(printable(line.progress))
 

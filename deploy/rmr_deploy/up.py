@@ -1,20 +1,62 @@
-"""The program `rmr-up`; its options are `rmr_deploy.commands.up`."""
+"""The program `rmr-up`: the options of `rmr up LAB`; `rmr_deploy.lab_run` carries it out.
+
+Importing this module loads next to nothing (see `rmr.entry`), and its help neither the bus nor the compiler.
+"""
+# ruff: noqa: PLC0415
 
 import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rmr.entry import run
 
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Command, Parser
 
-def _command() -> int:
-    from rmr.entry.clicked import perform  # noqa: PLC0415 - see rmr.entry
-    from rmr_deploy.commands.up import command  # noqa: PLC0415
+ABOUT = """\
+Start LAB, a folder, its lab.yaml or a provided lab, as processes: a world and one process for each robot.
 
-    return perform(command, "rmr up")
+Waits until all are ready, runs until every robot holds the lab's finish fact, prints a table and leaves a
+run folder with report.json and logs. Ctrl-C stops in order, twice at once. Other users of the machine can neither
+use the bus of the run, which has a secret (the file secret in the run folder), nor read the folder.
+"""
+
+
+def _declare(parser: "Parser") -> None:
+    from rmr.base.streams import SEED_MAX
+    from rmr.entry.command_line import real, whole
+    from rmr_world.provided_labs import existing_lab
+
+    parser.positional("lab", "LAB", read=existing_lab)
+    parser.option("--robots", metavar="N", read=whole(1), help="The first N robots of the lab only.")
+    parser.option("--seed", metavar="S", read=whole(0, SEED_MAX), help="In place of the lab's seed.")
+    parser.option("--actions", metavar="FILE.py", read=Path, help="Handlers of the program's actions.")
+    parser.flag("--json", dest="as_json", help="The report on standard output, all else on standard error.")
+    parser.flag("--strict", help="Exit code 4 when a deadline was missed or robots touched.")
+    parser.option("--run", dest="folder", metavar="DIR", read=Path, help="The run folder: new or empty.")
+    parser.option("--timeout", dest="timeout_s", metavar="SECONDS", read=real(0, above=True), help="Wall time at most.")
+    parser.option("--processes", metavar="N", read=whole(1), help="Spread the robots over N processes only.")
+    parser.flag("--keep-going", help="Go on without a robot that died; the exit code is 1 all the same.")
+
+
+def _up(**options: Any) -> int:
+    """Run a lab; return the exit code."""
+    from rmr_deploy.lab_run import perform
+    from rmr_deploy.preparation import RunOptions
+
+    return perform(RunOptions(**options))
+
+
+def command() -> "Command":
+    """Return the command."""
+    from rmr.entry.command_line import Command
+
+    return Command(ABOUT, _declare, _up)
 
 
 def main() -> None:
     """Run the command; ends the process."""
-    sys.exit(run("rmr up", _command))
+    sys.exit(run("rmr up", lambda: command().main(name="rmr up")))
 
 
 if __name__ == "__main__":

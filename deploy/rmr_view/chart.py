@@ -13,16 +13,17 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 POINTS_MAX = 100_000
-"""Of a series: more than a figure can show, and still a file of some megabytes."""
+"""Points of one series at most: more than a figure can show, in a file of some megabytes."""
 SERIES_MAX = 40
 PANELS_MAX = 12
-"""Beyond these nobody can tell the parts apart."""
+"""Series of a panel, and panels of a figure, at most: more cannot be told apart."""
 PROBLEMS_MAX = 5
-"""Mistakes told of one file."""
+"""Errors of one file that are shown at most."""
 OCTETS_MAX = 64 << 20
+"""Size of a data file at most."""
 
 NUMBER_MAX = 1e100
-"""Either way; beyond it the axes can no longer be reckoned with."""
+"""Greatest absolute value: beyond it the axes overflow."""
 
 Number = Annotated[float, Field(ge=-NUMBER_MAX, le=NUMBER_MAX, allow_inf_nan=False)]
 Text = Annotated[str, Field(max_length=2_000)]
@@ -34,13 +35,13 @@ class ChartError(Exception):
     """A file holds no figure that can be drawn; says why."""
 
 
-class Part(BaseModel):
+class FigurePart(BaseModel):
     """Any part of a figure; unknown keys are mistakes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Series(Part):
+class Series(FigurePart):
     """Points of one kind."""
 
     label: Text
@@ -63,21 +64,21 @@ class Series(Part):
         return self
 
 
-class Line(Part):
+class ReferenceLine(FigurePart):
     """A level drawn across a panel: a target, a limit."""
 
     y: Number
     label: Text
 
 
-class Tick(Part):
+class Tick(FigurePart):
     """A place on the x axis that has a name."""
 
     at: Number
     label: Text
 
 
-class Panel(Part):
+class Panel(FigurePart):
     """Axes and what is drawn on them."""
 
     title: Text = ""
@@ -85,7 +86,7 @@ class Panel(Part):
     """What the axis shows, with its unit."""
     y: Text
     series: Annotated[list[Series], Field(min_length=1, max_length=SERIES_MAX)]
-    lines: Annotated[list[Line], Field(max_length=SERIES_MAX)] = []
+    lines: Annotated[list[ReferenceLine], Field(max_length=SERIES_MAX)] = []
     ticks: Annotated[list[Tick], Field(max_length=SERIES_MAX)] = []
     """Names on the x axis in place of numbers."""
     x_log: bool = False
@@ -94,7 +95,7 @@ class Panel(Part):
     """Where the y axis begins; none: where the data do, or at 0 with bars."""
 
 
-class Figure(Part):
+class Figure(FigurePart):
     """All of a figure."""
 
     title: Text
@@ -103,7 +104,7 @@ class Figure(Part):
     panels: Annotated[list[Panel], Field(min_length=1, max_length=PANELS_MAX)]
 
 
-class Document(BaseModel):
+class FigureFile(BaseModel):
     """A data file; of its keys only the figure matters here."""
 
     figure: Figure | None = None
@@ -122,7 +123,7 @@ def read(path: Path) -> Figure:
     if path.stat().st_size > OCTETS_MAX:
         raise ChartError(f"{path}: larger than {OCTETS_MAX >> 20} MiB")
     try:
-        figure = Document.model_validate_json(path.read_bytes()).figure
+        figure = FigureFile.model_validate_json(path.read_bytes()).figure
     except ValidationError as error:
         problems = error.errors(include_url=False, include_input=False, include_context=False)
         lines = [f"{path}: {_place(problem['loc'])}{problem['msg']}" for problem in problems[:PROBLEMS_MAX]]

@@ -21,7 +21,7 @@ HATCHES = ("", "////", "xx", "----")
 PANEL_INCHES = (4.4, 3.6)
 ALONE_INCHES = (7.0, 4.2)
 NOTE_INCHES = 0.16
-"""Height of a line of the note."""
+"""Height of one line of the note, inches."""
 CHARACTERS_PER_INCH = 15
 STYLE: Any = {
     "svg.hashsalt": "rmr",
@@ -31,13 +31,13 @@ STYLE: Any = {
     "axes.axisbelow": True,
 }
 LEGEND_ROOM = 1.3
-"""Height of axes with bars over that of the highest: bars fill a panel, and the legend must not hide them."""
+"""Ratio of the height of the y axis to the highest bar, which leaves room for the legend above the bars."""
 BAR_SHARE = 0.8
-"""Of the distance between two places, taken by the bars of one."""
+"""Width of the bars at one x, as a share of the distance between two."""
 
 
 def draw(figure: Figure, path: Path) -> list[str]:
-    """Draw `figure` into an SVG file; return what matplotlib finds doubtful, as signs that its font does not have.
+    """Draw `figure` into an SVG file; return matplotlib's warnings, such as characters missing in its font.
 
     Raises ImportError without matplotlib, OSError when the file cannot be written.
     """
@@ -111,7 +111,8 @@ def _log(axis: Any, set_scale: Any) -> None:
 
 
 def _points(axes: Any, series: Series, index: int) -> None:
-    mark, colour = MARKS[index % len(MARKS)], COLOURS[index % len(COLOURS)]
+    mark = MARKS[index % len(MARKS)]
+    colour = COLOURS[index % len(COLOURS)]
     dash = DASHES[index // 2 % len(DASHES)] if series.kind == "line" else "none"
     axes.errorbar(
         series.x, series.y, yerr=_reach(series), label=series.label, color=colour, marker=mark, markersize=4,

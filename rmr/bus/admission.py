@@ -1,4 +1,4 @@
-"""Why a router does not let a client in, in words for people.
+"""The reason for which a router refuses a client, for an error message.
 
 zenoh tells a client that is refused the same as one that finds nobody: it is "unable to connect". So the endpoint is
 asked once more, with the first message of zenoh's handshake (InitSyn, protocol version 9) and no credentials. A router
@@ -14,10 +14,10 @@ from rmr.bus.endpoint import ENDPOINT
 from rmr.bus.secret import SECRET_FILE, Secret
 
 ANSWER_S: Final = 0.5
-"""How long what listens at an endpoint may take to accept the connection, and then to answer."""
+"""Limit for a program at an endpoint to accept the connection, and then to answer."""
 
 ID_OCTETS: Final = 16
-"""Of a session's id, which is drawn at random."""
+"""Length of a session's id, which is drawn at random."""
 
 INIT: Final = 0x01
 CLOSE: Final = 0x03
@@ -27,14 +27,14 @@ MESSAGE: Final = 0x1F
 VERSION: Final = 9
 
 CLIENT: Final = 2
-"""What the asker claims to be."""
+"""The role that this client claims in the handshake."""
 
 LENGTH_OCTETS: Final = 2
-"""Of the length, little-endian, before each message on TCP."""
+"""Length of the length field, little-endian, before each message on TCP."""
 
 
 ANSWER_OCTETS_MAX: Final = 1024
-"""An InitAck has some 75 octets, a Close has 2."""
+"""Octets of an answer that are read at most: an InitAck has some 75, a Close has 2."""
 
 
 def refusal(endpoint: str, secret: Secret | None) -> str | None:

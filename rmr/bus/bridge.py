@@ -1,13 +1,13 @@
-"""From zenoh's threads to the event loop: an inbox that is filled by one side and drained by the other.
+"""The inbox between zenoh's threads, which fill it, and the event loop, which drains it.
 
-zenoh calls back on threads of its own. The callback does nothing but append to a deque, with the instant of
-arrival, and wake the loop where that is due; the loop drains in batches, so that a burst costs one wake-up
-and other work gets its turn between batches.
+zenoh calls back on threads of its own. The callback appends to a deque, with the instant of arrival, and wakes the
+loop where that is due. The loop drains in batches: a burst costs one wake-up, and other work runs between batches.
 
-A wake-up costs more than what most messages ask for, so a `PreciseLoop` looks into its inbox whenever it wakes for
-anything, and what is *patient* is left until it does, `PATIENCE` at most: no wake-up where a timer rings within that
-time. After it has found something it sleeps no longer than that, so that a stream of patient messages costs one
-wake-up for each `PATIENCE`, and one message after a silence is taken at once.
+A wake-up costs more than the handling of most messages. Hence *patient* messages (low priority): a `PreciseLoop` polls
+its inbox whenever it wakes for any cause, and a patient message waits for that, `PATIENCE` at most; it causes no
+wake-up of its own where a timer is due within that time. After a poll that found something the loop sleeps no longer
+than `PATIENCE`. So a stream of patient messages costs one wake-up for each `PATIENCE`, and a single one after a
+silence is taken at once.
 """
 
 import asyncio
@@ -22,15 +22,15 @@ from typing import Any
 from rmr.base.time import NEVER, NS_PER_S, TICK_HZ, Duration
 
 INBOX_MAX = 8192
-"""Items that wait for the loop. A process that is stopped for seconds finds the newest; older ones are lost, and
-their numbers are missing (`rmr.bus.wire`)."""
+"""Capacity of an inbox. A process that was stopped for seconds finds the newest items; older ones are lost, and
+the gap in their numbers is counted (`rmr.bus.wire`)."""
 
 BATCH_MAX = 256
 """Items taken before other work on the loop has its turn."""
 
 PATIENCE: Duration = 2 * NS_PER_S // TICK_HZ
-"""How long what is patient may wait: two frames. A robot that drives looks once a frame anyway; of one that stands it
-is well below what coordination allows for the way of a frame (90 ms: the frozen zone less a lease and two clock
+"""Delay of a patient message at most: two frames. A robot that drives polls once a frame anyway. For one that stands it
+is well below the transmission time that coordination allows (90 ms: the frozen zone less a lease and two clock
 errors)."""
 
 Take = Callable[[Any, int], None]
@@ -38,7 +38,7 @@ Take = Callable[[Any, int], None]
 
 
 class Sleep(selectors.SelectSelector):
-    """Where a loop sleeps: it tells until when, and looks into the inbox when it ends."""
+    """The selector of a loop: publishes until when the loop sleeps, and polls the inbox when it wakes."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,22 +47,23 @@ class Sleep(selectors.SelectSelector):
         self.inbox: Inbox | None = None
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        """Sleep until a descriptor is ready, a timer rings, or the inbox wants to be looked into."""
+        """Sleep until a descriptor is ready, a timer is due, or the inbox must be polled."""
         inbox = self.inbox
         if inbox is None or (timeout is not None and timeout <= 0):
             return super().select(timeout)
         if inbox.lively and (timeout is None or timeout * NS_PER_S > PATIENCE):
             timeout = PATIENCE / NS_PER_S
-        # First it says until when, then it looks: what is put after the look finds the loop asleep.
+        # Order matters: publish `until` before the inbox is read. An item put after the read then finds the loop asleep
+        # and wakes it; with the order reversed it would wait for the end of the sleep.
         self.until = NEVER if timeout is None else time.monotonic_ns() + round(timeout * NS_PER_S)
         found = super().select(0 if inbox.waiting else timeout)
         self.until = 0
-        inbox.look()
+        inbox.poll()
         return found
 
 
 class PreciseLoop(asyncio.SelectorEventLoop):
-    """An event loop whose timers ring within microseconds of their time, and that looks into its inbox as it wakes.
+    """An event loop with timers that are precise to microseconds, which polls its inbox whenever it wakes.
 
     The usual loop on Linux waits in whole milliseconds, rounded up: a radio that assesses the channel and turns around
     within 320 us would always announce its frames too late. The number of descriptors that `select` can watch (1,024)
@@ -86,7 +87,7 @@ class Inbox:
             self._sleep = loop.sleep
             loop.sleep.inbox = self
         self.lively = False
-        """Whether the last look found something."""
+        """Whether the last poll found something."""
         self.overflowed = 0
         """Items that were pushed out by newer ones."""
 
@@ -109,7 +110,7 @@ class Inbox:
             except RuntimeError:  # the loop is closed: the process is ending and nobody listens
                 self._items.clear()
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Take what is there on the loop's next round. Called on the loop."""
         self.lively = bool(self._items)
         if self._items and not self._awake:
@@ -132,7 +133,7 @@ _known = threading.local()
 
 
 def keep_thread() -> None:
-    """Let Python keep what it knows of the calling thread, which is not one of its own; else each call makes it anew.
+    """Make Python keep the thread state of the calling thread, which Python did not start; else each call makes one.
 
     A callback on a thread of zenoh begins with the making of a thread state and ends with its freeing, 16 KiB of
     memory mapped and unmapped, which takes longer than the callback itself. Ensured once more than released, it stays.

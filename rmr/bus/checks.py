@@ -18,10 +18,10 @@ from rmr.radio.air import PLACE_MAX_M, Announcement
 from rmr.radio.links import Disturbance
 
 VALUE_DEPTH_MAX: Final = 16
-"""Lists within lists in a fact's arguments."""
+"""Depth of nested lists in a fact's arguments, at most."""
 
 PLAIN_DEPTH_MAX: Final = 32
-"""Lists and records within each other in plain data; reports and arenas have a handful."""
+"""Depth of nested lists and records in plain data, at most; reports and arenas have a handful."""
 
 COUNT_MAX: Final = 1 << 53
 """Greatest count: JSON and floats hold it exactly."""
@@ -36,13 +36,13 @@ TEXT_CHARACTERS_MAX: Final = 1 << 16
 """Longest text of a fact, a goal or an action."""
 
 ROBOTS_MAX: Final = 1000
-"""Robots of a lab."""
+"""Robots of a lab, at most."""
 
 LIVES_MAX: Final = 1 << 31
-"""Processes that have been one robot."""
+"""Incarnations of one robot, at most."""
 
 NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,199}")
-"""A name of the language or of the lab file."""
+"""Format of a name of the language or of the lab file."""
 
 
 class MalformedError(ValueError):
@@ -276,7 +276,7 @@ def roster(value: Any) -> tuple[int, ...]:
 
 
 def lives(value: Any) -> int:
-    """Accept how many processes have been a robot."""
+    """Accept the number of a robot's earlier incarnations."""
     told: int = count(value)
     if told > LIVES_MAX:
         raise MalformedError("expected a count of lives")

@@ -34,6 +34,14 @@ def check_endpoint(endpoint: str) -> str:
     return endpoint
 
 
+def read_endpoint(text: str) -> str:
+    """Return `text` if it is an endpoint: the reader of an option. Raises ValueError."""
+    try:
+        return check_endpoint(text)
+    except BusError as error:
+        raise ValueError(str(error)) from None
+
+
 def host_problem(endpoint: str) -> str:
     """Return what is wrong with the host of a valid endpoint, `: ` before it; empty when it has an address.
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from rmr.base.values import ROBOT_ID_MAX
 
 WORLD = "world"
-"""The world's name where robots have their id."""
+"""The name of the world, in place of a robot's id."""
 
 ROBOT_ROLE = "robot"
 WORLD_ROLE = "world"
@@ -34,7 +34,7 @@ ID = re.compile("0|[1-9][0-9]{0,4}", re.ASCII)
 """A robot's id as keys spell it."""
 
 ANY_LAB = "*"
-"""In place of a lab's name: whichever lab is there."""
+"""Wildcard in place of a lab's name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Keys:
         return f"rmr/{self.lab}/radio/{cell_x}/{cell_y}"
 
     def call(self, robot: int) -> str:
-        """Return the key on which a robot is told at once of a frame that it must answer."""
+        """Return the key of announcements that a robot must acknowledge at once."""
         return f"rmr/{self.lab}/call/{robot}"
 
     def sense(self, robot: int) -> str:
@@ -65,27 +65,27 @@ class Keys:
 
     @property
     def acts(self) -> str:
-        """All robots' wheel commands."""
+        """Key of all wheel commands (wild card)."""
         return f"rmr/{self.lab}/body/*/act"
 
     @property
     def clock(self) -> str:
-        """Lab time."""
+        """Key of lab time."""
         return f"rmr/{self.lab}/clock"
 
     @property
     def map(self) -> str:
-        """What a robot must know."""
+        """Key of the map: all that a robot must know of its lab."""
         return f"rmr/{self.lab}/map"
 
     @property
     def disturbances(self) -> str:
-        """What disturbs the radio."""
+        """Key of the disturbances of the radio."""
         return f"rmr/{self.lab}/disturbances"
 
     @property
     def truth(self) -> str:
-        """Ground truth."""
+        """Key of the ground truth."""
         return f"rmr/{self.lab}/truth"
 
     def status(self, who: int | str) -> str:
@@ -94,11 +94,11 @@ class Keys:
 
     @property
     def statuses(self) -> str:
-        """Everybody's state."""
+        """Key of all states (wild card)."""
         return f"rmr/{self.lab}/ops/*/status"
 
     def stop(self, who: int | str) -> str:
-        """Return the key on which a robot or the world is asked to end."""
+        """Return the key of requests to a robot or the world to stop."""
         return f"rmr/{self.lab}/ops/{who}/stop"
 
     def alive(self, role: str, ident: int | str) -> str:

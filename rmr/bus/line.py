@@ -1,4 +1,4 @@
-"""What the senders of one process share: the session, and what is listened to on it.
+"""The session that the senders of one process share, and the subscriptions on it.
 
 A process that hosts several robots has one session. However many of them listen on a key, it is subscribed to once
 and each message on it is decoded once. zenoh does not bring a session its own messages; what one of the senders
@@ -22,25 +22,25 @@ from rmr.bus.losses import Losses
 from rmr.bus.parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
-"""How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""
+"""Limit for closing the session: zenoh waits for its router while it reconnects, but the process must end."""
 
 Handler = Callable[[str, wire.Envelope], None]
 """Takes a key and the message that came on it."""
 
 
 class Owner(Protocol):
-    """Who listens: one of the line's senders."""
+    """The sender to which a listener belongs."""
 
     losses: Losses
 
 
 class Listener:
-    """One wish to hear what comes on a key."""
+    """One subscription of a sender to a key."""
 
     __slots__ = ("handler", "owner", "wanted", "whole")
 
     def __init__(self, owner: Owner, handler: Handler, whole: bool = False) -> None:
-        """`whole`: also what comes in parts is put together for it; else it hears nothing of that."""
+        """`whole`: messages in parts are put together and handed to it; else it does not get them."""
         self.owner = owner
         self.handler = handler
         self.whole = whole
@@ -112,7 +112,9 @@ class Line:
             sample, data = item
             if not listeners or sample.kind != zenoh.SampleKind.PUT:
                 return
-            key, losses = str(sample.key_expr), listeners[0].owner.losses  # what the line loses counts once
+            # A loss on the shared session is counted once, by its first listener, not by each.
+            key = str(sample.key_expr)
+            losses = listeners[0].owner.losses
             try:
                 message = wire.decode(data)
                 losses.note(key, message)
@@ -142,7 +144,8 @@ class Line:
         declared += self._unheard(sender)
         last = self._senders == 0
         leaving = threading.Thread(target=self._undeclare, args=(declared, last), name="bus-close", daemon=True)
-        before, self._leaving = self._leaving, [*self._leaving, leaving]
+        before = self._leaving
+        self._leaving = [*self._leaving, leaving]
         leaving.start()
         if last:
             leaving.join(CLOSE_PATIENCE_S)
@@ -150,7 +153,7 @@ class Line:
             self._leaving = [leaving]
 
     def _unheard(self, gone: Owner) -> list[Any]:
-        """Let `gone` listen no more; return the subscriptions that nobody wants then."""
+        """End the subscriptions of `gone`; return the subscribers that no sender uses any more."""
         unheard = []
         for key, (_, listeners) in list(self._topics.items()):
             for listener in [one for one in listeners if one.owner is gone]:
@@ -171,7 +174,7 @@ class Line:
 
 
 def hand_on(listeners: tuple[Listener, ...], key: str, message: wire.Envelope) -> None:
-    """Hand a message to those of `listeners` that still want it."""
+    """Hand a message to those of `listeners` whose subscription has not ended."""
     for listener in listeners:
         if listener.wanted:
             listener.handler(key, message)

@@ -1,4 +1,4 @@
-"""What the middleware lost, and what a peer got wrong: counted, so that neither is taken for radio loss."""
+"""Counters of messages that the middleware lost and of malformed ones, kept apart from radio loss."""
 
 from collections.abc import Callable
 from typing import Final
@@ -7,10 +7,10 @@ from rmr.bus.checks import MalformedError
 from rmr.bus.wire import Envelope
 
 STREAMS_MAX: Final = 4096
-"""Streams that a `Losses` keeps apart: more than robots times keys that one process hears."""
+"""Streams of which a `Losses` keeps the last number: more than senders times keys of one process."""
 
 LOST_MAX: Final = 1 << 53
-"""What `Losses.lost` counts up to: numbers that a peer makes up must not add up to one that no message carries."""
+"""Greatest value of `Losses.lost`: forged numbers must not add up to a count that no message can carry."""
 
 
 class Losses:
@@ -19,7 +19,7 @@ class Losses:
     def __init__(self) -> None:
         self.lost = 0
         self.repeated = 0
-        """Numbers that did not go up: doubled or overtaken."""
+        """Messages whose number was not above the last one: repeated or overtaken."""
         self.malformed = 0
         self.malformed_last = ""
         """What was wrong with the last malformed message."""

@@ -1,6 +1,6 @@
-"""Checks of what a map tells of the floor and of the radio: records that robots build their own values from.
+"""Checks of the floor and the radio in a map: the records from which robots build their own values.
 
-A map that passes describes a floor and a radio that exist; whether they fit the robot's program, the robot judges.
+A map that passes describes a possible floor and radio; whether they fit its program is checked by the robot.
 """
 
 from typing import Any, Final
@@ -10,17 +10,18 @@ from rmr.base.arena import Arena, Disc, RobotShape
 from rmr.base.geometry import Point
 from rmr.bus.checks import MalformedError, name, number, record
 from rmr.radio.phy import Bursts, RadioConfig
+from rmr.radio.settings import SETTINGS
 
 FLOOR_M_MAX: Final = 1000.0
 CELLS_MAX: Final = 1_000_000
-"""Cells of the planning grid: four times what a lab file may ask for."""
+"""Cells of the planning grid, at most: four times the limit of a lab file."""
 PLACES_MAX: Final = 100_000
-"""Places, corners and beacons of one floor: more than a lab file has room for."""
+"""Places, corners and beacons of one floor, at most: more than a lab file can hold."""
 BEACONS_MAX: Final = 16
-POWER_DBM_MAX: Final = 200.0
-"""Of powers and sensitivities, either way."""
+ENERGY_DB_MAX: Final = 200.0
+"""Greatest distance of the energy threshold from the sensitivity, either way."""
 OWN: Final = frozenset({"pan", "seed", "security"})
-"""Entries of the radio's record that are no settings of its model."""
+"""Entries of the radio's record that are not settings of its model."""
 
 
 def floor(value: Any) -> dict[str, Any]:
@@ -91,7 +92,8 @@ def radio(value: Any) -> dict[str, Any]:
         raise
     except Exception as error:
         raise MalformedError(f"expected a radio's settings: {type(error).__name__}") from None
-    pan, seed = data.get("pan"), data.get("seed")
+    pan = data.get("pan")
+    seed = data.get("seed")
     if type(pan) is not int or not 0 <= pan < 0xFFFF or type(seed) is not int:
         raise MalformedError("expected a radio's PAN and seed")
     if type(data.get("security", "")) is not str:
@@ -100,10 +102,9 @@ def radio(value: Any) -> dict[str, Any]:
 
 
 def _check_radio(config: RadioConfig) -> None:
-    for value in (config.tx_power_dbm, config.sensitivity_dbm, config.energy_threshold_db):
-        _within(value, -POWER_DBM_MAX, POWER_DBM_MAX)
-    _within(config.exponent, 0.1, 100.0)
-    _within(config.loss, 0.0, 1.0)
-    _within(config.shadowing_db, 0.0, 30.0)
+    for setting in SETTINGS:
+        if setting.limits is not None:
+            _within(getattr(config, setting.name), *setting.limits)
+    _within(config.energy_threshold_db, -ENERGY_DB_MAX, ENERGY_DB_MAX)
     if config.bursts is not None and not (type(config.bursts.good) is type(config.bursts.bad) is int):
         raise MalformedError("expected bursts in nanoseconds")

@@ -1,4 +1,4 @@
-"""Who has the address that a world wants to listen at: said so that a person knows what to end, or to leave alone."""
+"""Identifies the program that occupies the address at which a world is to listen, for an error message."""
 
 from rmr.bus import wire
 from rmr.bus.endpoint import BusError
@@ -6,10 +6,10 @@ from rmr.bus.keys import ANY_LAB, Keys
 from rmr.bus.session import open_bus
 
 ASK_S = 1.0
-"""How long a world may take to answer."""
+"""Limit for the answer of a world."""
 
 ANY_ADDRESS = "0.0.0.0", "[::]"
-"""Hosts at which one listens but that one cannot connect to."""
+"""Wildcard hosts: valid for listening, not for connecting."""
 
 
 async def who_listens(endpoint: str) -> str:

@@ -1,8 +1,8 @@
-"""Messages too large to travel as one: cut into `wire.Part`s by their sender, put together again by who wants them.
+"""Fragmentation of large messages: the sender cuts them into `wire.Part`s, a receiver reassembles them.
 
 The parts of a message follow each other on one key, so a receiver keeps at most one unfinished message for each
-stream (key and sender), and gives it up when a part is missing. What all of them hold together is bounded: the
-oldest goes first.
+stream (key and sender), and drops it when a part is missing. The memory of all unfinished messages is bounded: the
+oldest is dropped first.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ def cut(data: bytes, serial: int) -> Iterator[wire.Part]:
 
 
 class Unfinished:
-    """What has come of messages in parts."""
+    """The unfinished messages of one process."""
 
     def __init__(self) -> None:
         self._held: dict[tuple[str, int], tuple[int, int, list[bytes]]] = {}
@@ -46,9 +46,11 @@ class Unfinished:
         stream = (key, message.sender)
         run, serial, octets = self._held.pop(stream, (message.run, part.serial, []))
         if part.place == 0:
-            run, serial, octets = message.run, part.serial, []
+            run = message.run
+            serial = part.serial
+            octets = []
         if (run, serial, len(octets)) != (message.run, part.serial, part.place) or part.parts > wire.PARTS_MAX:
-            return None  # a part is missing: those that follow are of no use
+            return None  # a part is missing: the rest of the message is useless
         octets.append(part.octets)
         if len(octets) < part.parts:
             self._held[stream] = run, serial, octets

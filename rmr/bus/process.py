@@ -1,4 +1,4 @@
-"""What every process of a run has in common: log lines, signals, the lifeline of its launcher.
+"""The frame of every process of a run: logging, signals, the lifeline to its launcher.
 
 A process never shows a traceback. Whatever goes wrong is one line for a person on standard error and, under
 ``--log``, one JSON object per line for programs; the exit code says which kind of wrong it was.
@@ -19,17 +19,12 @@ from typing import Any, TypeVar
 
 from rmr.base.printable import printable
 from rmr.bus.bridge import PreciseLoop
+from rmr.entry import ExitCode
 
 Result = TypeVar("Result")
 
-EXIT_OK = 0
-EXIT_FAILED = 1
-EXIT_USAGE = 2
-EXIT_INVALID = 3
-"""Exit codes: fine; it ran and failed; wrong usage; an invalid program, byte-code or lab file."""
-
 LIFELINE = "RMR_LIFELINE"
-"""Environment variable with the number of a descriptor: its end-of-file means that the launcher has died."""
+"""Environment variable with the number of a file descriptor, at whose end-of-file the launcher has ended."""
 
 
 def run_precisely(main: Coroutine[Any, Any, Result]) -> Result:
@@ -72,14 +67,15 @@ class Plain(logging.Formatter):
 
 
 class LogFile(logging.FileHandler):
-    """A log file that says once when it cannot be written (a full disk), and then does without."""
+    """A log file that reports once that it cannot be written (a full disk), and is closed then."""
 
     failure = ""
-    """Why it was given up; of all files of the process, for it has one."""
+    """Why the log file of this process was closed early; empty while it is written. A process has one log file."""
 
     def handleError(self, _record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
-        """Give the file up."""
-        logger, error = logging.getLogger("rmr"), sys.exc_info()[1]
+        """Close the file and report it."""
+        logger = logging.getLogger("rmr")
+        error = sys.exc_info()[1]
         logger.removeHandler(self)
         with contextlib.suppress(OSError, ValueError):
             self.close()
@@ -117,11 +113,11 @@ def stop_logging(logger: logging.Logger) -> None:
 
 
 class Ending:
-    """When the process shall end, and why: the first reason stands."""
+    """The request to end the process: its reason and exit code. The first request counts."""
 
     def __init__(self) -> None:
         self._event = asyncio.Event()
-        self.code = EXIT_OK
+        self.code: int = ExitCode.OK
         self.reason = ""
 
     @property
@@ -129,16 +125,17 @@ class Ending:
         """Whether the end has been asked for."""
         return self._event.is_set()
 
-    def ask(self, reason: str, code: int = EXIT_OK) -> None:
+    def ask(self, reason: str, code: int = ExitCode.OK) -> None:
         """Ask for an orderly end."""
         if not self.asked:
-            self.reason, self.code = reason, code
+            self.reason = reason
+            self.code = code
             self._event.set()
 
     def break_down(self, error: BaseException) -> None:
         """Ask for the end because of a mistake in rmr itself; the traceback goes to the log file alone."""
         logging.getLogger("rmr").debug("internal error", exc_info=error)
-        self.ask(f"internal error: {type(error).__name__}: {error}", EXIT_FAILED)
+        self.ask(f"internal error: {type(error).__name__}: {error}", ExitCode.FAILED)
 
     async def unless_asked(self, task: asyncio.Future[Any]) -> bool:
         """Wait for `task`; return False, and cancel it, when the end is asked for first."""
@@ -157,16 +154,16 @@ class Ending:
 
 
 def handle_signals(ending: Ending) -> None:
-    """Make the first SIGINT or SIGTERM ask for an orderly end and a second one end the process at once.
+    """Make the first SIGINT or SIGTERM request an orderly end, and a second one end the process at once.
 
-    The second one does so even while something blocks the event loop, such as a user's action that never returns.
+    The second one works even while something blocks the event loop, such as a user's action that never returns.
     """
     loop = asyncio.get_running_loop()
     signals: list[int] = []
 
     def asked(number: int, _frame: FrameType | None) -> None:
         if ending.asked or signals:
-            os._exit(EXIT_FAILED)
+            os._exit(ExitCode.FAILED)
         signals.append(number)
         with contextlib.suppress(RuntimeError):  # the loop is closed: the process is ending
             loop.call_soon_threadsafe(ending.ask, signal.Signals(number).name)
@@ -176,10 +173,10 @@ def handle_signals(ending: Ending) -> None:
 
 
 def hold_lifeline() -> None:
-    """End the process at once when the launcher that started it has died, however it died.
+    """End the process at once when the launcher that started it has ended, by whatever cause.
 
-    There is nobody left to report to, so nothing is put in order: the process group of a killed launcher must
-    vanish even while this process is stuck.
+    Nothing is cleaned up, since no launcher is left to report to: the processes of a killed launcher must end even
+    while one of them is stuck.
     """
     number = os.environ.get(LIFELINE, "")
     if not number.isdigit():
@@ -192,14 +189,14 @@ def hold_lifeline() -> None:
     def readable() -> None:
         with contextlib.suppress(BlockingIOError):
             if not os.read(descriptor, 64):
-                os._exit(EXIT_FAILED)
+                os._exit(ExitCode.FAILED)
 
     with contextlib.suppress(OSError, ValueError):
         asyncio.get_running_loop().add_reader(descriptor, readable)
 
 
 class Throttle:
-    """Says a thing the first time and then every `period_s` seconds while it lasts."""
+    """A call that is made the first time, and then at most once in `period_s` seconds."""
 
     def __init__(self, say: Callable[[], None], period_s: float) -> None:
         self._say = say
@@ -207,12 +204,12 @@ class Throttle:
         self._next_s = 0.0
 
     def __call__(self) -> None:
-        """Say it, if it is time."""
+        """Make the call unless the period has not passed."""
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + self._period_s
             self._say()
 
     def over(self) -> None:
-        """It is over: the next time counts as the first."""
+        """Make the next call at once, as the first."""
         self._next_s = 0.0

@@ -1,4 +1,4 @@
-"""Tells that a router has refused a session: zenoh itself says so in its log alone.
+"""Notification that a router has refused a session, which zenoh reports in its log alone.
 
 zenoh can only log to standard output. So standard output becomes a pipe, which a thread reads: a line about a refusal
 is told, any other of that part of zenoh dropped, and the rest passed on to where standard output went before. The pipe
@@ -14,16 +14,16 @@ from typing import BinaryIO, Final
 import zenoh
 
 PART: Final = "zenoh_transport::unicast::establishment::accept"
-"""The part of zenoh in whose log refusals are, among much else."""
+"""The module of zenoh that logs refusals, among much else."""
 
 REASONS: Final = {
     b"UsrPwd extension - Recv InitSyn. Expected extension": "that has no secret",
     b"UsrPwd extension - Recv OpenSyn. Invalid": "that has another secret",
 }
-"""What marks a refusal in that log, and what it means."""
+"""Mark of a refusal in that log -> its reason, as a clause about the refused process."""
 
 VARIABLE: Final = "RUST_LOG"
-"""What else a person wants to see of zenoh's log."""
+"""Environment variable with the log filter of zenoh, to which the module of refusals is added."""
 
 
 def watch(refused: Callable[[str], None]) -> None:

@@ -1,4 +1,4 @@
-"""The check of what a robot or the world tells of itself in a `Status`: its part of the run's report.
+"""The check of the part of a run's report that a robot or the world sends in a `Status`.
 
 What the launcher reads has its type; fields that it does not know are plain data and pass. Texts are those of the
 program's facts and stay as they are: who shows them makes them printable.
@@ -44,7 +44,7 @@ PART: Final[dict[str, Check]] = {
     "log_cut_short": people,
     "faults": each(fields({"from": number}, {"to": number})),
 }
-"""Fields of a part that have a type of their own."""
+"""Checks of the fields of a part, by name; other fields may be any plain data."""
 
 report: Final = fields({}, PART)
 """Accepts a part of the report."""

@@ -1,4 +1,4 @@
-"""The secret of a bus: a session that does not know it is not let in.
+"""The secret of a bus: the router refuses a session that does not know it.
 
 zenoh authenticates a session once, when it opens (``transport/auth/usrpwd``): the router draws a number, the client
 answers with an HMAC of the password under it, and the password does not travel. Messages carry nothing for it.
@@ -22,18 +22,18 @@ from typing import Final
 from rmr.bus.endpoint import BusError
 
 SECRET_FILE: Final = "secret"
-"""Its name in a run folder."""
+"""Name of the file with the secret in a run folder."""
 
 USER: Final = "rmr"
-"""The name in files that are made here; another may stand in files made by hand."""
+"""User name in the files that rmr writes; a file written by hand may have another."""
 
 PASSWORD_OCTETS: Final = 32
-"""Random octets of a password that is made here; written in hexadecimal."""
+"""Random octets of a password that rmr makes; it is written in hexadecimal."""
 
 FILE_OCTETS_MAX: Final = 1024
 
 LINE: Final = re.compile(r"([A-Za-z0-9_.-]+):([\x21-\x7e]{16,})\n?")
-"""The content of a file: a shorter password could be guessed."""
+"""Format of a secret file; a shorter password could be guessed."""
 
 
 class SecretError(BusError):
@@ -42,7 +42,7 @@ class SecretError(BusError):
 
 @dataclass(frozen=True, slots=True)
 class Secret:
-    """What a session must know."""
+    """User name and password of a bus, and the file that they came from."""
 
     file: Path
     user: str = field(repr=False)
@@ -55,7 +55,7 @@ class Secret:
         return f"1{digest[1:]}"
 
     def settings(self, *, is_router: bool) -> dict[str, str]:
-        """Return what zenoh is configured with, by key."""
+        """Return the settings of zenoh, by key."""
         if is_router:
             return {"id": self.router, "transport/auth/usrpwd/dictionary_file": str(self.file)}
         return {"transport/auth/usrpwd/user": self.user, "transport/auth/usrpwd/password": self.password}

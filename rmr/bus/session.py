@@ -1,14 +1,17 @@
 """One session on the bus for each process: a star whose router is the world (or a zenohd), no scouting.
 
-Rules, each bought by a measurement: congestion control is always DROP (with BLOCK one stopped robot froze
-everybody for seconds); never `express` (it loses messages under load); callbacks run on zenoh's own threads and
-do nothing but fill the inbox (an indirect one costs a thread of its own and hangs at exit); everything is
-undeclared before the session is closed; and no process forks once a session is open. A lease of three seconds
-decides when a stopped process counts as gone.
+Rules, each bought by a measurement:
 
-A client whose router has gone sees every liveliness token vanish: whoever watches liveliness watches
-`Bus.connected` too before calling anyone dead. zenoh connects again by itself and then declares again whatever
-was declared; before the first connection `open_when_there` tries again and again.
+- Congestion control is always DROP: with BLOCK one stopped robot froze all others for seconds.
+- Never `express`: it loses messages under load.
+- Callbacks run on zenoh's own threads and only fill the inbox: an indirect callback costs a thread of its own and
+  hangs at exit.
+- Everything is undeclared before the session is closed.
+- No process forks once a session is open.
+
+A stopped process counts as gone after a lease of three seconds. A client whose router has gone sees every liveliness
+token vanish, so a watcher of liveliness checks `Bus.connected` before it takes a robot for dead. zenoh reconnects by
+itself and declares again what was declared; before the first connection `open_when_there` retries.
 
 `Bus` is used on the event loop alone.
 """
@@ -40,32 +43,32 @@ from rmr.bus.parts import cut  # noqa: E402
 from rmr.bus.secret import Secret  # noqa: E402
 
 LEASE_MS = 3000
-"""A silent peer is given up after this time."""
+"""Lease of a connection: a peer that is silent for longer counts as gone."""
 
 RETRY_FIRST_MS = 100
 RETRY_MAX_MS = 1000
-"""Between attempts to connect: doubled from the first to the last of these."""
+"""First and longest pause between attempts to connect; it doubles in between."""
 
 HANDSHAKE_MS = 1500
-"""How long a router that accepts the connection may take to answer; a stopped process never does."""
+"""Limit for the answer of a router that has accepted the connection; a stopped process never answers."""
 
 EAGER_TRIES = 50
-"""Attempts at the first pace before the first connection: a lab that starts as a whole is not kept waiting."""
+"""Attempts with the first pause before it doubles: processes that start together connect without delay."""
 
 PART_PAUSE_S = 0.002
-"""Between the parts of a large message: 24 MB/s at most, which the middleware's queue takes without loss."""
+"""Pause between the parts of a large message: 24 MB/s at most, which the middleware's queue takes without loss."""
 
 Answer = Callable[[wire.Envelope, int], wire.Message | None]
 """Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
 REFUSED_PATIENCE_S = 2.0
-"""How long a client that is refused tries again: a router that is just starting, or ending, refuses for a moment."""
+"""Time for which a refused client retries: a router that is starting or ending refuses for a moment."""
 
 REFUSED_PAUSE_S = 0.4
-"""Between its attempts."""
+"""Pause between the attempts of a refused client."""
 
 REFUSALS_TOLD = 2
-"""A client that has lost its router is told of the second refusal in a row."""
+"""Refusals in a row after which a client that has lost its router is notified."""
 
 
 class InUseError(BusError):
@@ -107,7 +110,7 @@ def _config(listen: str | None, connect: str | None, secret: Secret | None = Non
 
 
 def _explain(error: Exception, listen: str | None, connect: str | None) -> BusError:
-    """Return what zenoh's error means to a person."""
+    """Return zenoh's error as one that says what to do."""
     text = str(error)
     if "Address already in use" in text:
         return InUseError(f"{listen} is in use")
@@ -153,11 +156,13 @@ def _open_session(listen: str | None, connect: str | None, secret: Secret | None
 async def open_when_there(
     sender: int, connect: str, waiting: Callable[[], None], secret: Secret | None = None
 ) -> "Bus":
-    """Open a client's session as soon as a router answers; `waiting` is called after each attempt in vain.
+    """Open a client's session as soon as a router answers; `waiting` is called after each failed attempt.
 
     Raises NotAdmittedError when the router has refused it for `REFUSED_PATIENCE_S`.
     """
-    tries, pause_ms, refused_s = 0, RETRY_FIRST_MS, None
+    tries = 0
+    pause_ms = RETRY_FIRST_MS
+    refused_s = None
     while True:
         try:
             return open_bus(sender, connect=connect, secret=secret)
@@ -200,7 +205,7 @@ async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refus
 
 
 class Bus:
-    """An open session: publish, subscribe, ask, answer, and who is alive."""
+    """An open session: publish, subscribe, query, reply, liveliness."""
 
     def __init__(self, line: Line, sender: int, *, is_client: bool) -> None:
         self.is_client = is_client
@@ -213,11 +218,11 @@ class Bus:
         self._numbers: dict[str, int] = {}
         self._declared: list[Any] = []
         self._serial = 0
-        """Of the messages sent in parts."""
+        """Number of messages that were sent in parts."""
         self._transports = 0
         self._closed = False
         self.losses = Losses()
-        """What has been lost or malformed among the messages received."""
+        """Counts of the received messages that were lost or malformed."""
         self.on_transport: Callable[[bool], None] | None = None
         """Called when the first transport comes up and when the last one has gone."""
         line.join()
@@ -252,7 +257,7 @@ class Bus:
         return wire.Envelope(self._sender, self.run, number, body)
 
     def publish(self, key: str, body: wire.Message) -> None:
-        """Send `body` to whoever subscribes to `key`. Never blocks; may be lost when the way is congested."""
+        """Send `body` to the subscribers of `key`. Never blocks; a congested connection loses the message."""
         if self._closed:
             return
         message = self._envelope(key, body)
@@ -262,12 +267,12 @@ class Bus:
     async def publish_whole(self, key: str, body: wire.Message) -> int:
         """Send `body`, in parts if it is too large to travel as one; return its length in octets.
 
-        Parts reach those that subscribe to `key` for whole messages. Between two of them others have their turn, and
-        the way is not congested. Raises TooLargeError.
+        Parts reach those that subscribe to `key` for whole messages. A pause between two parts keeps the connection
+        from congestion and lets other tasks run. Raises TooLargeError.
         """
         if self._closed:
             return 0
-        message = wire.Envelope(self._sender, self.run, 0, body)  # in parts it has no number: they have
+        message = wire.Envelope(self._sender, self.run, 0, body)  # its parts are numbered, the whole is not
         data = wire.encode(*message)
         if len(data) <= wire.PART_OCTETS_MAX:
             message = self._envelope(key, body)
@@ -291,7 +296,7 @@ class Bus:
         return publisher
 
     def retire(self, key: str) -> None:
-        """Free what `publish` holds for `key`. Its numbers go on if something is published there again."""
+        """Free the publisher of `key`. The message numbers continue if something is published there again."""
         if key in self._publishers and not self._closed:
             self._publishers.pop(key).undeclare()
 
@@ -366,12 +371,12 @@ class Bus:
             express=False,
             payload=wire.encode(*self._envelope(f"{key}?", body)),
         )
-        # Twice the time: should the end of the replies be lost with the loop's inbox, nobody waits for ever.
+        # The end of the replies may be lost where the inbox overflows; hence a limit, of twice the time.
         await asyncio.wait([done], timeout=2 * timeout_s)
         return replies
 
     def declare_alive(self, key: str) -> Callable[[], None]:
-        """Show everybody that this process lives, under `key`; returns the call that withdraws it."""
+        """Declare the liveliness token `key` of this process; return the call that withdraws it."""
         token = self._session.liveliness().declare_token(key)
         self._declared.append(token)
         return self._withdrawal(token)

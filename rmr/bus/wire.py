@@ -1,4 +1,4 @@
-"""Messages on the bus: msgpack arrays, strictly read.
+"""Messages on the bus: msgpack arrays, decoded strictly.
 
 Every message is ``[type, sender, run, number, field, ...]``: `sender` is a robot's id or one of the names
 below, `run` a random number drawn when the sender's session began, and `number` counts the sender's messages

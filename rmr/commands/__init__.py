@@ -1,6 +1,5 @@
-"""The subcommands of `rmr` that are this package's own, one module each.
+"""The subcommands of `rmr` that are this package's own: the module `X_command` holds the `command` of `rmr X`.
 
-`group` imports them when their name is called. A module holds one click command called `command`. Listing the
-commands imports all of these modules, so each imports the compiler and anything else that is heavy inside of its
-functions.
+`subcommands` has their names and imports a module when its name is called. A module imports the compiler, and
+anything else that is heavy, inside of its functions, so that the help of a command loads neither.
 """

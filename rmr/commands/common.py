@@ -1,4 +1,4 @@
-"""What every subcommand shares: exit codes, settings, JSON on stdout, and files written as a whole or not at all."""
+"""What every subcommand shares: JSON on stdout, files written as a whole or not at all, other programs."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import os
@@ -6,28 +6,20 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-import click
-
-from rmr import __version__
-from rmr.entry import turn_into
-
-EXIT_FAILED = 1
-"""It ran and failed."""
-EXIT_USAGE = 2
-"""Wrong usage."""
-EXIT_INVALID = 3
-"""An invalid program, byte-code or lab file."""
-
-PATH = click.Path(path_type=Path)
-SETTINGS = {"help_option_names": ["-h", "--help"]}
-VERSION = click.version_option(__version__, prog_name="rmr", message="%(prog)s %(version)s")
+from rmr.entry import ExitCode, turn_into
 
 
 def print_json(value: object) -> None:
     """Print one JSON document on stdout."""
     import json
 
-    click.echo(json.dumps(value, indent=2))
+    print(json.dumps(value, indent=2))
+
+
+def print_octets(octets: bytes) -> None:
+    """Write `octets` to stdout as they are."""
+    sys.stdout.flush()
+    sys.stdout.buffer.write(octets)
 
 
 def counted(number: object, words: str) -> str:
@@ -61,8 +53,8 @@ def write(target: Path, octets: bytes, mode: int | None = None) -> int:
     except (OSError, ValueError) as error:
         if temporary:
             Path(temporary).unlink(missing_ok=True)
-        click.echo(f"{target}: error: {reason(error)}", err=True)
-        return EXIT_FAILED
+        print(f"{target}: error: {reason(error)}", file=sys.stderr)
+        return ExitCode.FAILED
     return 0
 
 
@@ -70,14 +62,14 @@ def become_program(name: str, arguments: list[str]) -> NoReturn:
     """Turn this process into the program `rmr-NAME`, which stands beside the interpreter; ends the process."""
     path = Path(sys.executable).with_name(f"rmr-{name}")
     if not path.is_file():
-        click.echo(f"rmr {name}: {path} is not installed; install the package `rmr` there", err=True)
-        sys.exit(EXIT_FAILED)
+        print(f"rmr {name}: {path} is not installed; install the package `rmr` there", file=sys.stderr)
+        sys.exit(ExitCode.FAILED)
     sys.stdout.flush()
     try:
         turn_into(str(path), arguments)
     except OSError as error:
-        click.echo(f"rmr {name}: cannot run {path}: {error.strerror}", err=True)
-    sys.exit(EXIT_FAILED)
+        print(f"rmr {name}: cannot run {path}: {error.strerror}", file=sys.stderr)
+    sys.exit(ExitCode.FAILED)
 
 
 def _umask() -> int:

@@ -1,4 +1,4 @@
-"""What the subcommands that read programs say about them: diagnostics for people or as JSON, and the exit code."""
+"""Output of the subcommands that read programs: diagnostics for people or as JSON, and the exit code."""
 # ruff: noqa: PLC0415 - the compiler is imported when there is something to say
 
 import os
@@ -6,9 +6,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import click
-
-from rmr.commands.common import EXIT_INVALID, EXIT_USAGE, counted
+from rmr.commands.common import counted
+from rmr.entry import ExitCode
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from rmr.lang.source import Source
 
 Found = tuple[Sequence["Diagnostic"], Mapping[str, "Source"]]
-"""What was found in one program, and the texts of its files by name."""
+"""The diagnostics of one program, and the sources of its files by name."""
 
 
 def show(compilations: Sequence["Compilation"]) -> None:
@@ -34,10 +33,10 @@ def show_found(found: Sequence[Found]) -> None:
 
     color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for diagnostics, sources in found:
-        click.echo(render_text(diagnostics, sources, color), nl=False, err=True, color=color)
+        print(render_text(diagnostics, sources, color), end="", file=sys.stderr)
     errors = [each for each in every if each.severity is Severity.ERROR]
-    click.echo(f"{counted(len(errors), 'errors')}, {counted(len(every) - len(errors), 'warnings')}", err=True)
-    click.echo(f"for more: rmr explain {(errors or every)[0].code}", err=True)
+    print(f"{counted(len(errors), 'errors')}, {counted(len(every) - len(errors), 'warnings')}", file=sys.stderr)
+    print(f"for more: rmr explain {(errors or every)[0].code}", file=sys.stderr)
 
 
 def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:
@@ -50,5 +49,5 @@ def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:
 def exit_code(compilations: Sequence["Compilation"]) -> int:
     """Return 0, or the code for the worst that is wrong."""
     if any(each.errors and not each.unreadable for each in compilations):
-        return EXIT_INVALID
-    return EXIT_USAGE if any(each.unreadable for each in compilations) else 0
+        return ExitCode.INVALID
+    return ExitCode.USAGE if any(each.unreadable for each in compilations) else 0

@@ -1,4 +1,4 @@
-"""The findings of `rmr radio` in words: what each field of a row is called, and its unit.
+"""The results of `rmr radio` as text: the label of each field of a row, and its unit.
 
 One table names all fields that are shown; a field that is not in it only stands in the JSON.
 """
@@ -47,7 +47,7 @@ NAMES: dict[str, tuple[str, str]] = {
     "success": ("frames received", "%"),
     "airtime_us": ("time on the air", "us"),
 }
-"""Field -> what it says, and its unit; of ``%`` the field is the share."""
+"""Field -> label and unit; with the unit ``%`` the field is a share."""
 
 WIDTH = max(len(words) for words, _ in NAMES.values())
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from rmr.compiled import FOLDER, INDEX, modules_in, state
+from rmr.entry import ExitCode
 
 ROOT = FOLDER.parents[1]
 ROOTS = {"rmr": "rmr", "agents/rmr_agent": "rmr_agent", "world/rmr_world": "rmr_world", "world/rmr_sim": "rmr_sim"}
@@ -52,6 +53,7 @@ INTERPRETED = {
     "rmr/base/mistake.py": "the same",
     "rmr/base/record.py": "makes classes at run time",
     "rmr/base/values.py": "its classes are strings and ints",
+    "rmr/radio/settings.py": "a table that commands and schema read, with whole numbers where those write them",
     "rmr/node/actions/handle.py": "a handler meets the same coroutines and classes in both forms",
     "rmr/node/actions/built_in.py": "the same",
     "rmr/node/actions/user_file.py": "runs once, on a user's file",
@@ -62,8 +64,6 @@ GROUP = "rmr_compiled"
 """All are parts of one library: `rmr_compiled__mypyc`."""
 EXACT = ["-ffp-contract=off"] if os.name == "posix" else []
 """A product and a sum are rounded one by one, as Python does, also on machines that can round them together."""
-FAILED = 1
-USAGE = 2
 
 
 class UncompiledError(Exception):
@@ -85,13 +85,13 @@ def main() -> int:
         look_for_a_compiler()
     except UnableError as reason:
         print(f"make fast: {reason}; all works interpreted as well, at less than half of the speed", file=sys.stderr)
-        return 0 if sys.argv[1:] == ["--if-possible"] else USAGE
+        return 0 if sys.argv[1:] == ["--if-possible"] else ExitCode.USAGE
     print(f"compiling {len(hot())} modules into {shown}", flush=True)
     try:
         compile_into(FOLDER)
     except UncompiledError as why:
         print(why, file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
     return 0
 
 
@@ -139,7 +139,7 @@ def _build(sources: list[str], into: Path) -> None:
 
     class OnAllCores(build_ext):
         def build_extensions(self) -> None:
-            self.compiler.compile = _side_by_side(self.compiler.compile, Progress())
+            self.compiler.compile = _side_by_side(self.compiler.compile, CompilerProgress())
             super().build_extensions()
 
     scratch = into.with_name(into.name + ".c")
@@ -172,7 +172,7 @@ def _build(sources: list[str], into: Path) -> None:
     shutil.rmtree(scratch)
 
 
-class Progress:
+class CompilerProgress:
     """Tells each time that all files of a package have been compiled."""
 
     def __init__(self) -> None:
@@ -199,7 +199,7 @@ def package_of(source: str) -> str:
     return ".".join(name.split("___")[:-1]) if Path(source).stem != name else ""
 
 
-def _side_by_side(compile_all: Callable[..., list[str]], progress: Progress) -> Callable[..., list[str]]:
+def _side_by_side(compile_all: Callable[..., list[str]], progress: CompilerProgress) -> Callable[..., list[str]]:
     """Return a `compile` of a compiler of setuptools that compiles one file a core at a time, the longest first."""
 
     def compile_each(sources: list[str], **options: Any) -> list[str]:

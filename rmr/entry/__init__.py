@@ -1,26 +1,55 @@
-"""How every command begins and ends: whatever comes between, no traceback reaches a user.
+"""Start and end of every command: exit codes, Ctrl-C, an output that cannot be written. No traceback reaches a user.
 
-A command is begun before it is loaded, as loading takes up to a second in which Ctrl-C may come: the module that a
-console script names imports this package alone, and the rest within what it gives to `run`. Ctrl-C that a command has
-not dealt with itself ends it as failed. A standard output that is closed is told before anything is done, as
-the next file that is opened would take its number; one that takes no more, as on a full disk, when it shows.
+- *Loading.* Loading a command takes up to a second, in which Ctrl-C may come. So the module that a console script
+  names imports this package alone; it imports the rest inside of the function that it hands to `run`.
+- *Ctrl-C* that a command does not handle itself ends it as failed.
+- *Standard output.* A closed one is reported before anything is done: the next file that is opened would get its
+  number. One that cannot be written any more, as on a full disk, is reported when a write fails.
 """
 
 import os
 import signal
 import sys
 from collections.abc import Callable
+from enum import IntEnum
 
-FAILED = 1
+
+class ExitCode(IntEnum):
+    """The exit codes of all commands."""
+
+    OK = 0
+    FAILED = 1
+    USAGE = 2
+    INVALID = 3
+    STRICT = 4
+
+
+MEANINGS = {
+    ExitCode.OK: "fine",
+    ExitCode.FAILED: (
+        "it ran and failed: not finished in time, a process died, an endpoint in use, a robot's id taken"
+    ),
+    ExitCode.USAGE: (
+        "wrong usage; a file named on the command line that is not there or cannot be read; an unwritable place; "
+        "for `rmr-agent` and `rmr fault` also a robot that the lab does not have, or several labs at the endpoint "
+        "without `--lab`"
+    ),
+    ExitCode.INVALID: (
+        "an invalid program, byte-code, lab file, key or file of actions, a robot and a lab that do not agree on "
+        "the radio's security, a program with an action that nothing carries out, or one that does not fit the lab"
+    ),
+    ExitCode.STRICT: "under `--strict`: finished, but a deadline was missed or robots touched something",
+}
+"""What each exit code means, as docs/labs.md states it."""
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:
-    """Run `command` as the program `name`; return its exit code. What ends by SystemExit ends so."""
+    """Run `command` as the program `name`; return its exit code. SystemExit passes through."""
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115 - for as long as the process lives
     if sys.stdout is None:
         print(f"{name}: standard output is closed; send it to /dev/null if nobody wants it", file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         try:
@@ -29,16 +58,16 @@ def run(name: str, command: Callable[[], int | None]) -> int:
             sys.stdout.flush()
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
-        return FAILED
-    except OSError as error:  # of the output: commands deal with all others themselves
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what is still in its buffer would be tried again at the end
-        if not isinstance(error, BrokenPipeError):  # who closes a pipe has seen enough
+        return ExitCode.FAILED
+    except OSError as error:  # of the output: commands handle all others themselves
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else the rest of the buffer is written at exit, and fails again
+        if not isinstance(error, BrokenPipeError):  # the reader has closed the pipe on purpose
             print(f"{name}: cannot write the output: {error.strerror or error}", file=sys.stderr)
-        return FAILED
+        return ExitCode.FAILED
 
 
 def turn_into(path: str, words: list[str]) -> None:
-    """Turn this process into the program at `path`, whose `run` takes Ctrl-C that comes meanwhile.
+    """Replace this process by the program at `path`, whose `run` handles a Ctrl-C that comes meanwhile.
 
     Raises OSError where it cannot be run.
     """

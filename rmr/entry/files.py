@@ -1,7 +1,7 @@
-"""Files that a person names on the command line: one that cannot be read is wrong usage, in every command alike.
+"""Checks of the files that are named on a command line: one that cannot be read is wrong usage, in every command.
 
-What is in a file that can be read is another matter: an invalid program, byte-code or lab file has its own exit code,
-and so has a file that another file names.
+The content of a file has another exit code: that of an invalid program, byte-code or lab file. A file that another
+file names counts as part of that one.
 """
 
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def unreadable(paths: Iterable[Path | None]) -> list[str]:
-    """Return a line for each of `paths` that is no file that can be read; None stands for a file that nobody named."""
+    """Return an error line for each of `paths` that is not a readable file; None stands for an option not given."""
     lines = []
     for path in paths:
         try:

@@ -1,4 +1,4 @@
-"""Processes that share the work of a command: they end with it, and Ctrl-C is the command's alone to handle."""
+"""Worker processes of a command: they end with it, and only the command itself handles Ctrl-C."""
 
 import os
 import signal
@@ -7,22 +7,24 @@ from contextlib import contextmanager
 from multiprocessing import parent_process, resource_tracker
 from threading import Thread
 
+from rmr.entry import ExitCode
+
 
 def end_with_parent() -> None:
-    """End this process when its parent has, however that ended: nobody takes its results."""
+    """End this process when its parent has ended, by whatever cause: its results would be lost."""
     parent = parent_process()
     assert parent is not None
 
     def follow() -> None:
         parent.join()
-        os._exit(1)
+        os._exit(ExitCode.FAILED)
 
     Thread(target=follow, daemon=True).start()
 
 
 @contextmanager
 def interrupted_later() -> Iterator[None]:
-    """Put Ctrl-C off until this is over. Processes that are started meanwhile never get it."""
+    """Delay Ctrl-C until the block is over. Processes that are started within it never get it."""
     came: list[int] = []
     resource_tracker.ensure_running()  # first: starting it unblocks the signal
     before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))

@@ -1,8 +1,19 @@
 """The radio between robots: IEEE 802.15.4 at 2.4 GHz, emulated frame by frame.
 
-`frame` knows octets, `phy` power, interference and chance, `links` what happens to a link besides distance, `mac`
-CSMA/CA, acknowledgements and retries, `security` ciphers and counters, `intake` what becomes of a frame that has come
-through. They are joined twice: `station` is the radio of one robot process, which hears of the others by what they
-announce (`air`, told to those in the `cells` around); `ether` is all radios of a lab in virtual time (`etherstation`,
-and `floor`, `waves` and `tallies` as arrays). `trials` are experiments. Nothing here knows what payloads mean.
+| module | holds |
+|---|---|
+| `frame` | the octets of frames |
+| `phy` | power, interference, the rules of reception for one receiver: the specification |
+| `links` | what befalls a link besides distance: shadowing, bursts, disturbances |
+| `mac` | CSMA/CA, acknowledgements, retries |
+| `security` | ciphers and frame counters |
+| `receive_filter` | addresses, duplicates and security of a frame that came through |
+| `settings` | the settings of a lab's radio, a row each |
+| `air`, `cells` | announcements of transmissions, and the cells of the floor by which they are published |
+| `station` | the radio of one robot process, which hears of other transmissions by announcements |
+| `ether`, `ether_station` | all radios of a lab in virtual time |
+| `waves`, `path_loss_map`, `bulk_counters` | what the ether computes for all receivers of a frame at once, as arrays |
+| `trials` | experiments |
+
+Nothing here knows what payloads mean.
 """

@@ -1,4 +1,4 @@
-"""What crosses the boundary of a station: announcements of transmissions, receptions, outcomes.
+"""The interface of a station: announcements of transmissions, receptions, confirmations.
 
 Whoever transmits announces it with its start, end, power and position, 192 us before the first symbol. In virtual time
 `rmr.radio.ether` knows all announcements at once. Between processes there is no medium: announcements cross the bus and
@@ -19,16 +19,16 @@ ACK_ATTEMPT: Final = 0x80
 SEQUENCE_MASK: Final = 0xFFFF_FFFF
 
 POWER_MAX_DBM: Final = 100.0
-"""Ten megawatts: no robot radiates more, and the milliwatts of some thousand dBm are no number."""
+"""Greatest radiated power, ten megawatts: a forged power of thousands of dBm overflows as milliwatts."""
 PLACE_MAX_M: Final = 1e6
-"""No robot is farther away from the origin."""
+"""Greatest coordinate of a transmitter, metres, either way."""
 
 
 _NUMBERS: Final = (int, float)
 
 
 class Announcement(NamedTuple):
-    """One transmission: all that a receiver needs to know of it."""
+    """One transmission, with all that decides its reception."""
 
     source: int
     """Short address of the transmitter."""
@@ -50,7 +50,7 @@ class Announcement(NamedTuple):
 
     @property
     def pressing(self) -> bool:
-        """Whether the frame wants an acknowledgement, or is one: somebody waits for milliseconds only."""
+        """Whether the frame wants an acknowledgement, or is one: its reception must be decided within milliseconds."""
         return bool(self.attempt & ACK_ATTEMPT) or bool(self.psdu and self.psdu[0] & ACK_REQUEST)
 
     @classmethod
@@ -109,7 +109,7 @@ class Received:
 
 
 class Confirmed(NamedTuple):
-    """What became of a request."""
+    """The outcome of a request."""
 
     handle: int
     status: str

@@ -1,4 +1,4 @@
-"""Cells of the floor: who needs to be told of a transmission, without knowing where anybody is.
+"""Cells of the floor: announcements reach all receivers in range although no sender knows their positions.
 
 The floor is cut into square cells, fixed by the lab's radio and its robots' speed alone, so that all robots of a lab
 cut it alike. An announcement goes out under the cell in which it says that its transmitter is; a robot listens to
@@ -24,7 +24,7 @@ from rmr.radio.links import SHADOWING_SIGMAS
 from rmr.radio.phy import LOSS_AT_1_M_DB, RELEVANCE_DB, RadioConfig
 
 HYSTERESIS_M: Final = 0.1
-"""How far outside its cell a robot keeps it: more than one that stands is pushed about."""
+"""Hysteresis: distance outside its cell up to which a robot keeps it; more than a standing robot is pushed."""
 
 LAG_S: Final = 1.0
 """How old a place may be by which a robot listens: under half a second until a robot that steers no more
@@ -32,13 +32,13 @@ LAG_S: Final = 1.0
 which take 17, 1 and 1 ms where nothing is held up."""
 
 ROUNDING: Final = 1.0 + 1e-9
-"""On the range, for logarithms and powers that do not cancel to the last bit."""
+"""Factor on the range, for the rounding errors of logarithms and powers."""
 
 RANGE_MAX_M: Final = 1e6
-"""Announcements come from no farther away than that (`Announcement.from_wire`)."""
+"""Greatest distance of a transmitter from the origin (`Announcement.from_wire`)."""
 
 CELL_MAX: Final = 1 << 15
-"""Cells beyond it, in each direction, are one: whoever is that far away has neighbours still, and keys have an end."""
+"""Last cell in each direction, which holds all beyond it: keys are bounded, and a robot beyond it has neighbours."""
 
 
 class Cell(NamedTuple):
@@ -54,7 +54,7 @@ class Cell(NamedTuple):
 
 
 def interference_range_m(config: RadioConfig) -> float:
-    """Return the distance in metres beyond which no robot need know of a frame, at least 1 m (nearer costs the same).
+    """Return the distance in metres beyond which a frame has no effect, at least 1 m (nearer costs the same).
 
     A receiver farther away forgets the frame whatever the link's shadowing.
     """

@@ -1,13 +1,13 @@
 """All radios of a lab in virtual time.
 
-The same medium access (`rmr.radio.mac`), the same intake and the same rules of reception as in a robot process, but
-for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations, whoever hears it; those
-out of reach only have their places in the arrays. Where few hear it they are judged one by one, by the same rules.
-Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol;
-so when a lock instant or an end comes, all that bears on it is known.
+Medium access (`rmr.radio.mac`), the receive filter and the rules of reception are those of a robot process, but
+receptions are computed for all receivers of a frame at once (`rmr.radio.waves`): a frame costs some array operations,
+whatever the number of its receivers. A frame with few receivers is decided one by one, by the same rules.
+Time is the kernel's. A frame is announced at the end of an idle channel assessment, 192 us before its first symbol.
+So at the instant at which receivers lock on a frame, and at its end, every frame that can interfere is known.
 
-What is due at the same instant happens in this order: a frame's end, with its receptions and acknowledgements;
-then the timers of medium access. Receivers of one frame are told in the order in which they were added.
+Order at the same instant: first the end of a frame, with its receptions and acknowledgements; then the timers of medium
+access. Receivers of one frame are called in the order in which they were added.
 """
 
 from bisect import insort
@@ -23,16 +23,27 @@ from numpy.typing import NDArray
 from rmr.base.kernel import AIR, Kernel
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement
+from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.cells import Cell
-from rmr.radio.etherstation import EtherStation, Take
-from rmr.radio.floor import Floats, Floor, Places
+from rmr.radio.ether_station import EtherStation, Take
 from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
-from rmr.radio.intake import Counters, Intake, decoded
 from rmr.radio.links import Disturbance, Links
 from rmr.radio.mac import Mac
-from rmr.radio.phy import CCA, TURNAROUND, RadioConfig, airtime, channel_of, link_quality, mix
+from rmr.radio.path_loss_map import Floats, PathLossMap, Places
+from rmr.radio.phy import (
+    CCA,
+    TURNAROUND,
+    RadioConfig,
+    airtime,
+    channel_of,
+    draw_from,
+    is_dropped,
+    is_right,
+    link_quality,
+    mix,
+)
+from rmr.radio.receive_filter import Counters, ReceiveFilter, decoded
 from rmr.radio.security import Security, payload_max
-from rmr.radio.tallies import Tallies
 from rmr.radio.waves import (
     NOISE,
     Wave,
@@ -44,21 +55,22 @@ from rmr.radio.waves import (
 )
 
 REMEMBERED: Final[Duration] = 2 * (airtime(PSDU_MAX) + TURNAROUND)
-"""How long after its end a wave may still bear on another: on one as long as can be that began before it ended."""
+"""Time after its end for which a wave is kept: the longest frame that overlaps it has ended by then."""
 
 FEW: Final = 12
-"""Up to so many receivers of a frame are judged one by one, which costs less than the arrays of any number."""
+"""Number of receivers up to which a frame is decided one by one: fewer than this cost less than array operations."""
 
 REACH_CELLS: Final = 2
-"""Two frames can meet at a receiver when their transmitters are at most so many cells apart."""
+"""Distance in cells within which the transmitters of two frames can have a receiver in common."""
 
 _ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 _WORD: Final = 4294967296.0
+"""2**32, as arrays of draws need it; see `phy.is_right`."""
 _ORDER: Final = attrgetter("order")
 
 
 class Ether:
-    """The stations of one lab and what is on the air."""
+    """The stations of one lab and the transmissions on the air."""
 
     def __init__(
         self, kernel: Kernel, config: RadioConfig, seed: int, pan: int, disturbances: Iterable[Disturbance] = ()
@@ -68,9 +80,9 @@ class Ether:
         self.config = config
         self.pan = pan
         self.links = Links(config, seed, disturbances)
-        self.floor = Floor(config, self.links)
+        self.path_loss = PathLossMap(config, self.links)
         self.stations: list[EtherStation] = []
-        self.tallies = Tallies(self.floor.room)
+        self.bulk_counters = BulkCounters(self.path_loss.room)
         self.awaiting: set[int] = set()
         """Indices of the stations that transmit or wait for an acknowledgement."""
         self.on_air: Callable[[Announcement], None] | None = None
@@ -81,8 +93,8 @@ class Ether:
         self._air: dict[Cell, deque[Wave]] = {}
         self._near_cells: dict[Cell, list[deque[Wave]]] = {}
         self._unsettled: list[Wave] = []
-        self.listening = np.zeros(self.floor.room, dtype=np.bool_)
-        """Whether the station of each index is switched on; data frames are for no others."""
+        self.listening = np.zeros(self.path_loss.room, dtype=np.bool_)
+        """Whether the station of each index is switched on; others receive no data frames."""
 
     def add(
         self,
@@ -101,23 +113,23 @@ class Ether:
         """
         if address in self._by_address:
             raise ValueError(f"two stations with the address {address}")
-        index = self.floor.add(address, x, y)
-        if len(self.listening) < self.floor.room:
+        index = self.path_loss.add(address, x, y)
+        if len(self.listening) < self.path_loss.room:
             self._grow()
-        intake = Intake(address, self.pan, Counters(), security)
+        receive_filter = ReceiveFilter(address, self.pan, Counters(), security)
         mac = Mac(address, self.pan, rng, security=security)
-        station = EtherStation(self, index, mac, intake, take, payload_max(security))
+        station = EtherStation(self, index, mac, receive_filter, take, payload_max(security))
         self.stations.append(station)
         self._by_address[address] = station
         self.listening[index] = True
         if take is None:
-            self.tallies.bulk[index] = self.tallies.bulky = True
+            self.bulk_counters.bulk[index] = self.bulk_counters.bulky = True
         return station
 
     def _grow(self) -> None:
-        room = self.floor.room
+        room = self.path_loss.room
         self.listening = np.concatenate([self.listening, np.zeros(room - len(self.listening), dtype=np.bool_)])
-        self.tallies.grow(room)
+        self.bulk_counters.grow(room)
         for waves in self._air.values():
             for wave in waves:
                 wave.grow(room)
@@ -125,7 +137,7 @@ class Ether:
     # -- transmissions ----------------------------------------------------------------------------------------
 
     def transmit(self, address: int, psdu: bytes, start: Instant, sequence: int = 0) -> None:
-        """Put octets on the air at `start`, without medium access: for experiments, and for what is no frame.
+        """Put octets on the air at `start` without medium access: for experiments, and for octets that are no frame.
 
         Raises `ValueError` if `start` is not at least the turnaround of 192 us away.
         """
@@ -135,15 +147,18 @@ class Ether:
 
     def announce(self, station: EtherStation, psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
         """Let `station` transmit at `start`; it is deaf from now until 192 us after the end."""
-        now, index = self.kernel.now, station.index
-        cell = self.floor.cell(index)
+        now = self.kernel.now
+        index = station.index
+        cell = self.path_loss.cell(index)
+        # Half duplex: the transmitter loses its lock on whatever it was receiving. Locks that were due before now are
+        # decided first, while it still listened.
         self._settle(now)
         for wave in self._near(cell, now):
             if wave.locks is not None:
                 wave.locks[index] = False
-        x, y = self.floor.place(index)
+        x, y = self.path_loss.place(index)
         announcement = Announcement(
-            station.intake.address,
+            station.receive_filter.address,
             sequence,
             attempt,
             start,
@@ -153,10 +168,10 @@ class Ether:
             y,
             psdu,
         )
-        reached = self.floor.reached(index, start)
+        reached = self.path_loss.reached(index, start)
         wave = Wave(announcement, self._frame(psdu, reached.power), index, cell, reached, self._channel)
         air = self._air.get(cell)
-        if air is None:
+        if air is None:  # a first wave in this cell: neighbourhoods that were looked up without it are stale
             air = self._air[cell] = deque()
             self._near_cells.clear()
         air.append(wave)
@@ -166,16 +181,16 @@ class Ether:
             self.on_air(announcement)
 
     def _frame(self, psdu: bytes, power: Floats) -> DataFrame | AckFrame | None:
-        """Return the frame in `psdu`; None, counted at all who hear it, if it is none."""
+        """Return the frame in `psdu`; None if it is none, which all stations within reach count as malformed."""
         try:
             return decoded(psdu)
         except FrameError:
             for index in np.flatnonzero(power).tolist():
-                self.stations[index].intake.counters.malformed += 1
+                self.stations[index].receive_filter.counters.malformed += 1
             return None
 
     def _near(self, cell: Cell, since: Instant) -> list[Wave]:
-        """Return the waves that may meet one from `cell` at a receiver and end after `since`, in order of start."""
+        """Return the waves that may interfere with one from `cell` and end after `since`, in order of start."""
         near = self._near_cells.get(cell)
         if near is None:
             reach = range(-REACH_CELLS, REACH_CELLS + 1)
@@ -184,7 +199,7 @@ class Ether:
         forgotten = self.kernel.now - REMEMBERED
         found: list[Wave] = []
         for air in near:
-            while air and air[0].end < forgotten:
+            while air and air[0].end < forgotten:  # each cell is trimmed when it is read: there is no clean-up timer
                 air.popleft()
             if air:
                 found += [wave for wave in air if wave.end > since]
@@ -193,11 +208,11 @@ class Ether:
         return found
 
     def _during(self, wave: Wave) -> list[Wave]:
-        """Return the waves that may bear on the reception of `wave`, which ends now, in order of start."""
+        """Return the waves that may interfere with `wave`, which ends now, in order of start."""
         return self._near(wave.cell, wave.start - TURNAROUND)
 
     def _settle(self, now: Instant) -> None:
-        """Settle who locks on the waves whose lock instants have come, in order."""
+        """Decide which stations lock on the waves whose lock instants have come, in order of those instants."""
         unsettled = self._unsettled
         while unsettled and unsettled[0].lock_at <= now:
             wave = unsettled.pop(0)
@@ -206,9 +221,9 @@ class Ether:
     # -- receptions -------------------------------------------------------------------------------------------
 
     def busy(self, station: EtherStation, now: Instant) -> bool:
-        """Return what the channel assessment of `station` says that ends `now`."""
+        """Return whether the channel assessment of `station` that ends `now` finds the channel busy."""
         self._settle(now)
-        near = self._near(self.floor.cell(station.index), now - CCA - TURNAROUND)
+        near = self._near(self.path_loss.cell(station.index), now - CCA - TURNAROUND)
         return channel_busy(station.index, now, near, self._channel)
 
     def _ended(self, wave: Wave) -> None:
@@ -228,7 +243,7 @@ class Ether:
                 self._arrive_at(wave, frame, receiver)
 
     def _end_of_ack(self, wave: Wave, frame: AckFrame) -> None:
-        """Let those take note who wait for just this acknowledgement; it bears no address."""
+        """Deliver an acknowledgement to the stations that wait for its sequence number: it has no address (7.2.2.3)."""
         for index in sorted(self.awaiting):
             station = self.stations[index]
             if not wave.power[index] or not station.mac.awaits_ack(frame.sequence, wave.start):
@@ -237,28 +252,29 @@ class Ether:
                 station.acknowledged(wave.end)
 
     def _arrive(self, wave: Wave, frame: DataFrame, at: NDArray[np.intp]) -> None:
-        """Hand `frame`, which is for all, to those of the stations `at` that receive it."""
+        """Hand the broadcast `frame` to those of the stations `at` that receive it."""
         if len(at) <= FEW and self._channel.capture:
             air = self._during(wave)
             for index in [index for index in at.tolist() if self._comes_through(wave, index, air)]:
                 self._hand(wave, frame, self.stations[index])
             return
         indices, qualities = self._come_through(wave, at)
-        if self.tallies.bulky:
-            bulk = self.tallies.bulk[indices]
-            self.tallies.received[indices] += bulk
-            indices, qualities = indices[~bulk], qualities[~bulk]
-        hearers: list[int] = indices.tolist()
+        if self.bulk_counters.bulky:
+            bulk = self.bulk_counters.bulk[indices]
+            self.bulk_counters.received[indices] += bulk
+            indices = indices[~bulk]
+            qualities = qualities[~bulk]
+        receivers: list[int] = indices.tolist()
         powers_dbm: list[float] = wave.power_dbm[indices].tolist()
         lqi: list[int] = qualities.astype(np.int64).tolist()
-        for place, index in enumerate(hearers):
+        for place, index in enumerate(receivers):
             station = self.stations[index]
-            received = station.intake.take(frame, powers_dbm[place], lqi[place], wave.end)
+            received = station.receive_filter.take(frame, powers_dbm[place], lqi[place], wave.end)
             if received is not None and station.take is not None:
                 station.take(received)
 
     def _arrive_at(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
-        """Hand `frame` to the one station that it is for, if that receives it."""
+        """Hand the unicast `frame` to its destination if that receives it."""
         index = station.index
         success = self._comes_through(wave, index, self._during(wave))
         if not success:
@@ -270,24 +286,24 @@ class Ether:
     def _hand(self, wave: Wave, frame: DataFrame, station: EtherStation, success: float = 1.0) -> None:
         """Hand `frame`, which has come through with probability `success`, to `station`."""
         if station.take is None and not frame.wants_ack:
-            self.tallies.received[station.index] += 1
+            self.bulk_counters.received[station.index] += 1
             return
         rssi_dbm = wave.power_dbm.item(station.index)
         quality = link_quality(rssi_dbm, success, self.config)
-        received = station.intake.take(frame, rssi_dbm, quality, wave.end)
+        received = station.receive_filter.take(frame, rssi_dbm, quality, wave.end)
         if received is not None and station.take is not None:
             station.take(received)
 
     def _acknowledge(self, wave: Wave, frame: DataFrame, station: EtherStation) -> None:
-        """Let `station` acknowledge `wave`, unless it is held up.
+        """Let `station` acknowledge `wave`, unless its process is held up.
 
-        That it transmits at that time cannot be: it would be deaf.
+        It cannot be transmitting itself at that time: it would have been deaf and not received the frame.
         """
         if station.held:
-            station.intake.counters.withheld += 1
+            station.receive_filter.counters.withheld += 1
             return
         start = wave.end + TURNAROUND
-        station.intake.counters.acknowledgements += 1
+        station.receive_filter.counters.acknowledgements += 1
         original = wave.announcement
         attempt = ACK_ATTEMPT | original.attempt
         self.announce(station, encode_ack(frame.sequence), original.sequence, attempt, start)
@@ -302,47 +318,50 @@ class Ether:
         loses = self.links.loses
         open_ = np.flatnonzero(kept if loses else kept & (success < 1.0))
         if len(open_):
-            upper, lower = draws(self._mixed_seed, wave.announcement, self.floor.addresses[at[open_]])
+            upper, lower = draws(self._mixed_seed, wave.announcement, self.path_loss.addresses[at[open_]])
             comes = upper < success[open_] * _WORD
             if loses:
                 lost = comes & (lower < self._losses(wave, at[open_]) * _WORD)
                 comes &= ~lost
                 cause[open_[lost]] = NOISE
             kept[open_] = comes
-        self.tallies.note(at, ~kept, cause)
+        self.bulk_counters.note(at, ~kept, cause)
         through = at[kept]
         return through, self._quality(wave, through, success[kept])
 
     def _comes_through(self, wave: Wave, index: int, air: Sequence[Wave]) -> float:
-        """Return with what probability `wave` was to come through to the station `index`; 0, and count it, if lost.
+        """Return the probability with which `wave` was received by the station `index`; 0 for a loss, which is counted.
 
-        `air` is all that was on the air during it.
+        `air` holds all waves during it.
         """
         success, cause = verdict(wave, air, self._channel, index)
         loses = self.links.loses
         if loses or 0.0 < success < 1.0:
-            one, receiver = wave.announcement, int(self.floor.addresses[index])
-            bits = mix(mix(self._mixed_seed ^ (one.source << 16 | receiver)) ^ (one.sequence << 8 | one.attempt))
-            kept = (bits >> 32) < success * _WORD
-            if loses and kept and (bits & 0xFFFF_FFFF) < self._loss(wave, receiver) * _WORD:
-                kept, cause = False, NOISE
-            success = success if kept else 0.0
+            one = wave.announcement
+            receiver = int(self.path_loss.addresses[index])
+            bits = draw_from(self._mixed_seed, one.source, one.sequence, one.attempt, receiver)
+            if not is_right(bits, success):
+                success = 0.0
+            elif loses and is_dropped(bits, self._loss(wave, receiver)):
+                success = 0.0
+                cause = NOISE
         if success == 0.0:
-            self.tallies.note_one(index, cause)
+            self.bulk_counters.note_one(index, cause)
         return success
 
     def _loss(self, wave: Wave, receiver: int) -> float:
-        """Return the probability that the frame is lost to `receiver` whatever its power."""
+        """Return the probability that `receiver` loses the frame independently of its power."""
         if self.links.even:
             return self.config.loss
         return self.links.loss(wave.announcement.source, receiver, wave.start)
 
     def _losses(self, wave: Wave, at: Places) -> Floats | float:
-        """Return the probability that the frame is lost whatever its power, at each of the stations `at`."""
+        """Return the probability that the frame is lost independently of its power, at each of the stations `at`."""
         if self.links.even:
             return self.config.loss
-        source, start = wave.announcement.source, wave.start
-        return np.array([self.links.loss(source, other, start) for other in self.floor.addresses[at].tolist()])
+        source = wave.announcement.source
+        start = wave.start
+        return np.array([self.links.loss(source, other, start) for other in self.path_loss.addresses[at].tolist()])
 
     def _quality(self, wave: Wave, places: Places, success: Floats) -> Any:
         """Return the LQI at each of the places; see `phy.link_quality`."""

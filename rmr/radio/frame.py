@@ -18,7 +18,7 @@ import binascii
 from typing import Final, NamedTuple
 
 BROADCAST: Final = 0xFFFF
-"""The short address that every station answers to."""
+"""The broadcast address: every station receives it."""
 
 PSDU_MAX: Final = 127
 """aMaxPHYPacketSize."""

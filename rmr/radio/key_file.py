@@ -9,7 +9,7 @@ from typing import Final
 from rmr.radio.security import KEY_OCTETS
 
 FILE_OCTETS_MAX: Final = 1024
-"""Room for digits in groups and lines; a larger file is something else."""
+"""Greatest size of a key file: digits with room for groups and lines."""
 
 _DIGITS: Final = frozenset(b"0123456789abcdefABCDEF")
 

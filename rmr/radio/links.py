@@ -1,4 +1,4 @@
-"""What happens to a link besides distance: shadowing, losses, bursts, and disturbances that come and go.
+"""Effects on a link besides distance: shadowing, losses, bursts, and timed disturbances.
 
 All of it goes by lab time and names alone, never by who asks or when: the state of a link at an instant follows
 from (seed, the two ends, the instant), so every process and the simulator see the same weather.
@@ -22,13 +22,13 @@ from rmr.base.time import NEVER, NS_PER_S, Duration, Instant
 from rmr.radio.phy import RadioConfig
 
 SHADOWING_SIGMAS: Final = 3.0
-"""A link's shadowing is cut at so many standard deviations."""
+"""Standard deviations at which a link's shadowing is cut off."""
 
 DISTURBANCES_MAX: Final = 256
-"""Disturbances that one lab may have at a time: each is looked at for every frame that it may concern."""
+"""Disturbances of one lab at a time, at most: each is checked for every frame that it may affect."""
 
 GROUPS_MAX: Final = 64
-"""Groups of one disturbance; more parts than that are no partition of a lab's radio."""
+"""Groups of one disturbance at most."""
 
 CYCLES: Final = 64
 """A link's bursts are drawn anew after so many mean lengths of good and bad time together: a robot that is
@@ -36,20 +36,20 @@ started late need not follow them from the beginning, and no link keeps more tha
 
 
 class Disturbance(NamedTuple):
-    """A stretch of lab time in which some links are worse than distance makes them."""
+    """An interval of lab time in which some links are degraded."""
 
     since: Instant = 0
     until: Instant = NEVER
-    """Half open: the instant after the last one."""
+    """End of the half-open interval."""
     groups: tuple[tuple[int, ...], ...] = ()
-    """Touched are frames from a robot of one group to a robot of another; none: all frames. Robots of no group
-    hear, and are heard by, everybody."""
+    """Affected are frames from a robot of one group to a robot of another; without groups all frames. Robots of no
+    group are not affected."""
     one_way: bool = False
-    """Touched are only frames from an earlier group to a later one."""
+    """Affected are only frames from an earlier group to a later one."""
     loss: float = 0.0
     """Probability that a frame is lost, for each receiver by itself."""
     attenuation_db: float = 0.0
-    """Taken from the power at the receiver; `inf` cuts the link: such a frame is neither heard nor sensed."""
+    """Attenuation of the received power, dB; `inf` cuts the link: a frame is neither received nor sensed."""
 
     def check(self) -> "Disturbance":
         """Return itself. Raises `ValueError` that says what is wrong."""
@@ -110,7 +110,8 @@ class _Active:
             return False
         if not self.group_of:
             return True
-        one, other = self.group_of.get(source), self.group_of.get(receiver)
+        one = self.group_of.get(source)
+        other = self.group_of.get(receiver)
         if one is None or other is None:
             return False
         return one < other if self.one_way else one != other
@@ -138,14 +139,14 @@ class Links:
         self.replace(disturbances)
 
     def replace(self, disturbances: Iterable[Disturbance]) -> None:
-        """Let these disturbances, and no others, hold. Raises `ValueError`."""
+        """Replace all disturbances by these. Raises `ValueError`."""
         checked = [disturbance.check() for disturbance in disturbances]
         if len(checked) > DISTURBANCES_MAX:
             raise ValueError(f"{len(checked)} disturbances: at most {DISTURBANCES_MAX} at a time")
         self._active = [_Active(disturbance) for disturbance in checked]
         config = self._config
         self.fades = bool(config.shadowing_db) or any(active.attenuation_db for active in self._active)
-        """Whether any link may differ from what distance makes it: else `gain_db` is always 0."""
+        """Whether any link has a gain besides its path loss; else `gain_db` is always 0."""
         self.loses = bool(config.loss or config.bursts) or any(active.loss for active in self._active)
         """Whether any frame may be lost by chance: else `loss` is always 0."""
 
@@ -155,7 +156,7 @@ class Links:
         return self._config.bursts is None and not any(active.loss for active in self._active)
 
     def gain_db(self, source: int, receiver: int, at: Instant) -> float:
-        """Return what is added to the power of a frame that begins `at`; minus infinity where the link is cut."""
+        """Return the gain, dB, of a frame that begins `at`; minus infinity where the link is cut."""
         gain = self._shadow(source, receiver) if self._config.shadowing_db else 0.0
         for active in self._active:
             if active.attenuation_db and active.touches(source, receiver, at):
@@ -163,7 +164,7 @@ class Links:
         return gain
 
     def loss(self, source: int, receiver: int, at: Instant) -> float:
-        """Return the probability that a frame that begins `at` is lost whatever its power."""
+        """Return the probability that a frame that begins `at` is lost independently of its power."""
         kept = 1.0 - self._config.loss
         for active in self._active:
             if active.loss and active.touches(source, receiver, at):

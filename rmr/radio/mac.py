@@ -47,14 +47,15 @@ SHORT_FRAME_OCTETS: Final = 18
 """aMaxSIFSFrameSize."""
 SHORT_SPACE: Final[Duration] = 192 * NS_PER_US
 LONG_SPACE: Final[Duration] = 640 * NS_PER_US
+"""Interframe spaces after short and long frames (macMinSIFSPeriod, macMinLIFSPeriod: 12 and 40 symbols)."""
 
 QUEUE_MAX: Final = 64
-"""Requests that may wait, nearly half a second of full-sized frames. More fail at once, so that a sender who
-offers more than the channel takes learns of it."""
+"""Capacity of the queue of requests: nearly half a second of full-sized frames. A request beyond it fails at once, so
+that a sender that offers more than the channel carries is notified."""
 
 
 class State(Enum):
-    """Where the machine stands."""
+    """The states of the table at the head of this module."""
 
     IDLE = "idle"
     BACKOFF = "backoff"

@@ -46,16 +46,16 @@ LOCK_RATIO: Final[float] = 10**-0.5
 CAPTURE_RATIO: Final[float] = 10**0.3
 """Co-channel rejection of real radios: 3 dB."""
 CERTAIN_RATIO: Final = 4.0
-"""From 6 dB on the bit error rate is below 1e-16: nothing to compute and nothing to draw."""
+"""Ratio of 6 dB from which the bit error rate is below 1e-16 and taken for 0: neither computed nor drawn."""
 
 BURST_MIN: Final[Duration] = 1_000 * NS_PER_US
 BURST_MAX: Final[Duration] = 86_400 * NS_PER_S
 """Mean lengths of bursts and of the times between them."""
 
 RELEVANCE_DB: Final = 20.0
-"""A frame this far below the sensitivity neither disturbs nor is received: it is forgotten at once."""
+"""Margin below the sensitivity beyond which a frame is dropped at once: it is neither received nor interferes."""
 LOCK_HISTORY: Final[Duration] = 20_000 * NS_PER_US
-"""How far back locks are followed: over four of the longest frames, by when it no longer matters who held then."""
+"""History of locks that is replayed: over four of the longest frames, after which an earlier lock has no effect."""
 
 BER_TERMS: Final = tuple(
     (8.0 / 15.0 / 16.0 * (1 - k % 2 * 2) * comb(16, k), 20.0 * (1.0 / k - 1.0)) for k in range(2, 17)
@@ -93,13 +93,13 @@ class RadioConfig:
     exponent: float = 3.0
     """Of the path loss: 2 in the open, 3 in a room."""
     loss: float = 0.0
-    """Probability that a frame is lost besides, for each receiver by itself; acknowledgements too."""
+    """Probability of an additional loss of a frame, independent for each receiver; acknowledgements too."""
     interference: str = "capture_3db"
     """``capture_3db`` or ``awgn``."""
     energy_threshold_db: float = 10.0
     """Energy detection: how far above the sensitivity the channel counts as busy (6.9.9: at most 10)."""
     shadowing_db: float = 0.0
-    """Standard deviation of what each link adds to or takes from the path loss, for ever."""
+    """Standard deviation, dB, of the constant that each link adds to the path loss."""
     bursts: Bursts | None = None
     """Bursts of losses on each link, besides `loss`."""
 
@@ -139,21 +139,21 @@ class Signal:
         self.power_mw = power_mw
 
 
-class Verdict(NamedTuple):
-    """What the rules say of one reception before chance has its say."""
+class ReceptionVerdict(NamedTuple):
+    """The result of the rules for one reception, before the random draw."""
 
     success: float
-    """Probability that all bits are right."""
+    """Probability that all bits are received right."""
     cause: str
-    """What a loss is due to: ``deaf``, ``collision`` or ``noise``."""
+    """Cause of a loss: ``deaf``, ``collision`` or ``noise``."""
 
 
 Interval = tuple[Instant, Instant]
 
-_DEAF: Final = Verdict(0.0, "deaf")
-_COLLISION: Final = Verdict(0.0, "collision")
-_TOO_WEAK: Final = Verdict(0.0, "noise")
-_CERTAIN: Final = Verdict(1.0, "noise")
+_DEAF: Final = ReceptionVerdict(0.0, "deaf")
+_COLLISION: Final = ReceptionVerdict(0.0, "collision")
+_TOO_WEAK: Final = ReceptionVerdict(0.0, "noise")
+_CERTAIN: Final = ReceptionVerdict(1.0, "noise")
 
 
 def airtime(octets: int) -> Duration:
@@ -203,13 +203,14 @@ def interference(begin: Instant, finish: Instant, others: Sequence[Signal]) -> l
     ]
 
 
-def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> Verdict:
+def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> ReceptionVerdict:
     """Return the verdict on `frame` at a receiver.
 
     `air` is all that the receiver hears, `frame` included, sorted by (start, source) and reaching back
     `LOCK_HISTORY` before it; `deaf` are the times when it transmits or turns around.
     """
-    start, end = frame.start, frame.end
+    start = frame.start
+    end = frame.end
     for begin, finish in deaf:
         if begin < end and finish > start:
             return _DEAF
@@ -220,26 +221,45 @@ def reception(frame: Signal, air: Sequence[Signal], deaf: Sequence[Interval], ch
         ratio = frame.power_mw / channel.noise_mw
         if ratio >= CERTAIN_RATIO:
             return _CERTAIN
-        return Verdict(success_probability(ratio, (end - start) / BIT), "noise")
+        return ReceptionVerdict(success_probability(ratio, (end - start) / BIT), "noise")
     return _contended(frame, others, air, deaf, channel)
 
 
 def _contended(
     frame: Signal, others: Sequence[Signal], air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel
-) -> Verdict:
+) -> ReceptionVerdict:
     locked = locked_on(frame.start + (SYNCHRONISATION if channel.capture else 0), air, deaf, channel)
     if locked is not frame:
         return _COLLISION
     stretches = interference(frame.start, frame.end, others)
     if channel.capture:
-        if frame.power_mw < CAPTURE_RATIO * max(power for _, power in stretches):
+        if not is_captured(frame.power_mw, True, max(power for _, power in stretches)):
             return _COLLISION
         ratio = frame.power_mw / channel.noise_mw
-        return Verdict(success_probability(ratio, (frame.end - frame.start) / BIT), "noise")
+        return ReceptionVerdict(success_probability(ratio, (frame.end - frame.start) / BIT), "noise")
     success = 1.0
     for length, power in stretches:
         success *= success_probability(frame.power_mw / (channel.noise_mw + power), length / BIT)
-    return Verdict(success, "collision")
+    return ReceptionVerdict(success, "collision")
+
+
+def is_captured(power_mw: float, locked: bool, strongest_mw: float) -> bool:
+    """Return whether a frame prevails over others in mode ``capture_3db``.
+
+    `locked` says whether the receiver is locked on it; `strongest_mw` is the greatest power of all others together at
+    any time during it.
+    """
+    return locked and power_mw >= CAPTURE_RATIO * strongest_mw
+
+
+def is_right(bits: int, success: float) -> bool:
+    """Return whether all bits are right of a frame with the probability `success`; `bits` is its `draw`."""
+    return (bits >> 32) < success * _HALF_RANGE
+
+
+def is_dropped(bits: int, loss: float) -> bool:
+    """Return whether a frame that is right is lost all the same, with the probability `loss`; `bits` is its `draw`."""
+    return (bits & 0xFFFF_FFFF) < loss * _HALF_RANGE
 
 
 def locked_on(at: Instant, air: Sequence[Signal], deaf: Sequence[Interval], channel: Channel) -> Signal | None:
@@ -308,7 +328,7 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
     """Return the LQI, 0..255 (6.9.8 leaves its scale free).
 
     In mode ``capture_3db`` it is linear in the power from the sensitivity to 40 dB above it, in mode ``awgn``
-    the probability of success (`Verdict`), as in ns-3.
+    the probability of success (`ReceptionVerdict`), as in ns-3.
     """
     if config.interference == "awgn":
         return int(255 * success)
@@ -317,6 +337,8 @@ def link_quality(rssi_dbm: float, success: float, config: RadioConfig) -> int:
 
 
 _MASK: Final = (1 << 64) - 1
+_HALF_RANGE: Final = 4294967296.0
+"""2**32: each half of a draw is a number from 0 below this."""
 
 
 def mix(word: int) -> int:
@@ -329,4 +351,9 @@ def mix(word: int) -> int:
 
 def draw(seed: int, source: int, sequence: int, attempt: int, receiver: int) -> int:
     """Return 64 random bits that depend on nothing but the arguments; every process agrees on them."""
-    return mix(mix(mix(seed & _MASK) ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))
+    return draw_from(mix(seed & _MASK), source, sequence, attempt, receiver)
+
+
+def draw_from(mixed_seed: int, source: int, sequence: int, attempt: int, receiver: int) -> int:
+    """Return `draw` of a seed that is mixed already, as is done once for all frames of a run."""
+    return mix(mix(mixed_seed ^ (source << 16 | receiver)) ^ (sequence << 8 | attempt))

@@ -15,10 +15,10 @@ address of its own, derived from PAN and short address: 02 52 4D 52, PAN, addres
 be a device's). And the counter of a robot that is started again begins above all that it can have used: at its number
 of earlier lives times 2^24. A robot that has used up its part of the counter sends no more.
 
-A receiver accepts of each source only counters above the highest so far (7.5.8.2.3). That a retransmission repeats
-its counter, and is a duplicate and no replay, is `rmr.radio.intake`'s business. What it has heard it forgets when it is
-started again: frames of the same run that were recorded before can then be replayed to it once, up to the next frame
-of their source.
+A receiver accepts of each source only counters above the highest so far (7.5.8.2.3). A retransmission repeats its
+counter; that it is a duplicate and no replay is decided by `rmr.radio.receive_filter`. A receiver forgets the counters
+when it is started again: frames of the same run that were recorded before can then be replayed to it once, up to the
+next frame of their source.
 """
 
 from enum import IntEnum
@@ -143,7 +143,8 @@ class Security:
 
     def open(self, frame: DataFrame) -> DataFrame:
         """Return `frame` as it was before `protect`, and take note of its counter. Raises `SecurityError`."""
-        auxiliary, sealed = frame.payload[:AUXILIARY_OCTETS], frame.payload[AUXILIARY_OCTETS:]
+        auxiliary = frame.payload[:AUXILIARY_OCTETS]
+        sealed = frame.payload[AUXILIARY_OCTETS:]
         if not frame.secured or auxiliary[:1] != bytes((self.level,)):
             raise SecurityError("unsecured")
         counter = int.from_bytes(auxiliary[1:], "little")

@@ -21,7 +21,6 @@ from typing import Final
 from rmr.base.time import NEVER, NS_PER_MS, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Output, Received
 from rmr.radio.frame import ACK_OCTETS, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
-from rmr.radio.intake import Counters, Intake, decoded
 from rmr.radio.links import Links
 from rmr.radio.mac import Mac, State, Transmission
 from rmr.radio.phy import (
@@ -32,32 +31,35 @@ from rmr.radio.phy import (
     TURNAROUND,
     Interval,
     RadioConfig,
+    ReceptionVerdict,
     Signal,
-    Verdict,
     airtime,
     channel_busy,
     channel_of,
     draw,
+    is_dropped,
+    is_right,
     link_quality,
     milliwatts,
     reception,
 )
+from rmr.radio.receive_filter import Counters, ReceiveFilter, decoded
 from rmr.radio.security import Security, payload_max
 
 __all__ = ["Announcement", "Confirmed", "Counters", "RadioConfig", "Received", "Station"]
 
 GRACE_MARGIN: Final[Duration] = NS_PER_MS
-"""Besides twice the grace, how long a process waits for a late acknowledgement."""
+"""Margin on twice the grace for which a process waits for a late acknowledgement."""
 AIR_MAX: Final = 256
-"""Transmissions kept; the air of `LOCK_HISTORY` holds a few dozen. The oldest go first."""
+"""Transmissions kept at most; `LOCK_HISTORY` of a full channel holds a few dozen. The oldest are dropped first."""
 _ACK_AIRTIME: Final = airtime(ACK_OCTETS)
 
 ASSESSMENTS_MAX: Final = 16
-"""Assessments that found the channel clear and are remembered until no announcement can contradict them."""
+"""Assessments with a clear channel that are kept, to detect late announcements that contradict them."""
 
 
 class _Heard(Signal):
-    """An announcement as this station hears it."""
+    """An announcement with the power that this station receives."""
 
     __slots__ = ("announcement", "frame", "power_dbm")
 
@@ -106,7 +108,7 @@ class Station:
         self.links = links or Links(self.config, seed)
         self.next_wake: Instant = NEVER
         self.soonest: Instant = NEVER
-        """When there is something to do; `next_wake` may be later by the patience."""
+        """The earliest instant at which something can be decided; `next_wake` may be later by the patience."""
         self._seed = seed
         self._security = security
         self._grace = grace
@@ -120,13 +122,13 @@ class Station:
         self._air: list[_Heard] = []
         self._due: list[_Heard] = []
         self._deaf: list[Interval] = []
-        self._intake = Intake(address, pan, self.counters, security)
+        self._receive_filter = ReceiveFilter(address, pan, self.counters, security)
         self._assessed: deque[Instant] = deque(maxlen=ASSESSMENTS_MAX)
         self._out: list[Output] = []
 
     @property
     def mute(self) -> bool:
-        """Whether it sends nothing more, having used up its frame counter."""
+        """Whether it sends nothing any more because its frame counter is used up."""
         return self._security is not None and self._security.used_up
 
     def move(self, x: float, y: float) -> None:
@@ -147,7 +149,7 @@ class Station:
             self._want(self._mac.next_wake, self._mac.next_wake)
 
     def hear(self, announcement: Announcement, now: Instant | None = None) -> None:
-        """Take note of a transmission of another station, early, late or twice; its own are ignored.
+        """Take in the announcement of another station, early, late or repeated; its own are ignored.
 
         It is heard where the station was last said to be (`move`, `advance`). `now` is when it came in, for the
         counters alone; None: when the station was last advanced.
@@ -198,11 +200,12 @@ class Station:
         self.soonest = self.next_wake = mac_at
         if self._due:
             self._want(heard_at, min(map(self._wanted, self._due)))
-        out, self._out = self._out, []
+        out = self._out
+        self._out = []
         return out
 
     def _want(self, possible: Instant, wanted: Instant) -> None:
-        """Have something to do at `possible`, and ask to be advanced at `wanted` for it."""
+        """Schedule something that can be decided from `possible` on and is wanted at `wanted`."""
         self.soonest = min(self.soonest, possible)
         self.next_wake = min(self.next_wake, wanted)
 
@@ -223,7 +226,7 @@ class Station:
         return power_dbm
 
     def _contradict(self, late: _Heard) -> None:
-        """Count the assessments that found the channel clear because `late` was not known yet."""
+        """Count the assessments that found the channel clear although `late`, unknown then, was on the air."""
         if not self._assessed or self._assessed[-1] <= late.start:
             return
         channel = self._channel
@@ -231,13 +234,13 @@ class Station:
             self.counters.blind += sum(1 for end in self._assessed if late.start < end < late.end + CCA)
 
     def _add(self, heard: _Heard) -> bool:
-        """Keep `heard` among what is on the air, in order of start; False if it was there already."""
+        """Insert `heard` into the air, in order of start; False if it is a repeat."""
         air = self._air
         horizon = min(self._now, heard.start) - LOCK_HISTORY - 4 * self._grace - airtime(PSDU_MAX)
         while air and (air[0].end < horizon or len(air) >= AIR_MAX):
             del air[0]
         key = _by_start(heard)
-        if not air or _by_start(air[-1]) < key:  # as it comes, as a rule
+        if not air or _by_start(air[-1]) < key:  # the usual case: announcements come in order
             air.append(heard)
             return True
         at = bisect_left(air, key, key=_by_start)
@@ -256,7 +259,7 @@ class Station:
         heard.frame = frame
         if isinstance(frame, AckFrame):
             return self._mac.awaits_ack(frame.sequence, heard.start)
-        return self._intake.concerns(frame)
+        return self._receive_filter.concerns(frame)
 
     def _resolve(self, heard: _Heard, at: Instant) -> None:
         verdict = reception(heard, self._air, self._deaf, self._channel)
@@ -271,11 +274,11 @@ class Station:
         if frame.wants_ack:
             self._acknowledge(heard, frame)
         quality = link_quality(heard.power_dbm, verdict.success, self.config)
-        received = self._intake.take(frame, heard.power_dbm, quality, heard.end)
+        received = self._receive_filter.take(frame, heard.power_dbm, quality, heard.end)
         if received is not None:
             self._out.append(received)
 
-    def _survives(self, heard: _Heard, verdict: Verdict) -> bool:
+    def _survives(self, heard: _Heard, verdict: ReceptionVerdict) -> bool:
         """Whether the frame is received; if not, count why."""
         counters = self.counters
         if verdict.success == 0.0:
@@ -290,14 +293,13 @@ class Station:
             return True
         _, sequence, attempt, start, *_ = announcement = heard.announcement
         bits = draw(self._seed, announcement.source, sequence, attempt, self.address)
-        if (bits >> 32) >= verdict.success * 4294967296.0:
+        if not is_right(bits, verdict.success):
             if verdict.cause == "collision":
                 counters.collided += 1
             else:
                 counters.dropped += 1
             return False
-        loss = self.links.loss(announcement.source, self.address, start)
-        if (bits & 0xFFFFFFFF) < loss * 4294967296.0:
+        if is_dropped(bits, self.links.loss(announcement.source, self.address, start)):
             counters.dropped += 1
             return False
         return True
@@ -336,8 +338,9 @@ class Station:
     def _busy(self, at: Instant) -> bool:
         """Assess the channel in the window that ends at `at`."""
         deaf = self._deaf
+        # With a grace, receptions are decided late: the acknowledgement of a frame that has ended may be due, unknown
+        # as yet. Its time counts as busy.
         if self._grace:
-            # Frames not decided yet may have to be acknowledged: keep their acknowledgements' times free.
             owed = [h.end for h in self._due if isinstance(h.frame, DataFrame) and h.frame.wants_ack]
             deaf = deaf + [(end, end + 2 * TURNAROUND + _ACK_AIRTIME) for end in owed]
         return channel_busy(at, self._air, deaf, self._channel)

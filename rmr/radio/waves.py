@@ -1,4 +1,4 @@
-"""The rules of `rmr.radio.phy` for all receivers of a transmission at once, as numpy arrays.
+"""The rules of `rmr.radio.phy` for all receivers of a transmission at once, vectorised with numpy.
 
 `phy` is the specification: it decides one reception at one receiver from all that this one has heard. Here a
 `Wave` carries a transmission's power at every station, and what follows from it is worked out for all of them in a
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import Announcement
 from rmr.radio.cells import Cell
-from rmr.radio.floor import Floats, Places, Reached
 from rmr.radio.frame import AckFrame, DataFrame
+from rmr.radio.path_loss_map import Floats, Places, ReachedStations
 from rmr.radio.phy import (
     BER_TERMS,
     BIT,
@@ -31,6 +31,8 @@ from rmr.radio.phy import (
     SYNCHRONISATION,
     TURNAROUND,
     Channel,
+    is_captured,
+    success_probability,
 )
 
 Truths = NDArray[np.bool_]
@@ -40,14 +42,14 @@ NOISE: Final = 0
 COLLISION: Final = 1
 DEAF: Final = 2
 CAUSES: Final = (NOISE, COLLISION, DEAF)
-"""What a loss is due to (`phy.Verdict.cause`)."""
+"""Causes of a loss (`phy.ReceptionVerdict.cause`)."""
 
 _WEIGHTS: Final = np.array([weight for weight, _ in BER_TERMS])
 _SLOPES: Final = np.array([slope for _, slope in BER_TERMS])
 
 
 def _word(number: int) -> Words:
-    """Return 64 bits as numpy takes them up fastest."""
+    """Return 64 bits as an array scalar, which numpy combines with arrays fastest."""
     return np.array(number, dtype=np.uint64)
 
 
@@ -82,7 +84,7 @@ class Wave:
         frame: DataFrame | AckFrame | None,
         origin: int,
         cell: Cell,
-        reached: Reached,
+        reached: ReachedStations,
         channel: Channel,
     ) -> None:
         self.announcement = announcement
@@ -124,8 +126,11 @@ def strongest(begin: Instant, finish: Instant, others: Sequence[Wave], at: Place
     if len(others) == 1:
         return others[0].power[at]
     worst: Floats | None = None
-    starts, ends = {other.start for other in others}, {other.end for other in others}
+    starts = {other.start for other in others}
+    ends = {other.end for other in others}
     for since, until in pairwise(_edges(begin, finish, others)):
+        # Local maxima only: a stretch at whose end no wave ends, or at whose start none begins, has a neighbour with at
+        # least as much power.
         if (until == finish or until in ends) and (since == begin or since in starts):
             total = _total(since, others, at)
             worst = total if worst is None else np.maximum(worst, total)
@@ -157,7 +162,9 @@ def _total(now: Instant, others: Sequence[Wave], at: Places) -> Any:
 
 def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
     """Decide which stations lock on `wave`; all that began before its lock instant is in `air`, in order."""
-    at, start, lock_at = wave.at, wave.start, wave.lock_at
+    at = wave.at
+    start = wave.start
+    lock_at = wave.lock_at
     power = wave.power[at]
     if channel.capture:
         can = power > LOCK_RATIO * channel.noise_mw
@@ -179,6 +186,7 @@ def settle(wave: Wave, air: Sequence[Wave], channel: Channel) -> None:
                 can &= power >= other.power[at] if wave.before(other) else power > other.power[at]
     locks = np.zeros(len(wave.power), dtype=np.bool_)
     locks[at] = can
+    # A receiver keeps an earlier lock until the end of that frame, and a transmitter is deaf from its turnaround on.
     for other in air:
         if other.locks is not None and other.end > lock_at and other is not wave:
             locks &= ~other.locks
@@ -192,12 +200,14 @@ def verdicts(wave: Wave, air: Sequence[Wave], channel: Channel, at: NDArray[np.i
 
     `wave` is settled, and `air` holds all that was on the air during it. What `phy.reception` says, for all.
     """
-    start, end = wave.start, wave.end
+    start = wave.start
+    end = wave.end
     power = wave.power[at]
     others = [o for o in air if o.start < end and o.end > start and o is not wave]
     if others and channel.capture and len(power) == 1:  # of many far away, one receiver hears few
         others = [o for o in others if o.power[at][0] > 0.0]
-    success, cause = np.zeros(len(power)), np.full(len(power), NOISE, dtype=np.int8)
+    success = np.zeros(len(power))
+    cause = np.full(len(power), NOISE, dtype=np.int8)
     near = np.flatnonzero(power >= LOCK_RATIO * channel.noise_mw)
     if others:
         success[near], cause[near] = _contended(wave, others, channel, at[near], power[near])
@@ -218,7 +228,9 @@ def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tu
     if not channel.capture:
         success, cause = verdicts(wave, air, channel, np.array([index], dtype=np.intp))
         return float(success[0]), int(cause[0])
-    start, end, power = wave.start, wave.end, wave.power.item(index)
+    start = wave.start
+    end = wave.end
+    power = wave.power.item(index)
     meet = [o for o in air if o.start < end + TURNAROUND and o.end > start - TURNAROUND and o is not wave]
     if meet and any(other.origin == index and other.deafens(start, end) for other in meet):
         return 0.0, DEAF
@@ -227,17 +239,18 @@ def verdict(wave: Wave, air: Sequence[Wave], channel: Channel, index: int) -> tu
     others = [o for o in meet if o.start < end and o.end > start and o.power[index] > 0.0] if meet else meet
     if others:
         assert wave.locks is not None, "a wave is settled before it ends"
-        if not (wave.locks[index] and power >= CAPTURE_RATIO * strongest(start, end, others, index)):
+        locked = bool(wave.locks[index])
+        if not locked or not is_captured(power, locked, float(strongest(start, end, others, index))):
             return 0.0, COLLISION
-    ratio = power / channel.noise_mw
-    return (1.0 if ratio >= CERTAIN_RATIO else float(_certainty(np.array([ratio]), end - start)[0])), NOISE
+    return success_probability(power / channel.noise_mw, (end - start) / BIT), NOISE
 
 
 def _contended(
     wave: Wave, others: Sequence[Wave], channel: Channel, at: Places, power: Floats
 ) -> tuple[Floats, Causes]:
     assert wave.locks is not None, "a wave is settled before it ends"
-    start, end = wave.start, wave.end
+    start = wave.start
+    end = wave.end
     locked = wave.locks[at]
     heard = others[0].power[at] > 0.0
     for other in others[1:]:

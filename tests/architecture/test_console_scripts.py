@@ -90,7 +90,7 @@ def test_what_a_script_names_loads_next_to_nothing_so_that_ctrl_c_finds_it_prepa
 
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_ctrl_c_while_a_command_loads_is_told_in_a_word(script):
-    code = CTRL_C.format(modules=("argparse", "click")) + code_of(script)
+    code = CTRL_C.format(modules=("argparse", "rmr.entry.command_line")) + code_of(script)
     answer = subprocess.run([sys.executable, "-c", code, "--help"], capture_output=True, text=True, check=False)
     assert (answer.returncode, answer.stderr.split(": ")[1:]) == (1, ["interrupted\n"])
 

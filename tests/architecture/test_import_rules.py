@@ -10,7 +10,7 @@ import rmr
 
 MAY_IMPORT: dict[str, set[str]] = {
     "rmr": {"rmr.compiled"},
-    "rmr.compiled": set(),
+    "rmr.compiled": {"rmr.entry"},
     "rmr.base": set(),
     "rmr.bytecode": {"rmr.base"},
     "rmr.analysis": {"rmr.base", "rmr.bytecode"},
@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "rmr.columns": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.vm"},
     "rmr.node": {"rmr.base", "rmr.bytecode", "rmr.vm", "rmr.coord", "rmr.radio"},
     "rmr.eval": {"rmr.base", "rmr.bytecode", "rmr.analysis", "rmr.lang", "rmr.vm", "rmr.columns", "rmr.node"},
-    "rmr.bus": {"rmr.base", "rmr.node", "rmr.radio"},
+    "rmr.bus": {"rmr.entry", "rmr.base", "rmr.node", "rmr.radio"},
     "rmr.entry": set(),
     "rmr.cli": {"rmr.commands", "rmr.entry"},
     "rmr.commands": {"rmr.entry", "rmr.base", "rmr.bytecode", "rmr.eval", "rmr.lang", "rmr.radio", "rmr.vm"},
@@ -44,7 +44,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 """Part -> the other parts that it may import."""
 
-OF_WORLD = {"rmr_world.main", "rmr_world.perform", "rmr_world.server", "rmr_world.lab_time"}
+OF_WORLD = {"rmr_world.main", "rmr_world.world_process", "rmr_world.server", "rmr_world.lab_time"}
 """The world as a process."""
 
 LIBRARIES: dict[str, set[str]] = {
@@ -53,12 +53,10 @@ LIBRARIES: dict[str, set[str]] = {
     "rmr.columns": {"numpy"},
     "rmr.radio": {"cryptography", "numpy"},
     "rmr.bus": {"zenoh", "msgpack"},
-    "rmr.entry": {"click"},
-    "rmr.commands": {"click", "rich"},
+    "rmr.commands": {"rich"},
     "rmr_world": {"pydantic", "pydantic_core", "yaml", "pymunk", "numpy"},
-    "rmr_sim": {"click", "rich", "numpy", "pytest"},
-    "rmr_lab": {"click"},
-    "rmr_deploy": {"click", "rich"},
+    "rmr_sim": {"rich", "numpy", "pytest"},
+    "rmr_deploy": {"rich"},
     "rmr_view": {"pydantic", "matplotlib"},
 }
 """Part -> the third-party libraries that it may import; a part that is missing here may import none."""
@@ -84,7 +82,6 @@ HEAVY = (
     "rich",
     "pymunk",
     "numpy",
-    "click",
     "rmr.lang",
     "rmr.columns",
     "rmr_world",
@@ -132,7 +129,7 @@ def test_nothing_in_rmr_but_the_bus_touches_network_threads_or_wall_clock(module
 
 def test_a_robot_process_can_reach_no_heavy_library_even_by_a_late_import():
     reached = reachable("rmr_agent.main")
-    assert "rmr_agent.perform" in reached
+    assert "rmr_agent.agent_process" in reached
     assert {name: importer for name, importer in reached.items() if name.split(".")[0] in HEAVY or name in HEAVY} == {}
 
 
@@ -155,6 +152,6 @@ def test_every_package_says_that_it_is_typed():
 
 
 def test_a_robot_process_has_loaded_no_heavy_library():
-    code = "import sys, rmr_agent.main, rmr_agent.perform; print(*sys.modules, sep='\\n')"
+    code = "import sys, rmr_agent.main, rmr_agent.agent_process; print(*sys.modules, sep='\\n')"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert [name for name in loaded if name.startswith(HEAVY + KEYED)] == []

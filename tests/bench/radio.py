@@ -32,7 +32,7 @@ from rmr.base.streams import stream
 from rmr.base.time import NS_PER_S, Instant
 from rmr.radio.air import Announcement, Confirmed, Received
 from rmr.radio.ether import Ether
-from rmr.radio.etherstation import EtherStation
+from rmr.radio.ether_station import EtherStation
 from rmr.radio.phy import RadioConfig
 from rmr.radio.trials import REFERENCE
 from rmr.radio.trials.places import Place, circle

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
-from click import Command
-from click.testing import CliRunner
+from command_runner import invoke
 
-from rmr.commands.group import PROGRAMS
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import PROGRAMS
+from rmr.commands.subcommands import command as main
+from rmr.entry.command_line import Runnable
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as simulate
@@ -73,16 +73,16 @@ def printed(command: str) -> str:
     if arguments[:1] == ["sim"]:  # a program of its own: as a subcommand it would take this process's place
         return _simulated(arguments[1:])
     if arguments[:1] == ["new"]:  # likewise
-        return _clicked(new, arguments[1:])
+        return _invoked(new, arguments[1:])
     if arguments[:1] == ["check"] and not any(each.endswith(".rmr") for each in arguments):  # a lab: `rmr lab check`
-        return _clicked(lab, arguments)
+        return _invoked(lab, arguments)
     assert arguments[:1] == [] or arguments[0] not in PROGRAMS, f"{command} would take this process's place"
     arguments = ["compile", *arguments] if name == "rmrc" else arguments
-    return _clicked(main, arguments)
+    return _invoked(main, arguments)
 
 
-def _clicked(command: Command, arguments: list[str]) -> str:
-    result = CliRunner().invoke(command, arguments)
+def _invoked(command: Runnable, arguments: list[str]) -> str:
+    result = invoke(command, arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), arguments
     return result.output
 

@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 from doc_blocks import blocks_of, is_file
 
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 pytestmark = pytest.mark.medium
 
@@ -24,10 +24,10 @@ PYTHON = [(page, block) for page, block in BLOCKS if block.language == "python"]
 def test_a_program_runs(page: Path, block, tmp_path: Path) -> None:
     program = tmp_path / "page.rmr"
     program.write_text(block.text, "utf-8")
-    checked = CliRunner().invoke(main, ["check", str(program)])
+    checked = invoke(main, ["check", str(program)])
     if checked.exit_code == 3:
         pytest.fail(checked.output)
-    result = CliRunner().invoke(main, ["eval", str(program), "--robots", "1-3", "--until", "2s"])
+    result = invoke(main, ["eval", str(program), "--robots", "1-3", "--until", "2s"])
     assert result.exit_code == 0, result.output
     assert list(json.loads(result.stdout)["robots"]) == ["1", "2", "3"]
 

@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
-from click.testing import CliRunner, Result
+from command_runner import Result, invoke
 
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 
 class Bench:
@@ -21,7 +21,7 @@ class Bench:
 
     def call(self, *arguments: str) -> Result:
         """Run `rmr eval` with arguments."""
-        result = CliRunner().invoke(main, ["eval", *arguments], prog_name="rmr")
+        result = invoke(main, ["eval", *arguments], name="rmr")
         assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
         return result
 

@@ -128,10 +128,12 @@ def test_who_does_not_ask_for_columns_does_not_load_numpy(bench, words):
     bench.file("p.rmr", "p(R). p(R) -o 1.")
     code = f"""
 import sys
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 try:
-    main({words})
+    main.main({words})
 except SystemExit:
+    pass
+finally:
     print("numpy" in sys.modules)
 """
     answer = subprocess.run([sys.executable, "-c", code], cwd=bench.folder, capture_output=True, text=True, check=True)

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from rmr.commands import eval as command
+from rmr.commands import eval_command as command
 from rmr.eval.ensemble import LOOK_EVERY
 
 
@@ -34,9 +34,9 @@ class Run:
 def test_the_line_is_shown_on_a_terminal_after_a_while(monkeypatch, terminal, after_s, shown):
     monkeypatch.setattr(sys, "stderr", Terminal(terminal))
     monkeypatch.setattr(command, "PROGRESS_AFTER_S", after_s)
-    progress = command.Progress(Run, 60_000_000_000)
-    progress.look()
-    progress.look()
+    progress = command.ProgressLine(Run, 60_000_000_000)
+    progress.refresh()
+    progress.refresh()
     progress.clear()
     told = sys.stderr.getvalue()
     assert told.count("1.500 s of 60 s, 1200 firings, 2 robots not idle") == int(shown)
@@ -45,6 +45,6 @@ def test_the_line_is_shown_on_a_terminal_after_a_while(monkeypatch, terminal, af
 
 def test_a_run_is_looked_at_now_and_then(bench, monkeypatch):
     looks = []
-    monkeypatch.setattr(command.Progress, "look", lambda self: looks.append(1))
+    monkeypatch.setattr(command.ProgressLine, "refresh", lambda self: looks.append(1))
     bench.run("a(R, 0). a(R, N), N < 1 -o a(R, N + 1).", "--robots", str(3 * LOOK_EVERY))
     assert len(looks) >= 3

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rmr_deploy.watch import Watch
+from rmr_deploy.status_monitor import StatusMonitor
 
 LABS = Path(__file__).parent / "labs"
 CORRIDOR = Path(__file__).parents[2] / "deploy" / "labs" / "corridor"
@@ -98,7 +98,7 @@ class Launched:
 
     async def _leader(self, lab: str) -> int:
         robots = [int(name.removeprefix("robot-")) for name in self.pids if name != "world"]
-        watch = await Watch.of(lab, self.endpoint, self.folder / "secret")
+        watch = await StatusMonitor.of(lab, self.endpoint, self.folder / "secret")
         try:
             while not all(watch.report(robot).get("schedules") for robot in robots):
                 await asyncio.sleep(0.05)

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 from process_tools import Stage
 
-from rmr_deploy.commands.fault import command
+from rmr_deploy.fault import command
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def stage(tmp_path):
 
 def fault(stage, *words):
     """Run `rmr fault` and return its exit code, standard output and standard error."""
-    answer = CliRunner().invoke(command, [*words, "--connect", stage.endpoint], prog_name="rmr fault")
+    answer = invoke(command(), [*words, "--connect", stage.endpoint], name="rmr fault")
     return answer.exit_code, answer.stdout, answer.stderr
 
 

@@ -325,7 +325,7 @@ def test_a_lab_that_is_not_there_is_wrong_usage(refused):
 def test_a_seed_that_robots_cannot_be_told_is_wrong_usage(refused, seed):
     code, message = refused(DASH, "--seed", seed)
     assert code == 2
-    assert "is not in the range 0<=x<=999999999999999999" in message
+    assert "a whole number from 0 to 999999999999999999" in message
 
 
 def test_every_mistake_of_a_lab_file_is_shown_at_once_with_its_place(refused, lab):

@@ -5,10 +5,10 @@ import shlex
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from command_runner import Result, invoke
 from expectations import diagnostics_of, holds, is_like, runs_of, split
 
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "docs" / "examples"
@@ -17,7 +17,7 @@ RUNS = [(path, run) for path in PROGRAMS for run in runs_of(path)]
 
 
 def call(*arguments: str) -> Result:
-    result = CliRunner().invoke(main, arguments)
+    result = invoke(main, arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     return result
 

@@ -43,7 +43,7 @@ def in_the_ether(
             log[address].append((kernel.now, rounded(out)))
 
         medium.add(address, stream(f"{seed}/{address}"), take, x, y)
-    stations = {station.intake.address: station for station in medium.stations}
+    stations = {station.receive_filter.address: station for station in medium.stations}
 
     def ask(index: int) -> None:
         _, source, to, payload, place = requests[index]

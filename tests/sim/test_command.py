@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rmr_sim.main import main
-from rmr_sim.perform import failures
+from rmr_sim.sim_command import failures
 from rmr_sim.simulation import Simulation
 
 LABS = Path(__file__).parents[2] / "deploy" / "labs"
@@ -249,6 +249,6 @@ def test_a_mistake_of_ours_before_the_run_is_told_without_a_traceback(tmp_path, 
     assert main([str(tiny(tmp_path, "done(R).\n")), "--run", str(tmp_path / "run")]) == 1
     assert "rmr sim: broke down: AssertionError: never so; where is told in " in capsys.readouterr().err
     assert "never so" in (tmp_path / "run" / "breakdown.txt").read_text()
-    monkeypatch.setattr("rmr_sim.perform.load", broken)
+    monkeypatch.setattr("rmr_sim.sim_command.load", broken)
     assert main([str(tmp_path)]) == 1
     assert "broke down: AssertionError: never so; in broken, line " in capsys.readouterr().err

@@ -6,10 +6,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr.base.time import in_seconds, seconds
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 from rmr.node.trace import Level
 from rmr_sim.run_setup import Options, load
 
@@ -39,7 +39,7 @@ def turns_of(simulation, event):
 
 @pytest.mark.parametrize("program", sorted(LABS.glob("*/*.rmr")), ids=lambda path: path.stem)
 def test_rmr_check_has_no_warning_about_an_example_lab(program):
-    result = CliRunner().invoke(main, ["check", str(program)])
+    result = invoke(main, ["check", str(program)])
     assert (result.exit_code, result.output) == (0, "")
 
 

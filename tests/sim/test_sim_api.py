@@ -12,7 +12,7 @@ import pytest
 import rmr
 from rmr_sim.arguments import parse
 from rmr_sim.event import Event
-from rmr_sim.perform import perform
+from rmr_sim.sim_command import perform
 
 pytestmark = pytest.mark.medium
 

@@ -138,8 +138,8 @@ def test_a_missed_deadline_is_no_failure_but_tells_under_strict(tmp_path, capsys
         (["--seeds", "1-100001"], "from 1 to 100000 seeds"),
         (["--seeds", "1,2"], "seeds such as 1-100"),
         (["--seeds", "1-2", "--jobs", "0"], "a whole number from 1"),
-        (["--seeds", "1-2", "--jobs", "65"], "at most 64"),
-        (["--seeds", "1-2", "--jobs", "9" * 5000], "a whole number from 1, of 18 digits at most, not '999"),
+        (["--seeds", "1-2", "--jobs", "65"], "a whole number from 1 to 64, not '65'"),
+        (["--seeds", "1-2", "--jobs", "9" * 5000], "a whole number from 1 to 64, not '999"),
         (["--seed", "9" * 5000], "a whole number from 0, of 18 digits at most, not '999"),
     ],
 )

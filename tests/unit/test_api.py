@@ -5,10 +5,10 @@ import pickle
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 import rmr
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 
 CHARGE = """
 type action charge(R: robot, N: int) -o charged(R, N) else flat(R, N).
@@ -32,7 +32,7 @@ NAMES = [
 def printed(tmp_path, text, *arguments):
     """Return what a command prints for a program: (stdout, stderr)."""
     (tmp_path / "p.rmr").write_text(text)
-    result = CliRunner().invoke(main, [arguments[0], str(tmp_path / "p.rmr"), *arguments[1:]], prog_name="rmr")
+    result = invoke(main, [arguments[0], str(tmp_path / "p.rmr"), *arguments[1:]], name="rmr")
     return result.stdout, result.stderr
 
 

@@ -6,14 +6,14 @@ An empty program is a program. A file that another one names, such as a lab's pr
 import os
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
-from rmr.commands.group import command as rmr
-from rmr_agent.main import _command as agent
-from rmr_deploy.commands.up import command as up
+from rmr.commands.subcommands import command as rmr
+from rmr_agent.main import command as agent
+from rmr_deploy.up import command as up
 from rmr_lab.commands import command as lab
-from rmr_sim.main import main as sim
-from rmr_world.main import _command as world
+from rmr_sim.main import command as sim
+from rmr_world.main import command as world
 
 PROGRAM = "start(R).\n"
 LAB = """\
@@ -22,32 +22,37 @@ program: tiny.rmr
 arena: {size: [1.0, 1.0]}
 robots: [{id: 1, pose: [0.5, 0.5, 0deg]}]
 """
-CLICK = {
+COMMANDS = {
     **{f"rmr {name}": (rmr, name, "FILE") for name in ("compile", "eval", "fmt", "dis")},
     "rmr check": (lab, "check", "FILE"),  # what `rmr check` becomes for a bare name: it would take this process's place
     "rmr eval --facts": (rmr, "eval", "tiny.rmr", "--facts", "FILE"),
     "rmr eval --topology": (rmr, "eval", "tiny.rmr", "--topology", "FILE"),
     "rmr lab check": (lab, "check", "FILE"),
-    "rmr up": (up, "FILE"),
-    "rmr up --actions": (up, "lab.yaml", "--actions", "FILE"),
+    "rmr up": (up(), "FILE"),
+    "rmr up --actions": (up(), "lab.yaml", "--actions", "FILE"),
+    "rmr sim": (sim(), "FILE"),
+    "rmr sim --actions": (sim(), "lab.yaml", "--actions", "FILE"),
+    "rmr sim --events": (sim(), "lab.yaml", "--events", "FILE"),
+    "rmr-world": (world(), "--config", "FILE"),
+    "rmr-world --program": (world(), "--config", "lab.yaml", "--program", "FILE"),
+    "rmr-agent": (agent(), "--id", "1", "FILE"),
+    "rmr-agent --actions": (agent(), "--id", "1", "tiny.rbc", "--actions", "FILE"),
+    "rmr-agent --radio-key": (agent(), "--id", "1", "tiny.rbc", "--radio-key", "FILE"),
+    "rmr-agent --secret": (agent(), "--id", "1", "tiny.rbc", "--secret", "FILE"),
+    "rmr-world --connect --secret": (
+        world(),
+        "--config",
+        "lab.yaml",
+        "--connect",
+        "tcp/127.0.0.1:9",
+        "--secret",
+        "FILE",
+    ),
 }
-PLAIN = {
-    "rmr sim": (sim, "FILE"),
-    "rmr sim --actions": (sim, "lab.yaml", "--actions", "FILE"),
-    "rmr sim --events": (sim, "lab.yaml", "--events", "FILE"),
-    "rmr-world": (world, "--config", "FILE"),
-    "rmr-world --program": (world, "--config", "lab.yaml", "--program", "FILE"),
-    "rmr-agent": (agent, "--id", "1", "FILE"),
-    "rmr-agent --actions": (agent, "--id", "1", "tiny.rbc", "--actions", "FILE"),
-    "rmr-agent --radio-key": (agent, "--id", "1", "tiny.rbc", "--radio-key", "FILE"),
-    "rmr-agent --secret": (agent, "--id", "1", "tiny.rbc", "--secret", "FILE"),
-    "rmr-world --connect --secret": (world, "--config", "lab.yaml", "--connect", "tcp/127.0.0.1:9", "--secret", "FILE"),
-}
-COMMANDS = CLICK | PLAIN
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capfd):
+def run(tmp_path, monkeypatch):
     """Return a function that runs a command upon a file; it returns the exit code and what was said."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tiny.rmr").write_text(PROGRAM)
@@ -56,21 +61,14 @@ def run(tmp_path, monkeypatch, capfd):
     (tmp_path / "no-permission").write_text("x")
     (tmp_path / "no-permission").chmod(0)
     (tmp_path / "octets").write_bytes(b"\xff\x00{]")
-    assert CliRunner().invoke(rmr, ["compile", "tiny.rmr"]).exit_code == 0
+    assert invoke(rmr, ["compile", "tiny.rmr"]).exit_code == 0
 
     def call(command, file):
         main, *words = COMMANDS[command]
         words = [file if word == "FILE" else word for word in words]
-        if command in CLICK:
-            answer = CliRunner().invoke(main, words)
-            assert isinstance(answer.exception, SystemExit | None), answer.exception
-            return answer.exit_code, answer.output
-        try:
-            code = main(words)
-        except SystemExit as end:
-            code = end.code
-        out, err = capfd.readouterr()
-        return code, out + err
+        answer = invoke(main, words)
+        assert isinstance(answer.exception, SystemExit | None), answer.exception
+        return answer.exit_code, answer.output
 
     return call
 

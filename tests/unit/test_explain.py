@@ -6,15 +6,15 @@ import subprocess
 import sys
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
-from rmr.commands import group
+from rmr.commands import subcommands
 from rmr.lang.diagnostic import CODES
 from rmr.lang.pages import page
 
 
 def explain(*arguments):
-    return CliRunner().invoke(group.command, ["explain", *arguments])
+    return invoke(subcommands.command, ["explain", *arguments])
 
 
 def test_a_code_is_explained_in_plain_text():
@@ -31,7 +31,7 @@ def test_a_code_is_explained_in_plain_text():
 @pytest.mark.skipif(os.name != "posix", reason="needs a terminal")
 def test_on_a_terminal_it_is_laid_out_and_coloured():
     reader, terminal = os.openpty()
-    run = "from rmr.commands.group import command; command(['explain', 'E012'])"
+    run = "from rmr.commands.subcommands import command; command.main(['explain', 'E012'])"
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
     environment.pop("NO_COLOR", None)
     process = subprocess.run([sys.executable, "-c", run], stdout=terminal, env=environment, check=True)
@@ -49,12 +49,12 @@ def test_small_letters_do_as_well():
 
 
 @pytest.mark.parametrize(
-    ("code", "hint"), [("E12", "Did you mean E012?"), ("nonsense", "`rmr explain` lists all codes.")]
+    ("code", "hint"), [("E12", "did you mean 'E012'?"), ("nonsense", "`rmr explain` lists all codes")]
 )
 def test_an_unknown_code_is_wrong_usage_with_a_hint(code, hint):
     result = explain(code)
     assert result.exit_code == 2
-    assert f"There is no code {code}. {hint}" in result.stderr
+    assert f"there is no code {code}; {hint}" in result.stderr
 
 
 def test_without_a_code_all_are_listed():

@@ -5,9 +5,9 @@ import os
 import stat
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
-from rmr.commands import group
+from rmr.commands import subcommands
 
 UGLY = "p( R ).\r\n// why\r\np(R)-o q(R) ."
 NEAT = "p(R).\n// why\np(R) -o q(R).\n"
@@ -15,7 +15,7 @@ BAD = "p(R.\n"
 
 
 def fmt(*arguments, text=None):
-    return CliRunner().invoke(group.command, ["fmt", *(str(each) for each in arguments)], input=text)
+    return invoke(subcommands.command, ["fmt", *(str(each) for each in arguments)], text=text)
 
 
 @pytest.fixture

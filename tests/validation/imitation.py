@@ -14,7 +14,7 @@ import numpy as np
 
 from rmr.base.time import Duration, Instant
 from rmr.radio import waves
-from rmr.radio.floor import Floats, Places
+from rmr.radio.path_loss_map import Floats, Places
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from verdicts import Check, Estimate, compared, equal
 from rmr.base.kernel import ROBOT, Kernel
 from rmr.base.time import NS_PER_MS, NS_PER_S, NS_PER_US, Instant
 from rmr.radio.ether import Ether
-from rmr.radio.etherstation import EtherStation
+from rmr.radio.ether_station import EtherStation
 from rmr.radio.frame import BROADCAST, DataFrame, encode_data
 from rmr.radio.phy import (
     CAPTURE_RATIO,

@@ -6,23 +6,19 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
-
+from rmr.entry import ExitCode
 from rmr_lab.lab_check import ERROR, CheckResult, check
 from rmr_lab.picture import draw
 from rmr_world.bound import bound_s, destinations
 from rmr_world.lab import Lab
 from rmr_world.validate.first_instant import first_destinations
 
-EXIT_USAGE = 2
-EXIT_INVALID = 3
-
 
 def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
     """Check `paths`, tell what is wrong, draw the lab if asked to; return the exit code."""
     found = [check(path) for path in paths]
     if as_json:
-        click.echo(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
+        print(json.dumps([listed for each in found for listed in each.as_json()], indent=2))
     else:
         _show(found)
     code = _exit_code(found)
@@ -34,14 +30,14 @@ def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
 def _show(found: Sequence[CheckResult]) -> None:
     color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for each in found:
-        click.echo(each.text(color), nl=False, err=True, color=color)
+        print(each.text(color), end="", file=sys.stderr)
     severities = [severity for each in found for severity in each.severities]
     errors = severities.count(ERROR)
     if severities:
-        click.echo(f"{_counted(errors, 'error')}, {_counted(len(severities) - errors, 'warning')}", err=True)
+        print(f"{_counted(errors, 'error')}, {_counted(len(severities) - errors, 'warning')}", file=sys.stderr)
     for each in found:
         if each.lab is not None and ERROR not in each.severities:
-            click.echo(f"{each.path}: {_in_short(each.lab)}", err=True)
+            print(f"{each.path}: {_in_short(each.lab)}", file=sys.stderr)
 
 
 def _counted(number: int, word: str) -> str:
@@ -56,20 +52,20 @@ def _in_short(lab: Lab) -> str:
 
 def _exit_code(found: Sequence[CheckResult]) -> int:
     if any(ERROR in each.severities and not each.unreadable for each in found):
-        return EXIT_INVALID
-    return EXIT_USAGE if any(each.unreadable for each in found) else 0
+        return ExitCode.INVALID
+    return ExitCode.USAGE if any(each.unreadable for each in found) else 0
 
 
 def _draw(found: CheckResult, svg: Path) -> int:
     """Write the picture; return the exit code."""
     lab = found.lab
     if lab is None:
-        click.echo(f"{svg} is not drawn: the lab file has errors", err=True)
-        return EXIT_INVALID
+        print(f"{svg} is not drawn: the lab file has errors", file=sys.stderr)
+        return ExitCode.INVALID
     goals = destinations(lab) if found.program is None else first_destinations(lab, found.program)
     try:
         svg.write_text(draw(lab, goals), encoding="utf-8")
     except OSError as error:
-        click.echo(f"{svg}: {error.strerror}", err=True)
-        return EXIT_USAGE
+        print(f"{svg}: {error.strerror}", file=sys.stderr)
+        return ExitCode.USAGE
     return 0

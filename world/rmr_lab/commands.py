@@ -6,85 +6,110 @@ import os
 import sys
 from pathlib import Path
 
-import click
+from rmr.entry import ExitCode
+from rmr.entry.command_line import Command, CommandGroup, CommandLineError, Parser, Runnable, Subcommand
+from rmr_world.provided_labs import existing_lab, provided_labs
 
-from rmr import __version__
-from rmr_world.provided_labs import missing, provided_labs, resolve
-
-SETTINGS = {"help_option_names": ["-h", "--help"]}
-EXIT_USAGE = 2
-PATH = click.Path(path_type=Path)
+# --- rmr lab check
 
 
-def _existing(ctx: click.Context, param: click.Parameter, paths: tuple[Path, ...]) -> tuple[Path, ...]:
-    """Return `paths` if each is there, or is the name of a provided lab."""
-    for path in paths:
-        if not resolve(path).exists():
-            raise click.BadParameter(missing(path), ctx, param)
-    return paths
+def _declare_check(parser: Parser) -> None:
+    parser.positional("paths", "LAB", read=existing_lab, count="+", usage="LAB...")
+    parser.flag("--json", dest="as_json", help="Print the findings as one JSON list on stdout.")
+    parser.option("--svg", metavar="FILE", read=Path, help="Draw the lab: floor, areas, robots and their ways.")
 
 
-@click.group(context_settings=SETTINGS)
-@click.version_option(__version__, prog_name="rmr lab", message="%(prog)s %(version)s")
-def command() -> None:
-    """Check, draw, list and copy labs; print the schema of the lab file."""
-
-
-@command.command("check", context_settings=SETTINGS, short_help="Check labs and their programs; draw them.")
-@click.argument("paths", metavar="LAB...", nargs=-1, required=True, type=PATH, callback=_existing)
-@click.option("--json", "as_json", is_flag=True, help="Print the findings as one JSON list on stdout.")
-@click.option("--svg", metavar="FILE", type=PATH, help="Draw the lab: floor, areas, robots and their ways.")
-def check(paths: tuple[Path, ...], as_json: bool, svg: Path | None) -> None:
-    """Check LAB, a lab.yaml, its folder or a provided lab, and all that is judged before it runs.
-
-    That is the lab file, its program, whether both fit, deadlines, ways, turns, and the files of actions and events.
-    A program, PROG.rmr, is checked by itself.
-    """
+def _check(paths: list[Path], as_json: bool, svg: Path | None) -> int:
+    """Check labs, and programs by themselves; return the exit code."""
     from rmr_lab.check_output import perform
 
     if svg is not None and len(paths) != 1:
-        raise click.UsageError("--svg draws one lab: name one")
+        raise CommandLineError("--svg draws one lab: name one")
     if svg is not None and paths[0].suffix == ".rmr":
-        raise click.UsageError("--svg draws a lab: name a lab file or its folder, not a program")
-    sys.exit(perform(paths, as_json=as_json, svg=svg))
+        raise CommandLineError("--svg draws a lab: name a lab file or its folder, not a program")
+    return perform(paths, as_json=as_json, svg=svg)
 
 
-@command.command("schema", context_settings=SETTINGS, short_help="Print the JSON Schema of the lab file.")
-@click.option("-o", "--output", metavar="FILE", type=PATH, help="Write it to FILE instead.")
-def schema(output: Path | None) -> None:
-    """Print the JSON Schema (2020-12) of the lab file, for editors.
+_CHECK = Command(
+    """\
+Check LAB, a lab.yaml, its folder or a provided lab, and all that is judged before it runs.
 
-    A lab file that begins with `# yaml-language-server: $schema=FILE` is completed and checked by them as it is
-    written.
-    """
+That is the lab file, its program, whether both fit, deadlines, ways, turns, and the files of actions and events.
+A program, PROG.rmr, is checked by itself.
+""",
+    _declare_check,
+    _check,
+)
+
+# --- rmr lab schema
+
+
+def _declare_schema(parser: Parser) -> None:
+    parser.option("-o", "--output", metavar="FILE", read=Path, help="Write it to FILE instead.")
+
+
+def _schema(output: Path | None) -> int:
+    """Print or write the schema; return the exit code."""
     from rmr_world.schema import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if output is None:
-        click.echo(text, nl=False)
-    else:
-        _write(output, text)
+        print(text, end="")
+        return ExitCode.OK
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        print(f"{output}: {error.strerror}", file=sys.stderr)
+        return ExitCode.USAGE
+    return ExitCode.OK
 
 
-@command.command("list", context_settings=SETTINGS, short_help="List the provided labs.")
-@click.option("--json", "as_json", is_flag=True, help="Print the list as JSON on stdout.")
-def list_(as_json: bool) -> None:
-    """List the labs that come with RMR: each runs by its name, in every folder, as in `rmr up corridor`."""
+_SCHEMA = Command(
+    """\
+Print the JSON Schema (2020-12) of the lab file, for editors.
+
+A lab file that begins with `# yaml-language-server: $schema=FILE` is completed and checked by them as it is
+written.
+""",
+    _declare_schema,
+    _schema,
+)
+
+# --- rmr lab list
+
+
+def _declare_list(parser: Parser) -> None:
+    parser.flag("--json", dest="as_json", help="Print the list as JSON on stdout.")
+
+
+def _list(as_json: bool) -> None:
+    """Print the provided labs."""
     from rmr_lab.lab_copies import about
 
     rows = [{"name": name, "about": about(folder), "folder": str(folder)} for name, folder in provided_labs().items()]
     if as_json:
-        click.echo(json.dumps(rows, indent=2))
+        print(json.dumps(rows, indent=2))
         return
     width = max((len(row["name"]) for row in rows), default=0)
-    click.echo("".join(f"{row['name'].ljust(width)}  {row['about']}\n" for row in rows), nl=False)
+    print("".join(f"{row['name'].ljust(width)}  {row['about']}\n" for row in rows), end="")
 
 
-@command.command("copy", context_settings=SETTINGS, short_help="Copy a provided lab into a folder of your own.")
-@click.argument("name", metavar="NAME")
-@click.argument("folder", metavar="[DIR]", type=PATH, required=False)
-def copy(name: str, folder: Path | None) -> None:
-    """Copy the provided lab NAME, with its program, to DIR, which must not exist yet (default: NAME)."""
+_LIST = Command(
+    "List the labs that come with RMR: each runs by its name, in every folder, as in `rmr up corridor`.",
+    _declare_list,
+    _list,
+)
+
+# --- rmr lab copy, rmr new
+
+
+def _declare_copy(parser: Parser) -> None:
+    parser.positional("name", "NAME", read=str)
+    parser.positional("folder", "DIR", count="?", usage="[DIR]")
+
+
+def _copy(name: str, folder: Path | None) -> int:
+    """Copy a provided lab; return the exit code."""
     from rmr_lab.lab_copies import CopyError
     from rmr_lab.lab_copies import copy as copied
 
@@ -92,44 +117,69 @@ def copy(name: str, folder: Path | None) -> None:
     try:
         files = copied(name, target)
     except CopyError as error:
-        raise click.UsageError(str(error)) from None
+        raise CommandLineError(str(error)) from None
     except OSError as error:
-        click.echo(f"rmr lab copy: {error.filename or target}: {error.strerror}", err=True)
-        sys.exit(EXIT_USAGE)
+        print(f"rmr lab copy: {error.filename or target}: {error.strerror}", file=sys.stderr)
+        return ExitCode.USAGE
     _tell_written(target, files)
+    return ExitCode.OK
 
 
-@click.command("new", context_settings=SETTINGS)
-@click.argument("name", metavar="NAME", type=PATH)
-@click.option("--from", "origin", metavar="LAB", help="Begin with the files of a provided lab (rmr lab list).")
-@click.version_option(__version__, prog_name="rmr new", message="%(prog)s %(version)s")
-def new(name: Path, origin: str | None) -> None:
-    """Write a lab of your own into the folder NAME, which must not exist yet: it runs at once.
+_COPY = Command(
+    "Copy the provided lab NAME, with its program, to DIR, which must not exist yet (default: NAME).",
+    _declare_copy,
+    _copy,
+)
 
-    It holds the lab file, a program, an action in Python, a test, and a README that says what to do with them.
-    """
+
+def _declare_new(parser: Parser) -> None:
+    parser.positional("name", "NAME")
+    parser.option("--from", dest="origin", metavar="LAB", help="Begin with the files of a provided lab (rmr lab list).")
+
+
+def _new(name: Path, origin: str | None) -> int:
+    """Write a lab; return the exit code."""
     from rmr_lab.lab_copies import CopyError
     from rmr_lab.scaffold import write_lab
 
     try:
         files = write_lab(name, origin)
     except CopyError as error:
-        raise click.UsageError(str(error)) from None
+        raise CommandLineError(str(error)) from None
     except OSError as error:
-        click.echo(f"rmr new: {error.filename or name}: {error.strerror}", err=True)
-        sys.exit(EXIT_USAGE)
+        print(f"rmr new: {error.filename or name}: {error.strerror}", file=sys.stderr)
+        return ExitCode.USAGE
     _tell_written(name, files)
+    return ExitCode.OK
+
+
+new = Command(
+    """\
+Write a lab of your own into the folder NAME, which must not exist yet: it runs at once.
+
+It holds the lab file, a program, an action in Python, a test, and a README that says what to do with them.
+""",
+    _declare_new,
+    _new,
+)
 
 
 def _tell_written(folder: Path, files: list[Path]) -> None:
     for file in files:
-        click.echo(os.fspath(file))
-    click.echo(f"now: rmr check {folder} && rmr sim {folder} && rmr up {folder}", err=True)
+        print(os.fspath(file))
+    print(f"now: rmr check {folder} && rmr sim {folder} && rmr up {folder}", file=sys.stderr)
 
 
-def _write(file: Path, text: str) -> None:
-    try:
-        file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        click.echo(f"{file}: {error.strerror}", err=True)
-        sys.exit(EXIT_USAGE)
+def _entry(summary: str, command: Runnable) -> Subcommand:
+    return Subcommand(summary, lambda: command)
+
+
+command = CommandGroup(
+    "Check, draw, list and copy labs; print the schema of the lab file.",
+    {
+        "check": _entry("Check labs and their programs; draw them.", _CHECK),
+        "schema": _entry("Print the JSON Schema of the lab file.", _SCHEMA),
+        "list": _entry("List the provided labs.", _LIST),
+        "copy": _entry("Copy a provided lab into a folder of your own.", _COPY),
+    },
+)

@@ -1,8 +1,12 @@
 """The programs `rmr-lab` and `rmr-new`; their options are `rmr_lab.commands`."""
 
 import sys
+from typing import TYPE_CHECKING
 
 from rmr.entry import run
+
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Runnable
 
 
 def main() -> None:
@@ -16,10 +20,10 @@ def new_main() -> None:
 
 
 def _command(attribute: str, name: str) -> int:
-    from rmr.entry.clicked import perform  # noqa: PLC0415 - see rmr.entry
-    from rmr_lab import commands  # noqa: PLC0415
+    from rmr_lab import commands  # noqa: PLC0415 - see rmr.entry
 
-    return perform(getattr(commands, attribute), name)
+    command: Runnable = getattr(commands, attribute)
+    return command.main(name=name)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,38 @@
-"""The program `rmr-sim`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
+"""The program `rmr-sim`: its options alone, so that help and wrong usage cost little; `sim_command` does the work."""
+# ruff: noqa: PLC0415 - see rmr.entry; lab, nodes and world load only where something runs
 
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from rmr.entry import run
 
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Command
 
-def main(argv: list[str] | None = None) -> int:
+
+def main(words: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    return run("rmr sim", lambda: _command(argv))
+    return run("rmr sim", lambda: command().main(words, "rmr sim"))
 
 
-def _command(argv: list[str] | None) -> int:
-    from rmr_sim.arguments import parse  # noqa: PLC0415 - see rmr.entry
+def command() -> "Command":
+    """Return the command."""
+    from rmr.entry.command_line import Command
+    from rmr_sim.arguments import ABOUT, declare
 
-    arguments = parse(argv)
-    from rmr_sim.perform import perform  # noqa: PLC0415 - lab, nodes and world load only where something runs
+    return Command(ABOUT, declare, _simulate)
+
+
+def _simulate(**options: Any) -> int:
+    """Simulate a lab; return the exit code."""
+    from argparse import Namespace
+
+    from rmr_sim.arguments import check
+
+    arguments = Namespace(**options)
+    check(arguments)
+    from rmr_sim.sim_command import perform
 
     return perform(arguments)
 

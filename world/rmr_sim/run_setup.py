@@ -84,7 +84,7 @@ def load(path: Path, options: Options) -> LoadedLab:
     if options.robots is not None:
         lab = lab.with_robots(options.robots)
     if options.loss is not None:
-        lab = replace(lab, radio=replace(lab.radio, loss=options.loss))
+        lab = replace(lab, radio=replace(lab.radio, config=replace(lab.radio.config, loss=options.loss)))
     if options.duration is not None:
         lab = replace(lab, duration=options.duration)
     lab = replace(lab, actions=options.actions or lab.actions, events=options.event_file or lab.events)

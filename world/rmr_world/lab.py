@@ -12,7 +12,7 @@ from rmr.base.geometry import Pose
 from rmr.base.streams import stable_hash
 from rmr.base.time import Duration, Instant
 from rmr.radio.links import Disturbance
-from rmr.radio.phy import Bursts, RadioConfig
+from rmr.radio.phy import RadioConfig
 from rmr.radio.security import UNSECURED
 from rmr_world.fact_syntax import FinishPattern, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding, LabError
@@ -37,32 +37,12 @@ class RobotStart:
 class RadioSettings:
     """The settings of a lab's radio."""
 
-    tx_power_dbm: float = 0.0
-    sensitivity_dbm: float = -85.0
-    exponent: float = 3.0
-    shadowing_db: float = 0.0
-    """Standard deviation of the path loss among links."""
-    loss: float = 0.0
-    """Share of all frames that is lost in addition to the losses of the radio model."""
-    bursts: Bursts | None = None
-    interference: str = "capture_3db"
+    config: RadioConfig = field(default_factory=RadioConfig)
+    """The model of the radio that all robots share."""
     seed: int | None = None
     """Seed of losses and shadowing; None: the run's seed."""
     security: str = UNSECURED
     """A name of `rmr.radio.security.LEVELS`."""
-
-    @property
-    def config(self) -> RadioConfig:
-        """The radio model that all robots share."""
-        return RadioConfig(
-            tx_power_dbm=self.tx_power_dbm,
-            sensitivity_dbm=self.sensitivity_dbm,
-            exponent=self.exponent,
-            shadowing_db=self.shadowing_db,
-            loss=self.loss,
-            bursts=self.bursts,
-            interference=self.interference,
-        )
 
 
 @dataclass(frozen=True, slots=True)

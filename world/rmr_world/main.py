@@ -1,26 +1,73 @@
-"""The program `rmr-world`: its options alone, so that help and wrong usage cost little; `perform` does the work."""
+"""The program `rmr-world`: its options alone, so that help costs little; `world_process` does the work."""
+# ruff: noqa: PLC0415 - see rmr.entry; physics and lab schema load only where a world runs
 
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rmr.entry import run
 
+if TYPE_CHECKING:
+    from rmr.entry.command_line import Command, Parser
 
-def main(arguments: Sequence[str] | None = None) -> None:
+
+def main(words: Sequence[str] | None = None) -> None:
     """Run the command; ends the process."""
-    code = run("rmr-world", lambda: _command(arguments))
+    code = run("rmr-world", lambda: command().main(words, "rmr-world"))
     os._exit(code)  # zenoh's threads must not keep the process
 
 
-def _command(arguments: Sequence[str] | None) -> int:
-    from rmr_world.options import parser  # noqa: PLC0415 - see rmr.entry
+def command() -> "Command":
+    """Return the command."""
+    from rmr.entry.command_line import Command
 
-    options = parser().parse_args(arguments)
+    return Command(
+        "Run a lab's world: physics, sensors, lab time, and the router that robots connect to.",
+        _declare,
+        _serve,
+        "Robots come and go with rmr-agent, in any order; `rmr up LAB` starts everything.",
+    )
+
+
+def _declare(parser: "Parser") -> None:
+    from rmr.base.streams import SEED_MAX
+    from rmr.bus.endpoint import DEFAULT_ENDPOINT, read_endpoint
+    from rmr.entry.command_line import whole
+
+    parser.option("--config", required=True, read=Path, metavar="LAB.yaml", help="the lab file, or its folder")
+    parser.option(
+        "--listen", read=read_endpoint, metavar="ENDPOINT", help=f"where robots connect (default: {DEFAULT_ENDPOINT})"
+    )
+    parser.option("--connect", read=read_endpoint, metavar="ENDPOINT", help="be a client of the router there")
+    parser.option(
+        "--program", read=Path, metavar="PROG", help="check the lab's facts against this program (.rmr or .rbc)"
+    )
+    parser.option("--robots", read=whole(1), metavar="N", help="only the first N robots of the lab")
+    parser.option("--seed", read=whole(0, SEED_MAX), metavar="S", help="another seed than the lab file's")
+    parser.option(
+        "--secret",
+        read=Path,
+        metavar="FILE",
+        help="let in only those who know the secret in FILE, which is made if it does not exist (default: everybody)",
+    )
+    parser.flag("--when-ready", help="lab time starts when all robots are ready")
+    parser.option("--log", read=Path, metavar="FILE", help="write a log as JSON lines")
+
+
+def _serve(**options: Any) -> int:
+    """Serve the world until its end; return the exit code."""
+    from argparse import Namespace
+
+    from rmr.entry.command_line import CommandLineError
+
+    if options["listen"] is not None and options["connect"] is not None:
+        raise CommandLineError("--connect is not allowed with --listen: name one of them")
     try:
-        from rmr_world.perform import perform  # noqa: PLC0415 - physics and lab schema load only where a world runs
+        from rmr_world.world_process import perform
 
-        return perform(options)
+        return perform(Namespace(**options))
     except KeyboardInterrupt:  # before the signal handlers stood: a world that is told to stop has not failed
         print("rmr-world: ended (SIGINT)", file=sys.stderr)
         return 0

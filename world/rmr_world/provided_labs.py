@@ -30,6 +30,14 @@ def resolve(path: Path) -> Path:
     return provided_labs().get(path.name, path)
 
 
+def existing_lab(text: str) -> Path:
+    """Return the path `text` if it exists or is the name of a provided lab; raise ValueError, which says what is."""
+    path = Path(text)
+    if not resolve(path).exists():
+        raise ValueError(missing(path))
+    return path
+
+
 def missing(path: Path) -> str:
     """Return the message for a lab that is neither a path nor a provided lab."""
     names = list(provided_labs())

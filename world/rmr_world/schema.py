@@ -9,12 +9,14 @@ import difflib
 import math
 from typing import Annotated, Any, Literal
 
+import pydantic
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema, model_validator
 
 from rmr.base.time import NS_PER_S, tick_start
 from rmr.base.values import ROBOT_ID_MAX
 from rmr.radio.links import DISTURBANCES_MAX, GROUPS_MAX
 from rmr.radio.phy import Bursts
+from rmr.radio.settings import SETTINGS, Setting
 from rmr_world.units import ROBOTS_MAX, angle, duration, ids, ids_or_all
 
 LAB_NAME = r"^[a-z][a-z0-9_-]{0,63}$"
@@ -253,16 +255,21 @@ class LinkSpec(_Strict):
         return self
 
 
-class RadioSpec(_Strict):
+def _type_of(setting: Setting) -> Any:
+    """Return the type of the value that a lab file gives to a setting of the radio."""
+    if setting.limits is not None:
+        return Annotated[float, Strict(), Field(ge=setting.limits[0], le=setting.limits[1])]
+    return Literal[setting.choices] if setting.choices else BurstsSpec | None
+
+
+_RADIO_KEYS: dict[str, Any] = {each.name: (_type_of(each), each.default) for each in SETTINGS}
+_RadioModel = pydantic.create_model("_RadioModel", __base__=_Strict, **_RADIO_KEYS)
+"""The keys of `radio` that are settings of the model (`rmr.radio.settings`)."""
+
+
+class RadioSpec(_RadioModel, _Strict):  # type: ignore[valid-type, misc]
     """The emulated IEEE 802.15.4 radio."""
 
-    tx_power_dbm: Annotated[float, Strict(), Field(ge=-60, le=30)] = 0.0
-    sensitivity_dbm: Annotated[float, Strict(), Field(ge=-150, le=0)] = -85.0
-    exponent: Annotated[float, Strict(), Field(ge=1, le=8)] = 3.0
-    shadowing_db: Annotated[float, Strict(), Field(ge=0, le=30)] = 0.0
-    loss: Fraction = 0.0
-    bursts: BurstsSpec | None = None
-    interference: Literal["capture_3db", "awgn"] = "capture_3db"
     seed: Seed | None = None
     security: Literal["none", "enc-mic-32", "enc-mic-64", "enc-mic-128"] | None = None
     key_file: Annotated[str, Field(min_length=1, description="Relative to this file.")] | None = None

@@ -86,12 +86,13 @@ class WorldServer:
         self._map = self._describe()
 
     def _describe(self) -> wire.Map:
-        """Return the map: the lab as every robot must know it."""
-        lab = self._lab
-        finish = self._lab.finish_pattern
-        radio = asdict(lab.radio)
-        if radio["seed"] is None:
-            radio["seed"] = self._seed
+        """Return what every robot must know."""
+        lab, finish = self._lab, self._lab.finish_pattern
+        radio = asdict(lab.radio.config) | {
+            "seed": self._seed if lab.radio.seed is None else lab.radio.seed,
+            "security": lab.radio.security,
+            "pan": lab.pan,
+        }
         return wire.Map(
             lab=lab.name,
             listed=True,
@@ -100,7 +101,7 @@ class WorldServer:
             seed=self._seed,
             roster=lab.roster,
             arena=arena.to_data(lab.arena),
-            radio=radio | {"pan": lab.pan},
+            radio=radio,
             facts=tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts),
             finish=None if finish is None else (finish.name, tuple(map(_plain_pattern, finish.patterns))),
             clock=self._time.state,

@@ -107,7 +107,8 @@ def _sample(case: Contention, config: RadioConfig, seed: int) -> dict[str, float
 
 def start_traffic(scene: Scene, address: int, rate_fps: float | None, until: Instant) -> None:
     """Have the sender at `address` offered frames at a rate, or always (None), until then."""
-    sender, chance = scene.senders[address], scene.chance(f"station{address}/arrivals")
+    sender = scene.senders[address]
+    chance = scene.chance(f"station{address}/arrivals")
     if rate_fps is None:
         send_always(scene, sender, chance)
     else:

@@ -30,7 +30,8 @@ FIRST: Duration = CCA + TURNAROUND
 LAST: Duration = FIRST + BACKOFFS * BACKOFF_PERIOD
 """The shortest and the longest access."""
 
-RECEIVER, SENDER = 0, 1
+RECEIVER = 0
+SENDER = 1
 
 
 @dataclass(frozen=True)

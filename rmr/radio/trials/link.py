@@ -39,11 +39,12 @@ SHADES = 240
 TABLE_PSDUS = (5, 20, 50, 100, 127)
 """Sizes that `per` gives the packet error rate of."""
 
-RECEIVER, SENDER = 0, 1
+RECEIVER = 0
+SENDER = 1
 
 
 @dataclass(frozen=True)
-class Link:
+class LinkTrial:
     """What is sent how far. Raises `ValueError` for what cannot be."""
 
     distance_m: float
@@ -60,7 +61,7 @@ class Link:
             check_count(self.count)
 
 
-def run(case: Link, runs: Runs) -> Row:
+def run(case: LinkTrial, runs: Runs) -> Row:
     """Return what the formulas say, and then what has been counted."""
     row = at_distance(case.distance_m, case.psdu, runs.config)
     if case.count is None:

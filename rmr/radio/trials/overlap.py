@@ -25,7 +25,9 @@ OFFSET_MAX_US = 5_000.0
 PERIOD: Duration = 20 * NS_PER_MS
 """From one pair of frames to the next; longer than any pair takes."""
 
-RECEIVER, FIRST, SECOND = 0, 1, 2
+RECEIVER = 0
+FIRST = 1
+SECOND = 2
 
 
 @dataclass(frozen=True)

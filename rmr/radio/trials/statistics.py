@@ -54,7 +54,8 @@ def wilson(successes: int, trials: int) -> list[float]:
     """Return Wilson's interval for `successes` of `trials`."""
     if not trials:
         return [0.0, 1.0]
-    found, square = successes / trials, NORMAL_QUANTILE**2
+    found = successes / trials
+    square = NORMAL_QUANTILE**2
     centre = found + square / (2 * trials)
     half = NORMAL_QUANTILE * sqrt(found * (1 - found) / trials + square / (4 * trials**2))
     scale = 1 + square / trials
@@ -63,7 +64,8 @@ def wilson(successes: int, trials: int) -> list[float]:
 
 def student_quantile(freedom: int) -> float:
     """Return within how many standard errors 95 % of Student's distribution lie."""
-    low, high = 0.0, 16.0
+    low = 0.0
+    high = 16.0
     while high - low > 1e-9:
         middle = (low + high) / 2
         low, high = (middle, high) if _student(middle, freedom) < 0.95 else (low, middle)
@@ -83,7 +85,8 @@ def _student(t: float, freedom: int) -> float:
 
 
 def _with_interval(values: Sequence[float], quantile: float) -> dict[str, Any]:
-    middle, count = mean(values), len(values)
+    middle = mean(values)
+    count = len(values)
     interval = None
     if count > 1:
         half = quantile * sqrt(sum((value - middle) ** 2 for value in values) / (count - 1) / count)

@@ -16,7 +16,7 @@ from rmr.base.streams import stream
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S, Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement, Confirmed, Received
 from rmr.radio.ether import Ether
-from rmr.radio.etherstation import EtherStation
+from rmr.radio.ether_station import EtherStation
 from rmr.radio.frame import FCS_OCTETS, HEADER_OCTETS, PAYLOAD_MAX, PSDU_MAX
 from rmr.radio.phy import RadioConfig
 from rmr.radio.trials.places import Place

@@ -149,7 +149,7 @@ def test_what_may_not_wait_wakes_the_loop_and_so_does_the_patient_where_no_timer
             await taken.wait()
             sender.join()
             assert woken == [1]
-            inbox.look()  # nothing more came: the loop may sleep for long again
+            inbox.poll()  # nothing more came: the loop may sleep for long again
 
     on_precise_loop(scene)
 

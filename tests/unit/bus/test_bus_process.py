@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from rmr.bus.process import EXIT_FAILED, Ending, LogFile, handle_signals, start_logging
+from rmr.bus.process import Ending, LogFile, handle_signals, start_logging
+from rmr.entry import ExitCode
 
 
 @pytest.fixture
@@ -42,14 +43,14 @@ def handlers():
 def test_the_first_reason_for_an_end_stands():
     ending = Ending()
     ending.ask("finished")
-    ending.ask("too late", EXIT_FAILED)
+    ending.ask("too late", ExitCode.FAILED)
     assert (ending.asked, ending.reason, ending.code) == (True, "finished", 0)
 
 
 def test_a_breakdown_is_a_failure_that_names_the_error():
     ending = Ending()
     ending.break_down(ValueError("no"))
-    assert (ending.reason, ending.code) == ("internal error: ValueError: no", EXIT_FAILED)
+    assert (ending.reason, ending.code) == ("internal error: ValueError: no", ExitCode.FAILED)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -83,7 +84,7 @@ asyncio.run(block())
         assert process.stdout.readline() == "blocked\n"
         while process.poll() is None:  # two signals at once are one
             process.send_signal(signal.SIGINT)
-        assert process.returncode == EXIT_FAILED
+        assert process.returncode == ExitCode.FAILED
         assert process.stderr.read() == ""
 
 

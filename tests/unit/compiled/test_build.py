@@ -55,7 +55,7 @@ def test_constants_that_are_tuples_of_floats_say_so(path):
 
 def test_progress_tells_of_each_package_once_all_its_files_are_compiled(capsys):
     sources = ["b/__native_rmr___base___time.c", "b/__native_rmr___base___arena.c", "b/__native_rmr___node___node.c"]
-    progress = build.Progress()
+    progress = build.CompilerProgress()
     progress.begin([*sources, "b/float_ops.c"])
     for source in [sources[0], "b/float_ops.c", "b/rmr/base/time.c", *sources[1:]]:
         progress.done(source)

@@ -6,7 +6,7 @@ from math import inf
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr.base.time import NEVER, NS_PER_MS, NS_PER_S
 from rmr.bus import wire
@@ -14,8 +14,8 @@ from rmr.bus.endpoint import DEFAULT_ENDPOINT
 from rmr.bus.secret import SECRET_FILE, make_secret
 from rmr.radio.links import Disturbance, partition
 from rmr_deploy import disturb
-from rmr_deploy.commands.fault import command
-from rmr_deploy.running import PROCESSES_FILE, endpoint_of, newest_run, write_processes
+from rmr_deploy.active_runs import PROCESSES_FILE, endpoint_of, newest_run, write_processes
+from rmr_deploy.fault import command
 from rmr_world.run_report import REPORT_FILE
 
 S, MS = NS_PER_S, NS_PER_MS
@@ -25,23 +25,23 @@ GONE = (1 << 22) + 1
 
 
 def run(*words):
-    return CliRunner().invoke(command, words)
+    return invoke(command(), words, name="rmr fault")
 
 
 @pytest.fixture
 def asked(monkeypatch):
     """What would be put to the world, wish by wish."""
-    wishes = []
+    options = []
 
     async def answer(place, keys, question):
-        wishes.append(question)
+        options.append(question)
         return wire.Disturbances("x", 0, (), 0, "")
 
     monkeypatch.setattr(disturb, "_ask", answer)
-    return wishes
+    return options
 
 
-# --- wishes -----------------------------------------------------------------------------------------------------
+# --- options -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -73,9 +73,9 @@ def test_clear_and_list_ask_for_nothing_more(asked, wish):
     [
         ("radio", "exactly one of --loss, --attenuation and --cut"),
         ("radio --loss 0.1 --cut", "exactly one of --loss, --attenuation and --cut"),
-        ("radio --loss 1.5", "1.5 is not in the range"),
-        ("radio --loss nan", "write a probability"),
-        ("radio --attenuation -3", "is not in the range"),
+        ("radio --loss 1.5", "--loss: a number from 0 to 1, not '1.5'"),
+        ("radio --loss nan", "a number from 0 to 1, not 'nan'"),
+        ("radio --attenuation -3", "--attenuation: a number from 0, not '-3'"),
         ("radio --loss 1 --for soon", "should be a duration such as 120s"),
         ("radio --loss 1 --for 0s", "should be longer than nothing"),
         ("link 1 --cut", "should be two robots, such as 1,2"),
@@ -87,10 +87,10 @@ def test_clear_and_list_ask_for_nothing_more(asked, wish):
         ("partition 1//2", "'' is no id and no range of ids; write ids such as 4, 2-3"),
         ("partition 2/3-1", "the range 3-1 ends before it begins; write 1-3"),
         ("list --connect here", "'here' is no endpoint"),
-        ("list --connect tcp/127.0.0.1:9 --run x", "Say --connect or --run, not both"),
+        ("list --connect tcp/127.0.0.1:9 --run x", "say --connect or --run, not both"),
         ("list --run nowhere", "nowhere is no folder of a run of processes"),
         ("list --lab a/b", "'a/b' cannot name a lab"),
-        ("stall 3", "No such command 'stall'"),
+        ("stall 3", "unknown command 'stall'"),
     ],
 )
 def test_what_makes_no_sense_is_wrong_usage(words, said):

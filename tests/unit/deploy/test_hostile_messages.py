@@ -34,11 +34,11 @@ from rmr.radio.phy import airtime
 from rmr_agent.bytecode import Loaded
 from rmr_agent.robot import Carried, HostedRobot
 from rmr_deploy import disturb
-from rmr_deploy.launch import Outcome
-from rmr_deploy.plan import Plan, Wishes
-from rmr_deploy.record import make_report
+from rmr_deploy.lab_run import make_report
+from rmr_deploy.launch import RunOutcome
+from rmr_deploy.preparation import RunOptions, RunPlan
 from rmr_deploy.screen import printable, table
-from rmr_deploy.watch import Watch
+from rmr_deploy.status_monitor import StatusMonitor
 from rmr_world import run_report
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
@@ -275,11 +275,11 @@ def test_a_liveliness_token_without_a_robots_id_is_none(key):
 
 def test_the_launcher_reports_whatever_arrives_on_its_keys(tmp_path):
     lab = load_lab(DASH)
-    plan = Plan(Wishes(lab=DASH), lab, LoadedProgram(None, b"", 0, ""), tmp_path)
+    plan = RunPlan(RunOptions(lab=DASH), lab, LoadedProgram(None, b"", 0, ""), tmp_path)
 
     async def scene() -> None:
         process = Process(wire.OPERATOR_ID)
-        watch = Watch(process.bus, "dash")
+        watch = StatusMonitor(process.bus, "dash")
         for message in of_kind(wire.Status, wire.Truth):
             for data in hostile(message):
                 before = process.bus.losses.malformed
@@ -287,7 +287,7 @@ def test_the_launcher_reports_whatever_arrives_on_its_keys(tmp_path):
                     process.hand("rmr/dash/ops/1/status", data[:2] + sender + data[3:])
                     process.hand("rmr/dash/truth", data)
                 if process.bus.losses.malformed - before < 4:
-                    shown(make_report(plan, Outcome(reason="over"), watch))
+                    shown(make_report(plan, RunOutcome(reason="over"), watch))
 
     undisturbed(scene)
 

@@ -13,10 +13,9 @@ import pytest
 
 import rmr_deploy.launch as launching
 from rmr.bus.secret import make_secret
-from rmr_deploy.launch import Run
-from rmr_deploy.perform import exit_code
-from rmr_deploy.plan import Plan, Wishes
-from rmr_deploy.record import make_report
+from rmr_deploy.lab_run import exit_code, make_report
+from rmr_deploy.launch import LabRun
+from rmr_deploy.preparation import RunOptions, RunPlan
 from rmr_world.lab_file import load_lab
 from rmr_world.lab_program import LoadedProgram
 
@@ -73,25 +72,25 @@ def start(tmp_path, monkeypatch):
     (tmp_path / "lab.yaml").write_text(LAB)
     (tmp_path / "run" / "logs").mkdir(parents=True)
 
-    def make(first: str, second: str, **wishes) -> Run:
+    def make(first: str, second: str, **options) -> LabRun:
         monkeypatch.setenv("STANDIN_1", first)
         monkeypatch.setenv("STANDIN_2", second)
         loaded = LoadedProgram(None, b"", 0, "")
-        plan = Plan(Wishes(lab=tmp_path, **wishes), load_lab(tmp_path), loaded, tmp_path / "run")
+        plan = RunPlan(RunOptions(lab=tmp_path, **options), load_lab(tmp_path), loaded, tmp_path / "run")
         plan.secret.unlink(missing_ok=True)
         make_secret(plan.secret)
-        return Run(plan, Notes())
+        return LabRun(plan, Notes())
 
     return make
 
 
-def end(run: Run):
+def end(run: LabRun):
     """Run to the end; return outcome and report, and check that nothing is left behind."""
     outcome = asyncio.run(run.go())
     pids = json.loads((run.plan.folder / "processes.json").read_text())["processes"]
     assert [name for name, pid in pids.items() if Path(f"/proc/{pid}").exists()] == []
     assert run._screen.closed
-    return outcome, make_report(run.plan, outcome, run.watch)
+    return outcome, make_report(run.plan, outcome, run.monitor)
 
 
 def at(moment_s: float, call, *arguments):
@@ -99,7 +98,7 @@ def at(moment_s: float, call, *arguments):
     asyncio.get_running_loop().call_later(moment_s, call, *arguments)
 
 
-def interrupt_when(run: Run, claim, number=signal.SIGINT):
+def interrupt_when(run: LabRun, claim, number=signal.SIGINT):
     """Send this process a signal once, as soon as `claim` holds while the run is shown."""
     shown = run._screen.show
 
@@ -206,9 +205,9 @@ def test_a_signal_stops_in_order_and_the_last_words_are_in_the_report(start, num
     interrupt_when(run, working, number)
     outcome, report = end(run)
     assert outcome.reason == "interrupted"
-    assert run.watch.final(1)
-    assert run.watch.final(2)
-    assert run.watch.truth.final
+    assert run.monitor.final(1)
+    assert run.monitor.final(2)
+    assert run.monitor.truth.final
     assert exit_code(outcome, report, strict=False) == 1
 
 
@@ -223,7 +222,7 @@ def test_a_signal_before_anybody_is_ready_stops_as_well(start):
 def test_a_process_that_does_not_leave_is_killed_and_named(start, monkeypatch):
     monkeypatch.setattr(launching, "FINAL_S_MAX", 0.2)
     monkeypatch.setattr(launching, "LEAVE_S_MAX", 0.1)
-    monkeypatch.setattr("rmr_deploy.supervisor.TERM_PATIENCE_S", 0.2)
+    monkeypatch.setattr("rmr_deploy.process_group.TERM_PATIENCE_S", 0.2)
     run = start("roam", "deaf")
     interrupt_when(run, working)
     end(run)

@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from rmr_deploy.screen import Line, LiveScreen, PlainScreen, table
+from rmr_deploy.screen import LiveScreen, PlainScreen, RobotLine, table
 
 
 def job(deadline_s=25.0, finish_s=None, met=None, text="crossing(@1, exit)"):
@@ -41,9 +41,9 @@ def plain(output):
 
 
 def test_a_change_of_state_is_written_at_once(plain, output):
-    plain.show(None, [Line(1, "starting", "")])
-    plain.show(0.1, [Line(1, "running", "waiting")])
-    plain.show(0.2, [Line(1, "finished", "finished at 0.2 s")])
+    plain.show(None, [RobotLine(1, "starting", "")])
+    plain.show(0.1, [RobotLine(1, "running", "waiting")])
+    plain.show(0.2, [RobotLine(1, "finished", "finished at 0.2 s")])
     assert output.getvalue().splitlines() == [
         "robot 1  starting",
         "    0.1 s  robot 1  running  waiting",
@@ -53,7 +53,7 @@ def test_a_change_of_state_is_written_at_once(plain, output):
 
 def test_a_measured_value_that_changes_is_no_news_but_another_turn_is(plain, output):
     for tenth in range(30):
-        plain.show(tenth / 10, [Line(1, "running", f"turn {2 - tenth // 15} in {3 - tenth / 10:.1f} s")])
+        plain.show(tenth / 10, [RobotLine(1, "running", f"turn {2 - tenth // 15} in {3 - tenth / 10:.1f} s")])
     assert output.getvalue().splitlines() == [
         "    0.0 s  robot 1  running  turn 2 in 3.0 s",
         "    1.5 s  robot 1  running  turn 1 in 1.5 s",
@@ -62,19 +62,19 @@ def test_a_measured_value_that_changes_is_no_news_but_another_turn_is(plain, out
 
 def test_nothing_is_written_twice(plain, output):
     for second in range(0, 60, 10):
-        plain.show(float(second), [Line(1, "running", "waiting")])
+        plain.show(float(second), [RobotLine(1, "running", "waiting")])
     assert len(output.getvalue().splitlines()) == 1
 
 
 def test_what_a_robot_says_is_text_and_never_markup_or_control(plain, output):
-    plain.show(None, [Line(1, "running", "[bold]x[/bold] \x1b[2J")])
+    plain.show(None, [RobotLine(1, "running", "[bold]x[/bold] \x1b[2J")])
     assert "[bold]x[/bold]" in output.getvalue()
     assert "\x1b" not in output.getvalue()
 
 
 def test_the_live_screen_keeps_one_line_for_each_robot(output):
     screen = LiveScreen(Console(file=output, width=80, force_terminal=True, color_system=None))
-    screen.show(1.5, [Line(1, "running", "moveto(@1, exit), turn 2 in 3.1 s"), Line(2, "finished", "")])
+    screen.show(1.5, [RobotLine(1, "running", "moveto(@1, exit), turn 2 in 3.1 s"), RobotLine(2, "finished", "")])
     screen.close()
     assert "1.5 s, 1 of 2 finished" in output.getvalue()
     assert "robot 1" in output.getvalue()

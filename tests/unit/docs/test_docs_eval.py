@@ -2,11 +2,11 @@
 
 import json
 
-from click.testing import CliRunner
+from command_runner import invoke
 from doc_pages import codes, page, table
 
-from rmr.commands.eval import command
-from rmr.commands.group import command as main
+from rmr.commands.eval_command import command
+from rmr.commands.subcommands import command as main
 from rmr.eval.ensemble import FIRINGS_MAX, FRAMES_MAX, RANGE_M
 from rmr.eval.ether import HOPS_AT_ONCE_MAX, LATENCY
 from rmr.eval.given import EDGE_FACTS_MAX
@@ -18,11 +18,11 @@ OPTIONS = {codes(row[0])[0].split()[0]: row for row in table(PAGE, "option", "de
 
 
 def test_every_option_is_documented_with_its_default_and_no_other():
-    known = {each.opts[0]: each for each in command.params if each.opts[0].startswith("--")}
-    assert sorted(OPTIONS) == sorted(known.keys() - {"--version"})
+    parser = command.parser("rmr eval")
+    assert sorted(OPTIONS) == sorted(set(parser.names.values()) - {"--version", "--help"})
     for name, (_, default, _) in OPTIONS.items():
         if codes(default):
-            assert codes(default) == [str(known[name].default)]
+            assert codes(default) == [str(parser.get_default(name.lstrip("-")))]
 
 
 def test_every_topology_is_documented_and_no_other():
@@ -42,7 +42,7 @@ def paths(value, prefix=""):
 
 def test_every_key_of_the_report_is_documented_and_no_other(tmp_path):
     (tmp_path / "p.rmr").write_text("p(R).")
-    report = json.loads(CliRunner().invoke(main, ["eval", str(tmp_path / "p.rmr")]).stdout)
+    report = json.loads(invoke(main, ["eval", str(tmp_path / "p.rmr")]).stdout)
     assert [codes(row[0])[0] for row in table(PAGE, "key", "holds")] == list(paths(report))
 
 

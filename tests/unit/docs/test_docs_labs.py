@@ -17,12 +17,12 @@ from rmr.node.actions.dispatcher import RobotHandle
 from rmr.radio.links import DISTURBANCES_MAX, Disturbance
 from rmr_agent.main import main as agent
 from rmr_deploy import launch
-from rmr_deploy.commands.fault import command as fault
-from rmr_deploy.commands.up import command
 from rmr_deploy.disturb import record
-from rmr_deploy.launch import Outcome
-from rmr_deploy.plan import Plan, Wishes
-from rmr_deploy.record import make_report
+from rmr_deploy.fault import command as fault
+from rmr_deploy.lab_run import make_report
+from rmr_deploy.launch import RunOutcome
+from rmr_deploy.preparation import RunOptions, RunPlan
+from rmr_deploy.up import command
 from rmr_lab.commands import command as lab
 from rmr_lab.commands import new
 from rmr_sim.main import main as sim
@@ -146,7 +146,7 @@ def test_every_lab_of_the_repository_is_named():
 
 
 def up(arguments):
-    command.main(arguments, prog_name="rmr up")
+    command().main(arguments, "rmr up")
 
 
 def help_of(main):
@@ -171,9 +171,9 @@ def test_every_option_of_a_command_is_documented_and_no_other(title, main):
 def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_others():
     text = section(PAGE, "rmr fault")
     subcommands = [codes(row[0])[0].split()[2] for row in table(text, "command", "does")]
-    assert sorted(subcommands) == sorted(fault.commands)
+    assert sorted(subcommands) == sorted(fault().commands)
     offered = {"--version", "--help", "-h"}
-    offered |= {name for each in fault.commands.values() for option in each.params for name in option.opts}
+    offered |= {name for each in fault().commands.values() for name in each.load().parser("x").names}
     rows = table(text, "option", "does")
     documented = {code.split()[0] for row in rows for code in codes(row[0])}
     assert documented == {name for name in offered if name.startswith("-")}
@@ -182,8 +182,8 @@ def test_the_commands_of_rmr_fault_and_their_options_are_documented_and_no_other
 def test_the_commands_of_rmr_lab_and_their_options_are_documented_and_no_others():
     text = section(PAGE, "rmr check LAB") + section(PAGE, "rmr lab") + section(PAGE, "rmr new NAME")
     documented = set(re.findall(r"`(?:[^`]* )?(--?[a-z]+)[^`]*`", text)) - {"--help", "-h", "--version"}
-    commands = [*lab.commands.values(), new]
-    offered = {name for each in commands for option in each.params for name in option.opts if name.startswith("-")}
+    commands = [*(entry.load() for entry in lab.commands.values()), new]
+    offered = {name for each in commands for name in each.parser("x").names}
     assert documented == offered - {"--help", "-h", "--version"}
     assert {f"rmr lab {name}" for name in lab.commands} <= set(re.findall(r"`(rmr lab [a-z]+)", text))
 
@@ -232,8 +232,8 @@ def simulated():
 
 def of_processes(folder):
     lab = load_lab(ROOT / "deploy" / "labs" / "testbed")
-    plan = Plan(Wishes(lab=lab.path), lab, None, folder)
-    return make_report(plan, Outcome(reason="interrupted"), None)
+    plan = RunPlan(RunOptions(lab=lab.path), lab, None, folder)
+    return make_report(plan, RunOutcome(reason="interrupted"), None)
 
 
 def test_every_field_of_the_report_is_documented_and_no_other(simulated, tmp_path):

@@ -6,7 +6,7 @@ import yaml
 from doc_pages import blocks, codes, page, table
 
 from rmr.radio.frame import PAYLOAD_MAX
-from rmr.radio.intake import DUPLICATE_WINDOW, Counters
+from rmr.radio.receive_filter import DUPLICATE_WINDOW, Counters
 from rmr.radio.security import FRAMES_MAX, LEVELS, LIVES_MAX, UNSECURED, extended_address
 from rmr_world.lab import KEYED
 from rmr_world.schema import RadioSpec

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr_lab import lab_check
 from rmr_lab.commands import command
@@ -46,13 +46,13 @@ def room(folder, *, lab=LAB, program=PROGRAM, actions=ACTIONS):
 
 
 def check(*words):
-    result = CliRunner().invoke(command, ["check", *map(str, words)])
+    result = invoke(command, ["check", *map(str, words)])
     assert result.exception is None or isinstance(result.exception, SystemExit)
     return result
 
 
 def listed(folder):
-    result = CliRunner().invoke(command, ["check", "--json", str(folder)])
+    result = invoke(command, ["check", "--json", str(folder)])
     found = json.loads(result.stdout)
     assert all(sorted(each) == KEYS for each in found)
     return [(Path(each["file"]).name, each["line"], each["severity"], each["message"]) for each in found], result
@@ -205,5 +205,5 @@ def test_picture_or_schema_that_cannot_be_written_is_wrong_usage(tmp_path):
     result = check("corridor", "--svg", place)
     assert result.exit_code == 2
     assert f"{place}: No such file or directory" in result.output
-    result = CliRunner().invoke(command, ["schema", "-o", str(place)])
+    result = invoke(command, ["schema", "-o", str(place)])
     assert (result.exit_code, result.output) == (2, f"{place}: No such file or directory\n")

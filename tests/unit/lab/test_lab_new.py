@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from click.testing import CliRunner
+from command_runner import invoke
 
 from rmr_lab.commands import command, new
 from rmr_lab.lab_check import check
@@ -18,7 +18,7 @@ from rmr_world.provided_labs import labs_folder, provided_labs, resolve
 
 
 def run(group, *words):
-    result = CliRunner().invoke(group, list(map(str, words)))
+    result = invoke(group, list(map(str, words)))
     assert result.exception is None or isinstance(result.exception, SystemExit)
     return result
 

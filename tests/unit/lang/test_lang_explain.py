@@ -7,12 +7,12 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from command_runner import Result, invoke
 from lang_source import compiled
 
 from rmr.analysis import levels
 from rmr.base.values import Robot, Symbol
-from rmr.commands.group import command as main
+from rmr.commands.subcommands import command as main
 from rmr.lang import octets as sizes
 from rmr.lang import serve
 from rmr.lang.compiler import compile_source
@@ -41,7 +41,7 @@ def run(*arguments: object, folder: Path = HERE) -> Result:
     before = Path.cwd()
     os.chdir(folder)
     try:
-        return CliRunner().invoke(main, ["check", *map(str, arguments)], catch_exceptions=False)
+        return invoke(main, ["check", *map(str, arguments)], catch_exceptions=False)
     finally:
         os.chdir(before)
 

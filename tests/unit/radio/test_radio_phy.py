@@ -9,8 +9,8 @@ from rmr.radio import phy
 from rmr.radio.phy import (
     BIT,
     RadioConfig,
+    ReceptionVerdict,
     Signal,
-    Verdict,
     airtime,
     bit_error_rate,
     channel_busy,
@@ -34,7 +34,7 @@ def signal(source: int, start_us: int, dbm: float = STRONG_DBM, length_us: int =
     return Signal(start_us * US, (start_us + length_us) * US, source, milliwatts(dbm))
 
 
-def verdicts(*signals: Signal, channel=CAPTURE, deaf=()) -> list[Verdict]:
+def verdicts(*signals: Signal, channel=CAPTURE, deaf=()) -> list[ReceptionVerdict]:
     air = sorted(signals, key=lambda s: (s.start, s.source))
     return [reception(one, air, [(a * US, b * US) for a, b in deaf], channel) for one in signals]
 
@@ -91,7 +91,7 @@ def test_a_receiver_that_has_locked_does_not_change_over_to_a_stronger_frame() -
 
 def test_a_short_interferer_inside_a_locked_frame_destroys_it() -> None:
     locked, _ = verdicts(signal(1, 0), signal(2, 1000, length_us=352))
-    assert locked == Verdict(0.0, "collision")
+    assert locked == ReceptionVerdict(0.0, "collision")
 
 
 def test_weak_interferers_add_up() -> None:
@@ -107,12 +107,12 @@ def test_frames_that_only_touch_do_not_disturb_each_other() -> None:
 
 def test_a_frame_that_begins_while_the_receiver_is_locked_on_another_is_lost() -> None:
     _, late = verdicts(signal(1, 0), signal(2, 1900, STRONG_DBM + 20))
-    assert late == Verdict(0.0, "collision")
+    assert late == ReceptionVerdict(0.0, "collision")
 
 
 @pytest.mark.parametrize("deaf", [(-100, 1), (500, 600), (2143, 3000)])
 def test_a_station_that_transmits_during_any_part_of_a_frame_does_not_receive_it(deaf: tuple[int, int]) -> None:
-    assert verdicts(signal(1, 0), deaf=[deaf]) == [Verdict(0.0, "deaf")]
+    assert verdicts(signal(1, 0), deaf=[deaf]) == [ReceptionVerdict(0.0, "deaf")]
 
 
 def test_a_station_that_transmits_just_before_and_after_a_frame_receives_it() -> None:
@@ -124,7 +124,7 @@ def test_as_noise_equal_power_is_mostly_survived_by_the_first_and_never_by_the_s
     first, second = verdicts(signal(1, 0, -30), signal(2, 1, -30), channel=AWGN)
     assert first.success == pytest.approx((1 - bit_error_rate(1.0)) ** 536, rel=1e-3)
     assert 0.9 < first.success < 0.96
-    assert second == Verdict(0.0, "collision")
+    assert second == ReceptionVerdict(0.0, "collision")
 
 
 def test_as_noise_each_stretch_of_interference_counts_by_its_own_length() -> None:
@@ -137,7 +137,7 @@ def test_whoever_is_in_a_crowd_pays_for_no_sums_unless_it_may_be_locked_on(monke
     summed = []
     monkeypatch.setattr(phy, "interference", lambda *arguments: summed.append(1) or interference(*arguments))
     crowd = [signal(source, source) for source in range(100)]
-    assert set(verdicts(*crowd)) == {Verdict(0.0, "collision")}
+    assert set(verdicts(*crowd)) == {ReceptionVerdict(0.0, "collision")}
     assert not summed
     assert verdicts(signal(1, 0, -40), *(signal(source, source, -60) for source in range(2, 52)))[0].success == 1.0
     assert summed
@@ -145,7 +145,7 @@ def test_whoever_is_in_a_crowd_pays_for_no_sums_unless_it_may_be_locked_on(monke
 
 def test_as_noise_the_stronger_of_two_frames_that_start_together_is_locked_on() -> None:
     weak, strong = verdicts(signal(1, 0, -33), signal(2, 0, -30), channel=AWGN)
-    assert weak == Verdict(0.0, "collision")
+    assert weak == ReceptionVerdict(0.0, "collision")
     assert strong.success > 0.99
 
 

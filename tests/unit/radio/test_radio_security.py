@@ -9,8 +9,8 @@ from radio_ether import MS, PAN, Ether, station
 
 from rmr.radio.air import ACK_ATTEMPT, Announcement
 from rmr.radio.frame import BROADCAST, FCS_OCTETS, PSDU_MAX, DataFrame, check_sequence, decode, encode_data
-from rmr.radio.intake import DUPLICATE_WINDOW
 from rmr.radio.phy import airtime
+from rmr.radio.receive_filter import DUPLICATE_WINDOW
 from rmr.radio.security import (
     FRAMES_MAX,
     LIVES_MAX,

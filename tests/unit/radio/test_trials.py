@@ -216,7 +216,7 @@ def test_losses_come_on_top_and_shadowing_blurs_the_border() -> None:
         (lambda: overlap.Overlap(1.0, -1.0), "an offset of -1 us"),
         (lambda: overlap.Overlap(1.0, 1.0, psdu=128), "a PSDU of 128 octets: a data frame has 11 to 127"),
         (lambda: latency.Latency(count=0), "0 frames: write 1 to"),
-        (lambda: link.Link(-1.0), "a distance of -1 m"),
+        (lambda: link.LinkTrial(-1.0), "a distance of -1 m"),
         (lambda: Runs(seeds=()), "at least one replication"),
         (lambda: Runs(seeds=[-1]), "seed -1: write 0 or more"),
     ],

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from world_labs import LABS, ROOM, lab_of
 
-from rmr_deploy.plan import RefusedError, read_program
+from rmr_deploy.preparation import RunRefusedError, read_program
 from rmr_sim.main import main
 from rmr_world.finding import LabError
 from rmr_world.lab_file import load_lab
@@ -222,7 +222,7 @@ def test_rmr_sim_and_rmr_up_refuse_what_no_robot_can_reach(tmp_path, capsys):
     assert main([str(folder), "--run", str(tmp_path / "run")]) == 3
     assert "lab.yaml:7:15: areas.yard: robots 1, 2 find no way" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
-    with pytest.raises(RefusedError, match="find no way to area 'yard'") as refusal:
+    with pytest.raises(RunRefusedError, match="find no way to area 'yard'") as refusal:
         read_program(load_lab(folder), color=False)
     assert refusal.value.exit_code == 3
 

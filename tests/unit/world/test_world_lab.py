@@ -49,7 +49,7 @@ def test_everything_but_lab_program_robots_and_arena_has_a_default(tmp_path):
     assert lab.arena.shape.radius == 0.07
     assert lab.arena.shape.view_angle == pytest.approx(math.radians(60))
     assert lab.arena.beacons == (Point(0, 0), Point(3.0, 0))
-    assert lab.radio.interference == "capture_3db"
+    assert lab.radio.config.interference == "capture_3db"
     assert lab.localisation.rate == 10
 
 

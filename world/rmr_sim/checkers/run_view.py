@@ -99,8 +99,8 @@ class RunView:
     # -- between them -----------------------------------------------------------------------------------------
 
     def linked(self, a: int, b: int, since: Instant, now: Instant) -> bool:
-        """Return whether the radio link of two robots was reliable from `since` to `now`."""
-        radio = self.simulation.lab.radio
+        """Return whether the radio between two robots has been fair from `since` to `now`."""
+        radio = self.simulation.lab.radio.config
         if radio.bursts is not None or not self._in_range(a, b):
             return False
         kept = 1.0 - radio.loss

@@ -12,8 +12,9 @@ from pathlib import Path
 from rmr.base.arena import Area, Arena, Obstacle, RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.radio.links import Disturbance
-from rmr.radio.phy import Bursts
+from rmr.radio.phy import Bursts, RadioConfig
 from rmr.radio.security import UNSECURED
+from rmr.radio.settings import SETTINGS
 from rmr_world.document import Document
 from rmr_world.fact_syntax import FinishPattern, TermError, parse_fact, parse_finish
 from rmr_world.finding import FilePath, Finding
@@ -184,10 +185,11 @@ def _split_facts(texts: Sequence[str]) -> list[int]:
 
 
 def _radio_settings(spec: RadioSpec) -> RadioSettings:
-    bursts = None if spec.bursts is None else Bursts(**spec.bursts.model_dump())
+    values = spec.model_dump(include={setting.name for setting in SETTINGS})
+    if values["bursts"] is not None:
+        values["bursts"] = Bursts(**values["bursts"])
     security = spec.security or (UNSECURED if spec.key_file is None else KEYED)
-    others = {"bursts", "links", "partition", "security", "key_file"}
-    return RadioSettings(**spec.model_dump(exclude=others), bursts=bursts, security=security)
+    return RadioSettings(RadioConfig(**values), spec.seed, security)
 
 
 def _starts(spec: RobotSpec) -> list[RobotStart]:

@@ -1,4 +1,4 @@
-"""What becomes of a data frame that has come through to a station: for whom it is, whether it is a repeat.
+"""The receive filter of a station, above the physical layer: destination, security, duplicates.
 
 Both hosts of a station share it (`rmr.radio.station` by time stamps, `rmr.radio.ether` in virtual time). A repeat is
 known by its source and sequence number (802.15.4-2006, 7.5.6.2 leaves the rule open; ns-3 has none): it was
@@ -20,17 +20,17 @@ from rmr.radio.frame import BROADCAST, DataFrame, decode
 from rmr.radio.security import Security, SecurityError
 
 DUPLICATE_SOURCES_MAX: Final = 1024
-"""Sources whose last sequence number is remembered; the one longest silent goes first."""
+"""Sources whose last sequence number is kept; the one that was silent longest is dropped first."""
 DUPLICATE_WINDOW: Final[Duration] = 500 * NS_PER_MS
 """A repeat comes within the time of four attempts (170 ms); a sequence number returns after 256 frames."""
 
 decoded = lru_cache(maxsize=256)(decode)
-"""`decode`, remembered: in virtual time many stations hear the same octets."""
+"""`decode` with a cache: in virtual time many stations receive the same octets."""
 
 
 @dataclass(slots=True)
 class Counters:
-    """What a station has done and what befell it."""
+    """The counters of a station."""
 
     sent: int = 0
     """Transmissions of data frames, repeats included."""
@@ -89,7 +89,7 @@ class _Last:
         self.end: Instant = 0
 
 
-class Intake:
+class ReceiveFilter:
     """The receiving side of one station, above the physical layer."""
 
     __slots__ = ("_last", "_security", "address", "counters", "pan")
@@ -106,7 +106,7 @@ class Intake:
         return frame.pan == self.pan and frame.destination in (self.address, BROADCAST)
 
     def take(self, frame: DataFrame, rssi_dbm: float, lqi: int, end: Instant) -> Received | None:
-        """Return what to hand on of a frame that came through and ended at `end`; None if nothing."""
+        """Return the reception of a frame that came through and ended at `end`; None if the filter drops it."""
         opened = self._opened(frame, end)
         if opened is None:
             return None
@@ -132,7 +132,7 @@ class Intake:
             return None
 
     def _repeats(self, frame: DataFrame, end: Instant) -> bool:
-        """Whether the last frame of this source bore the same sequence number a moment ago."""
+        """Whether the last frame of this source had the same sequence number, within the window of duplicates."""
         last = self._last.get(frame.source)
         return last is not None and last.sequence == frame.sequence and end - last.end < DUPLICATE_WINDOW
 
@@ -140,8 +140,9 @@ class Intake:
         source = frame.source
         last = self._last.get(source)
         if last is not None:
-            del self._last[source]  # whoever was heard last stands last
+            del self._last[source]  # moves to the end of the order, which is that of the last reception
         elif len(self._last) >= DUPLICATE_SOURCES_MAX:
             del self._last[next(iter(self._last))]
         self._last[source] = last = last or _Last()
-        last.sequence, last.end = frame.sequence, end
+        last.sequence = frame.sequence
+        last.end = end

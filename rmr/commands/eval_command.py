@@ -5,16 +5,16 @@ import json
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-import click
-
 from rmr.commands import diagnosed
-from rmr.commands.common import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, PATH, SETTINGS, VERSION, counted, reason
+from rmr.commands.common import counted, reason
+from rmr.entry import ExitCode
+from rmr.entry.command_line import Command, CommandLineError, Parser, whole
 from rmr.eval import options
 from rmr.eval.options import OptionError
 
@@ -27,130 +27,128 @@ if TYPE_CHECKING:
     from rmr.eval.topology import Topology
 
 PROGRESS_AFTER_S = 2.0
-"""A run that takes longer tells on a terminal how it is getting on ..."""
+"""Wall time of a run after which a terminal shows its progress."""
 PROGRESS_EVERY_S = 0.5
-"""... this often."""
+"""Period with which the line of progress is renewed."""
 COLUMNAR = "columnar"
-"""The engine that takes all robots at once, where the program suits it."""
+"""The engine that runs all robots at once as columns, where the program suits it."""
 WARNINGS_MAX = 8
 """Warnings of one kind that are shown; thousands of robots may give the same."""
 
 
-def _read_by(read: Callable[[Any], object]) -> Callable[[click.Context, click.Parameter, Any], object]:
-    """Return the callback of an option whose value `read` reads; a wrong one ends the command with the reason."""
+ABOUT = """\
+Run a program on robots without bodies, in virtual time, until nothing is left to do.
 
-    def convert(ctx: click.Context, param: click.Parameter, value: Any) -> object:
-        try:
-            return read(value)
-        except OptionError as error:
-            raise click.BadParameter(str(error), ctx, param) from None
-
-    return convert
+The report is printed as JSON on stdout, messages on stderr. Durations: 500ms, 2s, 1.5min, or a number of seconds.
+"""
 
 
-_duration = _read_by(options.duration)
+def _declare(parser: Parser) -> None:
+    parser.positional("program", "PROG.rmr")
+    _declare_robots(parser)
+    _declare_events(parser)
+    _declare_run(parser)
+    parser.option("--trace", metavar="FILE", read=Path, help="Write what happens as JSON lines.")
+    parser.flag("--json", dest="one_line", help="The whole report on one line.")
 
 
-@click.command("eval", context_settings=SETTINGS, short_help="Run a program on robots without bodies.")
-@click.argument("program", metavar="PROG.rmr", type=PATH)
-@click.option(
-    "--robots",
-    metavar="N|IDS",
-    callback=_read_by(options.robots),
-    default="1",
-    show_default=True,
-    help="How many, with ids from 1, or ids: 0-5,9.",
-)
-@click.option(
-    "--topology",
-    metavar="NAME|FILE",
-    default="complete",
-    show_default=True,
-    help="Who is in radio range of whom: complete, line, ring, grid, star, or a file of pairs.",
-)
-@click.option("--edges", metavar="PRED", help="Give each robot A facts !PRED(A, B) for all B in range.")
-@click.option("--facts", metavar="FILE.rmr", type=PATH, help="More initial facts.")
-@click.option("--insert", "inserts", metavar="'T: FACT'", multiple=True, help="A fact from outside at T; repeatable.")
-@click.option(
-    "--kill", "kills", metavar="'T: @ID'", multiple=True, help="Robots that die at T, as @2 or @2,@5; repeatable."
-)
-@click.option(
-    "--restart", "restarts", metavar="'T: @ID'", multiple=True, help="Dead robots that start again at T; repeatable."
-)
-@click.option("--seed", metavar="S", type=click.IntRange(min=0), default=0, show_default=True, help="Of all chance.")
-@click.option(
-    "--until", metavar="T", callback=_duration, default="60s", show_default=True, help="Virtual time at most."
-)
-@click.option(
-    "--loss",
-    metavar="SHARE",
-    callback=_read_by(options.share),
-    default="0",
-    show_default=True,
-    help="Share of frames lost.",
-)
-@click.option("--latency", metavar="T", callback=_duration, default="5ms", show_default=True, help="Of every frame.")
-@click.option(
-    "--action-time",
-    "times",
-    metavar="[ACTION=]T",
-    multiple=True,
-    callback=_read_by(options.action_times),
-    help="Of every action, or of one: moveto=3s; repeatable. 0 by default; `wait` takes what it says.",
-)
-@click.option(
-    "--fail",
-    "fails",
-    metavar="ACTION[@N]",
-    multiple=True,
-    help="Actions that fail: 'charge', 'charge(@2, _)'; with @N the N-th that begins alone. Repeatable.",
-)
-@click.option("--strategy", type=click.Choice(["random", "textual"]), help="Instead of the program's own order.")
-@click.option(
-    "--engine",
-    type=click.Choice(["interpreter", "generated", COLUMNAR]),
-    default="generated",
-    show_default=True,
-    help="What runs the rules; the report is the same.",
-)
-@click.option("--trace", metavar="FILE", type=PATH, help="Write what happens as JSON lines.")
-@click.option("--json", "one_line", is_flag=True, help="The whole report on one line.")
-@VERSION
-def command(
+def _declare_robots(parser: Parser) -> None:
+    """Declare who takes part and what each is given."""
+    parser.option(
+        "--robots", metavar="N|IDS", read=options.robots, default="1", help="How many, with ids from 1, or ids: 0-5,9."
+    )
+    parser.option(
+        "--topology",
+        metavar="NAME|FILE",
+        default="complete",
+        help="Who is in radio range of whom: complete, line, ring, grid, star, or a file of pairs.",
+    )
+    parser.option("--edges", metavar="PRED", help="Give each robot A facts !PRED(A, B) for all B in range.")
+    parser.option("--facts", metavar="FILE.rmr", read=Path, help="More initial facts.")
+
+
+def _declare_events(parser: Parser) -> None:
+    """Declare what befalls the robots from outside."""
+    parser.option(
+        "--insert", dest="inserts", metavar="'T: FACT'", repeatable=True, help="A fact from outside at T; repeatable."
+    )
+    parser.option(
+        "--kill",
+        dest="kills",
+        metavar="'T: @ID'",
+        repeatable=True,
+        help="Robots that die at T, as @2 or @2,@5; repeatable.",
+    )
+    parser.option(
+        "--restart",
+        dest="restarts",
+        metavar="'T: @ID'",
+        repeatable=True,
+        help="Dead robots that start again at T; repeatable.",
+    )
+
+
+def _declare_run(parser: Parser) -> None:
+    """Declare the chances, times and the engine of a run."""
+    parser.option("--seed", metavar="S", read=whole(), default=0, help="Of all chance.")
+    parser.option("--until", metavar="T", read=options.duration, default="60s", help="Virtual time at most.")
+    parser.option("--loss", metavar="SHARE", read=options.share, default="0", help="Share of frames lost.")
+    parser.option("--latency", metavar="T", read=options.duration, default="5ms", help="Of every frame.")
+    parser.option(
+        "--action-time",
+        dest="times",
+        metavar="[ACTION=]T",
+        repeatable=True,
+        help="Of every action, or of one: moveto=3s; repeatable. 0 by default; `wait` takes what it says.",
+    )
+    parser.option(
+        "--fail",
+        dest="fails",
+        metavar="ACTION[@N]",
+        repeatable=True,
+        help="Actions that fail: 'charge', 'charge(@2, _)'; with @N the N-th that begins alone. Repeatable.",
+    )
+    parser.choice("--strategy", ["random", "textual"], help="Instead of the program's own order.")
+    parser.choice(
+        "--engine",
+        ["interpreter", "generated", COLUMNAR],
+        default="generated",
+        help="What runs the rules; the report is the same.",
+    )
+
+
+def _evaluate(
     program: Path,
     robots: tuple[int, ...],
     topology: str,
     edges: str | None,
     facts: Path | None,
-    inserts: tuple[str, ...],
-    kills: tuple[str, ...],
-    restarts: tuple[str, ...],
+    inserts: list[str],
+    kills: list[str],
+    restarts: list[str],
     seed: int,
     until: int,
     loss: float,
     latency: int,
-    times: tuple[int, dict[str, int]],
-    fails: tuple[str, ...],
+    times: list[str],
+    fails: list[str],
     strategy: str | None,
     engine: str,
     trace: Path | None,
     one_line: bool,
-) -> None:
-    """Run a program on robots without bodies, in virtual time, until nothing is left to do.
-
-    The report is printed as JSON on stdout, messages on stderr. Durations: 500ms, 2s, 1.5min, or a number of seconds.
-    """
+) -> int:
+    """Run a program and print the report; return the exit code."""
     from rmr.eval.ensemble import Conditions
     from rmr.eval.given import Wanted
 
     ids = dict.fromkeys(robots)
-    action_time, action_times = times
-    wanted = Wanted(program, facts, edges, inserts, fails, tuple(action_times))
-    befalls = _deaths(kills, restarts, ids)
+    action_time, action_times = _action_times(times)
+    wanted = Wanted(program, facts, edges, tuple(inserts), tuple(fails), tuple(action_times))
+    befalls = _deaths(tuple(kills), tuple(restarts), ids)
     given, shape = _read(wanted, topology, ids)
     diagnosed.show(given.checked)
     if given.program is None:
-        sys.exit(diagnosed.exit_code(given.checked))
+        return diagnosed.exit_code(given.checked)
     _warn_of_strangers(given, given.program, ids)
     conditions = Conditions(ids, shape, seed, loss, latency, action_time, action_times, befalls)
     with _traced(trace, (program, facts)) as sink:
@@ -158,10 +156,21 @@ def command(
         interrupted = _run(run, until)
     _conclude(run, until, interrupted)
     _print(run, one_line)
-    sys.exit(EXIT_FAILED if interrupted else 0)
+    return ExitCode.FAILED if interrupted else ExitCode.OK
+
+
+command = Command(ABOUT, _declare, _evaluate)
 
 
 # ---- before the run
+
+
+def _action_times(texts: list[str]) -> tuple[int, dict[str, int]]:
+    """Return the time of every action, and those of single ones."""
+    try:
+        return options.action_times(texts)
+    except OptionError as error:
+        raise CommandLineError(f"--action-time: {error}") from None
 
 
 def _read(wanted: "Wanted", topology: str, ids: dict[int, None]) -> tuple["Given", "Topology"]:
@@ -172,16 +181,16 @@ def _read(wanted: "Wanted", topology: str, ids: dict[int, None]) -> tuple["Given
     try:
         shape = read(topology, ids)
     except OptionError as error:
-        raise click.BadParameter(str(error), param_hint="'--topology'") from None
+        raise CommandLineError(f"--topology: {error}") from None
     try:
         given = read_given(wanted)
         if given.program is not None:
             check_size(given, given.program, shape, ids)
     except OptionError as error:
-        raise click.UsageError(str(error)) from None
+        raise CommandLineError(str(error)) from None
     except InvalidBytecodeError as error:
-        click.echo(str(error), err=True)
-        sys.exit(EXIT_INVALID)
+        print(str(error), file=sys.stderr)
+        sys.exit(ExitCode.INVALID)
     return given, shape
 
 
@@ -191,7 +200,7 @@ def _deaths(kills: tuple[str, ...], restarts: tuple[str, ...], ids: dict[int, No
     try:
         return deaths(kills, restarts, ids)
     except OptionError as error:
-        raise click.UsageError(str(error)) from None
+        raise CommandLineError(str(error)) from None
 
 
 def _ordered(program: "Program", strategy: str | None) -> "Program":
@@ -212,9 +221,9 @@ def _warn_of_strangers(given: "Given", program: "Program", ids: dict[int, None])
 def _warn(texts: Iterable[str]) -> None:
     listed = list(texts)
     for text in listed[:WARNINGS_MAX]:
-        click.echo(f"rmr eval: warning: {text}", err=True)
+        print(f"rmr eval: warning: {text}", file=sys.stderr)
     if len(listed) > WARNINGS_MAX:
-        click.echo(f"rmr eval: warning: and {len(listed) - WARNINGS_MAX} more of that kind", err=True)
+        print(f"rmr eval: warning: and {len(listed) - WARNINGS_MAX} more of that kind", file=sys.stderr)
 
 
 @contextmanager
@@ -224,13 +233,13 @@ def _traced(path: Path | None, sources: tuple[Path | None, ...]) -> Iterator["Si
         yield None
         return
     if any(source is not None and path.exists() and path.samefile(source) for source in sources):
-        raise click.UsageError(f"--trace: {path} is what is to be run")
+        raise CommandLineError(f"--trace: {path} is what is to be run")
     try:
         with path.open("w", encoding="utf-8") as file:
             yield lambda notes: _write_notes(file, notes)
     except (OSError, ValueError) as error:
-        click.echo(f"rmr eval: cannot write {path}: {reason(error)}", err=True)
-        sys.exit(EXIT_USAGE)
+        print(f"rmr eval: cannot write {path}: {reason(error)}", file=sys.stderr)
+        sys.exit(ExitCode.USAGE)
 
 
 def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:
@@ -241,7 +250,7 @@ def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:
 
 
 def _prepare(engine: str, program: "Program", given: "Given", conditions: "Conditions", sink: "Sink | None") -> "Run":
-    """Return the run by an engine; what does not suit columns is run by machines, and it is said why."""
+    """Return the run by an engine; a program that does not suit columns is run by machines, and says why."""
     from rmr.eval.ensemble import Ensemble
     from rmr.vm.engines import Engine
 
@@ -252,7 +261,7 @@ def _prepare(engine: str, program: "Program", given: "Given", conditions: "Condi
         if found is None:
             return ColumnRun(program, given, conditions)
         where = "" if found.place is None else f"{found.place.file}:{found.place.line}: "
-        click.echo(f"rmr eval: each robot by itself instead of columns: {where}{found.text}", err=True)
+        print(f"rmr eval: each robot by itself instead of columns: {where}{found.text}", file=sys.stderr)
         return Ensemble(program, given, conditions, sink)
     return Ensemble(program, given, replace(conditions, engine=Engine(engine)), sink)
 
@@ -268,17 +277,17 @@ def _run(run: "Run", until: int) -> bool:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
     before = signal.signal(signal.SIGINT, interrupt)
-    progress = Progress(run, until)
+    progress = ProgressLine(run, until)
     try:
-        run.run(until, progress.look)
+        run.run(until, progress.refresh)
     finally:
         signal.signal(signal.SIGINT, before)
         progress.clear()
     return interrupted
 
 
-class Progress:
-    """One line on a terminal that says how a long run is getting on."""
+class ProgressLine:
+    """The progress of a long run, as one line on a terminal."""
 
     def __init__(self, run: "Run", until: int) -> None:
         self._run = run
@@ -287,8 +296,8 @@ class Progress:
         self._shown = False
         self._terminal = sys.stderr.isatty()
 
-    def look(self) -> None:
-        """Show the line anew if it is time."""
+    def refresh(self) -> None:
+        """Renew the line if its period has passed."""
         if not self._terminal or time.monotonic() < self._next:
             return
         self._next = time.monotonic() + PROGRESS_EVERY_S
@@ -296,19 +305,19 @@ class Progress:
         run = self._run
         at = f"{run.now / 1e9:.3f} s of {self._until / 1e9:g} s"
         what = f"{counted(run.firings, 'firings')}, {counted(run.busy, 'robots')} not idle"
-        click.echo(f"\r\x1b[K{at}, {what}", nl=False, err=True)
+        print(f"\r\x1b[K{at}, {what}", end="", file=sys.stderr)
 
     def clear(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         if self._shown:
-            click.echo("\r\x1b[K", nl=False, err=True)
+            print("\r\x1b[K", end="", file=sys.stderr)
 
 
 # ---- after the run
 
 
 def _conclude(run: "Run", until: int, interrupted: bool) -> None:
-    """Say on stderr what did not arrive, and what still went on if the run did not become quiescent."""
+    """Print warnings on stderr, and the outstanding work of a run that did not become quiescent."""
     from rmr.eval.report import reasons
 
     for texts in run.warnings():
@@ -323,9 +332,9 @@ def _conclude(run: "Run", until: int, interrupted: bool) -> None:
         why = f"stopped at {at}, after {counted(run.firings, 'firings')} and {frames} without an end in sight"
     else:
         why = f"not quiescent at {at}"
-    click.echo(f"rmr eval: {why}:", err=True)
+    print(f"rmr eval: {why}:", file=sys.stderr)
     for line in reasons(run):
-        click.echo(f"  {line}", err=True)
+        print(f"  {line}", file=sys.stderr)
 
 
 def _print(run: "Run", one_line: bool) -> None:
@@ -333,4 +342,4 @@ def _print(run: "Run", one_line: bool) -> None:
     from rmr.eval.report import report
 
     told = report(run)
-    click.echo(json.dumps(told) if one_line else laid_out(told))
+    print(json.dumps(told) if one_line else laid_out(told))

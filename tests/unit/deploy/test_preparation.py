@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-import rmr_deploy.plan as planning
 from rmr.bus.secret import read_secret
+from rmr.entry import ExitCode
+from rmr_deploy import preparation
 from rmr_deploy.launch import agent_command, world_command
-from rmr_deploy.plan import INVALID, USAGE, RefusedError, Wishes, make_plan
+from rmr_deploy.preparation import RunOptions, RunRefusedError, make_plan
 
 DASH = Path(__file__).parents[2] / "integration" / "labs" / "dash"
 
@@ -22,9 +23,9 @@ def test_an_empty_run_folder_that_may_not_be_written_is_wrong_usage(tmp_path, mo
     folder = tmp_path / "run"
     folder.mkdir()
     monkeypatch.setattr(Path, "write_bytes", denied)
-    with pytest.raises(RefusedError, match=r"dash\.rbc: Permission denied; name a run folder") as refusal:
-        make_plan(Wishes(lab=DASH, folder=folder), color=False)
-    assert refusal.value.exit_code == USAGE
+    with pytest.raises(RunRefusedError, match=r"dash\.rbc: Permission denied; name a run folder") as refusal:
+        make_plan(RunOptions(lab=DASH, folder=folder), color=False)
+    assert refusal.value.exit_code == ExitCode.USAGE
 
 
 def secured(folder, settings):
@@ -39,7 +40,7 @@ def secured(folder, settings):
 def test_the_robots_are_handed_the_file_of_the_key_and_the_world_is_not(tmp_path):
     lab = secured(tmp_path, "{key_file: lab.key}")
     (lab / "lab.key").write_text("00112233445566778899aabbccddeeff")
-    plan = make_plan(Wishes(lab=lab, folder=tmp_path / "run"), color=False)
+    plan = make_plan(RunOptions(lab=lab, folder=tmp_path / "run"), color=False)
     command = agent_command(plan, (1,), "tcp/127.0.0.1:1")
     assert command[command.index("--radio-key") + 1] == str(lab / "lab.key")
     assert "--radio-key" not in world_command(plan, "tcp/127.0.0.1:1")
@@ -53,9 +54,9 @@ def test_the_robots_are_handed_the_file_of_the_key_and_the_world_is_not(tmp_path
     ],
 )
 def test_a_secured_lab_without_its_key_is_refused_before_anything_starts(tmp_path, settings, why):
-    with pytest.raises(RefusedError, match=why) as refusal:
-        make_plan(Wishes(lab=secured(tmp_path, settings), folder=tmp_path / "run"), color=False)
-    assert refusal.value.exit_code == INVALID
+    with pytest.raises(RunRefusedError, match=why) as refusal:
+        make_plan(RunOptions(lab=secured(tmp_path, settings), folder=tmp_path / "run"), color=False)
+    assert refusal.value.exit_code == ExitCode.INVALID
     assert not (tmp_path / "run").exists()
 
 
@@ -63,7 +64,7 @@ def test_run_folder_is_closed_to_other_users_even_one_that_was_open(tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
     folder.chmod(0o755)
-    plan = make_plan(Wishes(lab=DASH, folder=folder), color=False)
+    plan = make_plan(RunOptions(lab=DASH, folder=folder), color=False)
     assert (stat.S_IMODE(folder.stat().st_mode), stat.S_IMODE(plan.secret.stat().st_mode)) == (0o700, 0o600)
     for command in (world_command(plan, "tcp/127.0.0.1:1"), agent_command(plan, (1,), "tcp/127.0.0.1:1")):
         assert command[command.index("--secret") + 1] == str(plan.secret)
@@ -77,8 +78,10 @@ def test_run_folder_on_a_file_system_without_permissions_is_refused(tmp_path, mo
         path.write_text("rmr:0123456789abcdef\n")
         path.chmod(0o777)
 
-    monkeypatch.setattr(planning, "make_secret", open_to_all)
-    with pytest.raises(RefusedError, match="no file in it can be kept from other users; name another run folder") as no:
-        make_plan(Wishes(lab=DASH, folder=tmp_path / "run"), color=False)
-    assert no.value.exit_code == USAGE
+    monkeypatch.setattr(preparation, "make_secret", open_to_all)
+    with pytest.raises(
+        RunRefusedError, match="no file in it can be kept from other users; name another run folder"
+    ) as no:
+        make_plan(RunOptions(lab=DASH, folder=tmp_path / "run"), color=False)
+    assert no.value.exit_code == ExitCode.USAGE
     assert not (tmp_path / "run" / "secret").exists()

@@ -2,7 +2,7 @@
 
 Everything that a person can get wrong is found here, so that nothing has to be stopped because of it: the lab
 file and the program are judged as a whole, with every mistake shown, and the lab's own facts and finish
-pattern are judged against the program. `RefusedError` carries the message and the exit code of the commands' contract.
+pattern are judged against the program. `RunRefusedError` carries the message and the exit code.
 """
 
 import contextlib
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rmr.base.time import in_seconds
 from rmr.bus.secret import SECRET_FILE, SecretError, make_secret, read_secret
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab
@@ -20,11 +21,8 @@ from rmr_world.lab_program import LoadedProgram, ProgramError, load_handlers, lo
 from rmr_world.radio_key import radio_key
 from rmr_world.run_folder import RunFolderError, make_run_folder
 
-USAGE, INVALID = 2, 3
-"""Exit codes: wrong usage; an invalid program, byte-code or lab file."""
 
-
-class RefusedError(Exception):
+class RunRefusedError(Exception):
     """The run cannot begin: why, for people, and the exit code."""
 
     def __init__(self, message: str, exit_code: int) -> None:
@@ -33,8 +31,8 @@ class RefusedError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wishes:
-    """What the person who starts a run asks for; None where the lab decides."""
+class RunOptions:
+    """The options of `rmr up`; None where the lab decides."""
 
     lab: Path
     """A lab file or its folder."""
@@ -56,10 +54,10 @@ class Wishes:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RunPlan:
     """Everything about a run that is fixed before it begins."""
 
-    wishes: Wishes
+    options: RunOptions
     lab: Lab
     """With the run's seed and robots."""
     program: LoadedProgram
@@ -83,10 +81,10 @@ class Plan:
         return self.folder / "logs"
 
     @property
-    def crews(self) -> list[tuple[int, ...]]:
+    def process_robots(self) -> list[tuple[int, ...]]:
         """The robots of each process, in the order of the roster."""
         roster = self.lab.roster
-        count = min(self.wishes.processes or len(roster), len(roster))
+        count = min(self.options.processes or len(roster), len(roster))
         return [roster[i * len(roster) // count : (i + 1) * len(roster) // count] for i in range(count)]
 
     @property
@@ -95,34 +93,37 @@ class Plan:
         return in_seconds(self.lab.duration)
 
 
-def make_plan(wishes: Wishes, *, color: bool) -> Plan:
-    """Return the plan of a run and make its folder. Raises RefusedError."""
-    if missing := unreadable((lab_path(wishes.lab), wishes.actions)):
-        raise RefusedError("\n".join(f"rmr up: {line}" for line in missing), USAGE)
-    lab = read_lab(wishes.lab, wishes.robots)
-    if wishes.seed is not None:
-        lab = replace(lab, seed=wishes.seed)
+def make_plan(options: RunOptions, *, color: bool) -> RunPlan:
+    """Return the plan of a run and make its folder. Raises RunRefusedError."""
+    if missing := unreadable((lab_path(options.lab), options.actions)):
+        raise RunRefusedError("\n".join(f"rmr up: {line}" for line in missing), ExitCode.USAGE)
+    lab = read_lab(options.lab, options.robots)
+    if options.seed is not None:
+        lab = replace(lab, seed=options.seed)
     program = read_program(lab, color=color)
     try:
-        wishes = replace(wishes, actions=wishes.actions or lab.actions)
-        load_handlers(program.program, wishes.actions)
+        options = replace(options, actions=options.actions or lab.actions)
+        load_handlers(program.program, options.actions)
     except ProgramError as error:
-        raise RefusedError(str(error), INVALID) from error
+        raise RunRefusedError(str(error), ExitCode.INVALID) from error
     try:
-        plan = Plan(wishes, lab, program, make_run_folder(lab.name, wishes.folder))
+        plan = RunPlan(options, lab, program, make_run_folder(lab.name, options.folder))
         _keep_private(plan)
         plan.logs.mkdir()
         plan.byte_code.write_bytes(plan.program.octets)
     except RunFolderError as error:
-        raise RefusedError(str(error), USAGE) from error
+        raise RunRefusedError(str(error), ExitCode.USAGE) from error
     except OSError as error:
         message = f"{error.filename}: {error.strerror}; name a run folder that can be written with --run DIR"
-        raise RefusedError(message, USAGE) from error
+        raise RunRefusedError(message, ExitCode.USAGE) from error
     return plan
 
 
-def _keep_private(plan: Plan) -> None:
-    """Close the run folder to other users and put the secret of the run's bus into it. Raises RefusedError, OSError."""
+def _keep_private(plan: RunPlan) -> None:
+    """Close the run folder to other users and put the secret of the run's bus into it.
+
+    Raises RunRefusedError, OSError.
+    """
     with contextlib.suppress(PermissionError):  # another user's folder that we may write to: the file is ours
         plan.folder.chmod(0o700)
     make_secret(plan.secret)
@@ -131,27 +132,27 @@ def _keep_private(plan: Plan) -> None:
     except SecretError as error:
         plan.secret.unlink()
         message = f"{plan.folder}: no file in it can be kept from other users; name another run folder with --run DIR"
-        raise RefusedError(message, USAGE) from error
+        raise RunRefusedError(message, ExitCode.USAGE) from error
 
 
 def read_program(lab: Lab, *, color: bool) -> LoadedProgram:
-    """Return the lab's program, judged by itself and against the lab. Raises RefusedError."""
+    """Return the lab's program, judged by itself and against the lab. Raises RunRefusedError."""
     try:
         return validated(lab, load_lab_program(lab, color=color))
     except (LabError, ProgramError) as error:
-        raise RefusedError(str(error), INVALID) from error
+        raise RunRefusedError(str(error), ExitCode.INVALID) from error
 
 
 def read_lab(path: Path, robots: int | None) -> Lab:
-    """Return the valid lab in `path`, with its first `robots` robots. Raises RefusedError."""
+    """Return the valid lab in `path`, with its first `robots` robots. Raises RunRefusedError."""
     try:
         lab = load_lab(path)
         radio_key(lab)  # the robots will read it: here it is only judged
         return lab if robots is None else lab.with_robots(robots)
     except LabError as error:
-        raise RefusedError(str(error), INVALID) from error
+        raise RunRefusedError(str(error), ExitCode.INVALID) from error
     except OSError as error:
-        raise RefusedError(f"{error.filename or path}: {error.strerror}", INVALID) from error
+        raise RunRefusedError(f"{error.filename or path}: {error.strerror}", ExitCode.INVALID) from error
 
 
 def free_port() -> int:

@@ -1,11 +1,11 @@
-"""What befell the frames of the ether for each station, counted for all hearers of a frame at once."""
+"""Counters of receptions and losses in the ether, incremented for all receivers of a frame at once."""
 
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmr.radio.intake import Counters
+from rmr.radio.receive_filter import Counters
 from rmr.radio.waves import CAUSES, COLLISION, DEAF, NOISE, Causes, Truths
 
 _Kind = TypeVar("_Kind", bound=np.generic)
@@ -15,23 +15,24 @@ def _grown(array: NDArray[_Kind], room: int) -> NDArray[_Kind]:
     return np.concatenate([array, np.zeros(room - len(array), dtype=array.dtype)])
 
 
-class Tallies:
-    """What befell the frames for each station, by index."""
+class BulkCounters:
+    """Receptions and losses of each station, by index."""
 
     __slots__ = ("bulk", "bulky", "lost", "received")
 
     def __init__(self, room: int) -> None:
         self.received = np.zeros(room, dtype=np.int64)
         self.lost = np.zeros((len(CAUSES), room), dtype=np.int64)
-        """By cause."""
+        """Lost frames by cause and station."""
         self.bulk = np.zeros(room, dtype=np.bool_)
-        """Stations that nobody listens to: their receptions of broadcasts are counted here alone."""
+        """Stations without a `take`: their receptions of broadcasts are counted here alone."""
         self.bulky = False
-        """Whether there are any."""
+        """Whether any station is one of `bulk`."""
 
     def grow(self, room: int) -> None:
         """Make room for `room` stations."""
-        self.received, self.bulk = _grown(self.received, room), _grown(self.bulk, room)
+        self.received = _grown(self.received, room)
+        self.bulk = _grown(self.bulk, room)
         self.lost = np.stack([_grown(of_one_cause, room) for of_one_cause in self.lost])
 
     def note(self, at: NDArray[np.intp], lost: Truths, cause: Causes) -> None:

@@ -13,9 +13,6 @@ from functools import partial
 from rmr.base.ids import spelled
 from rmr.bus.endpoint import BusError
 from rmr.bus.process import (
-    EXIT_FAILED,
-    EXIT_INVALID,
-    EXIT_USAGE,
     Ending,
     handle_signals,
     hold_lifeline,
@@ -23,6 +20,7 @@ from rmr.bus.process import (
     start_logging,
 )
 from rmr.bus.secret import Secret, SecretError, read_secret
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
@@ -53,21 +51,21 @@ def perform(options: argparse.Namespace) -> int:
         log = start_logging(who, options.log)
     except OSError as error:
         print(f"{who}: cannot write {options.log}: {error.strerror}", file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     if missing := unreadable((options.program, options.actions, options.radio_key, options.secret)):
         print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     try:
         carried = _load(options)
         secret = None if options.secret is None else read_secret(options.secret)
     except (RefusedError, SecretError) as error:
         print(f"{who}: {error}", file=sys.stderr)
-        return EXIT_INVALID
+        return ExitCode.INVALID
     ending = Ending()
     try:
         run_precisely(_live(options, carried, secret, ending))
     except BusError as error:
-        ending.ask(str(error), EXIT_FAILED)
+        ending.ask(str(error), ExitCode.FAILED)
     except Exception as error:
         ending.break_down(error)
     if ending.code and ending.reason:

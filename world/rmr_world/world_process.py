@@ -16,9 +16,6 @@ from rmr.bus.endpoint import DEFAULT_ENDPOINT, BusError, host_problem
 from rmr.bus.keys import Keys
 from rmr.bus.occupant import who_listens
 from rmr.bus.process import (
-    EXIT_FAILED,
-    EXIT_INVALID,
-    EXIT_USAGE,
     Ending,
     Throttle,
     handle_signals,
@@ -28,6 +25,7 @@ from rmr.bus.process import (
 )
 from rmr.bus.secret import Secret, SecretError, make_secret, read_secret
 from rmr.bus.session import Bus, InUseError, open_bus, open_when_there
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr_world.finding import LabError
 from rmr_world.lab import Lab
@@ -147,25 +145,26 @@ def perform(options: argparse.Namespace) -> int:
         start_logging("rmr-world", options.log)
     except OSError as error:
         print(f"rmr-world: cannot write {options.log}: {error.strerror}", file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     is_made = options.connect is None and options.secret is not None and not options.secret.exists()
     secret_file = None if is_made else options.secret
     if missing := unreadable((lab_path(options.config), options.program, secret_file)):
         print("\n".join(f"rmr-world: {line}" for line in missing), file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     try:
-        lab, secret = _load(options), _secret(options)
+        lab = _load(options)
+        secret = _secret(options)
     except (LabError, InvalidError, SecretError) as error:
         print(error, file=sys.stderr)
-        return EXIT_INVALID
+        return ExitCode.INVALID
     except OSError as error:
         print(f"rmr-world: {error.filename or options.config}: {error.strerror}", file=sys.stderr)
-        return EXIT_INVALID
+        return ExitCode.INVALID
     ending = Ending()
     try:
         run_precisely(_live(options, lab, secret, ending))
     except BusError as error:
-        ending.ask(str(error), EXIT_FAILED)
+        ending.ask(str(error), ExitCode.FAILED)
     except Exception as error:
         ending.break_down(error)
     if ending.code and ending.reason:

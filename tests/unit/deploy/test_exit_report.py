@@ -1,4 +1,4 @@
-"""A death is told with its cause and its last words."""
+"""The exit report of a process: its exit code or signal, and the end of its output."""
 
 import subprocess
 import sys
@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from rmr_deploy.obituary import LAST_LINES, how, last_lines, obituary
-from rmr_deploy.supervisor import Child
+from rmr_deploy.process_group import LAST_LINES, Child, exit_report, how, last_lines
 
 
 @pytest.mark.parametrize(
@@ -19,16 +18,16 @@ from rmr_deploy.supervisor import Child
         (-40, "was killed by signal 40"),
     ],
 )
-def test_an_exit_code_is_told_in_words(code, words):
+def test_an_exit_code_or_signal_is_put_into_words(code, words):
     assert how(code) == words
 
 
-def test_an_obituary_names_the_process_its_end_and_its_last_words(tmp_path):
+def test_an_exit_report_names_the_process_its_exit_code_and_its_last_output(tmp_path):
     output = tmp_path / "robot-3.out"
     output.write_text("robot 3: no handler for action blink\n")
     process = subprocess.Popen([sys.executable, "-S", "-c", "raise SystemExit(3)"])
     process.wait()
-    assert obituary(Child("robot-3", process, output)) == (
+    assert exit_report(Child("robot-3", process, output)) == (
         f"robot-3 (pid {process.pid}) ended with exit code 3; its last words:\n    robot 3: no handler for action blink"
     )
 

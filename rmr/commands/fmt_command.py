@@ -11,20 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from rmr.commands.common import (
-    EXIT_FAILED,
-    EXIT_INVALID,
-    EXIT_USAGE,
-    PATH,
-    SETTINGS,
-    VERSION,
     counted,
     print_json,
+    print_octets,
     write,
 )
 from rmr.commands.diagnosed import show_found
+from rmr.entry import ExitCode
+from rmr.entry.command_line import Command, CommandLineError, Parser
 
 if TYPE_CHECKING:
     from rmr.lang.diagnostic import Diagnostic
@@ -49,38 +44,44 @@ class _File:
         return self.text != self.source.text
 
 
-@click.command("fmt", context_settings=SETTINGS, short_help="Bring programs into canonical layout.")
-@click.argument("programs", metavar="PROG.rmr...", nargs=-1, required=True, type=PATH)
-@click.option("--check", is_flag=True, help="Write nothing; list the files that would change, and exit with 1 if any.")
-@click.option("--diff", is_flag=True, help="As --check, but print the changes.")
-@click.option("--json", "as_json", is_flag=True, help="Print which files change as one JSON list on stdout.")
-@VERSION
-def command(programs: tuple[Path, ...], check: bool, diff: bool, as_json: bool) -> None:
-    """Bring programs into canonical layout, in place; comments are kept. `-` reads stdin and writes stdout."""
+def _declare(parser: Parser) -> None:
+    parser.positional("programs", "PROG.rmr", count="+", usage="PROG.rmr...")
+    parser.flag("--check", help="Write nothing; list the files that would change, and exit with 1 if any.")
+    parser.flag("--diff", help="As --check, but print the changes.")
+    parser.flag("--json", dest="as_json", help="Print which files change as one JSON list on stdout.")
+
+
+def _format(programs: list[Path], check: bool, diff: bool, as_json: bool) -> int:
+    """Format programs, or show what would change; return the exit code."""
     keeps = check or diff
     if STDIN in programs and len(programs) > 1:
-        raise click.UsageError("`-` stands alone")
+        raise CommandLineError("`-` stands alone")
     if STDIN in programs and as_json and not keeps:
-        raise click.UsageError("the program goes to stdout: `-` and --json need --check")
+        raise CommandLineError("the program goes to stdout: `-` and --json need --check")
     files = [_formatted(path) for path in programs]
     show_found([(each.wrong, {each.source.file: each.source}) for each in files])
     code = max(each.code for each in files)
     changed = [each for each in files if each.changes]
     if keeps:
-        code = code or (EXIT_FAILED if changed else 0)
+        code = code or (ExitCode.FAILED if changed else 0)
     elif STDIN in programs:
-        click.echo(files[0].text.encode() if not files[0].wrong else b"", nl=False)
+        print_octets(files[0].text.encode() if not files[0].wrong else b"")
     else:
         code = max([code, *(_replace(each) for each in changed)])
     if as_json:
         print_json([{"file": each.source.file, "changed": each.changes} for each in files])
     elif diff:
-        click.echo("".join(_difference(each) for each in changed).encode(), nl=False)
+        print_octets("".join(_difference(each) for each in changed).encode())
     elif check:
-        click.echo("".join(f"{each.source.file}\n" for each in changed), nl=False)
+        print("".join(f"{each.source.file}\n" for each in changed), end="")
     elif STDIN not in programs:
-        click.echo(f"{counted(len(changed), 'files')} of {len(files)} formatted", err=True)
-    sys.exit(code)
+        print(f"{counted(len(changed), 'files')} of {len(files)} formatted", file=sys.stderr)
+    return code
+
+
+ABOUT = "Bring programs into canonical layout, in place; comments are kept. `-` reads stdin and writes stdout."
+
+command = Command(ABOUT, _declare, _format)
 
 
 def _formatted(path: Path) -> _File:
@@ -93,11 +94,11 @@ def _formatted(path: Path) -> _File:
         source = _read(path, name)
     except SourceError as error:
         wrong = [Diagnostic("E003", str(error), Span(name, 0, 0), error.hint)]
-        return _File(path, Source(name, ""), "", wrong, EXIT_USAGE if error.usage else EXIT_INVALID)
+        return _File(path, Source(name, ""), "", wrong, ExitCode.USAGE if error.usage else ExitCode.INVALID)
     found = Diagnostics()
     text = format_source(source, found)
     if text is None:
-        return _File(path, source, source.text, found.in_order(), EXIT_INVALID)
+        return _File(path, source, source.text, found.in_order(), ExitCode.INVALID)
     return _File(path, source, text, [], 0)
 
 
@@ -111,8 +112,8 @@ def _replace(file: _File) -> int:
     """Write the new text; return the exit code."""
     target = file.path.resolve()
     if not target.is_file():
-        click.echo(f"{file.path}: error: no regular file; `-` reads from a pipe", err=True)
-        return EXIT_USAGE
+        print(f"{file.path}: error: no regular file; `-` reads from a pipe", file=sys.stderr)
+        return ExitCode.USAGE
     return write(target, file.text.encode(), stat.S_IMODE(target.stat().st_mode))
 
 

@@ -1,4 +1,4 @@
-"""One robot's radio in the ether: medium access on the kernel's time, and the switch of the process around it.
+"""One robot's radio in the ether: medium access in the kernel's time, and the state of the process around it.
 
 A radio is part of its robot's process, as in `rmr_agent`. When that is held up (a stopped process) the station stands
 still: frames that come through meanwhile are handed on, as a process that goes on decides them by their stamps, but
@@ -8,42 +8,61 @@ begins another life.
 
 from collections.abc import Callable
 from random import Random
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
-from rmr.base.kernel import RADIO, Alarm
+from rmr.base.kernel import RADIO, Alarm, Kernel
 from rmr.base.time import NEVER, Instant
 from rmr.radio.air import Confirmed, Received
-from rmr.radio.intake import Counters, Intake
+from rmr.radio.bulk_counters import BulkCounters
 from rmr.radio.mac import Mac, State, Transmission
+from rmr.radio.path_loss_map import PathLossMap
+from rmr.radio.receive_filter import Counters, ReceiveFilter
 from rmr.radio.security import Security
 
-if TYPE_CHECKING:
-    from rmr.radio.ether import Ether
-
 Take = Callable[[Received | Confirmed], None]
+
+
+class Medium(Protocol):
+    """The ether as a station uses it (`rmr.radio.ether.Ether`)."""
+
+    kernel: Kernel
+    bulk_counters: BulkCounters
+    path_loss: PathLossMap
+    awaiting: set[int]
+    """Indices of the stations that transmit or wait for an acknowledgement."""
+    listening: Any
+    """Whether the station of each index is switched on (an array)."""
+
+    def busy(self, station: "EtherStation", now: Instant) -> bool:
+        """Return whether the channel assessment of `station` that ends `now` finds the channel busy."""
+        ...
+
+    def announce(self, station: "EtherStation", psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
+        """Let `station` transmit at `start`."""
+        ...
 
 
 class EtherStation:
     """One robot's radio in the ether."""
 
     def __init__(
-        self, ether: "Ether", index: int, mac: Mac, intake: Intake, take: Take | None, payload_max: int
+        self, ether: Medium, index: int, mac: Mac, receive_filter: ReceiveFilter, take: Take | None, payload_max: int
     ) -> None:
         self.index = index
         self.mac = mac
-        self.intake = intake
+        self.receive_filter = receive_filter
         self.take = take
         self.payload_max = payload_max
         """Octets that fit a frame."""
         self.held = False
-        """Whether it is switched off or held up: it does nothing of itself and acknowledges nothing."""
+        """Whether its process is stopped or ended: it sends and acknowledges nothing."""
         self._ether = ether
         self._alarm = Alarm(ether.kernel, RADIO, self._fire)
 
     @property
     def counters(self) -> Counters:
-        """What it has done and what befell it."""
-        return self._ether.tallies.complete(self.index, self.intake.counters)
+        """Its counters, up to date."""
+        return self._ether.bulk_counters.complete(self.index, self.receive_filter.counters)
 
     def request(self, payload: bytes, destination: int | None, handle: int) -> None:
         """Send `payload` (`payload_max` octets at most) to `destination`, None for all.
@@ -55,15 +74,15 @@ class EtherStation:
         if self.mac.request(kernel.now, payload, destination, handle):
             self._alarm.set(self.mac.next_wake)
         else:
-            self.intake.counters.access_failed += 1
+            self.receive_filter.counters.access_failed += 1
             kernel.at(kernel.now, RADIO, lambda _now: self._tell(Confirmed(handle, "access_failure")))
 
     def move(self, x: float, y: float) -> None:
         """Set the station's true position, metres."""
-        self._ether.floor.move(self.index, x, y)
+        self._ether.path_loss.move(self.index, x, y)
 
     def acknowledged(self, end: Instant) -> None:
-        """Take note of the acknowledgement waited for, whose last symbol arrives at `end`, which is now."""
+        """Accept the awaited acknowledgement, whose last symbol arrives at `end`, which is now."""
         confirmed = self.mac.acknowledged(end, end)
         self._go_on()
         self._tell(confirmed)
@@ -71,14 +90,15 @@ class EtherStation:
     # -- what befalls the process that it is part of -------------------------------------------------------------
 
     def hold(self) -> None:
-        """Stand still: what is on the air stays there, what arrives is taken, but nothing is sent or acknowledged."""
+        """Stop the process: frames that arrive are taken, but nothing is sent or acknowledged."""
         self.held = True
         self._alarm.set(NEVER)
 
     def resume(self, now: Instant) -> None:
-        """Go on after `hold`: what was due in the meantime is due now, and backoffs begin anew."""
+        """Continue after `hold`: timers that were due meanwhile fire now, and backoffs start again."""
         self.held = False
         while self.mac.next_wake < now:
+            # An assessment of the past cannot be made up for: the channel of that instant is gone. Deadlines can.
             if self.mac.state is State.BACKOFF:
                 self.mac.back_off_again(now)
             else:
@@ -86,16 +106,19 @@ class EtherStation:
         self._go_on()
 
     def switch_off(self) -> None:
-        """Neither send nor hear anything more, as when the process dies; `switch_on` begins a new life."""
+        """Neither send nor receive any more, as when the process ends; `switch_on` starts the next incarnation."""
         self.hold()
         self._ether.listening[self.index] = False
         self._ether.awaiting.discard(self.index)
 
     def switch_on(self, rng: Random, security: Security | None) -> None:
-        """Begin a new life in the same place, which remembers nothing of the earlier one but the counters."""
-        ether, intake = self._ether, self.intake
-        self.mac = Mac(intake.address, intake.pan, rng, security=security)
-        self.intake = Intake(intake.address, intake.pan, intake.counters, security)
+        """Start the next incarnation in the same place, which keeps nothing of the earlier one but the counters."""
+        ether = self._ether
+        receive_filter = self.receive_filter
+        self.mac = Mac(receive_filter.address, receive_filter.pan, rng, security=security)
+        self.receive_filter = ReceiveFilter(
+            receive_filter.address, receive_filter.pan, receive_filter.counters, security
+        )
         self.held = False
         ether.listening[self.index] = True
 
@@ -104,7 +127,8 @@ class EtherStation:
             self.take(confirmed)
 
     def _fire(self, now: Instant) -> None:
-        mac, counters = self.mac, self.intake.counters
+        mac = self.mac
+        counters = self.receive_filter.counters
         out = mac.fire(mac.state is State.BACKOFF and self._ether.busy(self, now))
         if isinstance(out, Transmission):
             counters.sent += 1

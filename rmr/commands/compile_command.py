@@ -4,26 +4,27 @@
 import sys
 from pathlib import Path
 
-import click
-
 from rmr.commands import diagnosed
-from rmr.commands.common import EXIT_INVALID, PATH, SETTINGS, VERSION, counted, print_json, write
+from rmr.commands.common import counted, print_json, write
+from rmr.entry import ExitCode
+from rmr.entry.command_line import Command, CommandLineError, Parser
 
 
-@click.command("compile", context_settings=SETTINGS, short_help="Compile a program to byte-code.")
-@click.argument("program", metavar="PROG.rmr", type=PATH)
-@click.option("-o", "--output", metavar="PROG.rbc", type=PATH, help="Where to write; default: beside the program.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on stdout.")
-@click.option("--strip", is_flag=True, help="Leave out where everything stands in the source.")
-@VERSION
-def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> None:
-    """Compile a program to byte-code; nothing is written if it has errors."""
+def _declare(parser: Parser) -> None:
+    parser.positional("program", "PROG.rmr")
+    parser.option("-o", "--output", metavar="PROG.rbc", read=Path, help="Where to write; default: beside the program.")
+    parser.flag("--json", dest="as_json", help="Print the result as JSON on stdout.")
+    parser.flag("--strip", help="Leave out where everything stands in the source.")
+
+
+def _compile(program: Path, output: Path | None, as_json: bool, strip: bool) -> int:
+    """Compile a program; return the exit code."""
     from rmr.bytecode.codec import BytecodeError, encode
     from rmr.lang.compiler import compile_file
 
     target = output if output is not None else _beside(program)
     if _same(target, program):
-        raise click.UsageError(f"the output {target} is the program itself")
+        raise CommandLineError(f"the output {target} is the program itself")
     compilation = compile_file(program)
     summary: dict[str, object] = {"file": str(program), "output": None}
     code = diagnosed.exit_code([compilation])
@@ -31,8 +32,8 @@ def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> N
         try:
             octets = encode(compilation.program, debug=not strip)
         except BytecodeError as error:
-            click.echo(f"{program}: error: {error}", err=True)
-            sys.exit(EXIT_INVALID)
+            print(f"{program}: error: {error}", file=sys.stderr)
+            return ExitCode.INVALID
         code = write(target, octets)
         summary |= {
             "output": str(target) if code == 0 else None,
@@ -48,8 +49,11 @@ def command(program: Path, output: Path | None, as_json: bool, strip: bool) -> N
         diagnosed.show([compilation])
     if compilation.program is not None and code == 0 and not as_json:
         words = ("octets", "predicates", "rules", "warnings")
-        click.echo(f"{target}: " + ", ".join(counted(summary[word], word) for word in words))
-    sys.exit(code)
+        print(f"{target}: " + ", ".join(counted(summary[word], word) for word in words))
+    return code
+
+
+command = Command("Compile a program to byte-code; nothing is written if it has errors.", _declare, _compile)
 
 
 def _beside(program: Path) -> Path:

@@ -2,39 +2,42 @@
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import os
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
 from rmr.commands import diagnosed
-from rmr.commands.common import PATH, SETTINGS, VERSION, become_program, print_json
+from rmr.commands.common import become_program, print_json
+from rmr.entry.command_line import Command, CommandLineError, Parser
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
 
 
-@click.command("check", context_settings=SETTINGS)
-@click.argument("programs", metavar="PROG.rmr|LAB...", nargs=-1, required=True, type=PATH)
-@click.option("--json", "as_json", is_flag=True, help="Print the diagnostics as one JSON list on stdout.")
-@click.option("--explain", is_flag=True, help="Also say which rules reach which goals, and so on.")
-@click.option("--svg", metavar="FILE", type=PATH, help="Draw a lab: floor, areas, robots and their ways.")
-@VERSION
-def command(programs: tuple[Path, ...], as_json: bool, explain: bool, svg: Path | None) -> None:
-    """Check programs and labs and print what is wrong with them.
+ABOUT = """\
+Check programs and labs and print what is wrong with them.
 
-    LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run.
+LAB is a lab.yaml, its folder or a provided lab: checked is all that is judged before a run.
 
-    With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
-    which time assertions and how, what each rule needs and sends, and whether all robots can be run at once. With
-    --json that is one object.
-    """
+With --explain also print, for each program without errors, which rules lead to which goals, which actions serve
+which time assertions and how, what each rule needs and sends, and whether all robots can be run at once. With
+--json that is one object.
+"""
+
+
+def _declare(parser: Parser) -> None:
+    parser.positional("programs", "PROG.rmr|LAB", count="+", usage="PROG.rmr|LAB...")
+    parser.flag("--json", dest="as_json", help="Print the diagnostics as one JSON list on stdout.")
+    parser.flag("--explain", help="Also say which rules reach which goals, and so on.")
+    parser.option("--svg", metavar="FILE", read=Path, help="Draw a lab: floor, areas, robots and their ways.")
+
+
+def _check(programs: list[Path], as_json: bool, explain: bool, svg: Path | None) -> int:
+    """Check programs; a command line with a lab is that of `rmr lab check`."""
     if svg is not None or any(_is_lab(path) for path in programs):
         if explain:
-            raise click.UsageError("--explain is about programs: name the lab's program")
+            raise CommandLineError("--explain is about programs: name the lab's program")
         options = [*(["--json"] if as_json else []), *([] if svg is None else ["--svg", os.fspath(svg)])]
         become_program("lab", ["check", *options, "--", *map(os.fspath, programs)])
     from rmr.lang.compiler import compile_file
@@ -46,7 +49,10 @@ def command(programs: tuple[Path, ...], as_json: bool, explain: bool, svg: Path 
         _explain(compilations, as_json)
     elif as_json:
         print_json(diagnosed.as_json(compilations))
-    sys.exit(diagnosed.exit_code(compilations))
+    return diagnosed.exit_code(compilations)
+
+
+command = Command(ABOUT, _declare, _check)
 
 
 def _is_lab(path: Path) -> bool:
@@ -66,4 +72,4 @@ def _explain(compilations: Sequence["Compilation"], as_json: bool) -> None:
         explanation = {"programs": [asdict(each) for each in told]}
         print_json({"diagnostics": diagnosed.as_json(compilations), "explanation": explanation})
     else:
-        click.echo("\n".join(map(show, told)), nl=False)
+        print("\n".join(map(show, told)), end="")

@@ -1,8 +1,8 @@
-"""The processes of one run: started together, watched, and never left behind.
+"""The process group of one run: starts its processes, polls them, ends all of them, and reports how one ended.
 
-Three things keep a run from leaving strays:
+Three mechanisms keep processes from outliving a run:
 
-- *Order.* `Family.stop` asks with SIGTERM, waits a bounded time and then sends SIGKILL. Signals go to the
+- *Order.* `ProcessGroup.stop` asks with SIGTERM, waits a bounded time and then sends SIGKILL. Signals go to the
   process by its id while it is still unreaped, so that an id that the system has given away again is never hit.
 - *The lifeline.* Every process inherits the read end of a pipe whose only write end the launcher holds; its
   number stands in the environment as `RMR_LIFELINE`. However the launcher ends, even by ``kill -9``, the kernel
@@ -29,18 +29,26 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rmr.bus.process import LIFELINE
+from rmr.entry import ExitCode
 
 POLL_S = 0.02
-"""How often a stopping process is looked at; far below what a person notices."""
+"""Period with which a process that stops is polled; far below what a person notices."""
 
 TERM_PATIENCE_S = 2.0
-"""How long a process may take to leave after SIGTERM: a lost bus is given up after about one second."""
+"""Limit for a process to exit after SIGTERM; leaving a bus whose router is gone takes about one second."""
 
 KILL_PATIENCE_S = 2.0
-"""How long SIGKILL may take; only a process inside an uninterruptible system call is slower."""
+"""Limit for a process to end after SIGKILL; only one inside an uninterruptible system call takes longer."""
 
 PR_SET_PDEATHSIG = 1
 """Option of prctl(2), from linux/prctl.h."""
+
+
+LAST_LINES = 8
+"""Lines of a process's output in its exit report: the end of a traceback, or what led to the exit."""
+
+TAIL_OCTETS = 16_384
+"""Octets at the end of the output that are read to find those lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +56,7 @@ class Child:
     """One process of the run."""
 
     name: str
-    """What people call it: ``world``, ``robot-4``, ``robot-1-20``."""
+    """Its name in messages and file names: ``world``, ``robot-4``, ``robot-1-20``."""
     process: subprocess.Popen[bytes]
     output: Path
     """Where its standard output and standard error go."""
@@ -70,7 +78,7 @@ class Child:
         return self.process.poll()
 
 
-class Family:
+class ProcessGroup:
     """All processes of one run, in the order in which they were started."""
 
     def __init__(self) -> None:
@@ -162,6 +170,43 @@ def _death_with_parent() -> Callable[[], None] | None:
     def ask() -> None:
         prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL))
         if os.getppid() != parent:  # it died before the kernel was asked
-            os._exit(1)
+            os._exit(ExitCode.FAILED)
 
     return ask
+
+
+# --- exit reports
+
+
+def exit_report(child: Child) -> str:
+    """Return the name of the process, how it ended, and the last lines that it wrote."""
+    lines = "".join(f"\n    {line}" for line in last_lines(child.output))
+    return f"{child.name} (pid {child.pid}) {how(child.exit_code())}" + (f"; its last words:{lines}" if lines else "")
+
+
+def how(exit_code: int | None) -> str:
+    """Return an exit code in words."""
+    if exit_code is None:
+        return "runs"
+    if exit_code < 0:
+        return f"was killed by {_signal_name(-exit_code)}"
+    return f"ended with exit code {exit_code}"
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal has no name
+        return f"signal {number}"
+
+
+def last_lines(output: Path) -> list[str]:
+    """Return the last lines of what a process has written."""
+    try:
+        with output.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(max(0, size - TAIL_OCTETS))
+            text = file.read().decode(errors="replace")
+    except OSError:  # the run folder has been removed
+        return []
+    return [line for line in text.splitlines() if line.strip()][-LAST_LINES:]

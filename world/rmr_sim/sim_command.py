@@ -18,6 +18,7 @@ from typing import Any, TextIO
 from rmr.base.mistake import words
 from rmr.base.time import in_seconds
 from rmr.coord.timing import Order
+from rmr.entry import ExitCode
 from rmr.entry.files import unreadable
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER
 from rmr.node.trace import Level
@@ -41,7 +42,6 @@ from rmr_world.run_warnings import run_warnings
 
 FAILURES_MAX = 5
 """Failed actions, and violations, that are told of; a program that tries again and again does not fill the screen."""
-EXIT_FAILED, EXIT_USAGE, EXIT_INVALID, EXIT_STRICT = 1, 2, 3, 4
 
 
 def perform(arguments: argparse.Namespace) -> int:
@@ -55,7 +55,7 @@ def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
     folder: Path | None = None
     if missing := unreadable((lab_path(arguments.lab), arguments.actions, arguments.events)):
         print("\n".join(f"rmr sim: {line}" for line in missing), file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     try:
         loaded = load(arguments.lab, options_of(arguments))
         for text in loaded.warnings:
@@ -67,18 +67,18 @@ def _perform(arguments: argparse.Namespace, out: TextIO) -> int:
         return run(arguments, loaded, folder, out)
     except (LabError, ProgramError) as error:
         print(error, file=sys.stderr)
-        return EXIT_INVALID
+        return ExitCode.INVALID
     except EventError as error:
         print(f"rmr sim: {error}", file=sys.stderr)
-        return EXIT_FAILED
+        return ExitCode.FAILED
     except BrokenPipeError:
         raise  # of the output: it is no mistake to have seen enough
     except ResumeError as error:
         print(f"rmr sim: {error}", file=sys.stderr)
-        return EXIT_USAGE
+        return ExitCode.USAGE
     except (RunFolderError, OSError) as error:
         print(f"rmr sim: {_words_of(error)}", file=sys.stderr)
-        return EXIT_USAGE if folder is None else EXIT_FAILED
+        return ExitCode.USAGE if folder is None else ExitCode.FAILED
     except Exception as error:
         return _broke_down(error, folder)
 
@@ -108,7 +108,7 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     if arguments.chaos:
         print("\n".join(["faults drawn from the seed:", *fault_lines(simulation.lab)]), file=sys.stderr)
     if arguments.trace is not None and not _writable(arguments.trace):
-        return EXIT_USAGE
+        return ExitCode.USAGE
     began = time.perf_counter()
     try:
         with Interruption() as interruption:
@@ -131,7 +131,7 @@ def _run(arguments: argparse.Namespace, loaded: LoadedLab, folder: Path, out: Te
     report_file = folder / REPORT_FILE
     where = f"the report is {report_file}" if report_file.is_file() else "there is no report"
     print(f"{'interrupted: ' if interruption.came else ''}{took}; {where}", file=sys.stderr)
-    return EXIT_FAILED if unwritten else exit_code(row_of(report), strict=arguments.strict)
+    return ExitCode.FAILED if unwritten else exit_code(row_of(report), strict=arguments.strict)
 
 
 def _attempt(write_file: Callable[[], object]) -> list[str]:
@@ -162,7 +162,7 @@ def _broke_down(error: Exception, folder: Path | None) -> int:
             (folder / BREAKDOWN_FILE).write_text("".join(traceback.format_exception(error)))
             where = f"where is told in {folder / BREAKDOWN_FILE}"
     print(f"rmr sim: broke down: {words(error)}; {where}", file=sys.stderr)
-    return EXIT_FAILED
+    return ExitCode.FAILED
 
 
 def _resume(arguments: argparse.Namespace, loaded: LoadedLab, out: TextIO) -> int:
@@ -196,7 +196,7 @@ def _sweep(
     again = f"; to go on: {command} --resume {shlex.quote(str(folder))}" if interrupted and written else ""
     print(f"{'interrupted: ' if interrupted else ''}{done}{again}", file=sys.stderr)
     if interrupted or not written or any(map(fails, sweep.rows)):
-        return EXIT_FAILED
+        return ExitCode.FAILED
     return max((exit_code(row, strict=arguments.strict) for row in sweep.rows), default=0)
 
 
@@ -214,9 +214,9 @@ def _sum_up(folder: Path, text: str) -> bool:
 def exit_code(row: dict[str, Any], *, strict: bool) -> int:
     """Return the exit code for a run (0 fine, 1 not finished or a rule broken, 4 under --strict: missed or touched)."""
     if not row["finished"] or any(check != CONTACT for check in row["violations"]):
-        return EXIT_FAILED
+        return ExitCode.FAILED
     if strict and (row["deadlines"]["missed"] or row["collisions"]):
-        return EXIT_STRICT
+        return ExitCode.STRICT
     return 0
 
 

@@ -1,8 +1,8 @@
-"""Where the stations of the ether stand, who is within reach of whom, and with what power each hears another.
+"""Received power between the stations of the ether, by their positions.
 
 Stations are known by their index; arrays have an entry for each. Only the stations in a transmitter's cell and the
-ring around it are looked at (`rmr.radio.cells`), so of robots out of range a frame costs no more than those entries.
-What a transmitter reaches is remembered until somebody moves, where links are what distance makes them.
+ring around it are computed (`rmr.radio.cells`), so robots out of range cost a frame nothing but those entries. The
+result for a transmitter is cached until a station moves, unless shadowing or disturbances apply.
 """
 
 from bisect import insort
@@ -22,38 +22,39 @@ Places = Any
 """An index array, in order, or a slice."""
 
 STATIONS_FIRST: Final = 64
-"""Room for so many stations at first; it doubles when it is used up."""
+"""Initial capacity in stations; it doubles when it is used up."""
 
 
-class Reached(NamedTuple):
-    """What one transmitter reaches."""
+class ReachedStations(NamedTuple):
+    """The stations within reach of one transmitter, and the power that each receives."""
 
     at: Places
-    """The stations that may hear it."""
+    """Indices of the stations within reach."""
     power_dbm: Floats
-    """At every station; minus infinity out of reach."""
+    """Received power at every station, dBm; minus infinity out of reach."""
     power: Floats
-    """In milliwatts; 0 where it is too weak even to disturb."""
+    """Received power at every station, milliwatts; 0 where it is too weak even to interfere."""
 
 
-class Floor:
-    """The stations' places."""
+class PathLossMap:
+    """The positions of all stations, and the path loss between them."""
 
     def __init__(self, config: RadioConfig, links: Links) -> None:
         self._near_dbm = config.tx_power_dbm - LOSS_AT_1_M_DB
-        """Power at 1 m and nearer."""
+        """Received power at 1 m and nearer."""
         self._decibels = 5.0 * config.exponent
-        """What ten times the square of a distance takes."""
+        """Path loss of ten times the squared distance, dB: 10 n log10(d) = 5 n log10(d^2)."""
         self._least_dbm = config.sensitivity_dbm - RELEVANCE_DB
         self._links = links
         self._grid = Grid(interference_range_m(config))
         self._cells: list[Cell] = []
         self._members: dict[Cell, list[int]] = {}
         self._within: dict[Cell, Places] = {}
-        self._reached: dict[int, Reached] = {}
+        self._reached: dict[int, ReachedStations] = {}
         self.room = STATIONS_FIRST
         """Length of all arrays."""
-        self.x, self.y = np.zeros(self.room), np.zeros(self.room)
+        self.x = np.zeros(self.room)
+        self.y = np.zeros(self.room)
         self._places: list[tuple[float, float]] = []
         self.addresses = np.zeros(self.room, dtype=np.uint64)
 
@@ -62,10 +63,12 @@ class Floor:
         index = len(self._cells)
         if index == self.room:
             self.room *= 2
-            self.x, self.y = np.resize(self.x, self.room), np.resize(self.y, self.room)
+            self.x = np.resize(self.x, self.room)
+            self.y = np.resize(self.y, self.room)
             self.addresses = np.resize(self.addresses, self.room)
         self.addresses[index] = address
-        self.x[index], self.y[index] = x, y
+        self.x[index] = x
+        self.y[index] = y
         self._places.append((x, y))
         self._cells.append(self._grid.cell_of(x, y))
         self._enter(index, self._cells[index])
@@ -76,7 +79,8 @@ class Floor:
         if self._places[index] == (x, y):
             return
         self._places[index] = x, y
-        self.x[index], self.y[index] = x, y
+        self.x[index] = x
+        self.y[index] = y
         self._reached.clear()
         was = self._cells[index]
         cell = self._grid.cell_of(x, y, was)
@@ -92,9 +96,9 @@ class Floor:
         """Return the place of a station, metres."""
         return self._places[index]
 
-    def reached(self, index: int, start: Instant) -> Reached:
+    def reached(self, index: int, start: Instant) -> ReachedStations:
         """Return what a transmission of station `index` reaches that begins at `start`."""
-        if self._links.fades:  # as the time and who else is disturbed will have it
+        if self._links.fades:  # depends on the instant: not cached
             return self._reach(index, start)
         known = self._reached.get(index)
         if known is None:
@@ -107,10 +111,11 @@ class Floor:
         self._within.clear()
         self._reached.clear()
 
-    def _reach(self, index: int, start: Instant) -> Reached:
+    def _reach(self, index: int, start: Instant) -> ReachedStations:
         at = self._within_reach(self._cells[index])
         x, y = self._places[index]
-        square, dy = self.x[at] - x, self.y[at] - y
+        square = self.x[at] - x
+        dy = self.y[at] - y
         square *= square
         dy *= dy
         square += dy
@@ -120,7 +125,8 @@ class Floor:
         if self._links.fades:
             source = int(self.addresses[index])
             heard_dbm += [self._links.gain_db(source, other, start) for other in self.addresses[at].tolist()]
-        power_dbm, power = np.empty(self.room), np.zeros(self.room)
+        power_dbm = np.empty(self.room)
+        power = np.zeros(self.room)
         power_dbm.fill(-inf)
         power_dbm[at] = heard_dbm
         power_dbm[index] = -inf
@@ -129,7 +135,7 @@ class Floor:
         np.power(10.0, powers, out=powers)
         powers *= heard_dbm >= self._least_dbm
         power[at] = powers
-        return Reached(at, power_dbm, power)
+        return ReachedStations(at, power_dbm, power)
 
     def _within_reach(self, cell: Cell) -> Places:
         """Return the stations that a transmitter in `cell` may reach."""

@@ -1,11 +1,11 @@
-"""What the launcher hears on the bus of the run: the latest status of everybody, and the truth of the world.
+"""The launcher's view of a run on the bus: the newest status of each process, and the world's ground truth.
 
-The launcher is one more client of the star. It knows only what the processes say; whether a process that it started
-lives is the supervisor's knowledge. Nothing is asked for again: statuses come several times a second, and the last
-one of each sender is marked as final.
+The launcher is a client of the star like any other. It knows what the processes publish; whether a process that it
+started still runs is known to `process_group`. Nothing is requested again: statuses come several times a second, and
+the last one of each sender is marked as final.
 
-A robot whose process has died is *lost* until another process takes its place, which its liveliness token shows. What
-is told under the session number of the dead process is then of an earlier life.
+After the process of a robot has ended, the robot is absent until the liveliness token of another process shows. What
+was published under the session number of the ended process then belongs to an earlier incarnation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,32 +22,32 @@ AT_WORK = ("ready", "running", "finished")
 """States of a robot that has its program, its place and its clock."""
 
 
-class Watch:
-    """The newest word of each process of a lab."""
+class StatusMonitor:
+    """The newest status of each process of a lab."""
 
     def __init__(self, bus: Bus, lab: str) -> None:
         self._bus = bus
         self._keys = Keys(lab)
         self.robots: dict[int, wire.Status] = {}
-        """The newest status of each robot, of its present life alone."""
+        """The newest status of each robot's present incarnation."""
         self.world: wire.Status | None = None
         self.truth: wire.Truth | None = None
         self.present: set[int] = set()
-        """Robots whose liveliness token stands."""
+        """Robots with a liveliness token."""
         self._sessions: dict[int, int] = {}
         """Session number of each robot's newest status."""
         self._dead_sessions: dict[int, set[int]] = {}
         self._parts: dict[int, Mapping[str, Any]] = {}
-        """The newest part of the report of each robot's present life."""
+        """The newest part of the report of each robot's present incarnation."""
         self._past: dict[int, list[Mapping[str, Any]]] = {}
-        """Likewise of the lives before it, as last heard."""
+        """The newest part of the report of each earlier incarnation of each robot, oldest first."""
         bus.subscribe(self._keys.statuses, self._status, whole=True)
         bus.subscribe(self._keys.truth, self._truth)
         bus.watch_alive(self._keys.alive(ROBOT_ROLE, "*"), self._alive)
 
     @classmethod
-    async def of(cls, lab: str, endpoint: str, secret: Path) -> "Watch":
-        """Return the watch of `lab` as soon as its router answers at `endpoint`; `secret` is a file.
+    async def of(cls, lab: str, endpoint: str, secret: Path) -> "StatusMonitor":
+        """Return the monitor of `lab` as soon as its router answers at `endpoint`; `secret` is a file.
 
         Raises SecretError, and NotAdmittedError when the router refuses the session.
         """
@@ -73,8 +73,8 @@ class Watch:
         if robot is not None:
             (self.present.add if alive else self.present.discard)(robot)
 
-    def bury(self, robot: int) -> None:
-        """Note that the process that was `robot` has died: whoever shows its token from now on is its next life."""
+    def retire(self, robot: int) -> None:
+        """Note that the process of `robot` has ended: a token that shows from now on is of its next incarnation."""
         self.present.discard(robot)
         if robot in self._sessions:
             self._dead_sessions.setdefault(robot, set()).add(self._sessions[robot])
@@ -84,14 +84,14 @@ class Watch:
 
     @property
     def now(self) -> Instant:
-        """The newest lab time heard of; 0 before the lab clock runs."""
+        """The newest lab time in a message; 0 before the lab clock runs."""
         stamps = [status.stamp for status in self.robots.values()]
         stamps += [said.stamp for said in (self.world, self.truth) if said is not None]
         return max(stamps, default=0)
 
     @property
     def now_s(self) -> float:
-        """Likewise, in seconds."""
+        """The newest lab time in a message, in seconds."""
         return in_seconds(self.now)
 
     def ready(self, roster: Sequence[int]) -> bool:
@@ -106,21 +106,26 @@ class Watch:
         """Whether every robot of `roster` holds the finish fact."""
         return all((status := self.robots.get(robot)) is not None and status.finished for robot in roster)
 
+    @property
+    def is_final(self) -> bool:
+        """Whether the last state of the world has come."""
+        return self.truth is not None and self.truth.final
+
     def final(self, robot: int) -> bool:
-        """Whether `robot` has said its last."""
+        """Whether the last status of `robot` has come."""
         status = self.robots.get(robot)
         return status is not None and status.final
 
     def report(self, robot: int) -> Mapping[str, Any]:
-        """Return the part of the report of the robot's present life as last heard; empty when nothing was."""
+        """Return the newest part of the report of the robot's present incarnation; empty when none has come."""
         return self._parts.get(robot, {})
 
     def past(self, robot: int) -> Sequence[Mapping[str, Any]]:
-        """Return the parts of the report of the robot's earlier lives as last heard, oldest first."""
+        """Return the newest parts of the report of the robot's earlier incarnations, oldest first."""
         return self._past.get(robot, ())
 
     def cut_logs(self) -> list[tuple[str, str]]:
-        """Return whose log could not be written to its end, and why."""
+        """Return (name of the process, reason) of each log that could not be written to its end."""
         told: list[tuple[str, Mapping[str, Any]]] = [("the world", self.world.report if self.world else {})]
         told += [(f"robot {robot}", part) for robot, part in sorted(self._parts.items())]
         return [(name, str(part["log_cut_short"])) for name, part in told if part.get("log_cut_short")]
@@ -130,7 +135,7 @@ class Watch:
         return "starting" if status is None else status.state
 
     def line(self, robot: int) -> tuple[str, str]:
-        """Return the robot's state and its progress for people."""
+        """Return the robot's state and its progress, as the screen shows them."""
         status = self.robots.get(robot)
         return ("starting", "") if status is None else (status.state, status.progress)
 

@@ -4,20 +4,20 @@
 import os
 import sys
 
-import click
-
-from rmr.commands.common import SETTINGS, VERSION, print_json
+from rmr.commands.common import print_json
+from rmr.entry.command_line import Command, CommandLineError, Parser, did_you_mean
 
 COLUMNS_MAX = 100
 """Longer lines are hard to read, however wide the terminal is."""
 
 
-@click.command("explain", context_settings=SETTINGS, short_help="Explain an error or a warning.")
-@click.argument("code", required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print the page, or the list of codes, as JSON on stdout.")
-@VERSION
-def command(code: str | None, as_json: bool) -> None:
-    """Explain the error or warning CODE, such as E012; without CODE, list all of them."""
+def _declare(parser: Parser) -> None:
+    parser.positional("code", "CODE", read=str, count="?", usage="[CODE]")
+    parser.flag("--json", dest="as_json", help="Print the page, or the list of codes, as JSON on stdout.")
+
+
+def _explain(code: str | None, as_json: bool) -> None:
+    """Print the page of a code, or the list of codes."""
     from rmr.lang.diagnostic import CODES
     from rmr.lang.pages import page
 
@@ -25,13 +25,18 @@ def command(code: str | None, as_json: bool) -> None:
         if as_json:
             print_json([_entry(each) for each in CODES])
         else:
-            click.echo("".join(f"{each}  {title}\n" for each, title in CODES.items()), nl=False)
+            print("".join(f"{each}  {title}\n" for each, title in CODES.items()), end="")
         return
     known = _known(code)
     if as_json:
         print_json(_entry(known) | {"page": page(known)})
     else:
         _show(page(known))
+
+
+ABOUT = "Explain the error or warning CODE, such as E012; without CODE, list all of them."
+
+command = Command(ABOUT, _declare, _explain)
 
 
 def _entry(code: str) -> dict[str, object]:
@@ -41,16 +46,13 @@ def _entry(code: str) -> dict[str, object]:
 
 
 def _known(code: str) -> str:
-    """Return the code that `code` means, in whatever letters; raise UsageError if there is none."""
-    from difflib import get_close_matches
-
+    """Return the code that `code` means, in whatever letters; raise CommandLineError if there is none."""
     from rmr.lang.diagnostic import CODES
 
     meant = code.upper()
     if meant not in CODES:
-        near = get_close_matches(meant, CODES, n=1)
-        hint = f"Did you mean {near[0]}?" if near else "`rmr explain` lists all codes."
-        raise click.UsageError(f"There is no code {code}. {hint}")
+        hint = did_you_mean(meant, CODES) or "; `rmr explain` lists all codes"
+        raise CommandLineError(f"there is no code {code}{hint}")
     return meant
 
 
@@ -58,7 +60,7 @@ def _show(text: str) -> None:
     from rmr.lang.pages import plain, without_links
 
     if not sys.stdout.isatty():
-        click.echo(plain(text), nl=False)
+        print(plain(text), end="")
         return
     from rich.console import Console
     from rich.markdown import Markdown

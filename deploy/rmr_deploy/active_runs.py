@@ -1,4 +1,4 @@
-"""Runs that are under way on this machine, as their run folders tell: there is no daemon that knows of them.
+"""The active runs on this machine, found by their run folders: there is no daemon.
 
 `rmr up` leaves in the run folder where its world listens, the ids of its processes and, while it runs, the secret of
 its bus. A run is under way while its launcher lives and no report has been written.
@@ -16,7 +16,7 @@ PROCESSES_FILE = "processes.json"
 
 
 def write_processes(folder: Path, endpoint: str, pids: dict[str, int]) -> None:
-    """Leave in the run folder what runs and where: for whoever wants to look at one of them. Raises OSError."""
+    """Write the endpoint and the ids of the processes into the run folder. Raises OSError."""
     record: dict[str, Any] = {"launcher": os.getpid(), "connect": endpoint, "processes": pids}
     (folder / PROCESSES_FILE).write_text(json.dumps(record, indent=1) + "\n")
 

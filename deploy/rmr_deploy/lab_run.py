@@ -1,0 +1,147 @@
+"""`rmr up` from the checks before a run to its run_report.
+
+1. Check lab and program (`preparation`), and make the run folder.
+2. Run the lab's processes (`launch`).
+3. Assemble the report of what each robot and the world said last, write ``report.json``, show the table.
+
+The report is written whatever becomes of the run, in the form that all modes share. A robot that died has its last
+known part; a world that died leaves the last truth that it told; a robot that was never heard of has done nothing.
+Times are lab time, except `wall_s` and `ready_s`.
+"""
+
+import asyncio
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+from rich.console import Console
+
+from rmr.entry import ExitCode
+from rmr_deploy.launch import LabRun, RunOutcome
+from rmr_deploy.preparation import RunOptions, RunPlan, RunRefusedError, make_plan
+from rmr_deploy.screen import make_screen, table
+from rmr_deploy.status_monitor import StatusMonitor
+from rmr_world import run_report
+from rmr_world.faults import process_run_faults
+from rmr_world.incarnations import merged_report, with_lost_jobs
+from rmr_world.run_warnings import run_warnings
+
+
+def perform(options: RunOptions) -> int:
+    """Run a lab as `options` say; return the exit code."""
+    try:
+        plan = make_plan(options, color=sys.stderr.isatty())
+    except RunRefusedError as refusal:
+        print(str(refusal).rstrip("\n"), file=sys.stderr)
+        return refusal.exit_code
+    if plan.program.warnings:
+        print(plan.program.warnings.rstrip("\n"), file=sys.stderr)
+    if plan.lab.faults:
+        print(
+            f"{plan.lab.path}: faults: kill, restart, stall, slow and outage befall simulated robots alone (rmr sim); "
+            "this run goes without them",
+            file=sys.stderr,
+        )
+    if plan.lab.events is not None:
+        print(
+            f"{plan.lab.path}: events: only rmr sim has events of your own; this run goes without them", file=sys.stderr
+        )
+    try:
+        outcome, record = asyncio.run(run_and_report(plan))
+    except OSError as error:
+        print(f"rmr up: {error}", file=sys.stderr)
+        return ExitCode.FAILED
+    tell(record, outcome, plan)
+    return exit_code(outcome, record, strict=options.strict) if outcome.report_error is None else ExitCode.FAILED
+
+
+async def run_and_report(plan: RunPlan) -> tuple[RunOutcome, dict[str, Any]]:
+    """Run, and write the report while signals are still in the run's hands: an impatient Ctrl-C loses nothing.
+
+    A report that cannot be written does not keep the table back. Raises OSError when a process cannot be started.
+    """
+    run = LabRun(plan, make_screen(json=plan.options.as_json))
+    outcome = await run.go()
+    record = make_report(plan, outcome, run.monitor)
+    try:
+        run_report.write(record, plan.folder)
+    except OSError as error:
+        outcome.report_error = f"cannot write {error.filename}: {error.strerror}"
+    return outcome, record
+
+
+def tell(record: Mapping[str, Any], outcome: RunOutcome, plan: RunPlan) -> None:
+    """Show the table and the run in a few words, and where it is asked for the report as JSON."""
+    as_json = plan.options.as_json
+    where = f"the report is {plan.folder / run_report.REPORT_FILE}"
+    if outcome.report_error is not None:
+        print(f"rmr up: {outcome.report_error}", file=sys.stderr)
+        where = "there is no report"
+    Console(stderr=as_json, highlight=False).print(table(record))
+    print(f"{run_report.summary(record)}\n{outcome.reason}; {where}", file=sys.stderr if as_json else sys.stdout)
+    for line in run_warnings(record):
+        print(f"rmr up: {line}", file=sys.stderr)
+    if as_json:
+        print(run_report.to_json(record), end="")
+
+
+def exit_code(outcome: RunOutcome, record: Mapping[str, Any], *, strict: bool) -> int:
+    """Return the exit code of a run."""
+    if outcome.invalid and outcome.ready_s is None:
+        return ExitCode.INVALID
+    if not outcome.finished or outcome.died:
+        return ExitCode.FAILED
+    imperfect = record["deadlines"]["missed"] or record["collisions"]
+    return ExitCode.STRICT if strict and imperfect else ExitCode.OK
+
+
+# --- the report
+
+
+def make_report(plan: RunPlan, outcome: RunOutcome, monitor: StatusMonitor | None) -> dict[str, Any]:
+    """Return the report of a run that is over; `monitor` is None when nobody was ever heard."""
+    parts = {robot: _part(monitor, robot) if monitor else {} for robot in plan.lab.roster}
+    buses = [part.pop("bus", {}) for part in parts.values()]
+    for part in parts.values():
+        part.pop("log_cut_short", None)  # for people (`StatusMonitor.cut_logs`)
+    told = run_report.assemble(
+        plan.lab,
+        mode="processes",
+        seed=plan.lab.seed,
+        finished=outcome.finished,
+        time_s=time_s(parts, outcome, monitor),
+        wall_s=outcome.wall_s,
+        robots=parts,
+        truth=truth(monitor),
+        bus_lost=sum(bus.get("lost", 0) for bus in buses),
+    )
+    added = monitor.world.report.get("faults", ()) if monitor and monitor.world else ()
+    told["faults"] = process_run_faults(plan.lab, added, monitor.now_s if monitor else 0.0)
+    ready_s = None if outcome.ready_s is None else round(outcome.ready_s, 3)
+    return {**told, "ready_s": ready_s, "reason": outcome.reason, "died": outcome.died}
+
+
+def _part(monitor: StatusMonitor, robot: int) -> dict[str, Any]:
+    """Return a robot's part over all of its lives; of one that died and did not return, what it told last."""
+    past = [with_lost_jobs(part) for part in monitor.past(robot)]
+    present = monitor.report(robot)
+    if not present and past:
+        present = past.pop()
+    return merged_report(past, present)
+
+
+def time_s(parts: Mapping[int, Mapping[str, Any]], outcome: RunOutcome, monitor: StatusMonitor | None) -> float:
+    """Return lab seconds from the first tick to the last robot's finish, or to the end of a run without one."""
+    finishes = [part.get("finish_s") for part in parts.values()]
+    if outcome.finished and finishes and None not in finishes:
+        return float(max(finish for finish in finishes if finish is not None))
+    return monitor.now_s if monitor else 0.0
+
+
+def truth(monitor: StatusMonitor | None) -> dict[str, Any]:
+    """Return what the world saw, as the report wants it; empty when it told nothing."""
+    told = monitor.truth if monitor else None
+    if told is None:
+        return {}
+    ways = {robot: distance_m for robot, _x, _y, _theta, distance_m in told.robots}
+    return {"collisions": told.collisions, "min_gap_m": told.min_gap_m, "distance_m": ways}

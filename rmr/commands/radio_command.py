@@ -1,0 +1,379 @@
+"""`rmr radio`: what the radio of a lab will carry, tried in virtual time before anything is deployed."""
+# ruff: noqa: PLC0415 - see rmr.commands
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from rmr.commands.common import counted, print_json
+from rmr.entry.command_line import (
+    Command,
+    CommandGroup,
+    CommandLineError,
+    Parser,
+    Read,
+    Runnable,
+    Subcommand,
+    one_of,
+    real,
+    whole,
+)
+from rmr.radio.settings import SETTINGS
+
+if TYPE_CHECKING:
+    from multiprocessing.synchronize import Semaphore
+
+    from rmr.radio.phy import RadioConfig
+    from rmr.radio.trials import Over, Row, Runs
+
+START_S = 10.0
+"""Limit for a worker process to start; after it the work begins without it."""
+JOBS_MAX = 64
+"""Worker processes at most: more than the machine of a lab has cores."""
+SEEDS_MAX = 100_000
+"""Replications at most: with these the confidence intervals are far narrower than the error of the model."""
+
+_Sample = TypeVar("_Sample")
+
+ANY_REAL = real()
+ANY_WHOLE = whole(-(10**18))
+"""Readers without limits, for values that an experiment checks itself with a better message."""
+CASES = ("hidden", "exposed_control", "near_far_hidden")
+
+
+# ---- options
+
+
+def _declare_radio(parser: Parser) -> None:
+    """Declare the radio's settings."""
+    for each in SETTINGS:
+        if each.choices:
+            parser.choice(each.option, each.choices, default=each.default, help=each.help)
+        elif each.option:
+            parser.option(
+                each.option,
+                dest=each.name,
+                metavar=each.metavar,
+                read=real(*each.trial_limits),
+                default=each.default,
+                help=each.help,
+            )
+
+
+def _declare_runs(parser: Parser, seeds: int) -> None:
+    """Declare the radio's settings and how often an experiment is run, by default with so many `seeds`."""
+    _declare_radio(parser)
+    _whole(parser, "--seeds", "N", seeds, "How many times, each with chances of its own.", whole(1, SEEDS_MAX))
+    _whole(parser, "--seed", "S", 0, "The first seed; the same seeds give the same output.", whole())
+    _whole(parser, "--jobs", "N", 1, "Processes that share the work; the output is the same.", whole(1, JOBS_MAX))
+    parser.flag("--json", dest="as_json", help="Print one JSON document on stdout.")
+
+
+def _whole(parser: Parser, name: str, metavar: str, default: int, text: str, read: Read = ANY_WHOLE) -> None:
+    parser.option(name, metavar=metavar, read=read, default=default, help=text)
+
+
+def _real(parser: Parser, name: str, metavar: str, default: float, text: str) -> None:
+    parser.option(name, metavar=metavar, read=ANY_REAL, default=default, help=text)
+
+
+def _declare_payload(parser: Parser) -> None:
+    _whole(parser, "--payload", "B", 50, "Octets that each frame carries.")
+    parser.flag("--unicast", help="To one station, which acknowledges; else to all.")
+
+
+def _declare_psdu(parser: Parser) -> None:
+    _whole(parser, "--psdu", "B", 61, "Octets of a frame with header and check sequence: payload + 11.")
+
+
+def _declare_saturated(parser: Parser) -> None:
+    parser.flag("--saturated", help="As many frames as will go, instead of a rate.")
+
+
+# ---- the experiments
+
+
+def _declare_contention(parser: Parser) -> None:
+    _whole(parser, "--senders", "N", 10, "Stations that send, 10 m around one that only listens.")
+    _real(parser, "--offered-fps", "F", 100.0, "Frames a second that they want to send, all together.")
+    _declare_saturated(parser)
+    _declare_payload(parser)
+    _real(parser, "--seconds", "S", 60.0, "Virtual time that counts, of each run.")
+    _declare_runs(parser, 10)
+
+
+def _contention(
+    senders: int, offered_fps: float, saturated: bool, payload: int, unicast: bool, seconds: float, **others: Any
+) -> None:
+    """How many frames arrive, and how late, when many stations in range of each other send at random."""
+    from rmr.radio.trials.contention import Contention, run
+
+    with _refused():
+        case = Contention(senders, None if saturated else offered_fps, payload, unicast, seconds)
+    load = "as fast as they can" if saturated else f"{offered_fps:g} frames/s in all"
+    to = "to the sink, acknowledged" if unicast else "to all"
+    title = f"{counted(senders, 'stations')}, {load}, {payload} octets {to}, {seconds:g} s"
+    _tell(title, partial(run, case), others)
+
+
+def _declare_hidden(parser: Parser) -> None:
+    parser.option(
+        "--case",
+        dest="name",
+        metavar="|".join(CASES),
+        read=one_of(CASES),
+        default="hidden",
+        help="hidden: A and C do not hear each other. exposed_control: as far from B, but they do. near_far_hidden: "
+        "hidden, and C is the stronger.",
+    )
+    _real(parser, "--load-fps", "F", 25.0, "Frames a second that each of the two wants to send.")
+    _declare_saturated(parser)
+    _declare_payload(parser)
+    _real(parser, "--seconds", "S", 120.0, "Virtual time that counts, of each run.")
+    _declare_runs(parser, 10)
+
+
+def _hidden(
+    name: str, load_fps: float, saturated: bool, payload: int, unicast: bool, seconds: float, **others: Any
+) -> None:
+    """How many frames arrive at B from A and C, which cannot hear each other."""
+    from rmr.radio.trials.hidden import Hidden, distances, run
+
+    with _refused():
+        case = Hidden(name, None if saturated else load_fps, payload, unicast, seconds)
+        a_m, c_m = distances(name, _config(others))
+    load = "as fast as they can" if saturated else f"{load_fps:g} frames/s each"
+    to = "acknowledged" if unicast else "to all"
+    title = f"A at {a_m:.1f} m and C at {c_m:.1f} m from B, {load}, {payload} octets {to}, {seconds:g} s"
+    _tell(title, partial(run, case), others)
+
+
+def _declare_storm(parser: Parser) -> None:
+    _whole(parser, "--members", "N", 10, "Stations that answer.")
+    _real(parser, "--jitter-ms", "J", 50.0, "Each waits a random time up to so long before it answers.")
+    parser.choice(
+        "--geometry",
+        ["circle", "disk"],
+        default="circle",
+        help="circle: all 10 m from whoever asks. disk: anywhere within 20 m.",
+    )
+    _declare_payload(parser)
+    _declare_runs(parser, 100)
+
+
+def _storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast: bool, **others: Any) -> None:
+    """How many answers to one broadcast arrive when all who hear it answer. One run is one storm."""
+    from rmr.radio.trials.storm import GEOMETRIES, Storm, run
+
+    with _refused():
+        case = Storm(members, jitter_ms, geometry, payload, unicast)
+    to = "acknowledged" if unicast else "to all"
+    who = f"{counted(members, 'members')}, {GEOMETRIES[geometry]}"
+    _tell(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
+
+
+def _declare_overlap(parser: Parser) -> None:
+    _real(parser, "--sir", "DB", 6.0, "Power of the first frame over that of the second, dB.")
+    _real(parser, "--offset", "US", 100.0, "By how much the second begins later, us.")
+    _declare_psdu(parser)
+    _whole(parser, "--frames", "N", 400, "Pairs of frames of each run.")
+    _declare_runs(parser, 1)
+
+
+def _overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) -> None:
+    """Which of two frames at once is received, by their powers. The first comes from 10 m."""
+    from rmr.radio.trials.overlap import Overlap, run, second_m
+
+    with _refused():
+        case = Overlap(sir, offset, psdu, frames)
+        second_m(case, _config(others))
+    title = f"the first {sir:g} dB over the second, which begins {offset:g} us later"
+    _tell(title, partial(run, case), others)
+
+
+def _declare_latency(parser: Parser) -> None:
+    _declare_payload(parser)
+    _whole(parser, "--frames", "N", 2000, "Frames of each run.")
+    _declare_runs(parser, 1)
+
+
+def _latency(payload: int, unicast: bool, frames: int, **others: Any) -> None:
+    """How long a frame takes over 10 m on a channel that nobody else uses."""
+    from rmr.radio.trials.latency import Latency, run
+
+    with _refused():
+        case = Latency(payload, unicast, frames)
+    title = f"{payload} octets {'to one, acknowledged' if unicast else 'to all'}, {frames} frames"
+    _tell(title, partial(run, case), others)
+
+
+def _declare_link(parser: Parser) -> None:
+    parser.option("--distance", metavar="M", read=ANY_REAL, required=True, help="Metres from sender to receiver.")
+    _declare_psdu(parser)
+    parser.option("--frames", metavar="N", read=ANY_WHOLE, help="Also send so many, in each run, and count.")
+    _declare_runs(parser, 1)
+
+
+def _link(distance: float, psdu: int, frames: int | None, **others: Any) -> None:
+    """How strong a frame is after a distance, and how likely it is received."""
+    from rmr.radio.trials.link import LinkTrial, run
+
+    with _refused():
+        case = LinkTrial(distance, psdu, frames)
+    title = f"{distance:g} m, a frame of {psdu} octets" + (f", {frames} sent" if frames else "")
+    _tell(title, partial(run, case), others)
+
+
+EXPERIMENTS: dict[str, tuple[str, Command]] = {
+    "contention": (
+        "Many stations share the channel.",
+        Command(
+            "How many frames arrive, and how late, when many stations in range of each other send at random.",
+            _declare_contention,
+            _contention,
+        ),
+    ),
+    "hidden": (
+        "Two stations that cannot hear each other.",
+        Command(
+            """\
+How many frames arrive at B from A and C, which cannot hear each other.
+
+They stand as far from B as the radio reaches well: 15 m with the radio of the defaults.
+""",
+            _declare_hidden,
+            _hidden,
+        ),
+    ),
+    "storm": (
+        "A broadcast that all who hear it answer.",
+        Command(
+            "How many answers to one broadcast arrive when all who hear it answer. One run is one storm.",
+            _declare_storm,
+            _storm,
+        ),
+    ),
+    "overlap": (
+        "Two frames at once.",
+        Command(
+            "Which of two frames at once is received, by their powers. The first comes from 10 m.",
+            _declare_overlap,
+            _overlap,
+        ),
+    ),
+    "latency": (
+        "One sender alone.",
+        Command("How long a frame takes over 10 m on a channel that nobody else uses.", _declare_latency, _latency),
+    ),
+    "link": (
+        "One frame over a distance.",
+        Command(
+            """\
+How strong a frame is after a distance, and how likely it is received.
+
+Nobody else is on the air. Under shadowing the shares are means of all links of that length. With --frames they
+are what was counted on one such link in each run.
+""",
+            _declare_link,
+            _link,
+        ),
+    ),
+}
+"""Name of each experiment -> its summary and its command."""
+
+
+def _loaded(command: Command) -> Runnable:
+    return command
+
+
+command = CommandGroup(
+    """\
+Try in virtual time what the radio of a lab will carry, before anything is deployed.
+
+Each subcommand is one experiment with the radio that robots and simulator have: IEEE 802.15.4 at 2.4 GHz without
+beacons. Shares and times come with the interval in which the true value lies 95 times of 100.
+""",
+    {name: Subcommand(summary, partial(_loaded, experiment)) for name, (summary, experiment) in EXPERIMENTS.items()},
+)
+
+
+# ---- how they are run
+
+
+@contextmanager
+def _refused() -> Iterator[None]:
+    """Turn the ValueError of an experiment that refuses its values into wrong usage."""
+    try:
+        yield
+    except ValueError as error:
+        raise CommandLineError(str(error)) from None
+
+
+def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
+    """Run an experiment and print its results."""
+    from rmr.commands.radio_rows import told
+    from rmr.radio.trials import Runs
+
+    seeds = range(others["seed"], others["seed"] + others["seeds"])
+    row = run(Runs(_config(others), seeds, _over(others["jobs"])))
+    if others["as_json"]:
+        print_json(row)
+    else:
+        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{told(row)}", end="")
+
+
+def _config(others: dict[str, Any]) -> "RadioConfig":
+    from rmr.radio.phy import RadioConfig
+
+    return RadioConfig(**{each.name: others[each.name] for each in SETTINGS if each.option})
+
+
+def _over(jobs: int) -> "Over":
+    """Return the function that runs replications in `jobs` processes, with progress on a terminal."""
+
+    def over(trial: Callable[[int], _Sample], seeds: Sequence[int]) -> Iterator[_Sample]:
+        with _samples(trial, seeds, min(jobs, len(seeds))) as samples:
+            if sys.stderr.isatty() and len(seeds) > 1:
+                yield from _shown(samples, len(seeds))
+            else:
+                yield from samples
+
+    return over
+
+
+def _shown(samples: Iterator[_Sample], number: int) -> Iterator[_Sample]:
+    """Yield `samples`, of which there are `number`, and keep a line on the terminal up to date meanwhile."""
+    try:
+        for done, sample in enumerate(samples, 1):
+            print(f"\r\x1b[Kruns  {done} of {number}", end="", file=sys.stderr, flush=True)
+            yield sample
+    finally:
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -> Iterator[Iterator[_Sample]]:
+    if jobs == 1:
+        yield map(trial, seeds)
+        return
+    from multiprocessing import get_context
+
+    from rmr.entry.workers import interrupted_later
+
+    context = get_context("spawn")
+    begun = context.Semaphore(0)
+    with ExitStack() as stack:
+        with interrupted_later():
+            pool = stack.enter_context(context.Pool(jobs, _begin, (begun,)))
+            for _ in range(jobs):
+                begun.acquire(timeout=START_S)  # a process that is ended while it begins says so
+        yield pool.imap(trial, seeds)
+
+
+def _begin(begun: "Semaphore") -> None:
+    from rmr.entry.workers import end_with_parent
+
+    end_with_parent()
+    begun.release()

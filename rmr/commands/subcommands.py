@@ -1,0 +1,61 @@
+"""The command `rmr`: the language's own subcommands, and the way to the other packages' commands.
+
+Nothing is imported before it is needed, so that help and wrong usage cost next to nothing: a subcommand of the
+language is the module `rmr.commands.X_command`, imported by its name. A subcommand of another package is a program of
+its own, `rmr-X`, which stands beside the interpreter that runs this; `rmr X` becomes it.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+
+from rmr.commands.common import become_program
+from rmr.entry.command_line import CommandGroup, Runnable, Subcommand
+
+COMMANDS: dict[str, str] = {
+    "check": "Check programs and labs and print what is wrong with them.",
+    "compile": "Compile a program to byte-code.",
+    "dis": "Print byte-code as annotated text, offsets in hex.",
+    "eval": "Run a program on robots without bodies.",
+    "explain": "Explain an error or a warning.",
+    "fmt": "Bring programs into canonical layout.",
+    "radio": "Try what the radio will carry.",
+}
+"""The language's own subcommands, each the `command` of its module, and their summaries."""
+
+PROGRAMS: dict[str, str] = {
+    "up": "Run a lab with one process for each robot.",
+    "fault": "Disturb the radio of a lab that runs.",
+    "sim": "Run a lab deterministically, in virtual time.",
+    "new": "Write a lab of your own that runs at once.",
+    "lab": "Check, draw, list and copy labs; the schema of the lab file.",
+    "plot": "Draw figures of experiments.",
+    "agent": "Run one robot.",
+    "world": "Run the world server of a lab.",
+}
+"""The subcommands that are programs of their own, and their summaries."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalProgram:
+    """A subcommand that becomes the program `rmr-NAME`, which is given all words."""
+
+    program: str
+
+    def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:  # noqa: ARG002 - it knows its name
+        """Become the program; ends the process."""
+        become_program(self.program, list(sys.argv[1:] if words is None else words))
+
+
+def _own(name: str) -> Runnable:
+    command: Runnable = import_module(f"rmr.commands.{name}_command").command
+    return command
+
+
+command = CommandGroup(
+    "One logic program for a whole ensemble of robots, with deadlines that hold.",
+    {name: Subcommand(summary, partial(_own, name)) for name, summary in COMMANDS.items()}
+    | {name: Subcommand(summary, partial(ExternalProgram, name)) for name, summary in PROGRAMS.items()},
+)

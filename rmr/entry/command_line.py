@@ -1,0 +1,336 @@
+"""The command line of every program: options, subcommands, help and errors have one form, which argparse parses.
+
+A command is a value: what it does, a function that declares its options, a function that carries it out. A group
+maps names to commands and loads the one that is called. Wrong usage is told the same way everywhere, on standard error
+and with exit code 2:
+
+    rmr sim: unknown option --see; did you mean '--seed'?
+    usage: rmr sim [OPTIONS] LAB
+    for more: rmr sim --help
+
+argparse is used through its public interface. Three habits of it are replaced: it takes an abbreviated option for the
+whole one; it takes a value that begins with a dash for an option; and it refuses positional words that stand on both
+sides of an option. So the words are put into one order before it parses them: `--name=value` for each option, then
+``--``, then the positional words.
+"""
+
+import argparse
+import math
+import re
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Protocol
+
+from rmr import __version__
+from rmr.entry import ExitCode
+
+WIDTH_MAX = 100
+"""Columns of a help text at most: longer lines are hard to read."""
+
+DIGITS_MAX = 18
+"""Digits of a whole number at most: what fits 64 bits, and far from where Python refuses to convert."""
+
+Read = Callable[[str], Any]
+"""Makes a value of an option's word. Raises ValueError with a sentence that says what to write."""
+
+
+class CommandLineError(Exception):
+    """Wrong usage: what is wrong, and what to do about it."""
+
+
+class Runnable(Protocol):
+    """A command, a group of commands, or another program."""
+
+    def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
+        """Carry out `words` (None: those of this process) as the command `name`; return the exit code."""
+        ...
+
+
+def did_you_mean(wrong: str, known: Iterable[str]) -> str:
+    """Return the hint with the name in `known` that is nearest to `wrong`; empty if none is near."""
+    names = list(known)
+    near = [name for name in names if len(wrong) > 2 and name.startswith(wrong)] or get_close_matches(wrong, names, n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+class Parser(argparse.ArgumentParser):
+    """The options and positional words of one command."""
+
+    def __init__(self, name: str, about: str, epilog: str = "") -> None:
+        super().__init__(
+            prog=name,
+            description=_wrapped(about),
+            epilog=_wrapped(epilog) or None,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        self.names: dict[str, str] = {"-h": "--help", "--help": "--help", "--version": "--version"}
+        """Every option as it may be written -> its long name."""
+        self._metavars: dict[str, str] = {}
+        """The long name of every option that takes a value -> what stands for the value in the help."""
+        self._required: list[str] = []
+        self._positional: list[str] = []
+        self.add_argument("--version", action="version", version=f"rmr {__version__}", help="show the version and exit")
+
+    # --- declaring
+
+    def option(
+        self,
+        *names: str,
+        metavar: str,
+        help: str,  # noqa: A002 - argparse's word
+        read: Read = str,
+        default: Any = None,
+        dest: str | None = None,
+        required: bool = False,
+        repeatable: bool = False,
+    ) -> None:
+        """Declare an option with a value, its long name last; a `repeatable` one gives a list.
+
+        The help shows the default unless it is None.
+        """
+        shown = help if default is None else f"{help} (default: {default})"
+        self.add_argument(
+            *names,
+            metavar=metavar,
+            help=shown.replace("%", "%%"),
+            type=_told(read),
+            default=[] if repeatable else default,
+            required=required,
+            action="append" if repeatable else "store",
+            dest=dest or _attribute(names[-1]),
+        )
+        self.names |= dict.fromkeys(names, names[-1])
+        self._metavars[names[-1]] = metavar
+        if required:
+            self._required.append(f"{names[-1]} {metavar}")
+
+    def choice(self, name: str, values: Sequence[str], *, help: str, default: str | None = None) -> None:  # noqa: A002
+        """Declare an option whose value is one of `values`."""
+        self.option(name, metavar="|".join(values), help=help, read=one_of(values), default=default)
+
+    def flag(self, name: str, *, help: str, dest: str | None = None) -> None:  # noqa: A002
+        """Declare an option without a value."""
+        self.add_argument(name, action="store_true", help=help.replace("%", "%%"), dest=dest or _attribute(name))
+        self.names[name] = name
+
+    def positional(
+        self,
+        dest: str,
+        metavar: str,
+        *,
+        read: Read = Path,
+        count: str | None = None,
+        help: str = "",  # noqa: A002
+        usage: str | None = None,
+    ) -> None:
+        """Declare a positional word; `count` as argparse's nargs, `usage` what the line of usage shows for it."""
+        default: list[str] | None = [] if count == "*" else None  # without one argparse takes it for required
+        self.add_argument(
+            dest, metavar=metavar, type=_told(read), nargs=count, default=default, help=help.replace("%", "%%")
+        )
+        self._positional.append(usage if usage is not None else metavar)
+
+    # --- parsing
+
+    def read(self, words: Sequence[str]) -> argparse.Namespace:
+        """Return the values of `words`; ``--help`` and ``--version`` end the process. Raises CommandLineError."""
+        self.usage = self.usage_line()
+        options, extra = self.parse_known_args(self._in_order(words))
+        if unexpected := [word for word in extra if word != "--"]:
+            raise CommandLineError(f"unexpected argument {unexpected[0]!r:.60}")
+        return options
+
+    def told(self, error: CommandLineError) -> str:
+        """Return what a person is shown of wrong usage."""
+        return f"{self.prog}: {error}\nusage: {self.usage_line()}\nfor more: {self.prog} --help\n"
+
+    def error(self, message: str) -> Any:
+        """Raise CommandLineError in place of argparse's own message and end."""
+        if missing := re.fullmatch("the following arguments are required: (.*)", message):
+            raise CommandLineError(f"missing: {missing[1]}")
+        raise CommandLineError(message.removeprefix("argument "))
+
+    def usage_line(self) -> str:
+        """Return the command with what it must be given."""
+        return " ".join([self.prog, *self._required, "[OPTIONS]", *self._positional])
+
+    def _in_order(self, words: Sequence[str]) -> list[str]:
+        """Return `words` with the options first, each in one word with its value."""
+        options: list[str] = []
+        positional: list[str] = []
+        rest = iter(words)
+        for word in rest:
+            if word == "--":
+                positional.extend(rest)
+            elif word == "-" or not word.startswith("-"):
+                positional.append(word)
+            else:
+                options.append(self._whole_option(word, rest))
+        return [*options, "--", *positional] if positional else options
+
+    def _whole_option(self, word: str, rest: Iterator[str]) -> str:
+        """Return the option `word` in one word with its value, which is taken from `rest` if it is not in it."""
+        if word.startswith("--"):
+            written, equals, value = word.partition("=")
+        else:
+            written = word[:2]
+            equals = word[2:]
+            value = word[2:]
+        name = self.names.get(written)
+        if name is None:
+            raise CommandLineError(f"unknown option '{written}'{did_you_mean(written, self.names)}")
+        metavar = self._metavars.get(name)
+        if metavar is None:
+            if equals:
+                raise CommandLineError(f"{written} takes no value")
+            return name
+        if not equals:
+            following = next(rest, None)
+            if following is None:
+                raise CommandLineError(f"{written} needs a value: {written} {metavar}")
+            value = following
+        return f"{name}={value}"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command."""
+
+    about: str
+    """What it does: paragraphs for its help."""
+    declare: Callable[[Parser], None]
+    """Declares its options and positional words."""
+    perform: Callable[..., int | None]
+    """Carries it out, given the values by name; returns the exit code. May raise CommandLineError."""
+    epilog: str = ""
+
+    def parser(self, name: str) -> Parser:
+        """Return the parser of its words."""
+        parser = Parser(name, self.about, self.epilog)
+        self.declare(parser)
+        return parser
+
+    def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
+        """Carry out `words` (None: those of this process) as the command `name`; return the exit code."""
+        parser = self.parser(name)
+        try:
+            options = parser.read(sys.argv[1:] if words is None else words)
+            return self.perform(**vars(options)) or ExitCode.OK
+        except CommandLineError as error:
+            print(parser.told(error), end="", file=sys.stderr)
+            return ExitCode.USAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Subcommand:
+    """A command of a group as the group's help lists it."""
+
+    summary: str
+    load: Callable[[], Runnable]
+    """Imports and returns the command."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandGroup:
+    """A command whose first word names one of several commands."""
+
+    about: str
+    commands: Mapping[str, Subcommand]
+
+    def main(self, words: Sequence[str] | None = None, name: str = "rmr") -> int:
+        """Carry out `words` (None: those of this process) as the command `name`; return the exit code."""
+        words = sys.argv[1:] if words is None else list(words)
+        parser = Parser(name, self.about, self._listing())
+        parser.positional("command", "COMMAND", usage="COMMAND ...", help=argparse.SUPPRESS)
+        if not words:
+            parser.usage = parser.usage_line()
+            parser.print_help(sys.stderr)
+            return ExitCode.USAGE
+        try:
+            if words[0].startswith("-"):
+                parser.read(words)
+                raise CommandLineError("missing: COMMAND")
+            if words[0] not in self.commands:
+                raise CommandLineError(f"unknown command {words[0]!r}{did_you_mean(words[0], self.commands)}")
+        except CommandLineError as error:
+            print(parser.told(error), end="", file=sys.stderr)
+            return ExitCode.USAGE
+        return self.commands[words[0]].load().main(words[1:], f"{name} {words[0]}")
+
+    def _listing(self) -> str:
+        width = max(map(len, self.commands))
+        return "commands:\n" + "\n".join(f"  {name:{width}}  {entry.summary}" for name, entry in self.commands.items())
+
+
+# --- values
+
+
+def whole(least: int = 0, most: int | None = None) -> Read:
+    """Return the reader of a whole number from `least` to `most`, of 18 digits at most."""
+    limit = f" to {most}" if most is not None else f", of {DIGITS_MAX} digits at most"
+
+    def read(text: str) -> int:
+        number = int(text) if re.fullmatch(f"-?[0-9]{{1,{DIGITS_MAX}}}", text, re.ASCII) else None
+        if number is None or number < least or (most is not None and number > most):
+            raise ValueError(f"a whole number from {least}{limit}, not {text!r:.40}")
+        return number
+
+    return read
+
+
+def real(least: float = -math.inf, most: float = math.inf, *, above: bool = False) -> Read:
+    """Return the reader of a number from `least` (or `above` it) to `most`."""
+    low = "" if least == -math.inf else f" above {least:g}" if above else f" from {least:g}"
+    limits = low + ("" if most == math.inf else f" to {most:g}")
+
+    def read(text: str) -> float:
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not least <= number <= most or (above and number == least):
+            raise ValueError(f"a number{limits}, not {text!r:.40}")
+        return number
+
+    return read
+
+
+def one_of(values: Sequence[str]) -> Read:
+    """Return the reader of one of `values`."""
+
+    def read(text: str) -> str:
+        if text not in values:
+            raise ValueError(f"one of {', '.join(values)}, not {text!r:.40}{did_you_mean(text, values)}")
+        return text
+
+    return read
+
+
+def _attribute(name: str) -> str:
+    """Return the name under which an option's value is passed on."""
+    return name.lstrip("-").replace("-", "_")
+
+
+def _told(read: Read) -> Read:
+    """Return `read` such that argparse shows the sentence of a ValueError."""
+
+    def told(text: str) -> Any:
+        try:
+            return read(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return told
+
+
+def _wrapped(text: str) -> str:
+    """Return `text` with its paragraphs wrapped to the terminal; indented lines and lists of commands stay."""
+    width = min(shutil.get_terminal_size().columns, WIDTH_MAX) - 2
+    paragraphs = text.split("\n\n")
+    return "\n\n".join(each if "\n  " in each else textwrap.fill(" ".join(each.split()), width) for each in paragraphs)
