@@ -27,6 +27,7 @@ from rmr.bytecode.encoder import (
     TAGS,
 )
 from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, Layout
+from rmr.bytecode.octets import Reader
 from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
 from rmr.bytecode.program import (
     ANY,
@@ -64,7 +65,6 @@ from rmr.bytecode.program import (
     Strategy,
     Type,
 )
-from rmr.bytecode.wire import Reader
 
 T = TypeVar("T")
 

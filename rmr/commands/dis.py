@@ -16,7 +16,7 @@ def command(program: Path) -> None:
     """Print byte-code as annotated text, offsets in hex."""
     from rmr.bytecode.disassemble import disassemble
     from rmr.bytecode.layout import SIZE_MAX
-    from rmr.bytecode.wire import BytecodeError
+    from rmr.bytecode.octets import BytecodeError
 
     try:
         with program.open("rb") as stream:

@@ -18,7 +18,7 @@ COLUMNS_MAX = 100
 @VERSION
 def command(code: str | None, as_json: bool) -> None:
     """Explain the error or warning CODE, such as E012; without CODE, list all of them."""
-    from rmr.lang.diagnostic import CODES
+    from rmr.lang.diagnostics.diagnostic import CODES
     from rmr.lang.pages import page
 
     if code is None:
@@ -35,7 +35,7 @@ def command(code: str | None, as_json: bool) -> None:
 
 
 def _entry(code: str) -> dict[str, object]:
-    from rmr.lang.diagnostic import CODES
+    from rmr.lang.diagnostics.diagnostic import CODES
 
     return {"code": code, "severity": "error" if code.startswith("E") else "warning", "title": CODES[code]}
 
@@ -44,7 +44,7 @@ def _known(code: str) -> str:
     """Return the code that `code` means, in whatever letters; raise UsageError if there is none."""
     from difflib import get_close_matches
 
-    from rmr.lang.diagnostic import CODES
+    from rmr.lang.diagnostics.diagnostic import CODES
 
     meant = code.upper()
     if meant not in CODES:

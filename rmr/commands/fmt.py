@@ -27,8 +27,8 @@ from rmr.commands.common import (
 from rmr.commands.diagnosed import show_found
 
 if TYPE_CHECKING:
-    from rmr.lang.diagnostic import Diagnostic
-    from rmr.lang.source import Source
+    from rmr.lang.diagnostics.diagnostic import Diagnostic
+    from rmr.lang.read.source_text import Source
 
 STDIN = Path("-")
 
@@ -84,9 +84,9 @@ def command(programs: tuple[Path, ...], check: bool, diff: bool, as_json: bool) 
 
 
 def _formatted(path: Path) -> _File:
-    from rmr.lang.diagnostic import Diagnostic, Diagnostics
+    from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
     from rmr.lang.format import format_source
-    from rmr.lang.source import Source, SourceError, Span
+    from rmr.lang.read.source_text import Source, SourceError, Span
 
     name = "<stdin>" if path == STDIN else str(path)
     try:
@@ -102,7 +102,7 @@ def _formatted(path: Path) -> _File:
 
 
 def _read(path: Path, name: str) -> "Source":
-    from rmr.lang.source import SOURCE_OCTETS_MAX, read_source, to_source
+    from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, read_source, to_source
 
     return read_source(path) if path != STDIN else to_source(name, sys.stdin.buffer.read(SOURCE_OCTETS_MAX + 1))
 

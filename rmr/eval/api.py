@@ -24,8 +24,8 @@ from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read
 from rmr.eval.report import Run, reasons, report
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
-from rmr.lang.render import render_text, to_json
-from rmr.lang.source import Source
+from rmr.lang.diagnostics.render import render_text, to_json
+from rmr.lang.read.source_text import Source
 from rmr.vm.engines import Engine
 
 Seconds = float | str

@@ -20,13 +20,13 @@ from rmr.bytecode.layout import MAGIC, SIZE_MAX
 from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Pattern, Program, Slot
 from rmr.eval.options import OptionError, outside_event
 from rmr.eval.topology import Topology
+from rmr.lang.analyse.names import meant
 from rmr.lang.compiler import Compilation, compile_file, compile_text
-from rmr.lang.diagnostic import Diagnostic, Diagnostics
-from rmr.lang.facts import FactError, action_patterns, read_fact, stated
-from rmr.lang.names import meant
-from rmr.lang.parser import parse
-from rmr.lang.source import Source, SourceError, Span, read_source
-from rmr.lang.syntax import Fact, FactItem, Mark
+from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
+from rmr.lang.fact_text import FactError, action_patterns, read_fact, stated
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import Source, SourceError, Span, read_source
+from rmr.lang.read.syntax import Fact, FactItem, Mark
 
 EDGE_FACTS_MAX = 1_000_000
 """Facts about who is in range of whom, or who is there at all; more cost gigabytes and minutes before anything runs."""

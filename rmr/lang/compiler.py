@@ -6,16 +6,16 @@ from pathlib import Path
 from rmr.base.record import record
 from rmr.bytecode.limits import exceeded
 from rmr.bytecode.program import Debug, Place, Program, Strategy
-from rmr.lang.check import Checked, check
-from rmr.lang.diagnostic import Diagnostic, Diagnostics, Severity
-from rmr.lang.emit import Emitter
-from rmr.lang.include import Loader
-from rmr.lang.names import NOTHING_GIVEN, Given
-from rmr.lang.reach import with_leads
-from rmr.lang.serve import with_serving
-from rmr.lang.source import Source, SourceError, Span, read_source
-from rmr.lang.supply import is_brought, only_stated
-from rmr.lang.syntax import Fact, FactItem, GoalItem
+from rmr.lang.analyse.names import NOTHING_GIVEN, Given
+from rmr.lang.analyse.supply import is_brought, only_stated
+from rmr.lang.checker import Checked, check
+from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, Severity
+from rmr.lang.lower.emitter import Emitter
+from rmr.lang.lower.goal_paths import with_leads
+from rmr.lang.lower.servers import with_serving
+from rmr.lang.read.include import Loader
+from rmr.lang.read.source_text import Source, SourceError, Span, read_source
+from rmr.lang.read.syntax import Fact, FactItem, GoalItem
 
 DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 """Errors that the declarations of a file which could not be read might disprove, as they might any warning."""

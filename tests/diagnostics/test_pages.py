@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from rmr.lang.compiler import compile_file
-from rmr.lang.diagnostic import CODES, Diagnostics
+from rmr.lang.diagnostics.diagnostic import CODES, Diagnostics
 from rmr.lang.format import format_source
 from rmr.lang.pages import page
-from rmr.lang.source import Source
+from rmr.lang.read.source_text import Source
 
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)

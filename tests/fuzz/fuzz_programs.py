@@ -48,7 +48,7 @@ from rmr.bytecode.program import (
     Type,
 )
 from rmr.bytecode.provided import PREDICATES
-from rmr.lang.reach import with_leads
+from rmr.lang.lower.goal_paths import with_leads
 
 HOME = 1
 """The robot on which programs are tried."""

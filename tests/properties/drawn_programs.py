@@ -1,6 +1,6 @@
 """Programs over the whole grammar, drawn from its rules, and the layouts that they can be written in."""
 
-from rmr.lang.grammar import grammar
+from rmr.lang.read.grammar import grammar
 
 WORDS = {
     "NAME": ["p", "o", "online", "count", "moveto_the_farthest_place_of_all"],

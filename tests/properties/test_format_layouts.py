@@ -7,10 +7,10 @@ from drawn_programs import program, written
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.format import format_source
-from rmr.lang.parser import parse
-from rmr.lang.source import Source
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import Source
 
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\[^\n])*")|(//[^\n]*|/\*.*?\*/)', re.DOTALL)
 SPAN = re.compile(r"Span\(file='x', start=\d+, end=\d+\)")

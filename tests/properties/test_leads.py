@@ -26,7 +26,7 @@ from rmr.bytecode.program import (
     Program,
     Steps,
 )
-from rmr.lang.reach import Reach, with_leads
+from rmr.lang.lower.goal_paths import Reach, with_leads
 from rmr.vm import goals
 from rmr.vm.engines import Engine
 from rmr.vm.ranks import Ranks

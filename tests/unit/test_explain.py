@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from rmr.commands import group
-from rmr.lang.diagnostic import CODES
+from rmr.lang.diagnostics.diagnostic import CODES
 from rmr.lang.pages import page
 
 

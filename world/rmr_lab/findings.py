@@ -14,9 +14,9 @@ from typing import Any
 
 from rmr.bytecode.program import Kind, Program
 from rmr.lang.compiler import compile_file
-from rmr.lang.diagnostic import Diagnostic
-from rmr.lang.render import render_text, to_json
-from rmr.lang.source import Source
+from rmr.lang.diagnostics.diagnostic import Diagnostic
+from rmr.lang.diagnostics.render import render_text, to_json
+from rmr.lang.read.source_text import Source
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.user_file import ActionsError, load_actions

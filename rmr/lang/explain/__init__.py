@@ -9,12 +9,12 @@ rmr.analysis.columnar.
 from dataclasses import dataclass
 
 from rmr.lang.compiler import Compilation
-from rmr.lang.explain.assertions import Assertions, ExplainedAssertion
-from rmr.lang.explain.columns import ExplainedColumns, explain_columns
-from rmr.lang.explain.goals import ExplainedGoal, Goals
-from rmr.lang.explain.rules import ExplainedRule, Rules
+from rmr.lang.explain.explained_assertions import Assertions, ExplainedAssertion
+from rmr.lang.explain.explained_columns import ExplainedColumns, explain_columns
+from rmr.lang.explain.explained_goals import ExplainedGoal, Goals
+from rmr.lang.explain.explained_rules import ExplainedRule, Rules
 from rmr.lang.explain.texts import Names, Texts, environments
-from rmr.lang.syntax import GoalItem
+from rmr.lang.read.syntax import GoalItem
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 from rmr.lang.explain import Explanation
-from rmr.lang.explain.assertions import ExplainedAssertion, Origin, ServingAction
-from rmr.lang.explain.goals import ExplainedGoal, LeadingRule
-from rmr.lang.explain.rules import Derived, ExplainedRule, Needs, Part
+from rmr.lang.explain.explained_assertions import ExplainedAssertion, Origin, ServingAction
+from rmr.lang.explain.explained_goals import ExplainedGoal, LeadingRule
+from rmr.lang.explain.explained_rules import Derived, ExplainedRule, Needs, Part
 from rmr.lang.explain.texts import Spot
 
 RULES_SHOWN_MAX = 50

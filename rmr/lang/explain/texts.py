@@ -7,8 +7,8 @@ from rmr.analysis.backwards import Patterns
 from rmr.base.values import format_value
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
 from rmr.lang.format import one_line
-from rmr.lang.source import Source, Span
-from rmr.lang.steps import Derivation, Environment, Gathering, Projected
+from rmr.lang.lower.robot_rules import Derivation, Environment, Gathering, Projected
+from rmr.lang.read.source_text import Source, Span
 
 
 @dataclass(frozen=True, slots=True)

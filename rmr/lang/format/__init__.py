@@ -10,12 +10,12 @@ words.py reads the words, layout.py decides where lines may break, printer.py wh
 
 import math
 
-from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.format.layout import layout
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.format.line_breaks import layout
 from rmr.lang.format.printer import printed
 from rmr.lang.format.words import Text, Word, read
-from rmr.lang.parser import parse
-from rmr.lang.source import Source
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import Source
 
 
 def format_source(source: Source, found: Diagnostics) -> str | None:

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from rmr.lang import provided
-from rmr.lang.build import RESERVED
+from rmr.lang.analyse.types import FUNCTIONS as TYPED_FUNCTIONS
+from rmr.lang.analyse.types import LIST_FUNCTIONS
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import CODES
-from rmr.lang.types import FUNCTIONS as TYPED_FUNCTIONS
-from rmr.lang.types import LIST_FUNCTIONS
+from rmr.lang.diagnostics.diagnostic import CODES
+from rmr.lang.read.tree_builder import RESERVED
 
 ROOT = Path(__file__).parents[3]
 LANGUAGE = ROOT / "docs" / "language.md"

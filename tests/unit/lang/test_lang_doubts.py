@@ -4,8 +4,8 @@ import pytest
 from lang_source import codes, places
 
 from rmr.bytecode.program import Base, Type
+from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, value_octets
 from rmr.lang.compiler import compile_source
-from rmr.lang.octets import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, value_octets
 from rmr.node.wire import (
     FACT_BODY_OCTETS_MAX,
     PARTS_MAX,

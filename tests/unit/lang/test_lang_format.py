@@ -7,10 +7,10 @@ import pytest
 
 from rmr.bytecode.codec import encode
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.format import format_source, one_line
 from rmr.lang.format.printer import COLUMNS_MAX
-from rmr.lang.source import Source
+from rmr.lang.read.source_text import Source
 
 ROOT = Path(__file__).parents[3]
 AS_WRITTEN = {

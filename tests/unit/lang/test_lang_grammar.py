@@ -9,7 +9,7 @@ from zlib import crc32
 import pytest
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.grammar import cache_path, grammar_text, tables
+from rmr.lang.read.grammar import cache_path, grammar_text, tables
 
 GOOD = "location(R, s).\nlocation(R, L), L = s -o location(R, t).\n"
 BAD = "location(R, s)\nlocation(R, L) L = s -o location(R, t).\n"
@@ -108,6 +108,6 @@ def test_what_cannot_be_written_to_the_end_leaves_nothing_behind(home, monkeypat
     def full(*_: object) -> None:
         raise OSError("no space left on device")
 
-    monkeypatch.setattr("rmr.lang.grammar.os.replace", full)
+    monkeypatch.setattr("rmr.lang.read.grammar.os.replace", full)
     assert outcome()[0] is not None
     assert kept(home) == []

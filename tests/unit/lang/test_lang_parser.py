@@ -6,12 +6,23 @@ import pytest
 from lang_source import codes, compiled, errors, places
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.grammar import grammar
-from rmr.lang.misfit import word_of
-from rmr.lang.parser import NESTING_MAX, parse
-from rmr.lang.source import Source
-from rmr.lang.syntax import Aggregate, Comprehension, Condition, Fact, FactItem, Include, ListTerm, Literal, Rule, Steps
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read.grammar import grammar
+from rmr.lang.read.misfit import word_of
+from rmr.lang.read.parser import NESTING_MAX, parse
+from rmr.lang.read.source_text import Source
+from rmr.lang.read.syntax import (
+    Aggregate,
+    Comprehension,
+    Condition,
+    Fact,
+    FactItem,
+    Include,
+    ListTerm,
+    Literal,
+    Rule,
+    Steps,
+)
 
 
 def parsed(text):

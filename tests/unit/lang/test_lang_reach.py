@@ -3,8 +3,8 @@
 import pytest
 from lang_source import compiled
 
-from rmr.lang import reach
-from rmr.lang.reach import Reach, TooMuch
+from rmr.lang.lower import goal_paths
+from rmr.lang.lower.goal_paths import Reach, TooMuch
 
 
 def leads(text: str, goal: int = 0) -> dict[int, int | None] | None:
@@ -105,10 +105,10 @@ def test_conditions_that_contradict_each_other_lead_nowhere() -> None:
 def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     text = " ".join(["?p(R, 30).", *(f"p(R, {n}) -o p(R, {n + 1})." for n in range(30)), "?q(R).", "p(R, 0) -o q(R)."])
     assert leads(text) is not None
-    monkeypatch.setattr(reach, "COMPARISONS_MAX", 20)
+    monkeypatch.setattr(goal_paths, "COMPARISONS_MAX", 20)
     assert (leads(text), leads(text, 1)) == (None, None)
     monkeypatch.undo()
-    monkeypatch.setattr(reach, "STEPS_MAX", 50)
+    monkeypatch.setattr(goal_paths, "STEPS_MAX", 50)
     assert (leads(text), leads(text, 1)) == (None, None)
     program = compiled(text)
     with pytest.raises(TooMuch):
@@ -116,12 +116,12 @@ def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch
 
 
 def test_once_the_work_is_used_up_no_further_goal_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reach, "STEPS_MAX", 10)
+    monkeypatch.setattr(goal_paths, "STEPS_MAX", 10)
     program = compiled("".join(f"p(R, {i}) -o p(R, {i + 1}). ?p(R, {i}). " for i in range(20)) + "p(R, 0).")
     found = Reach(program)
     with pytest.raises(TooMuch):
         found.ways(program.goals[-1])
-    monkeypatch.setattr(reach, "Levels", None)
+    monkeypatch.setattr(goal_paths, "Levels", None)
     for goal in program.goals:
         assert found.leads(goal) is None
 

@@ -1,0 +1,1 @@
+"""Package rmr.lang.analyse: to be described here."""

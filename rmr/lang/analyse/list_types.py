@@ -1,0 +1,133 @@
+"""The types of lists: terms that make them or take them apart, and the functions that work on them.
+
+The items of a list are of one type. Where a body takes a list apart, types flow from the list to the variables
+of the term; everywhere else from the items to the list.
+"""
+
+from rmr.bytecode.conform import NESTING_MAX
+from rmr.bytecode.program import Base, Type
+from rmr.lang.analyse.solver import Solver
+from rmr.lang.analyse.type_demands import Demands
+from rmr.lang.analyse.types import BOOL, INT, LIST, OPEN, SORTED, Cell, compatible, described, fits, several
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read.source_text import Span
+from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Variable
+
+
+class Lists:
+    """Types the lists of one program."""
+
+    def __init__(self, solver: Solver, demands: Demands, found: Diagnostics) -> None:
+        self._solver = solver
+        self._demands = demands
+        self._found = found
+        self._made: list[tuple[Cell, Span]] = []
+
+    def makes(self, cell: Cell, span: Span) -> None:
+        """Remember that a list is made at `span`."""
+        self._made.append((cell, span))
+
+    def check(self) -> None:
+        """Report the lists that would hold themselves, or else those that are nested too deep."""
+        deep = [made for made in self._made if made[0].innermost.depth >= NESTING_MAX] if self._solver.endless else []
+        for cell, span in deep:
+            if not self._found.many and self._solver.holds_itself(cell):
+                message = "this list would hold lists like itself: its type has no end"
+                self._found.report("E020", message, span)
+        outer: Span | None = None
+        for _, span in reversed(deep) if not self._found.failed else ():
+            if outer is None or span.file != outer.file or not outer.start <= span.start < outer.end:
+                self._found.report("E004", f"lists are nested more than {NESTING_MAX} deep", span)
+                outer = span
+
+    # ---- terms
+
+    def term(self, term: ListTerm, items: list[Cell], rest: Cell | None, taken: frozenset[str]) -> Cell:
+        """Return the cell of a list term, whose items and rest have theirs; `taken` are variables that it binds."""
+        within = Cell(OPEN, None, depth=1)
+        cell = Cell(LIST, term.span, items=within)
+        for item, each in zip(term.items, items, strict=True):
+            self._part(item, each, within, taken)
+            self._needs_item(item, each, within)
+        if term.rest is not None and rest is not None:
+            self._part(term.rest, rest, cell, taken)
+            self._needs_rest(term.rest, rest, cell)
+        self.makes(cell, term.span)
+        return cell
+
+    def _part(self, expression: Expression, part: Cell, whole: Cell, taken: frozenset[str]) -> None:
+        """Let types flow between an item and its list's items, or between the rest of a list and the list."""
+        if isinstance(expression, Variable) and (expression.anonymous or expression.name in taken):
+            self._solver.flow(whole, part)
+            self._solver.fall_back(part, whole)
+            return
+        self._solver.flow(part, whole)
+        if isinstance(expression, Variable):
+            self._solver.fall_back(whole, part)
+        elif isinstance(expression, ListTerm):
+            self._solver.flow(whole, part)
+
+    def _needs_item(self, item: Expression, part: Cell, within: Cell) -> None:
+        def check() -> None:
+            if not compatible(part.type, within.type):
+                message = f"the items of this list are {several(within.type)}, this one is {described(part.type)}"
+                self._demands.contradiction(message, item.span, within, part)
+
+        self._demands.later(check)
+
+    def _needs_rest(self, expression: Expression, rest: Cell, cell: Cell) -> None:
+        def check() -> None:
+            if rest.kind.base not in {Base.LIST, Base.OPEN}:
+                hint = "`[A, B]` is the list of two items"
+                self._demands.wrong("behind `|` stands a list", expression, rest, hint=hint)
+            elif not compatible(rest.type, cell.type):
+                message = f"behind items of {described(cell.type)} stands {described(rest.type)}"
+                self._demands.contradiction(message, expression.span, cell, rest)
+
+        self._demands.later(check)
+
+    # ---- operators and functions
+
+    def joined(self, expression: Binary, left: Cell, right: Cell) -> None:
+        """Demand, when all types are known, of what `+` joins that both are strings, or lists of one type."""
+        if not compatible(left.type, right.type):
+            message = f"`+` does not join {described(left.type)} and {described(right.type)}"
+            appends = Base.LIST in {left.kind.base, right.kind.base} and left.kind.base is not right.kind.base
+            hint = "`L + [X]` appends an item to a list" if appends else None
+            if Base.STRING in {left.kind.base, right.kind.base} and not appends:
+                hint = 'no value is turned into a string; hand both on as arguments: `shown(R, "load", N)`'
+            self._demands.contradiction(message, expression.span, left, right, hint=hint)
+
+    def call(self, call: Call, cells: list[Cell]) -> Cell:
+        """Return the cell of a call of a list function."""
+        name = call.name.text
+        at = 1 if name == "member" else 0
+        self._demands.later(lambda: self._needs_list(call, at, cells))
+        items = Cell(OPEN, None, depth=1)
+        self._solver.flow(cells[at], Cell(LIST, None, items=items))
+        if name == "len":
+            return Cell(INT, call.span, fixed=True)
+        if name == "member":
+            if isinstance(call.arguments[0], Variable):
+                self._solver.fall_back(items, cells[0])
+            return Cell(BOOL, call.span, fixed=True)
+        result = Cell(OPEN, None)
+        self._solver.flow(items if name == "nth" else cells[at], result)
+        return result
+
+    def _needs_list(self, call: Call, at: int, cells: list[Cell]) -> None:
+        name, cell = call.name.text, cells[at]
+        wanted = {Base.LIST, Base.OPEN, Base.STRING} if name == "len" else {Base.LIST, Base.OPEN}
+        if cell.kind.base not in wanted:
+            swapped = len(cells) == 2 and cells[1 - at].kind.base is Base.LIST
+            hint = f"the other way round: {'`member(X, L)`' if at else '`nth(L, 0)`'}" if swapped else None
+            what = "a list or a string" if name == "len" else "a list"
+            self._demands.wrong(f"`{name}` needs {what}", call.arguments[at], cell, hint=hint)
+        elif name == "nth" and not fits(cells[1].type, INT):
+            hint = "`floor(X)` is an int" if cells[1].kind.base is Base.FLOAT else None
+            self._demands.wrong("`nth` counts with an int, from 0", call.arguments[1], cells[1], hint=hint)
+        elif name == "member" and not compatible(Type(Base.LIST, element=cells[0].type), cell.type):
+            message = f"`member` looks for {described(cells[0].type)} in {described(cell.type)}"
+            self._demands.contradiction(message, call.span, *cells)
+        elif name == "sort" and cell.items is not None and cell.items.kind.base not in SORTED:
+            self._demands.wrong("`sort` needs items that have an order", call.arguments[0], cell)

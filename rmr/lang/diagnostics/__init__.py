@@ -1,0 +1,1 @@
+"""Package rmr.lang.diagnostics: to be described here."""

@@ -1,0 +1,1 @@
+"""Package rmr.lang.lower: to be described here."""

@@ -1,0 +1,1 @@
+"""Package rmr.lang.read: to be described here."""
