@@ -13,9 +13,9 @@ from rmr.commands.common import EXIT_INVALID, EXIT_USAGE, counted
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
     from rmr.lang.diagnostics.diagnostic import Diagnostic
-    from rmr.lang.read.source_text import Source
+    from rmr.lang.read.source_text import SourceText
 
-Found = tuple[Sequence["Diagnostic"], Mapping[str, "Source"]]
+Found = tuple[Sequence["Diagnostic"], Mapping[str, "SourceText"]]
 """What was found in one program, and the texts of its files by name."""
 
 

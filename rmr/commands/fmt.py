@@ -28,7 +28,7 @@ from rmr.commands.diagnosed import show_found
 
 if TYPE_CHECKING:
     from rmr.lang.diagnostics.diagnostic import Diagnostic
-    from rmr.lang.read.source_text import Source
+    from rmr.lang.read.source_text import SourceText
 
 STDIN = Path("-")
 
@@ -38,7 +38,7 @@ class _File:
     """A program's text, what it should be, and what is wrong if that cannot be said."""
 
     path: Path
-    source: "Source"
+    source: "SourceText"
     text: str
     wrong: "list[Diagnostic]"
     code: int
@@ -86,14 +86,14 @@ def command(programs: tuple[Path, ...], check: bool, diff: bool, as_json: bool) 
 def _formatted(path: Path) -> _File:
     from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
     from rmr.lang.format import format_source
-    from rmr.lang.read.source_text import Source, SourceError, Span
+    from rmr.lang.read.source_text import SourceError, SourceText, Span
 
     name = "<stdin>" if path == STDIN else str(path)
     try:
         source = _read(path, name)
     except SourceError as error:
         wrong = [Diagnostic("E003", str(error), Span(name, 0, 0), error.hint)]
-        return _File(path, Source(name, ""), "", wrong, EXIT_USAGE if error.usage else EXIT_INVALID)
+        return _File(path, SourceText(name, ""), "", wrong, EXIT_USAGE if error.usage else EXIT_INVALID)
     found = Diagnostics()
     text = format_source(source, found)
     if text is None:
@@ -101,7 +101,7 @@ def _formatted(path: Path) -> _File:
     return _File(path, source, text, [], 0)
 
 
-def _read(path: Path, name: str) -> "Source":
+def _read(path: Path, name: str) -> "SourceText":
     from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, read_source, to_source
 
     return read_source(path) if path != STDIN else to_source(name, sys.stdin.buffer.read(SOURCE_OCTETS_MAX + 1))

@@ -17,30 +17,30 @@ from rmr.lang.analyse.lint import warn
 from rmr.lang.analyse.named_constants import resolve
 from rmr.lang.analyse.names import NOTHING_GIVEN, Given, Names, collect, meant
 from rmr.lang.analyse.types import Types
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.lower.ordering import variables
 from rmr.lang.lower.projection import Projector
 from rmr.lang.lower.robot_rules import Projected
 from rmr.lang.lower.time_assertions import Watched, check_names, watched
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Assertion,
+    AggregateNode,
+    AssertionItem,
     Binary,
     Call,
-    Comprehension,
+    ComprehensionNode,
     Condition,
     Expression,
-    Fact,
     FactItem,
+    FactNode,
     GoalItem,
     Item,
     ListTerm,
     Literal,
-    Module,
-    Rule,
-    Steps,
-    Strategy,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
+    StrategyItem,
     TypeDeclaration,
     Variable,
     children,
@@ -60,7 +60,7 @@ STRATEGIES = ("random", "textual")
 class Checked:
     """A program without its mistakes; complete only if no error was reported."""
 
-    module: Module
+    module: ModuleNode
     names: Names
     types: Types
     rules: tuple[Projected, ...]
@@ -68,7 +68,7 @@ class Checked:
     textual: bool
 
 
-def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
+def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
     """Check `module` as a whole and report to `found`; facts of `given` come from outside."""
     module = resolve(with_conditions(module), found)
     module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
@@ -87,12 +87,12 @@ def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> C
                 _goal(fact, found)
             case TypeDeclaration():
                 _effects(item, names, found)
-            case Rule():
+            case RuleItem():
                 _untimed(item, found)
                 projected = projector.rule(item)
                 if projected is not None:
                     rules.append(projected)
-            case Assertion():
+            case AssertionItem():
                 _no_now(item.deadline, found)
                 _not_negative(item.deadline, found)
                 assertion = watched(item, found)
@@ -106,7 +106,7 @@ def check(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> C
     return checked
 
 
-def _analysed(module: Module, found: Diagnostics, given: Given) -> tuple[Module, Names, Types]:
+def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[ModuleNode, Names, Types]:
     """Return the names and types of a module; if types contradict each other, of what was probably meant."""
     first = found.branch()
     names = collect(module, first, given)
@@ -139,13 +139,13 @@ def _too_large(item: Item, found: Diagnostics) -> bool:
 
 def _parts(node: object) -> tuple[int, Span | None]:
     match node:
-        case Rule(body=body, head=head, span=span):
+        case RuleItem(body=body, head=head, span=span):
             return max(len(body), len(head)), span
-        case Comprehension(body=body, head=derived, span=span):
+        case ComprehensionNode(body=body, head=derived, span=span):
             return max(len(body), len(derived)), span
-        case Aggregate(body=parts, span=span) | Steps(derived=parts, span=span):
+        case AggregateNode(body=parts, span=span) | StepsNode(derived=parts, span=span):
             return len(parts), span
-        case Fact(arguments=parts, span=span) | Call(arguments=parts, span=span) | ListTerm(items=parts, span=span):
+        case FactNode(arguments=parts, span=span) | Call(arguments=parts, span=span) | ListTerm(items=parts, span=span):
             return len(parts), span
         case TypeDeclaration(parameters=parts, span=span):
             return len(parts), span
@@ -169,14 +169,14 @@ def _stack(node: object) -> int:
 # ---- facts and goals
 
 
-def _owner(fact: Fact, found: Diagnostics) -> Variable | None:
+def _owner(fact: FactNode, found: Diagnostics) -> Variable | None:
     owner = fact.owner
     if owner is not None and not isinstance(owner, Variable | Literal):
         found.report("E023", "the owner of a stated fact is a robot, or a variable for every robot", owner.span)
     return owner if isinstance(owner, Variable) else None
 
 
-def _stated(fact: Fact, found: Diagnostics) -> None:
+def _stated(fact: FactNode, found: Diagnostics) -> None:
     owner = _owner(fact, found)
     for argument in fact.arguments[1:]:
         own = isinstance(argument, Variable) and owner is not None and argument.name == owner.name != "_"
@@ -188,7 +188,7 @@ def _stated(fact: Fact, found: Diagnostics) -> None:
         found.report("E023", "a fact that the program states has constant arguments", argument.span, hint=hint)
 
 
-def _goal(fact: Fact, found: Diagnostics) -> None:
+def _goal(fact: FactNode, found: Diagnostics) -> None:
     _owner(fact, found)
     for argument in fact.arguments[1:]:
         if not isinstance(argument, Variable) and _varies(argument):
@@ -212,7 +212,7 @@ def _effects(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
         if variable is None or variable.anonymous:
             continue
         if variable.name in named:
-            notes = (Note(named[variable.name], "here"),)
+            notes = (DiagnosticNote(named[variable.name], "here"),)
             found.report("E031", f"`{variable.name}` names two arguments", variable.span, notes=notes)
         named[variable.name] = variable.span
     first = item.parameters[0].variable if item.parameters else None
@@ -226,10 +226,10 @@ def _effects(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
         own = isinstance(owner, Variable) and first is not None and owner.name == first.name
         if names.of(effect).kind is Kind.SENSED and owner is not None and not own:
             message = f"`{effect.name.text}` is sensed by its robot; only the executor's is an effect"
-            found.report("E012", message, owner.span, notes=(Note(names.of(effect).place, "sensed"),))
+            found.report("E012", message, owner.span, notes=(DiagnosticNote(names.of(effect).place, "sensed"),))
 
 
-def _no_anonymous(fact: Fact, found: Diagnostics) -> None:
+def _no_anonymous(fact: FactNode, found: Diagnostics) -> None:
     for each in walk(fact):
         if isinstance(each, Variable) and each.anonymous:
             found.report("E030", "`_` has no value", each.span, hint="name what is derived")
@@ -238,9 +238,9 @@ def _no_anonymous(fact: Fact, found: Diagnostics) -> None:
 # ---- rules
 
 
-def _untimed(rule: Rule, found: Diagnostics) -> None:
+def _untimed(rule: RuleItem, found: Diagnostics) -> None:
     """`now()` stands in heads only: time alone satisfies no rule."""
-    inner = [part.body for part in rule.head if isinstance(part, Comprehension | Aggregate)]
+    inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
     for body in (rule.body, *inner):
         for conjunct in body:
             _no_now(conjunct.expression if isinstance(conjunct, Condition) else conjunct, found)
@@ -263,14 +263,14 @@ def _not_negative(deadline: Expression, found: Diagnostics) -> None:
 # ---- strategy
 
 
-def _textual(module: Module, found: Diagnostics) -> bool:
-    stated = [item for item in module.items if isinstance(item, Strategy)]
+def _textual(module: ModuleNode, found: Diagnostics) -> bool:
+    stated = [item for item in module.items if isinstance(item, StrategyItem)]
     for item in stated:
         name = item.name.text
         if name not in STRATEGIES:
             hint = meant(name, list(STRATEGIES)) or "known are `random` and `textual`"
             found.report("E015", f"there is no order `{name}`", item.name.span, hint=hint)
     for item in stated[1:]:
-        notes = (Note(stated[0].span, "first stated here"),)
+        notes = (DiagnosticNote(stated[0].span, "first stated here"),)
         found.report("E010", "the order is stated twice", item.span, notes=notes)
     return bool(stated) and stated[0].name.text == "textual"

@@ -12,8 +12,8 @@ from rmr.lang.analyse.types import ROBOT, converted, fits, literal_type
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.provided import PREDICATES, declaration_text, type_text
 from rmr.lang.read.parser import parse
-from rmr.lang.read.source_text import Source, Span
-from rmr.lang.read.syntax import Call, Expression, Fact, FactItem, Literal, Mark, Variable, walk
+from rmr.lang.read.source_text import SourceText, Span
+from rmr.lang.read.syntax import Call, Expression, FactItem, FactNode, Literal, Mark, Variable, walk
 
 
 class FactError(Exception):
@@ -38,7 +38,7 @@ def parse_fact(text: str, program: Program) -> InitialFact:
     return stated(read_fact(text), program)
 
 
-def stated(fact: Fact, program: Program) -> InitialFact:
+def stated(fact: FactNode, program: Program) -> InitialFact:
     """Return what `fact` states, as `parse_fact`; the owner's variable may stand for a robot. Raises FactError."""
     index, predicate = _predicate(fact, program)
     owner = fact.arguments[0]
@@ -86,7 +86,7 @@ def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ..
     return name, tuple(patterns)
 
 
-def _predicate(fact: Fact, program: Program) -> tuple[int, Predicate]:
+def _predicate(fact: FactNode, program: Program) -> tuple[int, Predicate]:
     """Return the predicate that `fact` names, of which it has the kind and the number of arguments."""
     name = fact.name.text
     index = program.index(name)
@@ -103,7 +103,7 @@ def _predicate(fact: Fact, program: Program) -> tuple[int, Predicate]:
     return index, predicate
 
 
-def _check_arity(fact: Fact, predicate: Predicate) -> None:
+def _check_arity(fact: FactNode, predicate: Predicate) -> None:
     arity = len(predicate.types) + 1
     if len(fact.arguments) != arity:
         words = "1 argument" if arity == 1 else f"{arity} arguments"
@@ -145,11 +145,11 @@ def _check_robot(argument: Expression, kind: Type, predicate: Predicate) -> None
         raise _misfit(argument, kind, ROBOT, predicate)
 
 
-def read_fact(text: str) -> Fact:
+def read_fact(text: str) -> FactNode:
     """Return the fact that `text` spells, whatever program it is for. Raises FactError."""
     found = Diagnostics()
     stripped = text.strip()
-    module = parse(Source("<fact>", stripped if stripped.endswith(".") else stripped + "."), found)
+    module = parse(SourceText("<fact>", stripped if stripped.endswith(".") else stripped + "."), found)
     problems = found.in_order()
     if problems:
         raise FactError(problems[0].message)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.format import format_source
 from rmr.lang.read.parser import parse
-from rmr.lang.read.source_text import Source
+from rmr.lang.read.source_text import SourceText
 
 COMMENT = re.compile(r'("(?:[^"\\\n]|\\[^\n])*")|(//[^\n]*|/\*.*?\*/)', re.DOTALL)
 SPAN = re.compile(r"Span\(file='x', start=\d+, end=\d+\)")
@@ -18,7 +18,7 @@ SPAN = re.compile(r"Span\(file='x', start=\d+, end=\d+\)")
 
 def formatted(text):
     found = Diagnostics()
-    result = format_source(Source("x", text), found)
+    result = format_source(SourceText("x", text), found)
     assert result is not None, (text, found)
     return result
 
@@ -40,7 +40,7 @@ def closed(text):
 def meaning(text):
     """Return the syntax tree without its places."""
     found = Diagnostics()
-    module = parse(Source("x", text), found)
+    module = parse(SourceText("x", text), found)
     assert not found.failed
     return SPAN.sub("", repr(module.items))
 

@@ -16,7 +16,7 @@ from rmr.bytecode.program import Kind, Program
 from rmr.lang.compiler import compile_file
 from rmr.lang.diagnostics.diagnostic import Diagnostic
 from rmr.lang.diagnostics.render import render_text, to_json
-from rmr.lang.read.source_text import Source
+from rmr.lang.read.source_text import SourceText
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.user_file import ActionsError, load_actions
@@ -41,7 +41,7 @@ class Findings:
     """As it was named."""
     diagnostics: Sequence[Diagnostic] = ()
     """Of the program."""
-    sources: Mapping[str, Source] = field(default_factory=dict)
+    sources: Mapping[str, SourceText] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
     """Of the lab, and of the lab and its program together; of warnings the message begins with `warning: `."""
     lab: Lab | None = None

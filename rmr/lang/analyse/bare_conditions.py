@@ -8,21 +8,21 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Assertion,
+    AggregateNode,
+    AssertionItem,
     Call,
-    Comprehension,
+    ComprehensionNode,
     Condition,
     Conjunct,
-    Fact,
     FactItem,
+    FactNode,
     GoalItem,
     HeadItem,
     Item,
     Mark,
-    Module,
-    Rule,
-    Steps,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
     TypeDeclaration,
     Unary,
 )
@@ -31,14 +31,14 @@ CONDITIONS = ("member",)
 """The functions that say yes or no."""
 
 
-def with_conditions(module: Module) -> Module:
+def with_conditions(module: ModuleNode) -> ModuleNode:
     """Return `module` with the functions that stand alone in bodies as conditions."""
     known = {name for item in module.items for name in _facts_of(item)}
     functions = frozenset(CONDITIONS) - known
     if not functions:
         return module
     return replace(
-        module, items=tuple(_rule(each, functions) if isinstance(each, Rule) else each for each in module.items)
+        module, items=tuple(_rule(each, functions) if isinstance(each, RuleItem) else each for each in module.items)
     )
 
 
@@ -49,40 +49,40 @@ def _facts_of(item: Item) -> Iterable[str]:
             return [name.text, *(fact.name.text for fact in (*effects, *others))]
         case FactItem(fact=fact) | GoalItem(fact=fact):
             return [fact.name.text]
-        case Rule(head=head):
+        case RuleItem(head=head):
             return [fact.name.text for part in head for fact in _derived(part)]
-        case Assertion(start=start, finish=finish):
+        case AssertionItem(start=start, finish=finish):
             return [start.name.text, finish.name.text]
         case _:
             return []
 
 
-def _derived(part: HeadItem) -> tuple[Fact, ...]:
+def _derived(part: HeadItem) -> tuple[FactNode, ...]:
     match part:
-        case Steps(derived=facts) | Comprehension(head=facts):
+        case StepsNode(derived=facts) | ComprehensionNode(head=facts):
             return facts
-        case Aggregate(head=fact):
+        case AggregateNode(head=fact):
             return (fact,)
-        case Fact():
+        case FactNode():
             return (part,)
 
 
-def _rule(rule: Rule, functions: frozenset[str]) -> Rule:
+def _rule(rule: RuleItem, functions: frozenset[str]) -> RuleItem:
     head = tuple(
-        replace(part, body=_body(part.body, functions)) if isinstance(part, Comprehension | Aggregate) else part
+        replace(part, body=_body(part.body, functions)) if isinstance(part, ComprehensionNode | AggregateNode) else part
         for part in rule.head
     )
     return replace(rule, body=_body(rule.body, functions), head=head)
 
 
 def _body(body: tuple[Conjunct, ...], functions: frozenset[str]) -> tuple[Conjunct, ...]:
-    if not any(isinstance(each, Fact) and each.name.text in functions for each in body):
+    if not any(isinstance(each, FactNode) and each.name.text in functions for each in body):
         return body
     return tuple(_conjunct(each, functions) for each in body)
 
 
 def _conjunct(conjunct: Conjunct, functions: frozenset[str]) -> Conjunct:
-    if not isinstance(conjunct, Fact) or conjunct.name.text not in functions or conjunct.mark is not Mark.NONE:
+    if not isinstance(conjunct, FactNode) or conjunct.name.text not in functions or conjunct.mark is not Mark.NONE:
         return conjunct
     call = Call(conjunct.name, conjunct.arguments, conjunct.span)
     return Condition(Unary("not", call, conjunct.span) if conjunct.absent else call, conjunct.span)

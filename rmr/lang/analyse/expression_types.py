@@ -13,7 +13,7 @@ from rmr.lang.analyse.types import (
     LIST_FUNCTIONS,
     OPEN,
     ROBOT,
-    Cell,
+    TypeCell,
     compatible,
     described,
     literal_cell,
@@ -24,10 +24,10 @@ from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Un
 
 
 @record
-class Scope:
+class TypeScope:
     """The variables of a rule, and what a body does with them; a head only uses them."""
 
-    cells: dict[str, Cell]
+    cells: dict[str, TypeCell]
     constants: dict[str, Literal]
     """Variables that the body equates with a constant."""
     given: frozenset[str] = frozenset()
@@ -35,19 +35,19 @@ class Scope:
     taken: frozenset[str] = frozenset()
     """Variables that get their value only from a list that the body takes apart."""
 
-    def inner(self) -> "Scope":
+    def inner(self) -> "TypeScope":
         """Return the scope of a body within the head; what it adds is its own."""
-        return Scope(dict(self.cells), dict(self.constants))
+        return TypeScope(dict(self.cells), dict(self.constants))
 
-    def using(self) -> "Scope":
+    def using(self) -> "TypeScope":
         """Return the scope of what gives no variable a value."""
-        return Scope(self.cells, self.constants) if self.given or self.taken else self
+        return TypeScope(self.cells, self.constants) if self.given or self.taken else self
 
-    def variable(self, variable: Variable) -> Cell:
+    def variable(self, variable: Variable) -> TypeCell:
         """Return a variable's cell, a new one at its first mention."""
         if variable.anonymous:
-            return Cell(OPEN, None)
-        return self.cells.setdefault(variable.name, Cell(OPEN, None))
+            return TypeCell(OPEN, None)
+        return self.cells.setdefault(variable.name, TypeCell(OPEN, None))
 
 
 class Expressions:
@@ -59,12 +59,12 @@ class Expressions:
         self._demands = demands
         self._found = found
         self.lists = Lists(solver, demands, found)
-        self.cells: dict[Span, Cell] = {}
+        self.cells: dict[Span, TypeCell] = {}
         """Every expression's cell."""
         self.divisions: set[Span] = set()
         """The places of `/`, which gives a float."""
 
-    def cell(self, expression: Expression, scope: Scope) -> Cell:
+    def cell(self, expression: Expression, scope: TypeScope) -> TypeCell:
         """Return the cell of `expression`, after those of all within; nesting is bounded by the parser."""
         match expression:
             case Literal():
@@ -86,17 +86,17 @@ class Expressions:
 
     # ---- operators
 
-    def _unary(self, expression: Unary, scope: Scope) -> Cell:
+    def _unary(self, expression: Unary, scope: TypeScope) -> TypeCell:
         operand = self.cell(expression.operand, scope.using())
         if expression.operator == "not":
             self._demands.truth(expression.operand, operand, "`not` needs a Boolean")
-            return Cell(BOOL, expression.span)
+            return TypeCell(BOOL, expression.span)
         self._demands.number(expression.operand, operand, "`-` needs a number")
-        cell = Cell(OPEN, None)
+        cell = TypeCell(OPEN, None)
         self._solver.flow(operand, cell)
         return cell
 
-    def _binary(self, expression: Binary, scope: Scope) -> Cell:
+    def _binary(self, expression: Binary, scope: TypeScope) -> TypeCell:
         operator = expression.operator
         left, right = (
             self.cell(side, scope if operator == "=" and isinstance(side, ListTerm) else scope.using())
@@ -105,23 +105,23 @@ class Expressions:
         if operator in {"&&", "||"}:
             for side, cell in ((expression.left, left), (expression.right, right)):
                 self._demands.truth(side, cell, f"`{operator}` needs Booleans")
-            return Cell(BOOL, expression.span)
+            return TypeCell(BOOL, expression.span)
         if operator in {"=", "!=", "<", "<=", ">", ">="}:
             if operator == "=":
                 self._equation(expression.left, left, right, scope)
                 self._equation(expression.right, right, left, scope)
             self._demands.later(lambda: self._compare(expression, left, right))
-            return Cell(BOOL, expression.span)
+            return TypeCell(BOOL, expression.span)
         return self._arithmetic(expression, left, right)
 
-    def _equation(self, side: Expression, cell: Cell, other: Cell, scope: Scope) -> None:
+    def _equation(self, side: Expression, cell: TypeCell, other: TypeCell, scope: TypeScope) -> None:
         """Let one side of an equation have the other's type where it may have its value."""
         if isinstance(side, ListTerm) or (isinstance(side, Variable) and side.name in scope.given):
             self._solver.flow(other, cell)
         elif isinstance(side, Variable):
             self._solver.fall_back(other, cell)
 
-    def _compare(self, expression: Binary, left: Cell, right: Cell) -> None:
+    def _compare(self, expression: Binary, left: TypeCell, right: TypeCell) -> None:
         operator = expression.operator
         if not compatible(left.type, right.type):
             message = f"`{operator}` compares {described(left.type)} with {described(right.type)}"
@@ -131,9 +131,9 @@ class Expressions:
             sides = ((expression.left, left), (expression.right, right))
             self._demands.order_now(f"`{operator}`", f"id(A) {operator} id(B)", *sides)
 
-    def _arithmetic(self, expression: Binary, left: Cell, right: Cell) -> Cell:
+    def _arithmetic(self, expression: Binary, left: TypeCell, right: TypeCell) -> TypeCell:
         operator = expression.operator
-        cell = Cell(FLOAT if operator == "/" else OPEN, expression.span, fixed=operator == "/")
+        cell = TypeCell(FLOAT if operator == "/" else OPEN, expression.span, fixed=operator == "/")
         if operator == "/":
             self.divisions.add(expression.span)
         self._solver.flow(left, cell)
@@ -145,7 +145,7 @@ class Expressions:
             self._demands.number(side, operand, f"`{operator}` needs numbers")
         return cell
 
-    def _add(self, expression: Binary, left: Cell, right: Cell) -> None:
+    def _add(self, expression: Binary, left: TypeCell, right: TypeCell) -> None:
         if {Base.LIST, Base.STRING} & {left.kind.base, right.kind.base}:
             self.lists.joined(expression, left, right)
         else:
@@ -154,25 +154,25 @@ class Expressions:
 
     # ---- functions
 
-    def _call(self, call: Call, scope: Scope) -> Cell:
+    def _call(self, call: Call, scope: TypeScope) -> TypeCell:
         name = call.name.text
         wanted = _arity(name)
         if wanted is None:
             self._unknown(call)
-            return Cell(OPEN, None)
+            return TypeCell(OPEN, None)
         cells = [self.cell(argument, scope.using()) for argument in call.arguments]
         if len(cells) != wanted:
             message = f"the function `{name}` has {wanted} arguments, here it is given {len(cells)}"
             self._found.report("E011", message, call.span)
-            return Cell(FUNCTIONS[name].result if name in FUNCTIONS else OPEN, call.span)
+            return TypeCell(FUNCTIONS[name].result if name in FUNCTIONS else OPEN, call.span)
         if name == "if":
             return self._conditional(call, cells)
         return self._numeric(call, cells) if name in FUNCTIONS else self.lists.call(call, cells)
 
-    def _numeric(self, call: Call, cells: list[Cell]) -> Cell:
+    def _numeric(self, call: Call, cells: list[TypeCell]) -> TypeCell:
         name = call.name.text
         known = FUNCTIONS[name]
-        result = Cell(known.result, call.span, fixed=known.result.base is not Base.OPEN)
+        result = TypeCell(known.result, call.span, fixed=known.result.base is not Base.OPEN)
         for argument, cell, wanted in zip(call.arguments, cells, known.arguments, strict=True):
             self._solver.flow(cell, result)
             if wanted is ROBOT:
@@ -181,8 +181,8 @@ class Expressions:
                 self._demands.number(argument, cell, f"`{name}` needs numbers")
         return result
 
-    def _conditional(self, call: Call, cells: list[Cell]) -> Cell:
-        result = Cell(OPEN, None)
+    def _conditional(self, call: Call, cells: list[TypeCell]) -> TypeCell:
+        result = TypeCell(OPEN, None)
         condition, then, otherwise = cells
         self._demands.truth(call.arguments[0], condition, "the condition of `if` is a Boolean")
         self._solver.flow(then, result)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.program import Base, Type
-from rmr.lang.analyse.expression_types import Expressions, Scope
+from rmr.lang.analyse.expression_types import Expressions, TypeScope
 from rmr.lang.analyse.names import Names, Signature
 from rmr.lang.analyse.solver import Solver
 from rmr.lang.analyse.type_demands import Demands, literal_hint
@@ -22,7 +22,7 @@ from rmr.lang.analyse.types import (
     ROBOT,
     SYMBOL,
     WINNING,
-    Cell,
+    TypeCell,
     Types,
     cell_of,
     compatible,
@@ -34,23 +34,23 @@ from rmr.lang.analyse.types import (
 )
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Assertion,
+    AggregateNode,
+    AssertionItem,
     Binary,
-    Comprehension,
+    ComprehensionNode,
     Condition,
     Conjunct,
     Expression,
-    Fact,
     FactItem,
+    FactNode,
     GoalItem,
     HeadItem,
     ListTerm,
     Literal,
-    Module,
+    ModuleNode,
     Parameter,
-    Rule,
-    Steps,
+    RuleItem,
+    StepsNode,
     TypeDeclaration,
     Variable,
     walk,
@@ -71,7 +71,7 @@ class Inference:
         for signature in names.signatures.values():
             self.types.positions[signature.name] = self._positions(signature)
 
-    def run(self, module: Module) -> Types:
+    def run(self, module: ModuleNode) -> Types:
         """Infer, check, report; return the types."""
         for item in module.items:
             self._item(item)
@@ -84,19 +84,19 @@ class Inference:
     # ---- cells
 
     @staticmethod
-    def _positions(signature: Signature) -> list[Cell]:
-        owner = Cell(ROBOT, signature.place, fixed=True)
+    def _positions(signature: Signature) -> list[TypeCell]:
+        owner = TypeCell(ROBOT, signature.place, fixed=True)
         declared = signature.declaration
         cells = [owner]
         if declared is not None and declared.parameters and declared.parameters[0].type.name != "robot":
-            return [*cells, *(Cell(OPEN, None) for _ in signature.types)]
+            return [*cells, *(TypeCell(OPEN, None) for _ in signature.types)]
         for index, kind in enumerate(signature.types, start=1):
             if declared is not None:
                 cells.append(cell_of(kind, declared.parameters[index].span, fixed=True))
             elif kind.base is Base.SYMBOL:
-                cells.append(Cell(SYMBOL, signature.place))
+                cells.append(TypeCell(SYMBOL, signature.place))
             else:
-                cells.append(Cell(kind, signature.place, fixed=kind.base is not Base.OPEN))
+                cells.append(TypeCell(kind, signature.place, fixed=kind.base is not Base.OPEN))
         return cells
 
     def _name_provided_sets(self) -> None:
@@ -112,21 +112,21 @@ class Inference:
     def _item(self, item: object) -> None:
         match item:
             case FactItem(fact=fact) | GoalItem(fact=fact):
-                self._derived(fact, Scope({}, {}))
+                self._derived(fact, TypeScope({}, {}))
             case TypeDeclaration():
                 self._declaration(item)
-            case Rule():
-                scope = Scope({}, {})
+            case RuleItem():
+                scope = TypeScope({}, {})
                 self._body(item.body, scope)
                 for part in item.head:
                     self._head(part, scope)
-            case Assertion():
+            case AssertionItem():
                 self._assertion(item)
             case _:
                 pass
 
     def _declaration(self, item: TypeDeclaration) -> None:
-        scope = Scope({}, {})
+        scope = TypeScope({}, {})
         cells = self.types.positions[item.name.text]
         for parameter, cell in zip(item.parameters, cells, strict=False):
             self._shallow(parameter)
@@ -142,8 +142,8 @@ class Inference:
         if depth > NESTING_MAX:
             self._found.report("E004", f"lists are nested more than {NESTING_MAX} deep", parameter.type.span)
 
-    def _assertion(self, item: Assertion) -> None:
-        scope = Scope({}, {})
+    def _assertion(self, item: AssertionItem) -> None:
+        scope = TypeScope({}, {})
         self._matched(item.start, scope)
         self._matched(item.finish, scope)
         deadline = self._expressions.cell(item.deadline, scope)
@@ -151,29 +151,29 @@ class Inference:
         self._demands.number(item.deadline, deadline, "a deadline is a number of seconds", hint)
         self._derived(item.violation, scope)
 
-    def _head(self, part: HeadItem, scope: Scope) -> None:
+    def _head(self, part: HeadItem, scope: TypeScope) -> None:
         match part:
-            case Fact():
+            case FactNode():
                 self._derived(part, scope)
-            case Steps(derived=derived):
+            case StepsNode(derived=derived):
                 for fact in derived:
                     self._derived(fact, scope)
-            case Comprehension():
+            case ComprehensionNode():
                 inner = scope.inner()
                 for variable in part.variables:
-                    inner.cells[variable.name] = Cell(OPEN, None)
+                    inner.cells[variable.name] = TypeCell(OPEN, None)
                 self._body(part.body, inner)
                 for fact in part.head:
                     self._derived(fact, inner)
-            case Aggregate():
+            case AggregateNode():
                 self._aggregate(part, scope)
 
-    def _body(self, body: tuple[Conjunct, ...], scope: Scope) -> None:
+    def _body(self, body: tuple[Conjunct, ...], scope: TypeScope) -> None:
         for name, constant in constants(body).items():
             scope.constants.setdefault(name, constant)
         direct = matched_variables(body)
         given = frozenset(_equated(body)) - direct
-        reading = Scope(scope.cells, scope.constants, given, frozenset(_listed(body)) - direct - given)
+        reading = TypeScope(scope.cells, scope.constants, given, frozenset(_listed(body)) - direct - given)
         for conjunct in body:
             if isinstance(conjunct, Condition):
                 cell = self._expressions.cell(conjunct.expression, reading)
@@ -183,7 +183,7 @@ class Inference:
 
     # ---- aggregates
 
-    def _aggregate(self, part: Aggregate, scope: Scope) -> None:
+    def _aggregate(self, part: AggregateNode, scope: TypeScope) -> None:
         inner = scope.inner()
         self._body(part.body, inner)
         result = self._gathered(part, inner)
@@ -191,16 +191,16 @@ class Inference:
         head.cells[part.result.name] = result
         self._derived(part.head, head)
 
-    def _gathered(self, part: Aggregate, inner: Scope) -> Cell:
+    def _gathered(self, part: AggregateNode, inner: TypeScope) -> TypeCell:
         """Return the cell of what an aggregate makes of its matches."""
         operator, term = part.operator.text, part.term
-        each = Cell(OPEN, None) if term is None else self._expressions.cell(term, inner)
+        each = TypeCell(OPEN, None) if term is None else self._expressions.cell(term, inner)
         if operator == "count":
-            return Cell(INT, part.operator.span, fixed=True)
-        result = value = Cell(OPEN, None, mixed=operator == "sum")  # the sum of nothing is the int 0
+            return TypeCell(INT, part.operator.span, fixed=True)
+        result = value = TypeCell(OPEN, None, mixed=operator == "sum")  # the sum of nothing is the int 0
         if operator == "collect":
-            value = Cell(OPEN, None, depth=1)
-            result = Cell(LIST, part.span, items=value)
+            value = TypeCell(OPEN, None, depth=1)
+            result = TypeCell(LIST, part.span, items=value)
             self._expressions.lists.makes(result, part.span)
         self._solver.flow(each, value)
         if isinstance(term, Variable):
@@ -215,7 +215,7 @@ class Inference:
 
     # ---- facts
 
-    def _matched(self, fact: Fact, scope: Scope) -> None:
+    def _matched(self, fact: FactNode, scope: TypeScope) -> None:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
             cell = self._expressions.cell(argument, scope)
             if isinstance(argument, Variable | ListTerm):
@@ -227,7 +227,7 @@ class Inference:
                 self._solver.flow(literal_cell(constant), position)
             self._compare(fact, argument, cell, position, fits if isinstance(argument, Literal) else compatible)
 
-    def _derived(self, fact: Fact, scope: Scope) -> None:
+    def _derived(self, fact: FactNode, scope: TypeScope) -> None:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
             cell = self._expressions.cell(argument, scope)
             self._solver.flow(cell, position)
@@ -236,7 +236,12 @@ class Inference:
             self._compare(fact, argument, cell, position, fits)
 
     def _compare(
-        self, fact: Fact, argument: Expression, cell: Cell, position: Cell, good: Callable[[Type, Type], bool]
+        self,
+        fact: FactNode,
+        argument: Expression,
+        cell: TypeCell,
+        position: TypeCell,
+        good: Callable[[Type, Type], bool],
     ) -> None:
         name = fact.name.text
         owner = position is self.types.positions[name][0]
@@ -255,7 +260,7 @@ class Inference:
 
         self._demands.later(check)
 
-    def _float_hint(self, argument: Expression, cell: Cell, position: Cell) -> str | None:
+    def _float_hint(self, argument: Expression, cell: TypeCell, position: TypeCell) -> str | None:
         """Return how an int is made of a float."""
         if position.kind != INT or cell.kind.base is not Base.FLOAT:
             return None
@@ -276,7 +281,7 @@ def _listed(body: tuple[Conjunct, ...]) -> Iterator[str]:
     """Yield the variables that a body takes out of lists."""
     stack: list[Expression] = [side for side in _sides(body) if isinstance(side, ListTerm)]
     for fact in body:
-        if isinstance(fact, Fact) and not fact.absent:
+        if isinstance(fact, FactNode) and not fact.absent:
             stack += [argument for argument in fact.arguments if isinstance(argument, ListTerm)]
     while stack:
         part = stack.pop()

@@ -18,20 +18,20 @@ from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
 from rmr.lang.read.habits.brackets import AGGREGATES, aggregate_hint
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
-    Assertion,
+    AssertionItem,
     Binary,
     Call,
     Condition,
     Expression,
-    Fact,
     FactItem,
+    FactNode,
     GoalItem,
     Item,
     ListTerm,
     Literal,
-    Module,
+    ModuleNode,
     Name,
-    Rule,
+    RuleItem,
     Variable,
     parts,
     walk,
@@ -51,7 +51,7 @@ Change = Callable[[Any], Any]
 """Returns what stands instead of a node: the node itself, if nothing is wrong with it."""
 
 
-def intended(module: Module, types: Types, errors: list[Diagnostic], found: Diagnostics) -> Module:
+def intended(module: ModuleNode, types: Types, errors: list[Diagnostic], found: Diagnostics) -> ModuleNode:
     """Return `module` as it was probably meant, and report what was written otherwise; itself if nothing is clear."""
     looked_at = [each for each in errors if each.code in {"E015", "E020", "E021", "E022"}]
     if not looked_at:
@@ -80,7 +80,7 @@ class _Reader:
     """Reads the items in which something is wrong as they were meant."""
 
     def __init__(
-        self, module: Module, types: Types, wrong: set[Span], no_robots: set[Span], found: Diagnostics
+        self, module: ModuleNode, types: Types, wrong: set[Span], no_robots: set[Span], found: Diagnostics
     ) -> None:
         self._module = module
         self._types = types
@@ -95,9 +95,9 @@ class _Reader:
 
     def item(self, item: Item) -> Item | None:
         """Return `item` as it was meant; None if that is not clear."""
-        if isinstance(item, Rule) and self._is_foreign(item):
+        if isinstance(item, RuleItem) and self._is_foreign(item):
             self.has_changed = True
-            self.broken.update(node.name.text for node in walk(item) if isinstance(node, Fact | Call))
+            self.broken.update(node.name.text for node in walk(item) if isinstance(node, FactNode | Call))
             return None
         for read in (self._hyphens, self._numbers, self._symbols):
             changed = read(item)
@@ -108,11 +108,11 @@ class _Reader:
 
     # ---- calls that are neither facts nor functions
 
-    def _is_foreign(self, rule: Rule) -> bool:
+    def _is_foreign(self, rule: RuleItem) -> bool:
         """Report a rule that calls what other languages have."""
         for node in walk(rule):
             match node:
-                case Fact(name=Name(text="if")) if not self._is_declared("if"):
+                case FactNode(name=Name(text="if")) if not self._is_declared("if"):
                     if node in rule.head:
                         message = "`if` chooses between values, not between facts"
                         hint = (
@@ -122,7 +122,7 @@ class _Reader:
                         message, hint = "`if` is no fact", "a condition stands alone: `load(R, N), N > 2 -o ...`"
                     self._found.report("E012", message, node.span, hint=hint)
                     return True
-                case Fact(name=Name(text=name)) | Call(name=Name(text=name)) if name in GATHERING:
+                case FactNode(name=Name(text=name)) | Call(name=Name(text=name)) if name in GATHERING:
                     if self._is_declared(name):
                         continue
                     hint = f"aggregates stand in heads, between brackets: `{GATHERING[name]}`"
@@ -153,7 +153,7 @@ class _Reader:
             if isinstance(node, Condition):
                 inner = change(node.expression)
                 if inner is not node.expression and isinstance(inner, Call):
-                    return Fact(inner.name, inner.arguments, inner.span)
+                    return FactNode(inner.name, inner.arguments, inner.span)
                 return node if inner is node.expression else replace(node, expression=inner)
             if not isinstance(node, Binary) or node.operator != "-":
                 return node
@@ -187,7 +187,7 @@ class _Reader:
         told: list[tuple[int, Span]] = []
 
         def change(node: Any) -> Any:
-            if not isinstance(node, Fact):
+            if not isinstance(node, FactNode):
                 return node
             cells = self._types.positions.get(node.name.text, ())
             arguments = list(node.arguments)
@@ -212,7 +212,7 @@ class _Reader:
     def _robot_numbers(self, item: Item) -> Iterable[Span]:
         """Yield the places of ints where a robot must be, and of those that a robot's type contradicts."""
         for fact in walk(item):
-            if isinstance(fact, Fact) and (cells := self._types.positions.get(fact.name.text)):
+            if isinstance(fact, FactNode) and (cells := self._types.positions.get(fact.name.text)):
                 for argument, cell in zip(fact.arguments, cells, strict=False):
                     is_wanted = cell.kind.base is Base.ROBOT or argument.span in self._no_robots
                     if _robot_number(argument) is not None and is_wanted:
@@ -221,7 +221,7 @@ class _Reader:
     # ---- symbols for variables
 
     def _symbols(self, item: Item) -> Item:
-        if not isinstance(item, Rule | Assertion | FactItem | GoalItem):
+        if not isinstance(item, RuleItem | AssertionItem | FactItem | GoalItem):
             return item
         here = [each for each in walk(item) if isinstance(each, Literal) and isinstance(each.value, Symbol)]
         counts = Counter(str(each.value) for each in here)

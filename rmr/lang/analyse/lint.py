@@ -10,26 +10,26 @@ from rmr.lang import provided
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
 from rmr.lang.analyse.misspelt_names import Speller
 from rmr.lang.analyse.misspelt_symbols import doubt_letters, doubt_symbols
-from rmr.lang.analyse.names import Names, Role, uses
+from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
 from rmr.lang.analyse.types import FUNCTIONS, LIST_FUNCTIONS, Types, constants, leaves
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Assertion,
+    AggregateNode,
+    AssertionItem,
     Binary,
-    Comprehension,
+    ComprehensionNode,
     Condition,
     Conjunct,
     Expression,
-    Fact,
+    FactNode,
     GoalItem,
     Item,
     Literal,
     Mark,
-    Module,
-    Rule,
+    ModuleNode,
+    RuleItem,
     TypeDeclaration,
     Variable,
     walk,
@@ -38,7 +38,7 @@ from rmr.lang.read.syntax import (
 TICK_S = 1 / 60
 """The robots' executive runs at 60 Hz: nothing is decided faster."""
 
-_SENT = {Role.HEAD, Role.EFFECT, Role.VIOLATION}
+_SENT = {FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 """Where facts and actions stand that are another robot's if their owner is."""
 
 TRUTHS = ("true", "false")
@@ -47,13 +47,13 @@ NO_FIRING = "the rule cannot fire"
 NO_JOB = "the assertion never starts a job"
 
 
-def warn(module: Module, names: Names, types: Types, found: Diagnostics) -> None:
+def warn(module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
     """Report the doubts about `module`."""
     _Doubts(module, names, types, found).run()
 
 
 class _Doubts:
-    def __init__(self, module: Module, names: Names, types: Types, found: Diagnostics) -> None:
+    def __init__(self, module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
         self._module = module
         self._names = names
         self._types = types
@@ -68,7 +68,9 @@ class _Doubts:
         self._once: list[Variable] = []
         for item in module.items:
             self._look_at(item)
-        self._events = {(item.name or item.finish.name).text for item in module.items if isinstance(item, Assertion)}
+        self._events = {
+            (item.name or item.finish.name).text for item in module.items if isinstance(item, AssertionItem)
+        }
 
     def _look_at(self, item: Item) -> None:
         """Collect the symbols of an item, and the variables that a rule or a time assertion uses once."""
@@ -80,7 +82,7 @@ class _Doubts:
                 for each in leaves(node.value):
                     if isinstance(each, Symbol):
                         self._count(each, item)
-        if isinstance(item, Rule | Assertion):
+        if isinstance(item, RuleItem | AssertionItem):
             self._once += [each for each in variables.values() if each is not None and not each.anonymous]
 
     def _count(self, symbol: Symbol, item: Item) -> None:
@@ -93,14 +95,14 @@ class _Doubts:
             self._confusable(variable)
         for item in self._module.items:
             match item:
-                case Rule():
+                case RuleItem():
                     for body, what in _bodies(item):
                         self._contradiction(body, what)
                     self._large(item, _home(item), constants(item.body))
                 case TypeDeclaration():
                     executor = item.parameters[0].variable if item.parameters else None
                     self._large(item, executor, {})
-                case Assertion():
+                case AssertionItem():
                     self._short(item)
                     self._large(item, item.start.owner, {})
                 case _:
@@ -116,14 +118,14 @@ class _Doubts:
     def _absences(self) -> None:
         for item in self._module.items:
             match item:
-                case Rule():
+                case RuleItem():
                     for body, what in _bodies(item):
                         for fact in body:
-                            if isinstance(fact, Fact) and not fact.absent:
+                            if isinstance(fact, FactNode) and not fact.absent:
                                 self._never(fact, what)
                 case GoalItem(fact=fact):
                     self._unreachable(fact, {})
-                case Assertion():
+                case AssertionItem():
                     self._never(item.start, NO_JOB)
                     self._unfinished(item.finish)
                 case _:
@@ -146,11 +148,11 @@ class _Doubts:
         self._found.report("W115", message, fact.span, hint=hint)
 
     def _derivations(self, item: object) -> None:
-        known = constants(item.body) if isinstance(item, Rule) else {}
-        for use in uses(item) if isinstance(item, Rule) else ():
-            if use.role is Role.HEAD and use.fact.mark is Mark.GOAL:
+        known = constants(item.body) if isinstance(item, RuleItem) else {}
+        for use in uses(item) if isinstance(item, RuleItem) else ():
+            if use.role is FactRole.HEAD and use.fact.mark is Mark.GOAL:
                 self._unreachable(use.fact, known)
-            elif use.role is Role.HEAD:
+            elif use.role is FactRole.HEAD:
                 self._speller.unread(use.fact)
 
     # ---- variables that may be constants
@@ -183,7 +185,7 @@ class _Doubts:
                 case _:
                     pass
 
-    def _never(self, fact: Fact, what: str) -> None:
+    def _never(self, fact: FactNode, what: str) -> None:
         name, signature = fact.name.text, self._names.of(fact)
         if signature.provided:
             unsensed = name in provided.UNSENSED and signature.declaration is None
@@ -198,7 +200,7 @@ class _Doubts:
                 "W102", f"nothing states or derives `{name}`, {what}", fact.span, hint=self._missing(fact)
             )
 
-    def _unknown_event(self, fact: Fact, what: str) -> None:
+    def _unknown_event(self, fact: FactNode, what: str) -> None:
         kinds = self._names.of(fact).types
         for argument, kind in zip(fact.arguments[1:], kinds, strict=False):
             if kind.name != provided.EVENT or not isinstance(argument, Literal):
@@ -210,22 +212,22 @@ class _Doubts:
 
     # ---- facts that nobody derives
 
-    def _unreachable(self, goal: Fact, known: Known) -> None:
+    def _unreachable(self, goal: FactNode, known: Known) -> None:
         if not self._supply.may_match(goal, known) and not self._is_misspelt(goal):
             message = f"nothing in the program derives a fact that matches `?{goal.name.text}(...)`"
             self._found.report("W103", message, goal.span, hint=self._missing(goal))
 
-    def _unfinished(self, finish: Fact) -> None:
+    def _unfinished(self, finish: FactNode) -> None:
         if not self._supply.may_match(finish, {}) and not self._is_misspelt(finish):
             message = f"nothing in the program derives a fact that matches `{finish.name.text}(...)`"
             message += "; jobs are late unless one comes from outside"
             self._found.report("W104", message, finish.span, hint=self._missing(finish))
 
-    def _is_misspelt(self, fact: Fact) -> bool:
+    def _is_misspelt(self, fact: FactNode) -> bool:
         """Whether an argument has been reported as misspelt."""
         return any(self._found.reported_at("W112", argument.span) for argument in fact.arguments)
 
-    def _missing(self, fact: Fact) -> str | None:
+    def _missing(self, fact: FactNode) -> str | None:
         """Return the hint for a fact that nothing derives."""
         name = fact.name.text
         if self._names.of(fact).declaration is not None or self._supply.is_derived(name):
@@ -236,7 +238,7 @@ class _Doubts:
 
     # ---- sizes and times
 
-    def _large(self, item: Rule | TypeDeclaration | Assertion, home: Expression | None, known: Known) -> None:
+    def _large(self, item: RuleItem | TypeDeclaration | AssertionItem, home: Expression | None, known: Known) -> None:
         for use in uses(item):
             fact = use.fact
             if use.role not in _SENT or not _is_away(fact.owner, home):
@@ -255,28 +257,28 @@ class _Doubts:
                 message = f"the values of this fact take {size} octets, a radio frame has room for {FACT_OCTETS_MAX}"
                 self._found.report("W105", message, fact.span, hint="it will be sent in fragments")
 
-    def _short(self, item: Assertion) -> None:
+    def _short(self, item: AssertionItem) -> None:
         value = item.deadline.value if isinstance(item.deadline, Literal) else None
         if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < TICK_S:
             hint = "a robot decides 60 times a second; `500ms` and `2s` are times"
             self._found.report("W106", "this deadline is shorter than a tick", item.deadline.span, hint=hint)
 
 
-def _bodies(rule: Rule) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
+def _bodies(rule: RuleItem) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
     """Yield a rule's bodies, and what does not happen if nothing matches them."""
     yield rule.body, NO_FIRING
     for part in rule.head:
         match part:
-            case Comprehension(body=body):
+            case ComprehensionNode(body=body):
                 yield body, "the comprehension derives nothing"
-            case Aggregate(body=body):
+            case AggregateNode(body=body):
                 yield body, "the aggregate finds nothing"
             case _:
                 pass
 
 
-def _home(rule: Rule) -> Expression | None:
-    return next((each.owner for each in rule.body if isinstance(each, Fact) and not each.absent), None)
+def _home(rule: RuleItem) -> Expression | None:
+    return next((each.owner for each in rule.body if isinstance(each, FactNode) and not each.absent), None)
 
 
 def _is_away(owner: Expression | None, home: Expression | None) -> bool:

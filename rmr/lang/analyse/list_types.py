@@ -8,7 +8,7 @@ from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.solver import Solver
 from rmr.lang.analyse.type_demands import Demands
-from rmr.lang.analyse.types import BOOL, INT, LIST, OPEN, SORTED, Cell, compatible, described, fits, several
+from rmr.lang.analyse.types import BOOL, INT, LIST, OPEN, SORTED, TypeCell, compatible, described, fits, several
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Variable
@@ -21,9 +21,9 @@ class Lists:
         self._solver = solver
         self._demands = demands
         self._found = found
-        self._made: list[tuple[Cell, Span]] = []
+        self._made: list[tuple[TypeCell, Span]] = []
 
-    def makes(self, cell: Cell, span: Span) -> None:
+    def makes(self, cell: TypeCell, span: Span) -> None:
         """Remember that a list is made at `span`."""
         self._made.append((cell, span))
 
@@ -42,10 +42,10 @@ class Lists:
 
     # ---- terms
 
-    def term(self, term: ListTerm, items: list[Cell], rest: Cell | None, taken: frozenset[str]) -> Cell:
+    def term(self, term: ListTerm, items: list[TypeCell], rest: TypeCell | None, taken: frozenset[str]) -> TypeCell:
         """Return the cell of a list term, whose items and rest have theirs; `taken` are variables that it binds."""
-        within = Cell(OPEN, None, depth=1)
-        cell = Cell(LIST, term.span, items=within)
+        within = TypeCell(OPEN, None, depth=1)
+        cell = TypeCell(LIST, term.span, items=within)
         for item, each in zip(term.items, items, strict=True):
             self._part(item, each, within, taken)
             self._needs_item(item, each, within)
@@ -55,7 +55,7 @@ class Lists:
         self.makes(cell, term.span)
         return cell
 
-    def _part(self, expression: Expression, part: Cell, whole: Cell, taken: frozenset[str]) -> None:
+    def _part(self, expression: Expression, part: TypeCell, whole: TypeCell, taken: frozenset[str]) -> None:
         """Let types flow between an item and its list's items, or between the rest of a list and the list."""
         if isinstance(expression, Variable) and (expression.anonymous or expression.name in taken):
             self._solver.flow(whole, part)
@@ -67,7 +67,7 @@ class Lists:
         elif isinstance(expression, ListTerm):
             self._solver.flow(whole, part)
 
-    def _needs_item(self, item: Expression, part: Cell, within: Cell) -> None:
+    def _needs_item(self, item: Expression, part: TypeCell, within: TypeCell) -> None:
         def check() -> None:
             if not compatible(part.type, within.type):
                 message = f"the items of this list are {several(within.type)}, this one is {described(part.type)}"
@@ -75,7 +75,7 @@ class Lists:
 
         self._demands.later(check)
 
-    def _needs_rest(self, expression: Expression, rest: Cell, cell: Cell) -> None:
+    def _needs_rest(self, expression: Expression, rest: TypeCell, cell: TypeCell) -> None:
         def check() -> None:
             if rest.kind.base not in {Base.LIST, Base.OPEN}:
                 hint = "`[A, B]` is the list of two items"
@@ -88,7 +88,7 @@ class Lists:
 
     # ---- operators and functions
 
-    def joined(self, expression: Binary, left: Cell, right: Cell) -> None:
+    def joined(self, expression: Binary, left: TypeCell, right: TypeCell) -> None:
         """Demand, when all types are known, of what `+` joins that both are strings, or lists of one type."""
         if not compatible(left.type, right.type):
             message = f"`+` does not join {described(left.type)} and {described(right.type)}"
@@ -98,24 +98,24 @@ class Lists:
                 hint = 'no value is turned into a string; hand both on as arguments: `shown(R, "load", N)`'
             self._demands.contradiction(message, expression.span, left, right, hint=hint)
 
-    def call(self, call: Call, cells: list[Cell]) -> Cell:
+    def call(self, call: Call, cells: list[TypeCell]) -> TypeCell:
         """Return the cell of a call of a list function."""
         name = call.name.text
         at = 1 if name == "member" else 0
         self._demands.later(lambda: self._needs_list(call, at, cells))
-        items = Cell(OPEN, None, depth=1)
-        self._solver.flow(cells[at], Cell(LIST, None, items=items))
+        items = TypeCell(OPEN, None, depth=1)
+        self._solver.flow(cells[at], TypeCell(LIST, None, items=items))
         if name == "len":
-            return Cell(INT, call.span, fixed=True)
+            return TypeCell(INT, call.span, fixed=True)
         if name == "member":
             if isinstance(call.arguments[0], Variable):
                 self._solver.fall_back(items, cells[0])
-            return Cell(BOOL, call.span, fixed=True)
-        result = Cell(OPEN, None)
+            return TypeCell(BOOL, call.span, fixed=True)
+        result = TypeCell(OPEN, None)
         self._solver.flow(items if name == "nth" else cells[at], result)
         return result
 
-    def _needs_list(self, call: Call, at: int, cells: list[Cell]) -> None:
+    def _needs_list(self, call: Call, at: int, cells: list[TypeCell]) -> None:
         name, cell = call.name.text, cells[at]
         wanted = {Base.LIST, Base.OPEN, Base.STRING} if name == "len" else {Base.LIST, Base.OPEN}
         if cell.kind.base not in wanted:

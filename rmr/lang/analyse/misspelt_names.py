@@ -12,7 +12,7 @@ from rmr.lang import provided
 from rmr.lang.analyse.names import LETTERS_MAX, Names, meant, near
 from rmr.lang.analyse.supply import Supply
 from rmr.lang.diagnostics.diagnostic import Diagnostics
-from rmr.lang.read.syntax import Fact, Module, TypeDeclaration, TypeName
+from rmr.lang.read.syntax import FactNode, ModuleNode, TypeDeclaration, TypeName
 
 SEARCHES_MAX = 100
 """Names for which a near one is looked for: more are not one person's slips."""
@@ -56,7 +56,7 @@ class Speller:
         """Return the hint for a name that may be misspelt, unless enough have been looked for."""
         return meant(name, candidates) if self._may_search() else None
 
-    def known(self, fact: Fact) -> str | None:
+    def known(self, fact: FactNode) -> str | None:
         """Return the hint that names a fact that comes about, with as many arguments."""
         return self.meant(fact.name.text, self._known.get(len(fact.arguments), []))
 
@@ -66,7 +66,7 @@ class Speller:
 
     # ---- facts that nobody reads
 
-    def unread(self, fact: Fact) -> None:
+    def unread(self, fact: FactNode) -> None:
         """Doubt a fact of a head that nothing reads, if it looks like one that something does, or like an action."""
         name, signature = fact.name.text, self._names.of(fact)
         if self._supply.is_read(name) or signature.declaration is not None or not signature.is_fact:
@@ -84,7 +84,7 @@ class Speller:
 
     # ---- types
 
-    def types(self, module: Module) -> None:
+    def types(self, module: ModuleNode) -> None:
         """Doubt sets of symbols whose names look like other types."""
         places: dict[str, TypeName] = {}
         counts: Counter[str] = Counter()

@@ -15,11 +15,22 @@ from collections.abc import Iterator
 from rmr.base.record import record
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Base
-from rmr.lang.analyse.names import LETTERS_MAX, Role, uses
+from rmr.lang.analyse.names import LETTERS_MAX, FactRole, uses
 from rmr.lang.analyse.types import Types
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.source_text import Span
-from rmr.lang.read.syntax import Binary, Condition, Conjunct, Expression, Item, Literal, Mark, Module, Rule, walk
+from rmr.lang.read.syntax import (
+    Binary,
+    Condition,
+    Conjunct,
+    Expression,
+    Item,
+    Literal,
+    Mark,
+    ModuleNode,
+    RuleItem,
+    walk,
+)
 
 LETTERS_MIN = 4
 """Shorter symbols are one slip from too many words."""
@@ -33,11 +44,11 @@ OPEN_LETTERS_MIN = 6
 SYMBOLS_MAX = 2000
 """Symbols of one program that are compared; nobody spells more by hand."""
 
-_WRITING = {Role.FACT, Role.HEAD, Role.EFFECT, Role.VIOLATION}
+_WRITING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 
 
 @record
-class Place:
+class SymbolUse:
     """Where a symbol stands."""
 
     span: Span
@@ -47,13 +58,13 @@ class Place:
     """It is stated or derived there, not matched."""
 
 
-def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
+def doubt_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
     """Report the symbols of `module` that look misspelt; `counts` says how often each is used."""
     pairs = list(_pairs(counts))
     if not pairs:
         return
     wanted = {name for pair in pairs for name in pair}
-    places: dict[str, list[Place]] = {}
+    places: dict[str, list[SymbolUse]] = {}
     for name, place in _places(module.items, types):
         if name in wanted:
             places.setdefault(name, []).append(place)
@@ -67,7 +78,7 @@ def doubt_symbols(module: Module, counts: dict[str, int], types: Types, found: D
         if counts[other] == 1 and not _is_misspelt(here[0], there[0]):
             continue
         told.update((rare, other))
-        notes = (Note(there[0].span, "used here"),)
+        notes = (DiagnosticNote(there[0].span, "used here"),)
         message = f"`{rare}` is used only here"
         found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
 
@@ -78,19 +89,19 @@ def doubt_letters(letters: dict[str, Item | None], types: Types, found: Diagnost
     `letters` are the symbols of one letter, each with the item that it stands in if there is only one.
     """
     for name, item in letters.items():
-        if isinstance(item, Rule):
+        if isinstance(item, RuleItem):
             here = [place for symbol, place in _places((item,), types) if symbol == name]
             if {each.written for each in here} == {True, False}:
                 message = f"the symbol `{name}` is used in this rule only"
                 found.report("W112", message, here[0].span, hint=f"did you mean the variable `{name.upper()}`?")
 
 
-def _are_one_set(here: list[Place], there: list[Place]) -> bool:
+def _are_one_set(here: list[SymbolUse], there: list[SymbolUse]) -> bool:
     keys = {each.key for each in here}
     return any(each.key is None or each.key in keys or None in keys for each in there)
 
 
-def _are_open(rare: str, other: str, here: list[Place], there: list[Place]) -> bool:
+def _are_open(rare: str, other: str, here: list[SymbolUse], there: list[SymbolUse]) -> bool:
     """Whether two long symbols stand where no type is declared, and may be of one set although no rule says so."""
     is_changed = len(rare) == len(other) and sorted(rare) != sorted(other)  # `packing` and `parking` are two words
     if is_changed or min(len(rare), len(other)) < OPEN_LETTERS_MIN or rare[-1] != other[-1]:
@@ -98,7 +109,7 @@ def _are_open(rare: str, other: str, here: list[Place], there: list[Place]) -> b
     return all(each.key is not None and "/" in each.key for each in (*here, *there))
 
 
-def _is_misspelt(here: Place, there: Place) -> bool:
+def _is_misspelt(here: SymbolUse, there: SymbolUse) -> bool:
     """Of two symbols that are used once, take the one that is read for the wrong one."""
     return there.written and not here.written
 
@@ -147,7 +158,7 @@ def _is_slip(one: str, other: str) -> bool:
 # ---- where symbols stand
 
 
-def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, Place]]:
+def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, SymbolUse]]:
     for item in items:
         for use in uses(item):
             fact, name = use.fact, use.fact.name.text
@@ -158,12 +169,12 @@ def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, Place]
                 if index < len(cells) and cells[index].kind.base is Base.SYMBOL and cells[index].kind.name:
                     key = cells[index].kind.name
                 for symbol, span in _symbols(argument):
-                    yield symbol, Place(span, key, written)
-        if isinstance(item, Rule):
+                    yield symbol, SymbolUse(span, key, written)
+        if isinstance(item, RuleItem):
             yield from _compared(item, types)
 
 
-def _compared(rule: Rule, types: Types) -> Iterator[tuple[str, Place]]:
+def _compared(rule: RuleItem, types: Types) -> Iterator[tuple[str, SymbolUse]]:
     """Yield the symbols in the conditions of a rule."""
     bodies: list[tuple[Conjunct, ...]] = [rule.body, *(getattr(part, "body", ()) for part in rule.head)]
     for conjunct in (each for body in bodies for each in body):
@@ -175,7 +186,7 @@ def _compared(rule: Rule, types: Types) -> Iterator[tuple[str, Place]]:
                 for side, other in ((node.left, node.right), (node.right, node.left)):
                     keys[side.span] = _key(types, other) or ""
         for symbol, span in _symbols(conjunct.expression):
-            yield symbol, Place(span, keys.get(span) or None, written=False)
+            yield symbol, SymbolUse(span, keys.get(span) or None, written=False)
 
 
 def _symbols(expression: Expression) -> Iterator[tuple[str, Span]]:

@@ -10,14 +10,25 @@ from typing import Any
 
 from rmr.base.values import Symbol
 from rmr.lang.analyse.folding import Folder, Valueless
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
-from rmr.lang.read.syntax import Constant, Expression, FactItem, GoalItem, Item, Literal, Module, Name, parts, walk
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.read.syntax import (
+    ConstantItem,
+    Expression,
+    FactItem,
+    GoalItem,
+    Item,
+    Literal,
+    ModuleNode,
+    Name,
+    parts,
+    walk,
+)
 
 Places = dict[Symbol, Name]
 """Where each constant is defined first."""
 
 
-def resolve(module: Module, found: Diagnostics) -> Module:
+def resolve(module: ModuleNode, found: Diagnostics) -> ModuleNode:
     """Return `module` with every name of a constant replaced by its value, and constant expressions worked out.
 
     A stated fact or goal with an argument that has no value is left out, and its name counts as broken.
@@ -26,7 +37,7 @@ def resolve(module: Module, found: Diagnostics) -> Module:
     items: list[Item] = []
     broken = set(module.broken)
     for item in module.items:
-        if isinstance(item, Constant):
+        if isinstance(item, ConstantItem):
             continue
         folder = Folder(values)
         resolved = _mapped(item, folder)
@@ -60,9 +71,9 @@ def _mapped(node: Any, folder: Folder) -> Any:
 # ---- definitions
 
 
-def _defined(module: Module, found: Diagnostics) -> dict[Symbol, Literal]:
+def _defined(module: ModuleNode, found: Diagnostics) -> dict[Symbol, Literal]:
     """Return the values of the program's constants."""
-    definitions = [item for item in module.items if isinstance(item, Constant)]
+    definitions = [item for item in module.items if isinstance(item, ConstantItem)]
     places: Places = {}
     for item in definitions:
         places.setdefault(Symbol(item.name.text), item.name)
@@ -72,12 +83,12 @@ def _defined(module: Module, found: Diagnostics) -> dict[Symbol, Literal]:
         if places[name] is item.name:
             values[name] = _value(item, values, places, found)
         else:
-            notes = (Note(places[name].span, "first defined here"),)
+            notes = (DiagnosticNote(places[name].span, "first defined here"),)
             found.report("E010", f"the constant `{name}` is defined twice", item.name.span, notes=notes)
     return values
 
 
-def _value(item: Constant, values: dict[Symbol, Literal], places: Places, found: Diagnostics) -> Literal:
+def _value(item: ConstantItem, values: dict[Symbol, Literal], places: Places, found: Diagnostics) -> Literal:
     """Return the value of a constant, 0 after reporting why there is none."""
     folder = Folder(values)
     value = folder.fold(item.value)
@@ -86,7 +97,7 @@ def _value(item: Constant, values: dict[Symbol, Literal], places: Places, found:
     for each in early:
         assert isinstance(each, Literal)
         assert isinstance(each.value, Symbol)
-        notes = (Note(places[each.value].span, "defined here"),)
+        notes = (DiagnosticNote(places[each.value].span, "defined here"),)
         hint = "a constant is made of numbers, symbols and constants before it"
         found.report("E023", f"`{each.value}` has no value yet", each.span, hint=hint, notes=notes)
     if isinstance(value, Literal) and not early:

@@ -13,24 +13,24 @@ from types import MappingProxyType
 from rmr.base.record import record
 from rmr.bytecode.program import Base, Kind, Type
 from rmr.lang import provided
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Assertion,
-    Comprehension,
+    AggregateNode,
+    AssertionItem,
+    ComprehensionNode,
     Condition,
     Conjunct,
     Declared,
-    Fact,
     FactItem,
+    FactNode,
     GoalItem,
     HeadItem,
     Item,
     Mark,
-    Module,
-    Rule,
-    Steps,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
     TypeDeclaration,
     TypeName,
 )
@@ -52,7 +52,7 @@ Given = Mapping[str, bool]
 NOTHING_GIVEN: Given = MappingProxyType({})
 
 
-class Role(Enum):
+class FactRole(Enum):
     """Where a fact stands."""
 
     FACT = auto()
@@ -69,8 +69,8 @@ class Role(Enum):
 class Use:
     """One occurrence of a predicate or an action."""
 
-    fact: Fact
-    role: Role
+    fact: FactNode
+    role: FactRole
 
 
 @dataclass(slots=True)
@@ -104,7 +104,7 @@ class Names:
     uses: list[Use] = field(default_factory=list)
     given: Given = field(default_factory=lambda: NOTHING_GIVEN)
 
-    def of(self, fact: Fact) -> Signature:
+    def of(self, fact: FactNode) -> Signature:
         """Return what `fact` names; every fact of the program names something."""
         return self.signatures[fact.name.text]
 
@@ -142,20 +142,20 @@ def uses(item: Item) -> Iterator[Use]:
     """Yield every predicate and action that `item` mentions, in source order, its declaration aside."""
     match item:
         case FactItem(fact=fact):
-            yield Use(fact, Role.FACT)
+            yield Use(fact, FactRole.FACT)
         case GoalItem(fact=fact):
-            yield Use(fact, Role.GOAL)
+            yield Use(fact, FactRole.GOAL)
         case TypeDeclaration():
             for fact in (*item.effects, *item.else_effects):
-                yield Use(fact, Role.EFFECT)
-        case Rule():
+                yield Use(fact, FactRole.EFFECT)
+        case RuleItem():
             yield from _body_uses(item.body)
             for part in item.head:
                 yield from _head_uses(part)
-        case Assertion():
-            yield Use(item.start, Role.START)
-            yield Use(item.finish, Role.FINISH)
-            yield Use(item.violation, Role.VIOLATION)
+        case AssertionItem():
+            yield Use(item.start, FactRole.START)
+            yield Use(item.finish, FactRole.FINISH)
+            yield Use(item.violation, FactRole.VIOLATION)
         case _:
             pass
 
@@ -163,23 +163,23 @@ def uses(item: Item) -> Iterator[Use]:
 def _body_uses(body: tuple[Conjunct, ...]) -> Iterator[Use]:
     for conjunct in body:
         if not isinstance(conjunct, Condition):
-            yield Use(conjunct, Role.BODY)
+            yield Use(conjunct, FactRole.BODY)
 
 
 def _head_uses(part: HeadItem) -> Iterator[Use]:
     match part:
-        case Fact():
-            yield Use(part, Role.HEAD)
-        case Steps(derived=derived):
+        case FactNode():
+            yield Use(part, FactRole.HEAD)
+        case StepsNode(derived=derived):
             for fact in derived:
-                yield Use(fact, Role.HEAD)
-        case Comprehension():
+                yield Use(fact, FactRole.HEAD)
+        case ComprehensionNode():
             yield from _body_uses(part.body)
             for fact in part.head:
-                yield Use(fact, Role.HEAD)
-        case Aggregate():
+                yield Use(fact, FactRole.HEAD)
+        case AggregateNode():
             yield from _body_uses(part.body)
-            yield Use(part.head, Role.HEAD)
+            yield Use(part.head, FactRole.HEAD)
 
 
 # ---- signatures
@@ -201,7 +201,7 @@ def declared_type(name: TypeName) -> Type:
     return Type(base) if base is not None else Type(Base.SYMBOL, name.name)
 
 
-def collect(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Names:
+def collect(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Names:
     """Return the names of `module`, and report what contradicts itself."""
     names = Names(uses=[use for item in module.items for use in uses(item)], given=given)
     for item in module.items:
@@ -218,7 +218,7 @@ def collect(module: Module, found: Diagnostics, given: Given = NOTHING_GIVEN) ->
 def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
     name = item.name.text
     if (earlier := names.signatures.get(name)) is not None:
-        notes = (Note(earlier.place, "first declared here"),)
+        notes = (DiagnosticNote(earlier.place, "first declared here"),)
         found.report("E010", f"`{name}` is declared twice", item.name.span, hint="drop one of them", notes=notes)
         return
     if not item.parameters or item.parameters[0].type.name != "robot":
@@ -257,13 +257,13 @@ def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
     first = group[0].fact
     arity = max(1, len(first.arguments))
     roles = {use.role for use in group}
-    if Role.VIOLATION in roles and not roles & _FOR_FACTS.keys():
+    if FactRole.VIOLATION in roles and not roles & _FOR_FACTS.keys():
         if name in provided.ACTIONS:
             return Signature(
                 name, Kind.ACTION, 1 + len(provided.ACTIONS[name]), first.span, types=provided.ACTIONS[name]
             )
         return Signature(name, Kind.ACTION, arity, first.span, types=_open(arity))
-    own = any(use.role in {Role.FACT, Role.HEAD} and use.fact.mark is not Mark.GOAL for use in group)
+    own = any(use.role in {FactRole.FACT, FactRole.HEAD} and use.fact.mark is not Mark.GOAL for use in group)
     if name in provided.PREDICATES and not own:
         kind, types = provided.PREDICATES[name]
         return Signature(name, kind, 1 + len(types), first.span, provided=True, types=types)
@@ -281,7 +281,7 @@ def _open(arity: int) -> tuple[Type, ...]:
 
 def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
     fact, name = use.fact, use.fact.name.text
-    notes = () if signature.place == fact.span else (Note(signature.place, _said(signature)),)
+    notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _said(signature)),)
     given = len(fact.arguments)
     if given == 0:
         message = f"`{name}` has no argument; the first argument is its owner, a robot"
@@ -307,19 +307,19 @@ def _count(number: int, word: str) -> str:
 
 
 _FOR_FACTS = {
-    Role.BODY: "a body reads facts; an action is never stored",
-    Role.FACT: "an action is derived by rules, it does not hold at the start",
-    Role.GOAL: "a goal is a fact that is wanted, not an action",
-    Role.EFFECT: "an action's effects are facts",
-    Role.START: "a job starts with a fact",
-    Role.FINISH: "a job ends with a fact",
+    FactRole.BODY: "a body reads facts; an action is never stored",
+    FactRole.FACT: "an action is derived by rules, it does not hold at the start",
+    FactRole.GOAL: "a goal is a fact that is wanted, not an action",
+    FactRole.EFFECT: "an action's effects are facts",
+    FactRole.START: "a job starts with a fact",
+    FactRole.FINISH: "a job ends with a fact",
 }
 
 
-def _check_kind(use: Use, signature: Signature, notes: tuple[Note, ...], found: Diagnostics) -> None:
+def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
     fact, name, kind = use.fact, use.fact.name.text, signature.kind
     word = kind.name.lower()
-    if use.role is Role.VIOLATION:
+    if use.role is FactRole.VIOLATION:
         if kind is not Kind.ACTION:
             message = f"the violation of a time assertion is an action, `{name}` is a {word} fact"
             found.report("E012", message, fact.span, notes=notes)
@@ -327,24 +327,24 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[Note, ...], found: 
     if kind is Kind.ACTION:
         _check_action_use(use, signature, notes, found)
         return
-    if fact.mark is Mark.GOAL and use.role is Role.BODY:
+    if fact.mark is Mark.GOAL and use.role is FactRole.BODY:
         hint = "a goal is wanted, not held: a rule that leads to it is preferred by itself"
         found.report("E012", "no body reads a goal", fact.span, hint=hint)
     elif fact.mark is Mark.BANG and kind is not Kind.PERSISTENT:
         hint = f"drop the `!`, or declare `type !{name}(...)`"
-        hint += f"; that there is none is `not {name}(...)`" if use.role is Role.BODY else ""
+        hint += f"; that there is none is `not {name}(...)`" if use.role is FactRole.BODY else ""
         found.report("E012", f"`{name}` is a {word} fact, not a persistent one", fact.span, hint=hint, notes=notes)
     elif fact.mark is Mark.KEEP and kind is not Kind.TEMPORARY:
         message = f"`$` keeps a temporary fact; `{name}` is {word} and is never consumed"
         if signature.banged is not None:
-            notes = (Note(signature.banged, "persistent because of this `!`"),)
+            notes = (DiagnosticNote(signature.banged, "persistent because of this `!`"),)
         found.report("E012", message, fact.span, hint="drop the `$`", notes=notes)
-    elif use.role is Role.HEAD and fact.mark is not Mark.GOAL and kind is Kind.SENSED:
+    elif use.role is FactRole.HEAD and fact.mark is not Mark.GOAL and kind is Kind.SENSED:
         message = f"`{name}` is sensed by the robot, no rule derives it"
         found.report("E012", message, fact.span, notes=notes)
 
 
-def _check_action_use(use: Use, signature: Signature, notes: tuple[Note, ...], found: Diagnostics) -> None:
+def _check_action_use(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
     fact, name = use.fact, use.fact.name.text
     if use.role in _FOR_FACTS:
         found.report("E012", f"`{name}` is an action", fact.span, hint=_FOR_FACTS[use.role], notes=notes)

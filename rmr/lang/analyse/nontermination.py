@@ -17,17 +17,17 @@ from rmr.bytecode.program import Kind
 from rmr.lang.analyse.names import Names
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import (
-    Aggregate,
+    AggregateNode,
     Binary,
-    Comprehension,
+    ComprehensionNode,
     Expression,
-    Fact,
+    FactNode,
     ListTerm,
     Literal,
     Mark,
-    Module,
-    Rule,
-    Steps,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
     Variable,
     walk,
 )
@@ -40,23 +40,23 @@ CYCLE_MAX = 50
 class _Firing:
     """What a rule uses up and what it derives at once, on its own robot."""
 
-    rule: Rule
-    consumed: tuple[Fact, ...]
-    kept: tuple[Fact, ...]
+    rule: RuleItem
+    consumed: tuple[FactNode, ...]
+    kept: tuple[FactNode, ...]
     """Positive facts of the body that stay: persistent, `$`, sensed."""
-    derived: dict[str, list[Fact]]
+    derived: dict[str, list[FactNode]]
     free: frozenset[str]
     """Variables that stand at one place of the body only: whatever they are, the body matches."""
 
 
-def warn_endless(module: Module, names: Names, found: Diagnostics) -> None:
+def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
     """Report the rules of `module` that never stop."""
-    rules = [item for item in module.items if isinstance(item, Rule)]
+    rules = [item for item in module.items if isinstance(item, RuleItem)]
     candidates = [rule for rule in rules if _may_repeat(rule)]
     if not candidates:
         return
     consumers = _consumers(rules, names)
-    passing: dict[str, tuple[str, Fact, Rule]] = {}
+    passing: dict[str, tuple[str, FactNode, RuleItem]] = {}
     """By predicate: what the only rule that uses it up, and asks for nothing else, derives of it."""
     for rule in candidates:
         firing = _firing(rule, names)
@@ -72,40 +72,40 @@ def warn_endless(module: Module, names: Names, found: Diagnostics) -> None:
     _cycles(passing, found)
 
 
-def _may_repeat(rule: Rule) -> bool:
+def _may_repeat(rule: RuleItem) -> bool:
     """Whether a rule derives a predicate of its body, or asks for one fact only: no other is looked at."""
     if len(rule.body) == 1:
         return True
-    body = [each.name.text for each in rule.body if isinstance(each, Fact) and not each.absent]
+    body = [each.name.text for each in rule.body if isinstance(each, FactNode) and not each.absent]
     for part in rule.head:
-        if isinstance(part, Fact):
+        if isinstance(part, FactNode):
             if part.name.text in body:
                 return True
-        elif isinstance(part, Steps) and any(fact.name.text in body for fact in part.derived):
+        elif isinstance(part, StepsNode) and any(fact.name.text in body for fact in part.derived):
             return True
     return False
 
 
-def _consumers(rules: list[Rule], names: Names) -> dict[str, int]:
+def _consumers(rules: list[RuleItem], names: Names) -> dict[str, int]:
     """Return by predicate how many conjuncts of the program use up a fact of it."""
     counts: dict[str, int] = {}
     for rule in rules:
-        inner = [part.body for part in rule.head if isinstance(part, Comprehension | Aggregate)]
+        inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
         for body in (rule.body, *inner):
             for fact in body:
-                if isinstance(fact, Fact) and _is_used_up(fact, names):
+                if isinstance(fact, FactNode) and _is_used_up(fact, names):
                     counts[fact.name.text] = counts.get(fact.name.text, 0) + 1
     return counts
 
 
-def _is_used_up(fact: Fact, names: Names) -> bool:
+def _is_used_up(fact: FactNode, names: Names) -> bool:
     return not fact.absent and fact.mark is not Mark.KEEP and names.of(fact).kind is Kind.TEMPORARY
 
 
-def _firing(rule: Rule, names: Names) -> _Firing:
-    positive = [each for each in rule.body if isinstance(each, Fact) and not each.absent]
+def _firing(rule: RuleItem, names: Names) -> _Firing:
+    positive = [each for each in rule.body if isinstance(each, FactNode) and not each.absent]
     home = positive[0].owner if positive else None
-    derived: dict[str, list[Fact]] = {}
+    derived: dict[str, list[FactNode]] = {}
     for fact in _at_once(rule, names):
         if home is not None and _is_same(fact.owner, home):
             derived.setdefault(fact.name.text, []).append(fact)
@@ -122,22 +122,22 @@ def _firing(rule: Rule, names: Names) -> _Firing:
     )
 
 
-def _at_once(rule: Rule, names: Names) -> Iterator[Fact]:
+def _at_once(rule: RuleItem, names: Names) -> Iterator[FactNode]:
     """Yield the facts that a head derives at once: of steps, those before the first action."""
     for part in rule.head:
-        steps = part.derived if isinstance(part, Steps) else (part,)
+        steps = part.derived if isinstance(part, StepsNode) else (part,)
         for fact in steps:
-            if not isinstance(fact, Fact) or names.of(fact).kind is Kind.ACTION:
+            if not isinstance(fact, FactNode) or names.of(fact).kind is Kind.ACTION:
                 break
             if fact.mark is not Mark.GOAL:
                 yield fact
 
 
-def _derived(rule: Rule) -> Iterator[Fact]:
+def _derived(rule: RuleItem) -> Iterator[FactNode]:
     """Yield the facts that a head derives for its own match, those behind an action too."""
     for part in rule.head:
-        for fact in part.derived if isinstance(part, Steps) else (part,):
-            if isinstance(fact, Fact) and fact.mark is not Mark.GOAL:
+        for fact in part.derived if isinstance(part, StepsNode) else (part,):
+            if isinstance(fact, FactNode) and fact.mark is not Mark.GOAL:
                 yield fact
 
 
@@ -146,7 +146,7 @@ def _derived(rule: Rule) -> Iterator[Fact]:
 
 def _is_loop(firing: _Firing, names: Names, consumers: dict[str, int]) -> bool:
     """Whether every fact that is used up comes again, and nothing that the rule derives is in its way."""
-    if any(isinstance(each, Fact) and each.absent for each in firing.rule.body):
+    if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
         return False
     left = {name: list(facts) for name, facts in firing.derived.items()}
     for fact in firing.consumed:
@@ -157,7 +157,7 @@ def _is_loop(firing: _Firing, names: Names, consumers: dict[str, int]) -> bool:
     return all(names.of(fact).kind is not Kind.SENSED and fact.name.text not in consumers for fact in firing.kept)
 
 
-def _matches(pattern: Fact, derived: Fact, free: frozenset[str]) -> bool:
+def _matches(pattern: FactNode, derived: FactNode, free: frozenset[str]) -> bool:
     """Whether a derived fact is certain to match a pattern of its own rule, whatever the values are."""
     if len(pattern.arguments) != len(derived.arguments):
         return False
@@ -193,7 +193,7 @@ def _report_loop(firing: _Firing, found: Diagnostics) -> None:
     found.report("W113", message, firing.rule.span, hint=hint)
 
 
-def _is_equal(one: Fact, other: Fact) -> bool:
+def _is_equal(one: FactNode, other: FactNode) -> bool:
     return len(one.arguments) == len(other.arguments) and all(map(_is_same, one.arguments, other.arguments))
 
 
@@ -201,7 +201,7 @@ def _is_equal(one: Fact, other: Fact) -> bool:
 
 
 def _pass_on(
-    firing: _Firing, names: Names, consumers: dict[str, int], passing: dict[str, tuple[str, Fact, Rule]]
+    firing: _Firing, names: Names, consumers: dict[str, int], passing: dict[str, tuple[str, FactNode, RuleItem]]
 ) -> None:
     """Remember a rule that turns any fact of one predicate into a fact of another one that is used up."""
     if len(firing.rule.body) != 1 or not _is_any(firing.consumed[0], firing.free):
@@ -213,7 +213,7 @@ def _pass_on(
             return
 
 
-def _is_any(fact: Fact, free: frozenset[str]) -> bool:
+def _is_any(fact: FactNode, free: frozenset[str]) -> bool:
     """Whether a pattern matches every fact of its predicate."""
     owner = fact.owner
     return isinstance(owner, Variable) and all(
@@ -221,7 +221,7 @@ def _is_any(fact: Fact, free: frozenset[str]) -> bool:
     )
 
 
-def _cycles(passing: dict[str, tuple[str, Fact, Rule]], found: Diagnostics) -> None:
+def _cycles(passing: dict[str, tuple[str, FactNode, RuleItem]], found: Diagnostics) -> None:
     done: set[str] = set()
     for start in passing:
         path: list[str] = []
@@ -243,7 +243,7 @@ def _cycles(passing: dict[str, tuple[str, Fact, Rule]], found: Diagnostics) -> N
 
 def _growth(firing: _Firing, names: Names, found: Diagnostics) -> None:
     """Report a rule that uses up nothing and derives a new match of its own body."""
-    if any(isinstance(each, Fact) and each.absent for each in firing.rule.body):
+    if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
         return
     for fact in firing.kept:
         for derived in firing.derived.get(fact.name.text, ()):
@@ -263,7 +263,7 @@ def _persistent_counter(firing: _Firing, names: Names, found: Diagnostics) -> bo
 
     The old values stay, and what the rule uses up next meets any of them.
     """
-    absent = {each.name.text for each in firing.rule.body if isinstance(each, Fact) and each.absent}
+    absent = {each.name.text for each in firing.rule.body if isinstance(each, FactNode) and each.absent}
     for fact in firing.kept:
         name = fact.name.text
         if names.of(fact).kind is not Kind.PERSISTENT or name in absent:
@@ -278,7 +278,7 @@ def _persistent_counter(firing: _Firing, names: Names, found: Diagnostics) -> bo
     return False
 
 
-def _is_other(pattern: Fact, derived: Fact) -> bool:
+def _is_other(pattern: FactNode, derived: FactNode) -> bool:
     """Whether a derived fact is certain to be another one than that it follows from."""
     return any(
         isinstance(one, Variable) and _grows(one, other)

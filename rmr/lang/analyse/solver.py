@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.program import Base, Type
-from rmr.lang.analyse.types import OPEN, Cell, join
+from rmr.lang.analyse.types import OPEN, TypeCell, join
 from rmr.lang.read.source_text import Span
 
 
@@ -22,21 +22,21 @@ class Solver:
     """The cells of one program and what flows between them."""
 
     def __init__(self) -> None:
-        self._queue: deque[tuple[Cell, Sequence[Cell]]] = deque()
-        self._sources: dict[Cell, None] = {}
-        self._fresh: list[Cell] = []
-        self._linked: set[tuple[Cell, Cell]] = set()
-        self._asked: set[tuple[Cell, Cell]] = set()
+        self._queue: deque[tuple[TypeCell, Sequence[TypeCell]]] = deque()
+        self._sources: dict[TypeCell, None] = {}
+        self._fresh: list[TypeCell] = []
+        self._linked: set[tuple[TypeCell, TypeCell]] = set()
+        self._asked: set[tuple[TypeCell, TypeCell]] = set()
         self.endless = False
         """Lists were nested deeper than values can be."""
 
-    def flow(self, source: Cell, target: Cell) -> None:
+    def flow(self, source: TypeCell, target: TypeCell) -> None:
         """Let `target` be at least as wide as `source`."""
         if not target.fixed:
             source.targets.append(target)
             self._pass(source, target)
 
-    def fall_back(self, source: Cell, target: Cell) -> None:
+    def fall_back(self, source: TypeCell, target: TypeCell) -> None:
         """Let `target` be of `source`'s type if nothing else gives it one."""
         if not target.fixed:
             source.fallbacks.append(target)
@@ -59,7 +59,7 @@ class Solver:
             for target in targets:
                 self._pass(source, target)
 
-    def _pass(self, source: Cell, target: Cell) -> None:
+    def _pass(self, source: TypeCell, target: TypeCell) -> None:
         if source.kind.base is Base.OPEN:
             return
         self._widen(target, source.kind, source.origin, mixed=source.mixed)
@@ -71,7 +71,7 @@ class Solver:
             one.targets.append(other)
             self._queue.append((one, (other,)))
 
-    def _widen(self, cell: Cell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
+    def _widen(self, cell: TypeCell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
         wider = join(cell.kind, kind)
         mixes = wider.base is Base.FLOAT and (mixed or cell.mixed or Base.INT in {cell.kind.base, kind.base})
         if wider != cell.kind:
@@ -82,17 +82,17 @@ class Solver:
         cell.kind, cell.mixed = wider, mixes
         self._queue.append((cell, cell.targets))
 
-    def _items(self, cell: Cell) -> Cell | None:
+    def _items(self, cell: TypeCell) -> TypeCell | None:
         """Return the cell of a list's items, or None if lists were nested too deep."""
         if cell.items is None and cell.depth < NESTING_MAX:
-            cell.items = Cell(OPEN, None, depth=cell.depth + 1)
+            cell.items = TypeCell(OPEN, None, depth=cell.depth + 1)
         self.endless |= cell.items is None
         return cell.items
 
     @staticmethod
-    def holds_itself(whole: Cell) -> bool:
+    def holds_itself(whole: TypeCell) -> bool:
         """Whether a list's own type flows to its items, or to theirs, or theirs to its own."""
-        within: list[Cell] = []
+        within: list[TypeCell] = []
         cell = whole.items
         while cell is not None:
             within.append(cell)
@@ -101,10 +101,10 @@ class Solver:
 
     # ---- to what is open
 
-    def _ask(self) -> dict[Cell, tuple[Type, Span | None]]:
+    def _ask(self) -> dict[TypeCell, tuple[Type, Span | None]]:
         """Return what open cells are asked to be, the narrowest each, by what has a type since last time."""
-        wanted: dict[Cell, tuple[Type, Span | None]] = {}
-        queue: deque[tuple[Cell, Sequence[Cell]]] = deque((cell, cell.fallbacks) for cell in self._fresh)
+        wanted: dict[TypeCell, tuple[Type, Span | None]] = {}
+        queue: deque[tuple[TypeCell, Sequence[TypeCell]]] = deque((cell, cell.fallbacks) for cell in self._fresh)
         self._fresh = []
         while queue:
             source, targets = queue.popleft()
@@ -118,7 +118,7 @@ class Solver:
                     queue.extend(self._ask_items(source, target))
         return wanted
 
-    def _ask_items(self, source: Cell, target: Cell) -> Iterator[tuple[Cell, Sequence[Cell]]]:
+    def _ask_items(self, source: TypeCell, target: TypeCell) -> Iterator[tuple[TypeCell, Sequence[TypeCell]]]:
         """Let the items of `target` fall back on those of `source`; yield these if they have not been asked."""
         one, other = self._items(source), self._items(target)
         if one is not None and other is not None and (one, other) not in self._asked:
@@ -127,7 +127,7 @@ class Solver:
             yield one, (other,)
 
 
-def _reached(cells: list[Cell]) -> set[Cell]:
+def _reached(cells: list[TypeCell]) -> set[TypeCell]:
     """Return the cells to which types flow from any of `cells`."""
     seen = set(cells)
     queue = deque(cells)

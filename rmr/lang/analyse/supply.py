@@ -11,28 +11,28 @@ from rmr.base.record import record
 from rmr.base.values import Value
 from rmr.bytecode.program import Kind
 from rmr.lang import provided
-from rmr.lang.analyse.names import Names, Role, uses
+from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.types import WINNING, constants
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Comprehension,
+    AggregateNode,
+    ComprehensionNode,
     Conjunct,
     Expression,
-    Fact,
+    FactNode,
     HeadItem,
     Literal,
     Mark,
-    Module,
-    Rule,
-    Steps,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
     Variable,
 )
 
 COMPARED_MAX = 300_000
 """Wanted facts held against derived ones, a second's work; what is not looked at any more is taken to match."""
 
-_DERIVING = {Role.FACT, Role.HEAD, Role.EFFECT}
-_READING = {Role.BODY, Role.START, Role.FINISH, Role.GOAL}
+_DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT}
+_READING = {FactRole.BODY, FactRole.START, FactRole.FINISH, FactRole.GOAL}
 
 Known = dict[str, Literal]
 """Variables that a rule equates with a constant."""
@@ -42,7 +42,7 @@ Known = dict[str, Literal]
 class Firing:
     """What a rule derives at one go, and the facts that must be there for it."""
 
-    premises: list[Fact]
+    premises: list[FactNode]
     derived: tuple[str, ...]
     lacking: set[str]
     """Of the premises' names those that nothing is known to derive."""
@@ -51,9 +51,9 @@ class Firing:
 class Supply:
     """The facts of one program."""
 
-    def __init__(self, module: Module, names: Names) -> None:
+    def __init__(self, module: ModuleNode, names: Names) -> None:
         self._names = names
-        self._derived: dict[str, list[tuple[Fact, Known]]] = {}
+        self._derived: dict[str, list[tuple[FactNode, Known]]] = {}
         self._begun: set[str] = set()
         self._read: set[str] = set()
         self._compared = 0
@@ -64,15 +64,15 @@ class Supply:
         self.firings: list[Firing] = []
         """What rules derive, in their order."""
         for item in module.items:
-            known = constants(item.body) if isinstance(item, Rule) else {}
+            known = constants(item.body) if isinstance(item, RuleItem) else {}
             for use in uses(item):
                 if use.role in _DERIVING and use.fact.mark is not Mark.GOAL:
                     self._derived.setdefault(use.fact.name.text, []).append((use.fact, known))
-                if use.role in {Role.FACT, Role.EFFECT}:
+                if use.role in {FactRole.FACT, FactRole.EFFECT}:
                     self._begun.add(use.fact.name.text)
                 if use.role in _READING or use.fact.mark is Mark.GOAL:
                     self._read.add(use.fact.name.text)
-            if isinstance(item, Rule):
+            if isinstance(item, RuleItem):
                 self.firings += _firings(item)
 
     def comes(self, name: str) -> bool:
@@ -91,7 +91,7 @@ class Supply:
         """Whether a body, a goal or a time assertion looks for `name`."""
         return name in self._read
 
-    def may_match(self, wanted: Fact, known: Known) -> bool:
+    def may_match(self, wanted: FactNode, known: Known) -> bool:
         """Whether a fact that matches `wanted` may come about."""
         name = wanted.name.text
         signature = self._names.of(wanted)
@@ -105,7 +105,7 @@ class Supply:
 
     # ---- what nothing can begin
 
-    def circular(self) -> Iterator[tuple[Fact, str]]:
+    def circular(self) -> Iterator[tuple[FactNode, str]]:
         """Yield premises of which nothing can be the first to be derived, one for each circle of rules, with its name.
 
         What comes from nowhere at all is somebody else's to report and taken to be there.
@@ -128,14 +128,14 @@ class Supply:
                 yield premise, premise.name.text
                 _release(_supplied(premise.name.text, waiting), waiting)
 
-    def unstarted(self) -> Fact | None:
+    def unstarted(self) -> FactNode | None:
         """Return the first premise that waits for a fact from outside, if no rule at all can fire without one.
 
         Persistent and sensed facts of declared predicates are data that somebody hands over: they may be there.
         """
         if self._is_driven:
             return None
-        waiting: Fact | None = None
+        waiting: FactNode | None = None
         for firing in self.firings:
             lacking = next((fact for fact in firing.premises if self._is_awaited(fact.name.text)), None)
             if lacking is None:
@@ -149,7 +149,7 @@ class Supply:
         declared = (each for each in self._names.signatures.values() if each.declaration is not None)
         if any(each.kind is Kind.SENSED and each.name not in provided.PREDICATES for each in declared):
             return True
-        return any(use.role is Role.START and self._is_awaited(use.fact.name.text) for use in self._names.uses)
+        return any(use.role is FactRole.START and self._is_awaited(use.fact.name.text) for use in self._names.uses)
 
     def _is_awaited(self, name: str) -> bool:
         """Whether a temporary fact is declared, and not there when the program begins."""
@@ -166,20 +166,20 @@ class Supply:
         return signature.provided or signature.declaration is not None or name in self._arriving
 
 
-def only_stated(fact: Fact, names: Names) -> bool:
+def only_stated(fact: FactNode, names: Names) -> bool:
     """Whether facts of the predicate are stated as initial facts and come about in no other way."""
     signature = names.of(fact)
     if signature.kind is Kind.SENSED or signature.provided or fact.name.text in names.given:
         return False
-    return _has_use(fact, names, {Role.FACT}) and not is_brought(fact, names)
+    return _has_use(fact, names, {FactRole.FACT}) and not is_brought(fact, names)
 
 
-def is_brought(fact: Fact, names: Names) -> bool:
+def is_brought(fact: FactNode, names: Names) -> bool:
     """Whether a rule or the declared effect of an action derives facts of the predicate."""
-    return _has_use(fact, names, {Role.HEAD, Role.EFFECT})
+    return _has_use(fact, names, {FactRole.HEAD, FactRole.EFFECT})
 
 
-def _has_use(fact: Fact, names: Names, roles: set[Role]) -> bool:
+def _has_use(fact: FactNode, names: Names, roles: set[FactRole]) -> bool:
     uses_of = (use for use in names.uses if use.fact.name.text == fact.name.text)
     return any(use.role in roles and use.fact.mark is not Mark.GOAL for use in uses_of)
 
@@ -200,9 +200,9 @@ def _release(ready: list[Firing], waiting: dict[str, list[Firing]]) -> None:
             ready += _supplied(name, waiting)
 
 
-def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> Fact:
+def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> FactNode:
     """Return a premise that waits for itself, by going back from `firing` through what each waits for."""
-    seen: dict[str, Fact] = {}
+    seen: dict[str, FactNode] = {}
     while True:
         premise = next(fact for fact in firing.premises if fact.name.text in firing.lacking)
         if premise.name.text in seen:
@@ -211,33 +211,33 @@ def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> Fact:
         firing = deriving[premise.name.text][0]
 
 
-def _firings(rule: Rule) -> Iterator[Firing]:
+def _firings(rule: RuleItem) -> Iterator[Firing]:
     premises = list(_premises(rule.body))
-    yield Firing(premises, tuple(_names(part for part in rule.head if isinstance(part, Fact | Steps))), set())
+    yield Firing(premises, tuple(_names(part for part in rule.head if isinstance(part, FactNode | StepsNode))), set())
     for part in rule.head:
         match part:
-            case Comprehension(body=body):
+            case ComprehensionNode(body=body):
                 yield Firing([*premises, *_premises(body)], tuple(_names([part])), set())
-            case Aggregate(body=body, operator=operator):
+            case AggregateNode(body=body, operator=operator):
                 inner = _premises(body) if operator.text in WINNING else ()
                 yield Firing([*premises, *inner], tuple(_names([part])), set())
             case _:
                 pass
 
 
-def _premises(body: tuple[Conjunct, ...]) -> Iterator[Fact]:
-    return (each for each in body if isinstance(each, Fact) and not each.absent)
+def _premises(body: tuple[Conjunct, ...]) -> Iterator[FactNode]:
+    return (each for each in body if isinstance(each, FactNode) and not each.absent)
 
 
 def _names(head: Iterable[HeadItem]) -> Iterator[str]:
     """Yield the names of the facts that parts of a head derive; goals are no facts."""
     for part in head:
         match part:
-            case Fact():
-                facts: tuple[Fact, ...] = (part,)
-            case Steps(derived=facts) | Comprehension(head=facts):
+            case FactNode():
+                facts: tuple[FactNode, ...] = (part,)
+            case StepsNode(derived=facts) | ComprehensionNode(head=facts):
                 pass
-            case Aggregate(head=fact):
+            case AggregateNode(head=fact):
                 facts = (fact,)
         yield from (fact.name.text for fact in facts if fact.mark is not Mark.GOAL)
 
@@ -245,7 +245,7 @@ def _names(head: Iterable[HeadItem]) -> Iterator[str]:
 # ---- what may match
 
 
-def _may_match(wanted: Fact, known: Known, producer: Fact, given: Known) -> bool:
+def _may_match(wanted: FactNode, known: Known, producer: FactNode, given: Known) -> bool:
     """Whether the constants of two facts agree, those of variables that stand twice too."""
     bound: dict[tuple[bool, str], Value] = {}
     for one, other in zip(wanted.arguments, producer.arguments, strict=False):

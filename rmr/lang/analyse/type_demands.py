@@ -8,21 +8,21 @@ from collections.abc import Callable
 
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Base, Type
-from rmr.lang.analyse.types import BOOL, NUMBERS, ORDERED, ROBOT, Cell, compatible, described
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.analyse.types import BOOL, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.provided import SYNONYMS, type_text
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Expression, Literal
 
 
-def notes(span: Span, *cells: Cell) -> tuple[Note, ...]:
+def notes(span: Span, *cells: TypeCell) -> tuple[DiagnosticNote, ...]:
     """Return the places from which `cells` have their types, as far as they are not `span`."""
-    found: list[Note] = []
+    found: list[DiagnosticNote] = []
     for cell in cells:
         inner = cell.innermost
         origin = cell.origin if inner.origin is None or inner.kind.base is Base.OPEN else inner.origin
         if origin is not None and origin != span and all(note.span != origin for note in found):
-            found.append(Note(origin, f"{type_text(cell.type)} because of this"))
+            found.append(DiagnosticNote(origin, f"{type_text(cell.type)} because of this"))
     return tuple(found)
 
 
@@ -73,7 +73,7 @@ class Demands:
             check()
 
     def contradiction(
-        self, message: str, span: Span, *cells: Cell, code: str = "E020", hint: str | None = None
+        self, message: str, span: Span, *cells: TypeCell, code: str = "E020", hint: str | None = None
     ) -> None:
         """Report that types contradict each other, with the places that `cells` have theirs from.
 
@@ -83,14 +83,14 @@ class Demands:
             self._found.report(code, message, span, hint=hint, notes=notes(span, *cells))
 
     def wrong(
-        self, message: str, expression: Expression, cell: Cell, *, code: str = "E020", hint: str | None = None
+        self, message: str, expression: Expression, cell: TypeCell, *, code: str = "E020", hint: str | None = None
     ) -> None:
         """Report that `expression` is not what `message` says it must be."""
         self.contradiction(f"{message}, this is {described(cell.type)}", expression.span, cell, code=code, hint=hint)
 
     # ---- what an expression must be
 
-    def robot(self, expression: Expression, cell: Cell, message: str) -> None:
+    def robot(self, expression: Expression, cell: TypeCell, message: str) -> None:
         """Demand a robot."""
 
         def check() -> None:
@@ -99,7 +99,7 @@ class Demands:
 
         self.later(check)
 
-    def truth(self, expression: Expression, cell: Cell, message: str) -> None:
+    def truth(self, expression: Expression, cell: TypeCell, message: str) -> None:
         """Demand a Boolean."""
 
         def check() -> None:
@@ -112,17 +112,17 @@ class Demands:
 
         self.later(check)
 
-    def number(self, expression: Expression, cell: Cell, message: str, hint: str | None = None) -> None:
+    def number(self, expression: Expression, cell: TypeCell, message: str, hint: str | None = None) -> None:
         """Demand a number."""
 
         self.later(lambda: self.number_now(expression, cell, message, hint))
 
-    def number_now(self, expression: Expression, cell: Cell, message: str, hint: str | None = None) -> None:
+    def number_now(self, expression: Expression, cell: TypeCell, message: str, hint: str | None = None) -> None:
         """Demand a number, when all types are known."""
         if cell.kind.base not in NUMBERS | {Base.OPEN}:
             self.wrong(message, expression, cell, hint=_unquoted(expression) or hint)
 
-    def order_now(self, what: str, example: str, *sides: tuple[Expression, Cell]) -> None:
+    def order_now(self, what: str, example: str, *sides: tuple[Expression, TypeCell]) -> None:
         """Demand values that have an order, when all types are known; the first of `sides` without one is reported.
 
         `example` says how to order robots.

@@ -28,7 +28,7 @@ ORDERED = {Base.INT, Base.FLOAT, Base.STRING, Base.OPEN}
 """What `<` and its like compare; what nothing fixes may be of any type."""
 
 
-class Cell:
+class TypeCell:
     """The type of one argument, variable or expression."""
 
     __slots__ = ("depth", "fallbacks", "fixed", "items", "kind", "mixed", "origin", "targets")
@@ -40,7 +40,7 @@ class Cell:
         *,
         fixed: bool = False,
         mixed: bool = False,
-        items: "Cell | None" = None,
+        items: "TypeCell | None" = None,
         depth: int = 0,
     ) -> None:
         self.kind = kind
@@ -54,9 +54,9 @@ class Cell:
         """Of a list: the type of its items."""
         self.depth = depth
         """In how many lists it stands."""
-        self.targets: list[Cell] = []
+        self.targets: list[TypeCell] = []
         """Its type flows there."""
-        self.fallbacks: list[Cell] = []
+        self.fallbacks: list[TypeCell] = []
         """These take its type if nothing else gives them one."""
 
     @property
@@ -67,7 +67,7 @@ class Cell:
         return Type(Base.LIST, element=OPEN if self.items is None else self.items.type)
 
     @property
-    def innermost(self) -> "Cell":
+    def innermost(self) -> "TypeCell":
         """Of a list: the items' cell, of lists in lists the innermost; else the cell itself."""
         cell = self
         while cell.kind.base is Base.LIST and cell.items is not None:
@@ -75,12 +75,12 @@ class Cell:
         return cell
 
 
-def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool = False) -> Cell:
+def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool = False) -> TypeCell:
     """Return a cell of type `kind`, with cells for the items of lists."""
-    whole = cell = Cell(kind, origin, fixed=fixed)
+    whole = cell = TypeCell(kind, origin, fixed=fixed)
     while kind.base is Base.LIST:
         cell.kind, kind = LIST, kind.element or OPEN
-        cell.items = Cell(kind, origin, fixed=fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
+        cell.items = TypeCell(kind, origin, fixed=fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
         cell = cell.items
     cell.mixed = mixed
     return whole
@@ -213,7 +213,7 @@ def equation_of(conjunct: Conjunct) -> tuple[str, Literal] | None:
             return None
 
 
-def literal_cell(literal: Literal) -> Cell:
+def literal_cell(literal: Literal) -> TypeCell:
     """Return a constant's cell."""
     kind = literal_type(literal)
     mixed = isinstance(literal.value, tuple) and any(type(each) is int for each in leaves(literal.value))
@@ -240,9 +240,9 @@ def innermost(kind: Type) -> Type:
 class Types:
     """What inference found out."""
 
-    positions: dict[str, list[Cell]]
+    positions: dict[str, list[TypeCell]]
     """By predicate: its arguments' cells, the owner's first."""
-    expressions: dict[Span, Cell]
+    expressions: dict[Span, TypeCell]
 
     def arguments(self, name: str) -> tuple[Type, ...]:
         """Return the types of a predicate's arguments after the owner."""

@@ -71,7 +71,7 @@ CODES: dict[str, str] = {
 
 
 @record
-class Note:
+class DiagnosticNote:
     """A secondary place and what it has to do with the matter."""
 
     span: Span
@@ -86,7 +86,7 @@ class Diagnostic:
     message: str
     span: Span
     hint: str | None = None
-    notes: tuple[Note, ...] = ()
+    notes: tuple[DiagnosticNote, ...] = ()
 
     @property
     def severity(self) -> Severity:
@@ -104,7 +104,7 @@ class Diagnostics:
         self._doubtful: list[Span] = []
 
     def report(
-        self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[Note, ...] = ()
+        self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[DiagnosticNote, ...] = ()
     ) -> None:
         """Add one; the same mistake at the same place counts once."""
         assert code in CODES, code

@@ -7,7 +7,7 @@ very many lines the first ones and the last.
 
 from collections.abc import Callable, Iterator
 
-from rmr.lang.read.source_text import Source, Span
+from rmr.lang.read.source_text import SourceText, Span
 
 LINE_SHOWN_MAX = 200
 """Characters of a line that are shown."""
@@ -19,7 +19,7 @@ GAP = "  ... |"
 """Stands for the lines that are not."""
 
 
-def excerpt(source: Source, span: Span, underlined: Callable[[int], str]) -> list[str]:
+def excerpt(source: SourceText, span: Span, underlined: Callable[[int], str]) -> list[str]:
     """Return the lines of a place, each with a line below that marks it; `underlined` makes so many marks."""
     shown: list[str] = []
     previous = None
@@ -31,7 +31,7 @@ def excerpt(source: Source, span: Span, underlined: Callable[[int], str]) -> lis
     return shown
 
 
-def _numbers(source: Source, span: Span) -> list[int]:
+def _numbers(source: SourceText, span: Span) -> list[int]:
     first, _ = source.position(span.start)
     last, _ = source.position(max(span.start, span.end - 1))
     if last - first < LINES_SHOWN_MAX:
@@ -39,7 +39,7 @@ def _numbers(source: Source, span: Span) -> list[int]:
     return [*range(first, first + LINES_SHOWN_MAX - 1), last]
 
 
-def _line(source: Source, number: int, span: Span, underlined: Callable[[int], str]) -> Iterator[str]:
+def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int], str]) -> Iterator[str]:
     """Yield a line and the marks below it, none below a blank line."""
     line, offset = source.line(number), source.starts[number - 1]
     start = span.start - offset if span.start >= offset else len(line) - len(line.lstrip())

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterable, Mapping
 
 from rmr.lang.diagnostics.diagnostic import Diagnostic, Severity
 from rmr.lang.diagnostics.excerpt import excerpt, visible
-from rmr.lang.read.source_text import Source, Span
+from rmr.lang.read.source_text import SourceText, Span
 
 _BOLD, _RED, _YELLOW, _BLUE, _RESET = "\x1b[1m", "\x1b[31m", "\x1b[33m", "\x1b[34m", "\x1b[0m"
 
 
-def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source], color: bool) -> str:
+def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceText], color: bool) -> str:
     """Return `diagnostics` for a terminal: place, code and message, the line, the place underlined, the hint.
 
     `sources` are the texts by file name; without one the place is shown as the file alone.
@@ -17,7 +17,7 @@ def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]
     return "".join(_one(each, sources, _Paint(color)) for each in diagnostics)
 
 
-def to_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, Source]) -> list[dict[str, object]]:
+def to_json(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceText]) -> list[dict[str, object]]:
     """Return `diagnostics` as values for JSON; lines and columns count from 1, the end is behind the last character."""
     listed: list[dict[str, object]] = []
     for each in diagnostics:
@@ -50,7 +50,7 @@ class _Paint:
         return f"{style}{text}{_RESET}" if self._color else text
 
 
-def _one(each: Diagnostic, sources: Mapping[str, Source], paint: _Paint) -> str:
+def _one(each: Diagnostic, sources: Mapping[str, SourceText], paint: _Paint) -> str:
     style = _RED if each.severity is Severity.ERROR else _YELLOW
     head = paint(_BOLD + style, f"{each.severity.value}[{each.code}]")
     lines = [f"{_place(each.span, sources)}: {head}: {visible(each.message)}"]
@@ -63,12 +63,12 @@ def _one(each: Diagnostic, sources: Mapping[str, Source], paint: _Paint) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _excerpt(span: Span, sources: Mapping[str, Source], underlined: Callable[[int], str]) -> list[str]:
+def _excerpt(span: Span, sources: Mapping[str, SourceText], underlined: Callable[[int], str]) -> list[str]:
     source = sources.get(span.file)
     return [] if source is None or not source.text else excerpt(source, span, underlined)
 
 
-def _place(span: Span, sources: Mapping[str, Source]) -> str:
+def _place(span: Span, sources: Mapping[str, SourceText]) -> str:
     source = sources.get(span.file)
     if source is None or not source.text:
         return f"{visible(span.file)}:1:1"

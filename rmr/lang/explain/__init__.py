@@ -9,11 +9,11 @@ rmr.analysis.columnar.
 from dataclasses import dataclass
 
 from rmr.lang.compiler import Compilation
-from rmr.lang.explain.explained_assertions import Assertions, ExplainedAssertion
+from rmr.lang.explain.explained_assertions import AssertionExplainer, ExplainedAssertion
 from rmr.lang.explain.explained_columns import ExplainedColumns, explain_columns
-from rmr.lang.explain.explained_goals import ExplainedGoal, Goals
-from rmr.lang.explain.explained_rules import ExplainedRule, Rules
-from rmr.lang.explain.texts import Names, Texts, environments
+from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer
+from rmr.lang.explain.explained_rules import ExplainedRule, RuleExplainer
+from rmr.lang.explain.texts import PredicateNames, Texts, environments
 from rmr.lang.read.syntax import GoalItem
 
 
@@ -35,9 +35,9 @@ def explain(compilation: Compilation) -> Explanation | None:
     if program is None or checked is None:
         return None
     texts = Texts(compilation.sources)
-    goals = Goals(program, [Names(*environments(each)) for each in checked.rules], texts)
-    assertions = Assertions(program, texts)
-    rules = Rules(checked, texts)
+    goals = GoalExplainer(program, [PredicateNames(*environments(each)) for each in checked.rules], texts)
+    assertions = AssertionExplainer(program, texts)
+    rules = RuleExplainer(checked, texts)
     stated = [item for item in checked.module.items if isinstance(item, GoalItem)]
     watched = zip(checked.assertions, program.assertions, strict=True)
     return Explanation(

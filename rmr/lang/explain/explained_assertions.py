@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rmr.analysis.backwards import term_of
 from rmr.bytecode.heads import items
 from rmr.bytecode.program import Assertion, Constant, DeriveAction, Derived, Kind, Pattern, Program, Serving
-from rmr.lang.explain.texts import Names, Spot, Texts
+from rmr.lang.explain.texts import PredicateNames, Spot, Texts
 from rmr.lang.lower.servers import Passed, Served, Servers, told
 from rmr.lang.lower.time_assertions import Watched
 from rmr.lang.read.syntax import Expression, Literal
@@ -78,7 +78,7 @@ class ExplainedAssertion:
     """More leads there than anybody looks at."""
 
 
-class Assertions:
+class AssertionExplainer:
     """Explains the time assertions of one program."""
 
     def __init__(self, program: Program, texts: Texts) -> None:
@@ -92,7 +92,7 @@ class Assertions:
         item, line = watched.item, self._texts.line
         home, owner = line(item.start.arguments[0].span), line(item.finish.arguments[0].span)
         args = [line(each.span) for each in item.finish.arguments[1:]]
-        told = _Told(self._program, Names(watched.environment), home, owner)
+        told = _Told(self._program, PredicateNames(watched.environment), home, owner)
         walk = self._servers.walk(assertion)
         serving = walk.served if assertion.scheduled else ()
         first = {each.predicate: each for each in reversed(walk.passed)}
@@ -146,7 +146,7 @@ class _Told:
     """Facts and actions in the words of one assertion."""
 
     program: Program
-    names: Names
+    names: PredicateNames
     home: str
     owner: str
     """The finish fact's."""

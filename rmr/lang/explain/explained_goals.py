@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from rmr.analysis.backwards import HOME, resolved
 from rmr.bytecode.program import Constant, InitialFact, InitialGoal, Kind, Program, Slot
-from rmr.lang.explain.texts import Names, Spot, Texts
-from rmr.lang.lower.goal_paths import Reach, TooMuch, Way, agrees
+from rmr.lang.explain.texts import PredicateNames, Spot, Texts
+from rmr.lang.lower.goal_paths import GoalPaths, LeadingRank, TooMuch, agrees
 from rmr.lang.read.syntax import GoalItem
 
 WAYS_MAX = 10_000
@@ -52,15 +52,15 @@ class ExplainedGoal:
     rules_left_out: int
 
 
-class Goals:
+class GoalExplainer:
     """Explains the goals of one program, within bounds for all of them."""
 
-    def __init__(self, program: Program, rules: Sequence[Names], texts: Texts) -> None:
+    def __init__(self, program: Program, rules: Sequence[PredicateNames], texts: Texts) -> None:
         """`rules` are the names of their variables."""
         self._program = program
         self._rules = rules
         self._texts = texts
-        self._reach = Reach(program)
+        self._reach = GoalPaths(program)
         self._left = WAYS_MAX
 
     def explain(self, item: GoalItem, goal: InitialGoal) -> ExplainedGoal:
@@ -80,13 +80,13 @@ class Goals:
             rules_left_out=len(nearest) - len(told),
         )
 
-    def _ways(self, goal: InitialGoal) -> list[Way] | None:
+    def _ways(self, goal: InitialGoal) -> list[LeadingRank] | None:
         try:
             return self._reach.ways(goal)
         except TooMuch:
             return None
 
-    def _leading(self, way: Way) -> LeadingRule:
+    def _leading(self, way: LeadingRank) -> LeadingRule:
         brought, wanted = way.brought, way.wanted
         owner, *args = [resolved(term, brought.known) for term in (brought.owner, *brought.args)]
         predicates, names = self._program.predicates, self._rules[way.rule]

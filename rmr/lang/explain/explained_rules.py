@@ -9,16 +9,16 @@ from rmr.lang.checker import Checked
 from rmr.lang.explain.texts import Spot, Texts
 from rmr.lang.lower.robot_rules import Projected
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Comprehension,
+    AggregateNode,
+    ComprehensionNode,
     Condition,
     Conjunct,
     Expression,
-    Fact,
+    FactNode,
     HeadItem,
     Literal,
     Mark,
-    Steps,
+    StepsNode,
     Variable,
 )
 
@@ -45,7 +45,7 @@ class Needs:
 
 
 @dataclass(frozen=True, slots=True)
-class Derived:
+class ExplainedDerivation:
     """A fact, goal or action that a rule derives, or an effect of its action on another robot."""
 
     what: str
@@ -64,14 +64,14 @@ class Derived:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ExplainedPart:
     """A part of a head."""
 
     form: str
     """``item``, ``steps``, ``comprehension``, or the operator of an aggregate."""
     needs: Needs | None
     """The inner body."""
-    derives: tuple[Derived, ...]
+    derives: tuple[ExplainedDerivation, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +83,10 @@ class ExplainedRule:
     home: str
     """The robot that runs it: a variable for every robot, or a robot."""
     needs: Needs
-    head: tuple[Part, ...]
+    head: tuple[ExplainedPart, ...]
 
 
-class Rules:
+class RuleExplainer:
     """Explains the rules of one program."""
 
     def __init__(self, checked: Checked, texts: Texts) -> None:
@@ -96,7 +96,7 @@ class Rules:
     def explain(self, projected: Projected) -> ExplainedRule:
         """Return what a rule needs and derives."""
         rule = projected.rule
-        home = next(each.owner for each in rule.body if isinstance(each, Fact) and not each.absent)
+        home = next(each.owner for each in rule.body if isinstance(each, FactNode) and not each.absent)
         assert home is not None
         known = projected.environment.constants
         return ExplainedRule(
@@ -122,34 +122,34 @@ class Rules:
             return "reads"
         return "keeps" if conjunct.mark is Mark.KEEP else "consumes"
 
-    def _part(self, part: HeadItem, home: Expression, known: Constants) -> Part:
+    def _part(self, part: HeadItem, home: Expression, known: Constants) -> ExplainedPart:
         match part:
-            case Fact():
-                return Part("item", None, self._all((part,), home, known))
-            case Steps(derived=facts):
-                return Part("steps", None, self._all(facts, home, known))
-            case Comprehension(body=body, head=facts):
-                return Part("comprehension", self._needs(body), self._all(facts, home, known))
-            case Aggregate(operator=operator, body=body, head=fact):
-                return Part(operator.text, self._needs(body), self._all((fact,), home, known))
+            case FactNode():
+                return ExplainedPart("item", None, self._all((part,), home, known))
+            case StepsNode(derived=facts):
+                return ExplainedPart("steps", None, self._all(facts, home, known))
+            case ComprehensionNode(body=body, head=facts):
+                return ExplainedPart("comprehension", self._needs(body), self._all(facts, home, known))
+            case AggregateNode(operator=operator, body=body, head=fact):
+                return ExplainedPart(operator.text, self._needs(body), self._all((fact,), home, known))
 
-    def _all(self, facts: Iterable[Fact], home: Expression, known: Constants) -> tuple[Derived, ...]:
+    def _all(self, facts: Iterable[FactNode], home: Expression, known: Constants) -> tuple[ExplainedDerivation, ...]:
         return tuple([each for fact in facts for each in self._derived(fact, home, known)])
 
-    def _derived(self, fact: Fact, home: Expression, known: Constants) -> Iterator[Derived]:
+    def _derived(self, fact: FactNode, home: Expression, known: Constants) -> Iterator[ExplainedDerivation]:
         """Yield what a fact of a head is, and what its action brings about at other robots."""
         owner, *arguments = fact.arguments
         action = self._checked.names.of(fact).kind is Kind.ACTION
         what = "action" if action else "goal" if fact.mark is Mark.GOAL else "fact"
         text = self._texts.line(fact.span)
         if _is_same(owner, home):
-            yield Derived(what, text, None, None, None, None, None)
+            yield ExplainedDerivation(what, text, None, None, None, None, None)
         else:
             yield self._sent(what, text, self._texts.line(owner.span), fact, arguments, known)
         if action:
             yield from self._effects(fact, known)
 
-    def _effects(self, fact: Fact, known: Constants) -> Iterator[Derived]:
+    def _effects(self, fact: FactNode, known: Constants) -> Iterator[ExplainedDerivation]:
         """Yield the effects of an action on other robots than its executor."""
         declaration = self._checked.names.of(fact).declaration
         if declaration is None:
@@ -168,8 +168,8 @@ class Rules:
             yield self._sent("effect", text, to, effect, arguments, known)
 
     def _sent(
-        self, what: str, text: str, to: str, fact: Fact, arguments: list[Expression], known: Constants
-    ) -> Derived:
+        self, what: str, text: str, to: str, fact: FactNode, arguments: list[Expression], known: Constants
+    ) -> ExplainedDerivation:
         pairs = list(zip(arguments, self._checked.types.arguments(fact.name.text), strict=True))
         least = sum(octets(argument, kind, known) for argument, kind in pairs)
         sizes = [_most(argument, kind, known) for argument, kind in pairs]
@@ -177,7 +177,7 @@ class Rules:
         most = sum(bounded) if len(bounded) == len(sizes) else None
         room = FACT_OCTETS_MAX - (ACTION_OCTETS if what == "action" else 0)
         fits = True if most is not None and most <= room else False if least > room else None
-        return Derived(what, text, to, least, most, room, fits)
+        return ExplainedDerivation(what, text, to, least, most, room, fits)
 
 
 def _most(argument: Expression, kind: Type, known: Constants) -> int | None:

@@ -15,10 +15,10 @@ from rmr.lang.format.line_breaks import layout
 from rmr.lang.format.printer import printed
 from rmr.lang.format.words import Text, Word, read
 from rmr.lang.read.parser import parse
-from rmr.lang.read.source_text import Source
+from rmr.lang.read.source_text import SourceText
 
 
-def format_source(source: Source, found: Diagnostics) -> str | None:
+def format_source(source: SourceText, found: Diagnostics) -> str | None:
     """Return the text of `source` in canonical layout, or None if it has syntax errors, reported to `found`."""
     parse(source, found)
     if found.failed:

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from rmr.lang.format.printer import OPENING, TIGHT, Indent, Mark, Note, Sign
+from rmr.lang.format.printer import OPENING, TIGHT, CommentMark, Indent, Mark, Sign
 from rmr.lang.format.words import Comment, Text, Word
 
 INDENT = 4
@@ -101,7 +101,7 @@ def _above(comments: Sequence[Comment]) -> list[Mark]:
     marks: list[Mark] = []
     for each in comments:
         marks += [Sign.BLANK] if each.spaced else []
-        marks.append(Note(each.text, each.alone, trailing=False))
+        marks.append(CommentMark(each.text, each.alone, trailing=False))
     return marks
 
 
@@ -242,9 +242,9 @@ def _joined(parts: list[_Part]) -> list[Mark]:
 
 
 def _inside(comments: Sequence[Comment]) -> list[_Part]:
-    return [_Part([Note(each.text, each.alone, trailing=False)], comment=True) for each in comments]
+    return [_Part([CommentMark(each.text, each.alone, trailing=False)], comment=True) for each in comments]
 
 
 def _trailing(word: Word) -> list[Mark]:
     """Return the comments that end a word's line."""
-    return [Note(each.text, each.ends_line, trailing=True) for each in word.after]
+    return [CommentMark(each.text, each.ends_line, trailing=True) for each in word.after]

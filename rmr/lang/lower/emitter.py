@@ -19,28 +19,28 @@ from rmr.lang.lower.projection import OPERATORS
 from rmr.lang.lower.robot_rules import (
     SELF,
     Decide,
-    Derivation,
     Derived,
     Environment,
-    Gathering,
     Let,
-    Match,
+    MatchStep,
     Projected,
+    RobotAggregate,
+    RobotComprehension,
     Step,
 )
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
-    Assertion,
+    AssertionItem,
     Binary,
     Call,
     Expression,
-    Fact,
     FactItem,
+    FactNode,
     GoalItem,
     ListTerm,
     Literal,
     Mark,
-    Steps,
+    StepsNode,
     TypeDeclaration,
     Unary,
     Variable,
@@ -57,10 +57,10 @@ class Emitter:
         self._types = types
         self._index = {name: index for index, name in enumerate(names.signatures)}
 
-    def _types_of(self, fact: Fact) -> tuple[Type, ...]:
+    def _types_of(self, fact: FactNode) -> tuple[Type, ...]:
         return self._types.arguments(fact.name.text)
 
-    def _at(self, fact: Fact) -> int:
+    def _at(self, fact: FactNode) -> int:
         return self._index[fact.name.text]
 
     # ---- predicates
@@ -82,7 +82,7 @@ class Emitter:
                 effects = self._arrival(types)
         return form.Predicate(signature.name, signature.kind, types, signature.provided, effects, otherwise)
 
-    def _effect(self, fact: Fact, environment: Environment) -> form.Effect:
+    def _effect(self, fact: FactNode, environment: Environment) -> form.Effect:
         owner = self._code(fact.arguments[0], environment)
         return form.Effect(self._at(fact), self._arguments(fact, environment), owner)
 
@@ -134,7 +134,7 @@ class Emitter:
 
     def _step(self, step: Step, environment: Environment) -> form.Conjunct:
         match step:
-            case Match(fact=fact, arguments=arguments, mode=mode):
+            case MatchStep(fact=fact, arguments=arguments, mode=mode):
                 return self.atom(fact, arguments, mode, environment)
             case Let(name=name, expression=expression):
                 return form.Bind(environment.slots[name], self._code(expression, environment))
@@ -146,17 +146,17 @@ class Emitter:
 
     def _head(self, part: Derived, environment: Environment) -> form.Head:
         match part:
-            case Fact():
+            case FactNode():
                 return self.derived(part, environment)
-            case Steps(derived=derived):
+            case StepsNode(derived=derived):
                 return form.Steps(tuple(self.derived(fact, environment) for fact in derived))
-            case Derivation(slots=slots, body=steps, head=facts, environment=inner):
+            case RobotComprehension(slots=slots, body=steps, head=facts, environment=inner):
                 head = tuple(self.derived(fact, inner) for fact in facts)
                 return form.Comprehension(slots, self._steps(steps, inner), head)
-            case Gathering():
+            case RobotAggregate():
                 return self._aggregate(part)
 
-    def _aggregate(self, part: Gathering) -> form.Aggregate:
+    def _aggregate(self, part: RobotAggregate) -> form.Aggregate:
         item, inner = part.item, part.environment
         return form.Aggregate(
             operator=OPERATORS[item.operator.text],
@@ -168,7 +168,7 @@ class Emitter:
         )
 
     def atom(
-        self, fact: Fact, arguments: tuple[Variable | Literal, ...], mode: Mode, environment: Environment
+        self, fact: FactNode, arguments: tuple[Variable | Literal, ...], mode: Mode, environment: Environment
     ) -> form.Atom:
         """Return the match of a fact."""
         kinds = self._types_of(fact)
@@ -186,7 +186,7 @@ class Emitter:
             return form.Constant(converted(constant.value, kind))
         return Slot(environment.slots[argument.name])
 
-    def derived(self, fact: Fact, environment: Environment) -> form.Derived:
+    def derived(self, fact: FactNode, environment: Environment) -> form.Derived:
         """Return what a head derives."""
         predicate, owner = self._at(fact), self._code(fact.arguments[0], environment)
         arguments = self._arguments(fact, environment)
@@ -196,7 +196,7 @@ class Emitter:
             return form.DeriveGoal(predicate, owner, arguments)
         return form.DeriveFact(predicate, owner, arguments)
 
-    def _arguments(self, fact: Fact, environment: Environment) -> tuple[Code, ...]:
+    def _arguments(self, fact: FactNode, environment: Environment) -> tuple[Code, ...]:
         arguments = zip(fact.arguments[1:], self._types_of(fact), strict=True)
         return tuple(self._argument(argument, kind, environment) for argument, kind in arguments)
 
@@ -213,7 +213,7 @@ class Emitter:
     # ---- time assertions
 
     def assertion(
-        self, item: Assertion, environment: Environment, finish: tuple[Variable | Literal, ...]
+        self, item: AssertionItem, environment: Environment, finish: tuple[Variable | Literal, ...]
     ) -> form.Assertion:
         """Return a time assertion; `serving` is worked out on the finished program."""
         start = tuple(each for each in item.start.arguments[1:] if isinstance(each, Variable | Literal))
@@ -231,7 +231,7 @@ class Emitter:
             finisher=_finisher(item, environment),
         )
 
-    def _watching(self, fact: Fact) -> Mode:
+    def _watching(self, fact: FactNode) -> Mode:
         return Mode.KEEP if self._names.of(fact).kind is Kind.TEMPORARY else Mode.READ
 
     # ---- expressions
@@ -306,12 +306,12 @@ def _innermost(kind: Type) -> Type:
     return kind
 
 
-def _owner(fact: Fact) -> int | None:
+def _owner(fact: FactNode) -> int | None:
     owner = fact.arguments[0]
     return int(owner.value) if isinstance(owner, Literal) and isinstance(owner.value, Robot) else None
 
 
-def _finisher(item: Assertion, environment: Environment) -> Slot | form.Constant:
+def _finisher(item: AssertionItem, environment: Environment) -> Slot | form.Constant:
     """Return the finish fact's robot as the job's robot knows it."""
     owner = item.finish.arguments[0]
     if isinstance(owner, Variable):

@@ -38,7 +38,7 @@ LEADS_PER_RULE_MAX = 2
 """Leads written down for each rule of the program, on average: one takes two octets, a rule about a dozen."""
 
 
-class Way(NamedTuple):
+class LeadingRank(NamedTuple):
     """A rule that leads to a goal."""
 
     rule: int
@@ -61,7 +61,7 @@ def with_leads(program: Program) -> Program:
     """
     if not program.goals:
         return program
-    reach = Reach(program)
+    reach = GoalPaths(program)
     leads = [reach.leads(goal) for goal in program.goals]
     if sum(len(each or ()) for each in leads) > LEADS_PER_RULE_MAX * len(program.rules):
         return program
@@ -69,7 +69,7 @@ def with_leads(program: Program) -> Program:
     return replace(program, goals=tuple(goals))
 
 
-class Reach:
+class GoalPaths:
     """The rules of one program and what they bring about."""
 
     def __init__(self, program: Program) -> None:
@@ -93,7 +93,7 @@ class Reach:
         dependent = sum(1 for lead in leads if lead.rank is None)
         return leads if dependent <= seeming - dependent else None
 
-    def ways(self, goal: InitialGoal) -> list[Way]:
+    def ways(self, goal: InitialGoal) -> list[LeadingRank]:
         """Return the rules that lead to `goal`, in their order.
 
         Raises:
@@ -117,14 +117,14 @@ class Reach:
         distances = self._backwards.distances(goal.predicate)
         yield from sorted({rule: None for predicate in distances for rule in self._bringing.get(predicate, ())})
 
-    def _way(self, rule: int, robot: Robot | None, possible: Levels, sure: Levels) -> Way | None:
+    def _way(self, rule: int, robot: Robot | None, possible: Levels, sure: Levels) -> LeadingRank | None:
         """Return how a rule leads to the goal, None if it never does."""
-        best: Way | None = None
+        best: LeadingRank | None = None
         bound: int | None = None
         for brought in self._brought[rule]:
             wanted = self._possibly(rule, brought, robot, possible)
             if wanted is not None and (best is None or wanted.level < best.wanted.level):
-                best = Way(rule, None, brought, wanted)
+                best = LeadingRank(rule, None, brought, wanted)
             certain = self._certainly(brought, robot, sure) if wanted is not None else None
             if certain is not None and (bound is None or certain.level < bound):
                 bound = certain.level

@@ -13,7 +13,7 @@ from rmr.bytecode.program import Kind, Mode
 from rmr.lang.analyse.names import Names, meant
 from rmr.lang.analyse.types import equation_of, matched_variables
 from rmr.lang.diagnostics.diagnostic import Diagnostics
-from rmr.lang.lower.robot_rules import Decide, Environment, Let, Match, Step
+from rmr.lang.lower.robot_rules import Decide, Environment, Let, MatchStep, Step
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
     Binary,
@@ -21,7 +21,7 @@ from rmr.lang.read.syntax import (
     Condition,
     Conjunct,
     Expression,
-    Fact,
+    FactNode,
     ListTerm,
     Literal,
     Mark,
@@ -77,11 +77,11 @@ class Orderer:
         waiting = [each for each in held if not _is_replaced(each, environment)]
         body = _Body(environment, matched_variables(conjuncts), waiting)
         for fact in conjuncts:
-            if isinstance(fact, Fact) and not fact.absent:
+            if isinstance(fact, FactNode) and not fact.absent:
                 self._match(fact, body)
                 self._ready(body)
         self._ready(body)
-        while absent := [each for each in body.waiting if isinstance(each, Fact)]:
+        while absent := [each for each in body.waiting if isinstance(each, FactNode)]:
             body.waiting.remove(absent[0])
             self._absent(absent[0], body)
             self._ready(body)
@@ -131,7 +131,7 @@ class Orderer:
         index = 0
         while index < len(body.waiting):
             conjunct = body.waiting[index]
-            if isinstance(conjunct, Fact):
+            if isinstance(conjunct, FactNode):
                 if self._is_absent_now(conjunct, body):
                     body.waiting.pop(index)
                     self._absent(conjunct, body)
@@ -157,7 +157,7 @@ class Orderer:
         return 0
 
     @staticmethod
-    def _is_absent_now(fact: Fact, body: _Body) -> bool:
+    def _is_absent_now(fact: FactNode, body: _Body) -> bool:
         """Whether nothing that is still to come binds a variable of `fact`."""
         free = {each.name for each in variables(fact.arguments) if not body.environment.knows(each.name)}
         later = body.matched | {name for other in body.waiting if other is not fact for name in _may_bind(other)}
@@ -189,7 +189,7 @@ class Orderer:
 
     # ---- facts
 
-    def _match(self, fact: Fact, body: _Body) -> None:
+    def _match(self, fact: FactNode, body: _Body) -> None:
         """Add the match of `fact`; equations for the expressions among its arguments wait first of all."""
         arguments: list[Variable | Literal] = []
         equations: list[Conjunct] = []
@@ -203,15 +203,15 @@ class Orderer:
             if variable is not argument:
                 equations.append(_equation(variable, argument))
             arguments.append(variable)
-        body.steps.append(Match(fact, tuple(arguments), self._mode(fact)))
+        body.steps.append(MatchStep(fact, tuple(arguments), self._mode(fact)))
         body.waiting[:0] = equations
 
-    def _mode(self, fact: Fact) -> Mode:
+    def _mode(self, fact: FactNode) -> Mode:
         if self._names.of(fact).kind is not Kind.TEMPORARY:
             return Mode.READ
         return Mode.KEEP if fact.mark is Mark.KEEP else Mode.CONSUME
 
-    def _absent(self, fact: Fact, body: _Body) -> None:
+    def _absent(self, fact: FactNode, body: _Body) -> None:
         arguments: list[Variable | Literal] = []
         free = [each.name for each in variables(fact.arguments[1:]) if not body.environment.knows(each.name)]
         own: dict[str, Variable] = {}
@@ -226,7 +226,7 @@ class Orderer:
                 variable = self._fresh_variable(argument.span)
                 self._take(Let(variable.name, argument), 0, body)
                 arguments.append(variable)
-        body.steps.append(Match(fact, tuple(arguments), Mode.ABSENT))
+        body.steps.append(MatchStep(fact, tuple(arguments), Mode.ABSENT))
 
     def _free(
         self, variable: Variable, free: list[str], own: dict[str, Variable], environment: Environment

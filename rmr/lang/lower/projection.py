@@ -11,20 +11,20 @@ from rmr.base.values import Robot
 from rmr.bytecode.program import SELF_SLOT, Operator
 from rmr.lang.analyse.names import Names, meant
 from rmr.lang.analyse.types import Types, constants, fits, literal_type
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.lower.ordering import Orderer, all_known, variables
-from rmr.lang.lower.robot_rules import SELF, Decide, Derivation, Derived, Environment, Gathering, Projected
+from rmr.lang.lower.robot_rules import SELF, Decide, Derived, Environment, Projected, RobotAggregate, RobotComprehension
 from rmr.lang.read.syntax import (
-    Aggregate,
+    AggregateNode,
     Binary,
-    Comprehension,
+    ComprehensionNode,
     Conjunct,
     Expression,
-    Fact,
+    FactNode,
     HeadItem,
     Literal,
-    Rule,
-    Steps,
+    RuleItem,
+    StepsNode,
     Variable,
     walk,
 )
@@ -45,9 +45,9 @@ class Projector:
         self._orderer = Orderer(names, symbols, found)
         self._home: Expression | None = None
 
-    def rule(self, rule: Rule) -> Projected | None:
+    def rule(self, rule: RuleItem) -> Projected | None:
         """Return `rule` as the home robot runs it, or None after reporting why it cannot."""
-        facts = [each for each in rule.body if isinstance(each, Fact)]
+        facts = [each for each in rule.body if isinstance(each, FactNode)]
         positive = [fact for fact in facts if not fact.absent]
         if not positive:
             self._no_facts(rule)
@@ -71,11 +71,11 @@ class Projector:
             body = (here, *body)
         return Projected(rule, environment, body, tuple(part for part in head if part is not None))
 
-    def _constants(self, rule: Rule, environment: Environment) -> dict[str, Literal]:
+    def _constants(self, rule: RuleItem, environment: Environment) -> dict[str, Literal]:
         """Return the variables that `rule` equates with a constant which all their places can hold."""
         found = {name: value for name, value in constants(rule.body).items() if not environment.knows(name)}
         for fact in walk(rule) if found else ():
-            if not isinstance(fact, Fact):
+            if not isinstance(fact, FactNode):
                 continue
             for argument, cell in zip(fact.arguments, self._types.positions[fact.name.text], strict=False):
                 value = found.get(argument.name) if isinstance(argument, Variable) else None
@@ -83,16 +83,16 @@ class Projector:
                     del found[argument.name]
         return found
 
-    def _no_facts(self, rule: Rule) -> None:
+    def _no_facts(self, rule: RuleItem) -> None:
         span = rule.body[0].span.to(rule.body[-1].span)
         hint = "it would fire at all times; name a fact that must be there"
         self._found.report("E032", "a rule's body needs at least one fact that holds", span, hint=hint)
 
     # ---- the home robot
 
-    def _homes(self, positive: list[Fact]) -> list[tuple[Expression, Fact]]:
+    def _homes(self, positive: list[FactNode]) -> list[tuple[Expression, FactNode]]:
         """Return the robots whose facts a body matches, each with the first of them; none if one has no owner."""
-        homes: list[tuple[Expression, Fact]] = []
+        homes: list[tuple[Expression, FactNode]] = []
         for fact in positive:
             owner = fact.owner
             if owner is None:
@@ -114,15 +114,15 @@ class Projector:
             if isinstance(other, Variable) and not other.anonymous:
                 environment.slot(other.name)
 
-    def _join(self, rule: Rule, homes: list[tuple[Expression, Fact]]) -> None:
-        notes = tuple(Note(fact.span, f"a fact of {_called(owner)}") for owner, fact in homes)
+    def _join(self, rule: RuleItem, homes: list[tuple[Expression, FactNode]]) -> None:
+        notes = tuple(DiagnosticNote(fact.span, f"a fact of {_called(owner)}") for owner, fact in homes)
         message = "a join of several robots' facts is not supported yet"
         home, other = (_called(owner) for owner, _ in homes[:2])
         hint = f"let {home} ask {other} by a fact of {other}, which {other} uses up with its own before it answers: "
         hint += "see `rmr explain E035`"
         self._found.report("E035", message, rule.span, hint=hint, notes=notes)
 
-    def _is_at_home(self, fact: Fact, what: str) -> bool:
+    def _is_at_home(self, fact: FactNode, what: str) -> bool:
         home = self._home
         if fact.owner is None or home is None:
             return False
@@ -136,24 +136,24 @@ class Projector:
         return False
 
     def _are_at_home(self, body: Sequence[Conjunct], what: str) -> bool:
-        at_home = [self._is_at_home(fact, what) for fact in body if isinstance(fact, Fact)]
+        at_home = [self._is_at_home(fact, what) for fact in body if isinstance(fact, FactNode)]
         return all(at_home)
 
     # ---- heads
 
     def _head(self, part: HeadItem, environment: Environment) -> Derived | None:
         match part:
-            case Fact():
+            case FactNode():
                 return part if self._is_bound(part, environment) else None
-            case Steps(derived=derived):
+            case StepsNode(derived=derived):
                 bound = [self._is_bound(fact, environment) for fact in derived]
                 return part if all(bound) else None
-            case Comprehension():
+            case ComprehensionNode():
                 return self._comprehension(part, environment)
-            case Aggregate():
+            case AggregateNode():
                 return self._aggregate(part, environment)
 
-    def _is_bound(self, fact: Fact, environment: Environment) -> bool:
+    def _is_bound(self, fact: FactNode, environment: Environment) -> bool:
         for each in walk(fact):
             if isinstance(each, Variable) and each.anonymous:
                 self._found.report("E030", "`_` has no value", each.span, hint="name what is derived")
@@ -163,7 +163,7 @@ class Projector:
 
     # ---- comprehensions
 
-    def _comprehension(self, part: Comprehension, environment: Environment) -> Derivation | None:
+    def _comprehension(self, part: ComprehensionNode, environment: Environment) -> RobotComprehension | None:
         for index, variable in enumerate(part.variables):
             twice = variable.name in [each.name for each in part.variables[:index]]
             if environment.knows(variable.name) or twice:
@@ -180,9 +180,9 @@ class Projector:
             return None
         slots = tuple(range(environment.count, inner.count))
         environment.count = inner.count
-        return Derivation(slots, body, part.head, inner)
+        return RobotComprehension(slots, body, part.head, inner)
 
-    def _all_listed(self, part: Comprehension, environment: Environment) -> bool:
+    def _all_listed(self, part: ComprehensionNode, environment: Environment) -> bool:
         listed = {variable.name for variable in part.variables}
         for each in variables(part.body):
             if each.name not in listed and not environment.knows(each.name):
@@ -194,7 +194,7 @@ class Projector:
 
     # ---- aggregates
 
-    def _aggregate(self, part: Aggregate, environment: Environment) -> Gathering | None:
+    def _aggregate(self, part: AggregateNode, environment: Environment) -> RobotAggregate | None:
         operator = self._operator(part)
         at_home = self._are_at_home(part.body, "an aggregate")
         if operator is None or not at_home or not self._is_new(part, environment):
@@ -210,9 +210,9 @@ class Projector:
         result = head.slot(part.result.name)
         environment.count = head.count
         good = self._is_gathered(part, inner, head)
-        return Gathering(part, result, slots, body, inner, head) if good else None
+        return RobotAggregate(part, result, slots, body, inner, head) if good else None
 
-    def _operator(self, part: Aggregate) -> Operator | None:
+    def _operator(self, part: AggregateNode) -> Operator | None:
         name = part.operator.text
         operator = OPERATORS.get(name)
         if operator is None:
@@ -229,7 +229,7 @@ class Projector:
             return operator
         return None
 
-    def _is_new(self, part: Aggregate, environment: Environment) -> bool:
+    def _is_new(self, part: AggregateNode, environment: Environment) -> bool:
         result = part.result
         if result.anonymous:
             return True
@@ -242,7 +242,7 @@ class Projector:
         self._found.report("E031", message, result.span, hint=hint)
         return False
 
-    def _is_gathered(self, part: Aggregate, inner: Environment, head: Environment) -> bool:
+    def _is_gathered(self, part: AggregateNode, inner: Environment, head: Environment) -> bool:
         """Whether the head of an aggregate uses what it may; report what it may not."""
         lost = [each for each in variables(part.head) if inner.knows(each.name) and not head.knows(each.name)]
         for each in lost:

@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 from rmr.base.record import record
 from rmr.bytecode.program import SELF_SLOT, Mode
 from rmr.lang.read import syntax
-from rmr.lang.read.syntax import Expression, Fact, Literal, Rule, Variable
+from rmr.lang.read.syntax import Expression, FactNode, Literal, RuleItem, Variable
 
 SELF = "@"
 """The home robot's name where the rule gives it none."""
 
 
 @record
-class Match:
+class MatchStep:
     """A fact of the home robot; expressions among its arguments have become slots with an equation behind."""
 
-    fact: Fact
+    fact: FactNode
     arguments: tuple[Variable | Literal, ...]
     """Without the owner."""
     mode: Mode
@@ -36,7 +36,7 @@ class Let:
     expression: Expression
 
 
-Step = Match | Decide | Let
+Step = MatchStep | Decide | Let
 
 
 @dataclass(slots=True)
@@ -66,20 +66,20 @@ class Environment:
 
 
 @record
-class Derivation:
+class RobotComprehension:
     """A comprehension of one robot."""
 
     slots: tuple[int, ...]
     body: tuple[Step, ...]
-    head: tuple[Fact, ...]
+    head: tuple[FactNode, ...]
     environment: Environment
 
 
 @record
-class Gathering:
+class RobotAggregate:
     """An aggregate of one robot."""
 
-    item: syntax.Aggregate
+    item: syntax.AggregateNode
     result: int
     slots: tuple[int, ...]
     body: tuple[Step, ...]
@@ -89,14 +89,14 @@ class Gathering:
     """The rule's and the result; the body's too if one match wins."""
 
 
-Derived = Fact | syntax.Steps | Derivation | Gathering
+Derived = FactNode | syntax.StepsNode | RobotComprehension | RobotAggregate
 
 
 @record
 class Projected:
     """A rule of one robot."""
 
-    rule: Rule
+    rule: RuleItem
     environment: Environment
     body: tuple[Step, ...]
     head: tuple[Derived, ...]

@@ -7,23 +7,23 @@ start fact; a variable of the finish fact that it does not bind matches anything
 
 from rmr.base.record import record
 from rmr.bytecode.program import SELF_SLOT
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.lower.ordering import bound_hint, variables
 from rmr.lang.lower.robot_rules import SELF, Environment
-from rmr.lang.read.syntax import Assertion, Expression, Fact, Literal, Module, Name, Variable, walk
+from rmr.lang.read.syntax import AssertionItem, Expression, FactNode, Literal, ModuleNode, Name, Variable, walk
 
 
 @record
 class Watched:
     """A time assertion whose variables have slots."""
 
-    item: Assertion
+    item: AssertionItem
     environment: Environment
     finish: tuple[Variable | Literal, ...]
     """The finish fact's arguments; what the start fact does not bind and stands once is anonymous."""
 
 
-def watched(item: Assertion, found: Diagnostics) -> Watched | None:
+def watched(item: AssertionItem, found: Diagnostics) -> Watched | None:
     """Return `item` with slots for its variables, or None after reporting why there are none."""
     home = item.start.owner
     if home is None or item.finish.owner is None or item.violation.owner is None:
@@ -43,7 +43,7 @@ def watched(item: Assertion, found: Diagnostics) -> Watched | None:
     return Watched(item, environment, _finish(item.finish, environment))
 
 
-def _is_robot(fact: Fact, word: str, found: Diagnostics) -> bool:
+def _is_robot(fact: FactNode, word: str, found: Diagnostics) -> bool:
     if isinstance(fact.owner, Variable | Literal):
         return True
     assert fact.owner is not None
@@ -58,19 +58,23 @@ def _is_plain(argument: Expression, found: Diagnostics) -> bool:
     return False
 
 
-def _is_bound_by_start(item: Assertion, environment: Environment, found: Diagnostics) -> bool:
+def _is_bound_by_start(item: AssertionItem, environment: Environment, found: Diagnostics) -> bool:
     good = True
     for node in (item.finish.owner, item.deadline, item.violation.arguments):
         for each in walk(node):
             if isinstance(each, Variable) and not environment.knows(each.name):
-                notes = (Note(item.start.span, "binds the finish fact's robot, and what deadline and violation use"),)
+                notes = (
+                    DiagnosticNote(
+                        item.start.span, "binds the finish fact's robot, and what deadline and violation use"
+                    ),
+                )
                 hint = bound_hint(each, environment)
                 found.report("E030", f"the start fact does not bind `{each.name}`", each.span, hint=hint, notes=notes)
                 good = False
     return good
 
 
-def _finish(finish: Fact, environment: Environment) -> tuple[Variable | Literal, ...]:
+def _finish(finish: FactNode, environment: Environment) -> tuple[Variable | Literal, ...]:
     """Return F's arguments; what S does not bind matches anything."""
     names = [each.name for each in variables(finish.arguments[1:])]
     arguments: list[Variable | Literal] = []
@@ -86,16 +90,16 @@ def _finish(finish: Fact, environment: Environment) -> tuple[Variable | Literal,
     return tuple(arguments)
 
 
-def check_names(module: Module, found: Diagnostics) -> None:
+def check_names(module: ModuleNode, found: Diagnostics) -> None:
     """Report time assertions that share a name, stated or that of the finish fact."""
     called: dict[str, tuple[Name, bool]] = {}
     for item in module.items:
-        if not isinstance(item, Assertion):
+        if not isinstance(item, AssertionItem):
             continue
         name = item.name or item.finish.name
         earlier, stated = called.setdefault(name.text, (name, item.name is not None))
         if earlier is not name:
-            notes = (Note(earlier.span, "first used here"),)
+            notes = (DiagnosticNote(earlier.span, "first used here"),)
             message = f"two time assertions are called `{name.text}`"
             named = stated and item.name is not None
             hint = None if named else "without a name it has that of its finish fact; name them: `name: assert(...)`"

@@ -8,7 +8,7 @@ states alone.
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from rmr.lang.read.grammar import END, Rule, tables
+from rmr.lang.read.grammar import END, GrammarRule, tables
 from rmr.lang.read.lexer import Token, scanner
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.tree_builder import Builder
@@ -17,7 +17,7 @@ COMMAS_MAX = 3
 """Missing commas that are overlooked when it is tried how far words get."""
 
 
-class Reach(NamedTuple):
+class TrialReach(NamedTuple):
     """How far words get; of two, the greater is the better."""
 
     complete: bool
@@ -71,7 +71,7 @@ class Automaton:
             else:
                 self._recognise(rule, token)
 
-    def _recognise(self, rule: Rule, following: Token) -> None:
+    def _recognise(self, rule: GrammarRule, following: Token) -> None:
         """Put what `rule` makes of the values on top of the stack into their place."""
         first = len(self._values) - rule.length
         values = self._values[first:]
@@ -141,7 +141,7 @@ class Automaton:
                 del states[-rule.length :]
             states.append(actions[states[-1]][rule.origin])
 
-    def reach(self, states: list[int] | None, kinds: Iterable[str]) -> Reach:
+    def reach(self, states: list[int] | None, kinds: Iterable[str]) -> TrialReach:
         """Try words of these `kinds` in `states`; without states, the first of them begins an item."""
         trial = states[:] if states is not None else [self._tables.start]
         count, commas = 0, 0
@@ -152,8 +152,8 @@ class Automaton:
                 commas += 1
             count += not commas
             if kind == "DOT":
-                return Reach(True, -commas, count)
-        return Reach(False, 0, count)
+                return TrialReach(True, -commas, count)
+        return TrialReach(False, 0, count)
 
     def accepted(self) -> list[str]:
         """Return the kinds of words that may come next."""

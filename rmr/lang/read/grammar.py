@@ -27,7 +27,7 @@ END = "$END"
 """The terminal behind the last word of an item."""
 
 
-class Rule(NamedTuple):
+class GrammarRule(NamedTuple):
     """One right side of a grammar rule: what becomes of its children when it is recognised."""
 
     name: str
@@ -41,7 +41,7 @@ class Rule(NamedTuple):
     """With one child it is no more than that child."""
 
 
-class Word(NamedTuple):
+class Terminal(NamedTuple):
     """A terminal: how it is spelt."""
 
     name: str
@@ -60,8 +60,8 @@ class Tables(NamedTuple):
     """By state and symbol: the state to go to, or ~r to recognise rule r."""
     start: int
     end: int
-    rules: list[Rule]
-    words: list[Word]
+    rules: list[GrammarRule]
+    words: list[Terminal]
     """In the order in which they are tried."""
     ignored: list[str]
 
@@ -124,8 +124,8 @@ def _keep(tables: dict[str, Any], path: Path) -> None:
 
 
 def _loaded(kept: dict[str, Any]) -> Tables:
-    rules = [Rule(*rule) for rule in kept["rules"]]
-    words = [Word(*word) for word in kept["words"]]
+    rules = [GrammarRule(*rule) for rule in kept["rules"]]
+    words = [Terminal(*word) for word in kept["words"]]
     return Tables(kept["actions"], kept["start"], kept["end"], rules, words, kept["ignored"])
 
 
@@ -143,7 +143,7 @@ def _made(lark: "Lark") -> Tables:
     return Tables(actions, start, end, [_rule(rule) for rule in lark.rules], _words(lark), list(lark.ignore_tokens))
 
 
-def _rule(rule: "LarkRule") -> Rule:
+def _rule(rule: "LarkRule") -> GrammarRule:
     """Return what lark makes of the symbols of `rule`: words that spell themselves are left out."""
     present = iter(enumerate(rule.expansion))
     children: list[int | None] = []
@@ -156,17 +156,17 @@ def _rule(rule: "LarkRule") -> Rule:
             children.append(~number if symbol.name.startswith("_") and not symbol.is_term else number)
     origin = str(rule.origin.name)
     name = "" if origin.startswith("_") else str(rule.alias or origin)
-    return Rule(name, origin, len(rule.expansion), children, bool(rule.options.expand1 and not rule.alias))
+    return GrammarRule(name, origin, len(rule.expansion), children, bool(rule.options.expand1 and not rule.alias))
 
 
-def _words(lark: "Lark") -> list[Word]:
+def _words(lark: "Lark") -> list[Terminal]:
     """Return the terminals, fixed spellings last and the longest of them first."""
 
     def order(word: Any) -> tuple[object, ...]:
         return -word.priority, word.pattern.type == "str", -len(word.pattern.value), word.name
 
     return [
-        Word(
+        Terminal(
             word.name,
             word.pattern.value if word.pattern.type == "str" else None,
             word.pattern.to_regexp() if word.pattern.type == "re" else re.escape(word.pattern.value),

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rmr.lang.analyse.names import meant
-from rmr.lang.diagnostics.diagnostic import Diagnostics, Note
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.parser import ITEMS_MAX, parse
-from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, Source, SourceError, read_source
-from rmr.lang.read.syntax import Include, Item, Module
+from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, SourceError, SourceText, read_source
+from rmr.lang.read.syntax import IncludeItem, Item, ModuleNode
 
 FILES_MAX = 1000
 """Files of one program: more are generated, or a mistake."""
@@ -31,11 +31,11 @@ class Loader:
     """Reads a program's files and puts them together."""
 
     found: Diagnostics
-    sources: dict[str, Source] = field(default_factory=dict)
+    sources: dict[str, SourceText] = field(default_factory=dict)
     """By the name that diagnostics use, in the order in which they were read."""
     incomplete: bool = False
     """A file could not be read to its end: what it declares is not known."""
-    _open: dict[Path, Include | None] = field(default_factory=dict)
+    _open: dict[Path, IncludeItem | None] = field(default_factory=dict)
     """The files that are being read, each with the item that includes it; the program's first file has none."""
     _read: set[Path] = field(default_factory=set)
     _broken: set[str] = field(default_factory=set)
@@ -45,12 +45,12 @@ class Loader:
     _refused: set[str] = field(default_factory=set)
     """Bounds that have been exceeded, each reported once."""
 
-    def module(self, source: Source) -> Module:
+    def module(self, source: SourceText) -> ModuleNode:
         """Return the items of `source` and of all that it includes."""
         items = self._items(source, _identity(source.file), None)
-        return Module(tuple(items), frozenset(self._broken))
+        return ModuleNode(tuple(items), frozenset(self._broken))
 
-    def _items(self, source: Source, identity: Path, by: Include | None) -> list[Item]:
+    def _items(self, source: SourceText, identity: Path, by: IncludeItem | None) -> list[Item]:
         self.sources[source.file] = source
         self._open[identity] = by
         self._read.add(identity)
@@ -61,11 +61,11 @@ class Loader:
         self.incomplete |= not module.complete
         items: list[Item] = []
         for item in module.items:
-            items += self._included(item, source) if isinstance(item, Include) else [item]
+            items += self._included(item, source) if isinstance(item, IncludeItem) else [item]
         del self._open[identity]
         return items
 
-    def _included(self, item: Include, source: Source) -> list[Item]:
+    def _included(self, item: IncludeItem, source: SourceText) -> list[Item]:
         name = _name(item.path, source.file)
         identity = _identity(name)
         if identity in self._open:
@@ -76,7 +76,7 @@ class Loader:
                 return self._items(included, identity, item)
         return []
 
-    def _has_room(self, item: Include) -> bool:
+    def _has_room(self, item: IncludeItem) -> bool:
         excess = None
         if len(self.sources) >= FILES_MAX:
             excess = f"{FILES_MAX} files"
@@ -94,7 +94,7 @@ class Loader:
         self.incomplete = True
         return False
 
-    def _source(self, item: Include, name: str) -> Source | None:
+    def _source(self, item: IncludeItem, name: str) -> SourceText | None:
         try:
             if _is_endless(name):
                 raise SourceError("this is a pipe or a device, no file")
@@ -105,12 +105,12 @@ class Loader:
             self.incomplete = True
             return None
 
-    def _report_circle(self, item: Include, identity: Path) -> None:
+    def _report_circle(self, item: IncludeItem, identity: Path) -> None:
         """Report an include that leads back to a file that is being read, with every step of the way."""
         way = list(self._open.items())
         start = next(index for index, (path, _) in enumerate(way) if path == identity)
         steps = [each for _, each in way[start + 1 :] if each is not None]
-        notes = tuple(Note(each.span, f"includes `{each.path}`") for each in steps)
+        notes = tuple(DiagnosticNote(each.span, f"includes `{each.path}`") for each in steps)
         files = [*(each.span.file for each in steps), item.span.file]
         chain = " -> ".join([*files, files[0]])
         self.found.report("E009", f"the file includes itself: {chain}", item.span, hint="drop one of them", notes=notes)

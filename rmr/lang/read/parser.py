@@ -16,8 +16,8 @@ from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.automaton import Automaton
 from rmr.lang.read.grammar import END
 from rmr.lang.read.lexer import COMMENT_SIGNS, OPEN_COMMENT, Token, tokens, without_foreign_comments
-from rmr.lang.read.source_text import Source, Span
-from rmr.lang.read.syntax import Item, Module, children
+from rmr.lang.read.source_text import SourceText, Span
+from rmr.lang.read.syntax import Item, ModuleNode, children
 from rmr.lang.read.tree_builder import Builder
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ BEGINNINGS = frozenset(["TYPE", "CONST", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
-def parse(source: Source, found: Diagnostics) -> Module:
+def parse(source: SourceText, found: Diagnostics) -> ModuleNode:
     """Return what `source` holds, and report every syntax error to `found`."""
     return _Parser(source, found).module()
 
@@ -63,7 +63,7 @@ def parse(source: Source, found: Diagnostics) -> Module:
 class _Parser:
     """Reads one file."""
 
-    def __init__(self, source: Source, found: Diagnostics) -> None:
+    def __init__(self, source: SourceText, found: Diagnostics) -> None:
         self._source = source
         self._found = found
         self._words = tokens(source.text)
@@ -82,7 +82,7 @@ class _Parser:
         self._capitals: set[str] = set()
         """Names with capital letters that have been reported."""
 
-    def module(self) -> Module:
+    def module(self) -> ModuleNode:
         """Return all items."""
         items: list[Item] = []
         in_a_row = 0
@@ -91,7 +91,7 @@ class _Parser:
             if first.kind == OPEN_COMMENT:
                 self._open_comment(first)
             if first.kind in {END, OPEN_COMMENT}:
-                return Module(tuple(items), frozenset(self._broken))
+                return ModuleNode(tuple(items), frozenset(self._broken))
             item = self._item(first)
             in_a_row = in_a_row + 1 if item is None else 0
             if item is not None:
@@ -101,7 +101,7 @@ class _Parser:
         if not self._is_lost:
             start = self._next().start
             self._lose("E007", f"{BROKEN_MAX} items in a row have syntax errors", Span(self._source.file, start, start))
-        return Module((), frozenset(self._broken), complete=False)
+        return ModuleNode((), frozenset(self._broken), complete=False)
 
     def _lose(self, code: str, message: str, span: Span) -> None:
         """Report why the rest is not read."""
@@ -184,13 +184,13 @@ class _Parser:
 
     def _habit(self, read: list[Token], misfit: "Misfit") -> "Habit | None":
         """Report a habit that explains `misfit`, if one does."""
-        from rmr.lang.read.habits import LOOKED_AT_MAX, Place, habit
+        from rmr.lang.read.habits import LOOKED_AT_MAX, MisfitContext, habit
 
         if misfit.word.kind == OPEN_COMMENT or self._repairs == 0 or len(read) > LOOKED_AT_MAX:
             return None
         words = [*read, *misfit.following]
         found = self._foreign_comment(words, len(read))
-        found = found or habit(Place(self._source.file, self._source.text, words, len(read)))
+        found = found or habit(MisfitContext(self._source.file, self._source.text, words, len(read)))
         if found is None:
             return None
         self._repairs -= 1

@@ -9,8 +9,8 @@ the meaning of the same item be found too.
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rmr.lang.diagnostics.diagnostic import Note
-from rmr.lang.read.automaton import Automaton, Reach
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote
+from rmr.lang.read.automaton import Automaton, TrialReach
 from rmr.lang.read.grammar import END
 from rmr.lang.read.lexer import Token, spelling
 from rmr.lang.read.misfit import OR_HINT, Misfit, foreign_hint, quoted, unexpected
@@ -45,7 +45,7 @@ class Repair(NamedTuple):
     message: str
     span: Span
     hint: str | None = None
-    notes: tuple[Note, ...] = ()
+    notes: tuple[DiagnosticNote, ...] = ()
     forget: int = 0
     """Words before it that are left out."""
     doubtful: bool = False
@@ -54,7 +54,7 @@ class Repair(NamedTuple):
     """A name with a capital letter stands for that with a small one."""
 
 
-_Option = tuple[Reach, Repair]
+_Option = tuple[TrialReach, Repair]
 
 
 def repair(automaton: Automaton, misfit: Misfit) -> Repair | None:
@@ -112,7 +112,7 @@ def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
     words = (Token("DOT", ".", misfit.previous.end, misfit.previous.end), misfit.word)
     found = Repair(words, f"a `.` is missing {where}", misfit.before, "every item ends with `.`")
     if misfit.word.kind == END:
-        yield Reach(True, 0, 0), found
+        yield TrialReach(True, 0, 0), found
     else:
         yield automaton.reach(None, [each.kind for each in misfit.following]), found
 
@@ -125,10 +125,10 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
     words = (Token(kind, sign, misfit.previous.end, misfit.previous.end), misfit.word)
     message = f"a `{sign}` is missing before {quoted(misfit.word)}"
     hint: str | None = "`,` stands between arguments, between conditions, and between what a head derives"
-    notes: tuple[Note, ...] = ()
+    notes: tuple[DiagnosticNote, ...] = ()
     if kind in CLOSING:
         opening = automaton.unclosed(CLOSING[kind])
-        hint, notes = None, () if opening is None else (Note(misfit.span(opening), "opened here"),)
+        hint, notes = None, () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
     yield reach._replace(words=reach.words - 1), Repair(words, message, misfit.before, hint, notes)
 
 

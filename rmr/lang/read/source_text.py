@@ -29,7 +29,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SourceText:
     """A file's text and where its lines begin."""
 
     file: str
@@ -65,7 +65,7 @@ class SourceError(Exception):
         self.usage = usage
 
 
-def read_source(path: Path) -> Source:
+def read_source(path: Path) -> SourceText:
     """Read `path`; raise SourceError when it is missing, no file, too large or not UTF-8."""
     try:
         with path.open("rb") as stream:
@@ -79,13 +79,13 @@ def read_source(path: Path) -> Source:
     return to_source(str(path), octets)
 
 
-def to_source(file: str, octets: bytes) -> Source:
+def to_source(file: str, octets: bytes) -> SourceText:
     """Return the text that `octets` are; raise SourceError when they are too many, byte-code or not UTF-8."""
     if len(octets) > SOURCE_OCTETS_MAX:
         raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB")
     if octets.startswith(b"RMR\x1a"):
         raise SourceError("this is byte-code, not source", hint="`rmr dis` shows byte-code as text")
     try:
-        return Source(file, octets.decode("utf-8-sig"))
+        return SourceText(file, octets.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise SourceError(f"not UTF-8 at octet {error.start}", hint="save it as UTF-8") from None

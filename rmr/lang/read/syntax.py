@@ -98,7 +98,7 @@ class Mark(Enum):
 
 
 @record
-class Fact:
+class FactNode:
     """A fact, goal or action as it stands in a body, a head, an effect or an assertion."""
 
     name: Name
@@ -122,40 +122,40 @@ class Condition:
     span: Span
 
 
-Conjunct = Fact | Condition
+Conjunct = FactNode | Condition
 
 
 @record
-class Steps:
+class StepsNode:
     """``a(R) then b(R)``; one fact alone is a Fact."""
 
-    derived: tuple[Fact, ...]
+    derived: tuple[FactNode, ...]
     span: Span
 
 
 @record
-class Comprehension:
+class ComprehensionNode:
     """``{B | edge(A, B) | ready(B, A)}``."""
 
     variables: tuple[Variable, ...]
     body: tuple[Conjunct, ...]
-    head: tuple[Fact, ...]
+    head: tuple[FactNode, ...]
     span: Span
 
 
 @record
-class Aggregate:
+class AggregateNode:
     """``[sum T => V | body | head]``."""
 
     operator: Name
     term: Expression | None
     result: Variable
     body: tuple[Conjunct, ...]
-    head: Fact
+    head: FactNode
     span: Span
 
 
-HeadItem = Fact | Steps | Comprehension | Aggregate
+HeadItem = FactNode | StepsNode | ComprehensionNode | AggregateNode
 
 
 # ---- items
@@ -196,12 +196,12 @@ class TypeDeclaration:
     name: Name
     parameters: tuple[Parameter, ...]
     span: Span
-    effects: tuple[Fact, ...] = ()
-    else_effects: tuple[Fact, ...] = ()
+    effects: tuple[FactNode, ...] = ()
+    else_effects: tuple[FactNode, ...] = ()
 
 
 @record
-class Constant:
+class ConstantItem:
     """``const total = 4.``"""
 
     name: Name
@@ -210,7 +210,7 @@ class Constant:
 
 
 @record
-class Include:
+class IncludeItem:
     """``include "formation.rmr".``"""
 
     path: str
@@ -221,7 +221,7 @@ class Include:
 class FactItem:
     """A fact that holds at the start."""
 
-    fact: Fact
+    fact: FactNode
     span: Span
 
 
@@ -229,12 +229,12 @@ class FactItem:
 class GoalItem:
     """A goal of the program."""
 
-    fact: Fact
+    fact: FactNode
     span: Span
 
 
 @record
-class Rule:
+class RuleItem:
     """``body -o head.``; an empty head is ``1``."""
 
     body: tuple[Conjunct, ...]
@@ -243,31 +243,31 @@ class Rule:
 
 
 @record
-class Assertion:
+class AssertionItem:
     """``name: assert(start, finish, deadline, violation).``, or ``watch(...)``, which is not scheduled."""
 
     name: Name | None
     scheduled: bool
-    start: Fact
-    finish: Fact
+    start: FactNode
+    finish: FactNode
     deadline: Expression
-    violation: Fact
+    violation: FactNode
     span: Span
 
 
 @record
-class Strategy:
+class StrategyItem:
     """``order textual.``"""
 
     name: Name
     span: Span
 
 
-Item = TypeDeclaration | Constant | Include | FactItem | GoalItem | Rule | Assertion | Strategy
+Item = TypeDeclaration | ConstantItem | IncludeItem | FactItem | GoalItem | RuleItem | AssertionItem | StrategyItem
 
 
 @record
-class Module:
+class ModuleNode:
     """What a file holds, or several together."""
 
     items: tuple[Item, ...]

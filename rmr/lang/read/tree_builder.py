@@ -80,9 +80,11 @@ class Builder:
     def _variable(self, token: Token) -> syntax.Variable:
         return syntax.Variable(token.text, self._token_span(token))
 
-    def _fact(self, span: Span, call: syntax.Call, mark: Token | None = None, *, absent: bool = False) -> syntax.Fact:
+    def _fact(
+        self, span: Span, call: syntax.Call, mark: Token | None = None, *, absent: bool = False
+    ) -> syntax.FactNode:
         kind = syntax.Mark(mark.text if mark is not None else "")
-        return syntax.Fact(call.name, call.arguments, span, kind, absent)
+        return syntax.FactNode(call.name, call.arguments, span, kind, absent)
 
     # ---- items
 
@@ -99,8 +101,8 @@ class Builder:
         name: Token,
         parameters: tuple[syntax.Parameter, ...],
         _arrow: Token | None,
-        effects: tuple[syntax.Fact, ...] | None,
-        otherwise: tuple[syntax.Fact, ...] | None,
+        effects: tuple[syntax.FactNode, ...] | None,
+        otherwise: tuple[syntax.FactNode, ...] | None,
     ) -> syntax.TypeDeclaration:
         kind = syntax.Declared.ACTION
         return syntax.TypeDeclaration(kind, self._name(name), parameters, span, effects or (), otherwise or ())
@@ -115,76 +117,76 @@ class Builder:
         text = "list" if element is not None else self._name(word).text
         return syntax.TypeName(text, element, span)
 
-    def effects(self, _span: Span, *facts: syntax.Fact) -> tuple[syntax.Fact, ...]:
+    def effects(self, _span: Span, *facts: syntax.FactNode) -> tuple[syntax.FactNode, ...]:
         return facts
 
-    def effect(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.Fact:
+    def effect(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark)
 
-    def constant(self, span: Span, name: Token, value: syntax.Expression) -> syntax.Constant:
-        return syntax.Constant(self._name(name), value, span)
+    def constant(self, span: Span, name: Token, value: syntax.Expression) -> syntax.ConstantItem:
+        return syntax.ConstantItem(self._name(name), value, span)
 
-    def include(self, span: Span, path: Token) -> syntax.Include:
-        return syntax.Include(self._unescape(path), span)
+    def include(self, span: Span, path: Token) -> syntax.IncludeItem:
+        return syntax.IncludeItem(self._unescape(path), span)
 
-    def strategy(self, span: Span, name: Token) -> syntax.Strategy:
-        return syntax.Strategy(self._name(name), span)
+    def strategy(self, span: Span, name: Token) -> syntax.StrategyItem:
+        return syntax.StrategyItem(self._name(name), span)
 
     def fact(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactItem:
         kind = syntax.Mark.BANG if mark is not None else syntax.Mark.NONE
         span = call.span if mark is None else self._token_span(mark).to(call.span)
-        return syntax.FactItem(syntax.Fact(call.name, call.arguments, span, kind), span)
+        return syntax.FactItem(syntax.FactNode(call.name, call.arguments, span, kind), span)
 
     def goal(self, span: Span, call: syntax.Call) -> syntax.GoalItem:
-        fact = syntax.Fact(call.name, call.arguments, call.span, syntax.Mark.GOAL)
+        fact = syntax.FactNode(call.name, call.arguments, call.span, syntax.Mark.GOAL)
         return syntax.GoalItem(fact, span)
 
     def rule(
         self, span: Span, body: tuple[syntax.Conjunct, ...], _arrow: Token, head: tuple[syntax.HeadItem, ...]
-    ) -> syntax.Rule:
-        return syntax.Rule(body, head, span)
+    ) -> syntax.RuleItem:
+        return syntax.RuleItem(body, head, span)
 
     def assertion(
         self,
         span: Span,
         name: Token | None,
         word: Token,
-        start: syntax.Fact,
-        finish: syntax.Fact,
+        start: syntax.FactNode,
+        finish: syntax.FactNode,
         deadline: syntax.Expression,
         violation: syntax.Call,
-    ) -> syntax.Assertion:
+    ) -> syntax.AssertionItem:
         named = None if name is None else self._name(name)
-        action = syntax.Fact(violation.name, violation.arguments, violation.span)
-        return syntax.Assertion(named, word.kind == "ASSERT", start, finish, deadline, action, span)
+        action = syntax.FactNode(violation.name, violation.arguments, violation.span)
+        return syntax.AssertionItem(named, word.kind == "ASSERT", start, finish, deadline, action, span)
 
     # ---- bodies and heads
 
-    def body(self, _span: Span, *conjuncts: syntax.Fact | syntax.Expression) -> tuple[syntax.Conjunct, ...]:
+    def body(self, _span: Span, *conjuncts: syntax.FactNode | syntax.Expression) -> tuple[syntax.Conjunct, ...]:
         return tuple(self._conjunct(conjunct) for conjunct in conjuncts)
 
-    def _conjunct(self, part: syntax.Fact | syntax.Expression) -> syntax.Conjunct:
-        if isinstance(part, syntax.Fact):
+    def _conjunct(self, part: syntax.FactNode | syntax.Expression) -> syntax.Conjunct:
+        if isinstance(part, syntax.FactNode):
             return part
         if isinstance(part, syntax.Call) and not part.grouped:
-            return syntax.Fact(part.name, part.arguments, part.span)
+            return syntax.FactNode(part.name, part.arguments, part.span)
         if isinstance(part, syntax.Unary) and part.operator == "not" and isinstance(part.operand, syntax.Call):
             call = part.operand
             if call.grouped:
                 return syntax.Condition(part, part.span)
-            return syntax.Fact(call.name, call.arguments, part.span, absent=True)
+            return syntax.FactNode(call.name, call.arguments, part.span, absent=True)
         return syntax.Condition(part, part.span)
 
-    def marked(self, span: Span, mark: Token, call: syntax.Call) -> syntax.Fact:
+    def marked(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark)
 
-    def absent(self, span: Span, mark: Token, call: syntax.Call) -> syntax.Fact:
+    def absent(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark, absent=True)
 
-    def observed(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.Fact:
+    def observed(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
         return self._fact(span, call, mark)
 
-    def derived(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.Fact:
+    def derived(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
         if call.name.text == "assert" and len(call.arguments) == 1 and isinstance(call.arguments[0], syntax.Call):
             call = call.arguments[0]
         return self._fact(span, call, mark)
@@ -197,22 +199,22 @@ class Builder:
             message = f"a head is a list of facts, or `1` for nothing, not `{number.text}`"
             self._found.report("E001", message, self._token_span(number), hint="write `1`")
 
-    def steps(self, span: Span, *derived: syntax.Fact) -> syntax.Fact | syntax.Steps:
-        return derived[0] if len(derived) == 1 else syntax.Steps(derived, span)
+    def steps(self, span: Span, *derived: syntax.FactNode) -> syntax.FactNode | syntax.StepsNode:
+        return derived[0] if len(derived) == 1 else syntax.StepsNode(derived, span)
 
     def comprehension(
         self,
         span: Span,
         variables: tuple[syntax.Variable, ...],
         body: tuple[syntax.Conjunct, ...],
-        head: tuple[syntax.Fact, ...],
-    ) -> syntax.Comprehension:
-        return syntax.Comprehension(variables, body, head, span)
+        head: tuple[syntax.FactNode, ...],
+    ) -> syntax.ComprehensionNode:
+        return syntax.ComprehensionNode(variables, body, head, span)
 
     def variables(self, _span: Span, *tokens: Token) -> tuple[syntax.Variable, ...]:
         return tuple(self._variable(token) for token in tokens)
 
-    def derivations(self, _span: Span, *facts: syntax.Fact) -> tuple[syntax.Fact, ...]:
+    def derivations(self, _span: Span, *facts: syntax.FactNode) -> tuple[syntax.FactNode, ...]:
         return facts
 
     def aggregate(
@@ -222,10 +224,10 @@ class Builder:
         term: syntax.Expression | None,
         result: Token,
         body: tuple[syntax.Conjunct, ...],
-        head: syntax.Fact,
-    ) -> syntax.Aggregate:
+        head: syntax.FactNode,
+    ) -> syntax.AggregateNode:
         name = self._name(operator)
-        return syntax.Aggregate(name, term, self._variable(result), body, head, span)
+        return syntax.AggregateNode(name, term, self._variable(result), body, head, span)
 
     # ---- expressions
 

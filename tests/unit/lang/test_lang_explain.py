@@ -118,10 +118,10 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
         "an origin": told_assertions.Origin,
         "a rule": told_rules.ExplainedRule,
         "needs": told_rules.Needs,
-        "a part of a head": told_rules.Part,
+        "a part of a head": told_rules.ExplainedPart,
         "an answer on columns": told_columns.ExplainedColumns,
         "an obstacle": told_columns.ExplainedObstacle,
-        "something derived": told_rules.Derived,
+        "something derived": told_rules.ExplainedDerivation,
     }
     told = {name: [field.name for field in fields(kind)] for name, kind in kinds.items()}
     assert {name.strip(): re.findall(r"`(\w+)`", keys) for name, keys in rows} == told

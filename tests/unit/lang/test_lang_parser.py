@@ -10,24 +10,24 @@ from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.grammar import grammar
 from rmr.lang.read.misfit import word_of
 from rmr.lang.read.parser import NESTING_MAX, parse
-from rmr.lang.read.source_text import Source
+from rmr.lang.read.source_text import SourceText
 from rmr.lang.read.syntax import (
-    Aggregate,
-    Comprehension,
+    AggregateNode,
+    ComprehensionNode,
     Condition,
-    Fact,
     FactItem,
-    Include,
+    FactNode,
+    IncludeItem,
     ListTerm,
     Literal,
-    Rule,
-    Steps,
+    RuleItem,
+    StepsNode,
 )
 
 
 def parsed(text):
     found = Diagnostics()
-    module = parse(Source("test", text), found)
+    module = parse(SourceText("test", text), found)
     assert found.in_order() == []
     return module.items
 
@@ -74,7 +74,7 @@ def test_a_number_that_does_not_fit_is_an_error(text):
 
 def test_an_arrow_is_unspaced_and_a_spaced_one_subtracts():
     [rule] = parsed("p(R, X, o), Y = X - o -o q(R, Y).")
-    assert isinstance(rule, Rule)
+    assert isinstance(rule, RuleItem)
     assert len(rule.body) == 2
     assert compiled("p(R) ⊸ q(R).") == compiled("p(R) -o q(R).")
 
@@ -86,12 +86,12 @@ def test_an_arrow_inside_of_arguments_is_an_error_and_never_a_subtraction():
 
 def test_a_call_alone_is_a_fact_and_inside_an_expression_a_function():
     [rule] = parsed("id(R, N), id(R) = N, (if(N > 1, true, false)) -o 1.")
-    assert [type(part) for part in rule.body] == [Fact, Condition, Condition]
+    assert [type(part) for part in rule.body] == [FactNode, Condition, Condition]
 
 
 def test_not_before_a_call_is_absence_and_before_an_expression_negation():
     [rule] = parsed("a(R, X), not p(R), not !q(R), not (X > 3), not X = 3 -o 1.")
-    assert [type(part) for part in rule.body] == [Fact, Fact, Fact, Condition, Condition]
+    assert [type(part) for part in rule.body] == [FactNode, FactNode, FactNode, Condition, Condition]
     assert [part.absent for part in rule.body[:3]] == [False, True, True]
 
 
@@ -104,10 +104,10 @@ def test_the_whole_grammar_is_read():
     a(R, [H | T]) -o b(R) then c(R), [sum X => V | d(R, X) | e(R, V)], {B, C | f(R, B, C) | g(B, C)}.
     """
     items = parsed(text)
-    assert isinstance(items[0], Include)
+    assert isinstance(items[0], IncludeItem)
     rule = items[-1]
     assert isinstance(rule.body[0].arguments[1], ListTerm)
-    assert [type(part) for part in rule.head] == [Steps, Aggregate, Comprehension]
+    assert [type(part) for part in rule.head] == [StepsNode, AggregateNode, ComprehensionNode]
 
 
 def test_names_may_begin_like_reserved_words():

@@ -4,7 +4,7 @@ import pytest
 from lang_source import compiled
 
 from rmr.lang.lower import goal_paths
-from rmr.lang.lower.goal_paths import Reach, TooMuch
+from rmr.lang.lower.goal_paths import GoalPaths, TooMuch
 
 
 def leads(text: str, goal: int = 0) -> dict[int, int | None] | None:
@@ -16,7 +16,7 @@ def leads(text: str, goal: int = 0) -> dict[int, int | None] | None:
 def ways(text: str) -> dict[int, int | None]:
     """Return the ranks of the rules that lead to the first goal, written down or not."""
     program = compiled(text)
-    return {way.rule: way.rank for way in Reach(program).ways(program.goals[0])}
+    return {way.rule: way.rank for way in GoalPaths(program).ways(program.goals[0])}
 
 
 def test_a_rank_counts_the_firings_that_are_still_needed() -> None:
@@ -112,13 +112,13 @@ def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch
     assert (leads(text), leads(text, 1)) == (None, None)
     program = compiled(text)
     with pytest.raises(TooMuch):
-        Reach(program).ways(program.goals[0])
+        GoalPaths(program).ways(program.goals[0])
 
 
 def test_once_the_work_is_used_up_no_further_goal_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(goal_paths, "STEPS_MAX", 10)
     program = compiled("".join(f"p(R, {i}) -o p(R, {i + 1}). ?p(R, {i}). " for i in range(20)) + "p(R, 0).")
-    found = Reach(program)
+    found = GoalPaths(program)
     with pytest.raises(TooMuch):
         found.ways(program.goals[-1])
     monkeypatch.setattr(goal_paths, "Levels", None)

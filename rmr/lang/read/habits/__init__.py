@@ -6,9 +6,9 @@ meant is clear, with other words to read instead; else the item is given up.
 """
 
 from rmr.lang.read.habits import brackets, conditions, items, single_words
-from rmr.lang.read.habits.item_words import Habit, Place
+from rmr.lang.read.habits.item_words import Habit, MisfitContext
 
-__all__ = ["LOOKED_AT_MAX", "Habit", "Place", "habit"]
+__all__ = ["LOOKED_AT_MAX", "Habit", "MisfitContext", "habit"]
 
 LOOKED_AT_MAX = 300
 """Words of an item before the misfit: in longer ones no habits are looked for."""
@@ -16,6 +16,6 @@ LOOKED_AT_MAX = 300
 HABITS = (*items.HABITS, *conditions.HABITS, *single_words.HABITS, *brackets.HABITS)
 
 
-def habit(place: Place) -> Habit | None:
+def habit(place: MisfitContext) -> Habit | None:
     """Return what is known of the misfit in `place`, or None."""
     return next((found for look in HABITS if (found := look(place)) is not None), None)

@@ -1,11 +1,11 @@
 """Habits within brackets: aggregates, comprehensions, the arguments of time assertions."""
 
-from rmr.lang.read.habits.item_words import NUMBERS, Habit, Place, quoted
+from rmr.lang.read.habits.item_words import NUMBERS, Habit, MisfitContext, quoted
 
 AGGREGATES = ("count", "sum", "min", "max", "collect")
 
 
-def _aggregate(place: Place) -> Habit | None:
+def _aggregate(place: MisfitContext) -> Habit | None:
     opening = place.unclosed()
     if opening is None or place.words[opening].kind != "LSQB":
         return None
@@ -27,7 +27,7 @@ def _aggregate(place: Place) -> Habit | None:
     return None
 
 
-def _aggregate_behind(place: Place) -> Habit | None:
+def _aggregate_behind(place: MisfitContext) -> Habit | None:
     """`[count | near(R, B)] => N`."""
     if place.word.text != "=>" or place.kind(-1) != "RSQB":
         return None
@@ -44,7 +44,7 @@ def aggregate_hint(operator: str) -> str:
     return f"derive a fact by it in one rule, `... -o {form}.`, and read that in another"
 
 
-def _comprehension(place: Place) -> Habit | None:
+def _comprehension(place: MisfitContext) -> Habit | None:
     opening = place.unclosed()
     if opening is None or place.words[opening].kind != "LBRACE" or opening != place.at - 1:
         return None
@@ -58,7 +58,7 @@ def _comprehension(place: Place) -> Habit | None:
     return None
 
 
-def _assertion(place: Place) -> Habit | None:
+def _assertion(place: MisfitContext) -> Habit | None:
     first = 2 if [word.kind for word in place.words[1:2]] == ["COLON"] else 0
     if len(place.words) <= first or place.words[first].kind not in {"ASSERT", "WATCH"} or place.at <= first + 1:
         return None

@@ -1,13 +1,13 @@
 """Habits between the conjuncts of a body and the parts of a head."""
 
 from rmr.lang.read.grammar import END
-from rmr.lang.read.habits.item_words import OPERANDS, RULE, Habit, Place, quoted
+from rmr.lang.read.habits.item_words import OPERANDS, RULE, Habit, MisfitContext, quoted
 from rmr.lang.read.misfit import OR_HINT
 
 COMPARING = {"EQ", "NE", "LT", "LE", "GT", "GE"}
 
 
-def _is(place: Place) -> Habit | None:
+def _is(place: MisfitContext) -> Habit | None:
     word, previous = place.word, place.words[place.at - 1]
     if word.text not in {"is", "mod", "div", "rem"} or previous.kind not in OPERANDS or place.at == 0:
         return None
@@ -20,7 +20,7 @@ def _is(place: Place) -> Habit | None:
     return place.meant(f"unexpected {quoted(word)}", "the remainder is `X % Y`", word, word, ("MODULO", "%"))
 
 
-def _let(place: Place) -> Habit | None:
+def _let(place: MisfitContext) -> Habit | None:
     """`p(R, N), let M = N + 1 -o ...`"""
     if place.at == 0 or place.is_in_head or place.word.kind not in {"VARIABLE", "NAME"} or place.kind(1) != "EQ":
         return None
@@ -34,7 +34,7 @@ def _let(place: Place) -> Habit | None:
     return place.meant(f"unexpected {quoted(word)}", hint, word, word)
 
 
-def _semicolon(place: Place) -> Habit | None:
+def _semicolon(place: MisfitContext) -> Habit | None:
     word = place.word
     if word.text != ";":
         return None
@@ -54,7 +54,7 @@ def _semicolon(place: Place) -> Habit | None:
     return place.meant(message, OR_HINT, word, word, ("COMMA", ","))._replace(doubtful=True)
 
 
-def _not(place: Place) -> Habit | None:
+def _not(place: MisfitContext) -> Habit | None:
     opening = place.unclosed()
     if place.word.kind == "COMMA" and opening and place.words[opening].kind == "LPAR":
         word = place.words[opening - 1]
@@ -70,7 +70,7 @@ def _not(place: Place) -> Habit | None:
     return None
 
 
-def _then(place: Place) -> Habit | None:
+def _then(place: MisfitContext) -> Habit | None:
     if place.word.text in {"and", "&"} and place.kind(1) == "THEN":
         hint = "`a(R) then b(R)`: `then` stands alone between two steps"
         return place.meant(f"unexpected {quoted(place.word)} before `then`", hint, place.word, place.word)
@@ -91,7 +91,7 @@ def _then(place: Place) -> Habit | None:
     return None
 
 
-def _condition_in_head(place: Place) -> Habit | None:
+def _condition_in_head(place: MisfitContext) -> Habit | None:
     if not place.is_in_head or place.unclosed() is not None:
         return None
     first = place.words[place.at - 1] if place.kind(-1) == "NAME" else place.word
@@ -111,7 +111,7 @@ def _condition_in_head(place: Place) -> Habit | None:
     return None
 
 
-def _ternary(place: Place) -> Habit | None:
+def _ternary(place: MisfitContext) -> Habit | None:
     behind = [word.kind for word in place.words[place.at :]]
     has_colon = "COLON" in behind[: behind.index("DOT") if "DOT" in behind else None]
     if place.word.kind == "QUESTION" and place.kind(-1) in OPERANDS | {"NAME"} and has_colon:
@@ -119,7 +119,7 @@ def _ternary(place: Place) -> Habit | None:
     return None
 
 
-def _chain(place: Place) -> Habit | None:
+def _chain(place: MisfitContext) -> Habit | None:
     if place.word.kind not in COMPARING:
         return None
     for index in range(place.at - 1, -1, -1):
@@ -132,7 +132,7 @@ def _chain(place: Place) -> Habit | None:
     return None
 
 
-def _cut(place: Place) -> Habit | None:
+def _cut(place: MisfitContext) -> Habit | None:
     if place.kind(-1) == "BANG" and place.word.kind in {"ARROW", "COMMA", "DOT"}:
         bang = place.words[place.at - 1]
         return place.given_up("unexpected `!`", "`!` stands before a persistent fact, `!edge(A, B)`; drop it", bang)

@@ -26,7 +26,7 @@ class Habit(NamedTuple):
     code: str = "E001"
 
 
-class Place(NamedTuple):
+class MisfitContext(NamedTuple):
     """The words of an item around the one that does not fit."""
 
     file: str

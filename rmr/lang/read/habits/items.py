@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from itertools import pairwise
 
-from rmr.lang.read.habits.item_words import RULE, Habit, Place, quoted, touch
+from rmr.lang.read.habits.item_words import RULE, Habit, MisfitContext, quoted, touch
 from rmr.lang.read.lexer import Token
 from rmr.lang.read.tree_builder import RESERVED
 
@@ -27,7 +27,7 @@ RULE_WORDS = ("if", "when", "whenever", "on", "def", "for", "while", "return", "
 """Words with which other languages begin what RMR writes as a rule."""
 
 
-def _reversed_rule(place: Place) -> Habit | None:
+def _reversed_rule(place: MisfitContext) -> Habit | None:
     """`head :- body.` and `head <- body.`"""
     arrow = next(_reversed_arrows(place), None)
     if arrow is None:
@@ -43,7 +43,7 @@ def _reversed_rule(place: Place) -> Habit | None:
     return place.given_up(f"unexpected `{place.text[first.start : last.end]}`", hint, first, last)
 
 
-def _reversed_arrows(place: Place) -> Iterator[tuple[Token, Token]]:
+def _reversed_arrows(place: MisfitContext) -> Iterator[tuple[Token, Token]]:
     words = place.words
     if place.word.text == ":-":
         yield place.word, place.word
@@ -52,7 +52,7 @@ def _reversed_arrows(place: Place) -> Iterator[tuple[Token, Token]]:
             yield one, other
 
 
-def _zero_arrow(place: Place) -> Habit | None:
+def _zero_arrow(place: MisfitContext) -> Habit | None:
     if place.kind(-1) != "INT" or place.kind(-2) != "MINUS" or place.word.kind not in {"NAME", "QUESTION", "LBRACE"}:
         return None
     minus, zero = place.words[place.at - 2 : place.at]
@@ -61,13 +61,13 @@ def _zero_arrow(place: Place) -> Habit | None:
     return place.meant("unexpected `-0`", "the arrow is `-o`, with the letter o", minus, zero, ("ARROW", "-o"))
 
 
-def _query(place: Place) -> Habit | None:
+def _query(place: MisfitContext) -> Habit | None:
     if place.at == 1 and place.kind(-1) == "QUESTION" and place.word.kind == "MINUS":
         return place.given_up("unexpected `?-`", "a goal is written `?name(R, 3).`", place.words[0], place.word)
     return None
 
 
-def _foreign_item(place: Place) -> Habit | None:
+def _foreign_item(place: MisfitContext) -> Habit | None:
     first = place.words[0]
     if place.at != 1 or place.word.kind not in {"NAME", "VARIABLE", "STRING", "NOT", "LBRACE"}:
         return None
@@ -80,7 +80,7 @@ def _foreign_item(place: Place) -> Habit | None:
     return None if hint is None else place.given_up(f"unexpected {quoted(first)}", hint, first)
 
 
-def _reserved(place: Place) -> Habit | None:
+def _reserved(place: MisfitContext) -> Habit | None:
     """`order(R, 1).`"""
     first = place.words[0]
     if place.at != 1 or place.word.kind != "LPAR" or first.text not in RESERVED:
@@ -89,7 +89,7 @@ def _reserved(place: Place) -> Habit | None:
     return place.given_up(message, "choose another", first)._replace(code="E006")
 
 
-def _declared_kind(place: Place) -> Habit | None:
+def _declared_kind(place: MisfitContext) -> Habit | None:
     """`type persistent edge(...)`."""
     if place.at != 2 or place.kind(-2) != "TYPE" or place.word.kind != "NAME":
         return None
@@ -103,7 +103,7 @@ def _declared_kind(place: Place) -> Habit | None:
     return None
 
 
-def _attribute(place: Place) -> Habit | None:
+def _attribute(place: MisfitContext) -> Habit | None:
     """`R.x`."""
     if place.word.kind != "DOT" or place.at + 1 >= len(place.words):
         return None

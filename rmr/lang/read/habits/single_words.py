@@ -3,7 +3,7 @@
 import re
 from itertools import pairwise
 
-from rmr.lang.read.habits.item_words import OPERANDS, Habit, Place, quoted, touch
+from rmr.lang.read.habits.item_words import OPERANDS, Habit, MisfitContext, quoted, touch
 from rmr.lang.read.lexer import BAD_NUMBER, QUOTED, Token
 from rmr.lang.read.source_text import Span
 
@@ -19,7 +19,7 @@ _DIGITS = re.compile(r"0[xX][0-9a-fA-F]+|0b[01]+|0o[0-7]+|[1-9][0-9]*(_[0-9]+)+"
 _TIME = re.compile(r"([0-9]+(?:\.[0-9]+)?)([a-z]+)")
 
 
-def _hyphen(place: Place) -> Habit | None:
+def _hyphen(place: MisfitContext) -> Habit | None:
     """`left-arm`."""
     words = place.words
     for start in range(min(place.at, len(words) - 1) + 1):
@@ -41,7 +41,7 @@ def _is_hyphenated(words: list[Token]) -> bool:
     return kinds == ["NAME", "MINUS", "NAME"] and touch(*words)
 
 
-def _robot(place: Place) -> Habit | None:
+def _robot(place: MisfitContext) -> Habit | None:
     word = place.word
     if word.text != "@":
         return None
@@ -56,7 +56,7 @@ def _robot(place: Place) -> Habit | None:
     return place.given_up(message, hint, word, last)
 
 
-def _unit(place: Place) -> Habit | None:
+def _unit(place: MisfitContext) -> Habit | None:
     word, previous = place.word, place.words[place.at - 1]
     if word.kind == BAD_NUMBER and len(word.text) <= DIGITS_MAX and _DIGITS.fullmatch(word.text):
         value = str(int(word.text, 0))
@@ -76,7 +76,7 @@ def _unit(place: Place) -> Habit | None:
     return None
 
 
-def _float(place: Place) -> Habit | None:
+def _float(place: MisfitContext) -> Habit | None:
     """`.5` and `5.`"""
     if place.word.kind not in {"DOT", "RPAR", "COMMA"}:
         return None
@@ -92,7 +92,7 @@ def _float(place: Place) -> Habit | None:
     return None
 
 
-def _division(place: Place) -> Habit | None:
+def _division(place: MisfitContext) -> Habit | None:
     """`N // 2`, the rest of whose line is a comment."""
     for one, other in pairwise(place.words[: place.at + 1]):
         gap = place.text[one.end : other.start]
@@ -103,7 +103,7 @@ def _division(place: Place) -> Habit | None:
     return None
 
 
-def _empty(place: Place) -> Habit | None:
+def _empty(place: MisfitContext) -> Habit | None:
     """`body -o .` and `type name.`"""
     if place.word.kind == "DOT" and place.kind(-1) == "ARROW":
         return place.given_up("this rule derives nothing", "if that is meant write `-o 1.`", place.words[place.at - 1])
@@ -114,14 +114,14 @@ def _empty(place: Place) -> Habit | None:
     return None
 
 
-def _remainder(place: Place) -> Habit | None:
+def _remainder(place: MisfitContext) -> Habit | None:
     if place.kind(-1) == "MODULO" and place.kind(-2) in OPERANDS:
         hint = "the remainder is `X % Y`; comments begin with `//`"
         return place.given_up("`%` has nothing behind it to divide by", hint, place.words[place.at - 1])
     return None
 
 
-def _quotes(place: Place) -> Habit | None:
+def _quotes(place: MisfitContext) -> Habit | None:
     word = place.word
     if word.kind != QUOTED:
         return None
