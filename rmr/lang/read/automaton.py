@@ -157,5 +157,5 @@ class Automaton:
 
     def accepted(self) -> list[str]:
         """Return the kinds of words that may come next."""
-        terminals = [word.name for word in self._tables.words]
+        terminals = [terminal.name for terminal in self._tables.terminals]
         return [kind for kind in terminals if self.feed(self.states[:], kind, named=False)]

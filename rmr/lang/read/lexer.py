@@ -75,7 +75,7 @@ class Scanner(NamedTuple):
 @cache
 def scanner() -> Scanner:
     """Return the scanner of the grammar, made once per process."""
-    words, ignored = tables().words, tables().ignored
+    words, ignored = tables().terminals, tables().ignored
     [name] = [word for word in words if word.name == "NAME"]
     reserved = {
         word.spelling: word.name for word in words if word.spelling and re.fullmatch(name.pattern, word.spelling)
@@ -110,4 +110,4 @@ def tokens(text: str, start: int = 0, *, ignored: bool = False) -> Iterator[Toke
 
 def spelling(kind: str) -> str | None:
     """Return how a terminal is written; None if there is more than one way."""
-    return next((word.spelling for word in tables().words if word.name == kind), None)
+    return next((word.spelling for word in tables().terminals if word.name == kind), None)
