@@ -16,7 +16,7 @@ from rmr.lang.analyse.inference import Inference
 from rmr.lang.analyse.lint import warn
 from rmr.lang.analyse.named_constants import resolve
 from rmr.lang.analyse.names import NOTHING_GIVEN, Given, Names, collect, meant
-from rmr.lang.analyse.types import Types
+from rmr.lang.analyse.types import TIMED, Types
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.lower.ordering import variables
 from rmr.lang.lower.projection import Projector
@@ -198,7 +198,7 @@ def _goal(fact: FactNode, found: Diagnostics) -> None:
 def _varies(argument: Expression) -> bool:
     """Whether an argument is not constant; one that only has no value has been reported where that was found."""
     return any(
-        isinstance(each, Variable) or (isinstance(each, Call) and each.name.text == "now") for each in walk(argument)
+        isinstance(each, Variable) or (isinstance(each, Call) and each.name.text in TIMED) for each in walk(argument)
     )
 
 
@@ -248,9 +248,9 @@ def _untimed(rule: RuleItem, found: Diagnostics) -> None:
 
 def _no_now(node: object, found: Diagnostics) -> None:
     for each in walk(node):
-        if isinstance(each, Call) and each.name.text == "now":
+        if isinstance(each, Call) and each.name.text in TIMED:
             hint = "time alone satisfies no rule; a time assertion watches a deadline"
-            found.report("E034", "`now()` stands in heads only", each.span, hint=hint)
+            found.report("E034", f"`{each.name.text}()` stands in heads only", each.span, hint=hint)
 
 
 def _not_negative(deadline: Expression, found: Diagnostics) -> None:

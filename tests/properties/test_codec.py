@@ -13,9 +13,10 @@ from program_maker import Maker
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.codec import BytecodeError, decode, encode
 from rmr.bytecode.disassemble import disassemble
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.layout import CRC_OFFSET, MAGIC, VERSION, checksum
 from rmr.bytecode.octets import identity
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     SELF,
     Aggregate,

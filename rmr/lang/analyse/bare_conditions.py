@@ -7,6 +7,8 @@ states, derives or watches one.
 from collections.abc import Iterable
 from dataclasses import replace
 
+from rmr.bytecode.functions import Gives
+from rmr.lang.analyse.types import CALLABLE
 from rmr.lang.read.syntax import (
     AggregateNode,
     AssertionItem,
@@ -27,8 +29,8 @@ from rmr.lang.read.syntax import (
     Unary,
 )
 
-CONDITIONS = ("member",)
-"""The functions that say yes or no."""
+CONDITIONS = tuple(function.name for function in CALLABLE.values() if function.gives is Gives.BOOL)
+"""The functions whose value is true or false."""
 
 
 def with_conditions(module: ModuleNode) -> ModuleNode:

@@ -1,6 +1,7 @@
 """The types of expressions: what operators and functions make of the types of their operands."""
 
 from rmr.base.record import record
+from rmr.bytecode.functions import Function, Takes
 from rmr.bytecode.program import Base
 from rmr.lang.analyse.list_types import Lists
 from rmr.lang.analyse.names import Names, meant
@@ -8,11 +9,10 @@ from rmr.lang.analyse.solver import Solver
 from rmr.lang.analyse.type_demands import Demands, literal_hint
 from rmr.lang.analyse.types import (
     BOOL,
+    CALLABLE,
     FLOAT,
-    FUNCTIONS,
-    LIST_FUNCTIONS,
     OPEN,
-    ROBOT,
+    RESULTS,
     TypeCell,
     compatible,
     described,
@@ -164,21 +164,23 @@ class Expressions:
         if len(cells) != wanted:
             message = f"the function `{name}` has {wanted} arguments, here it is given {len(cells)}"
             self._found.report("E011", message, call.span)
-            return TypeCell(FUNCTIONS[name].result if name in FUNCTIONS else OPEN, call.span)
+            of_list = name == "if" or CALLABLE[name].list_at is not None
+            return TypeCell(OPEN if of_list else RESULTS[CALLABLE[name].gives], call.span)
         if name == "if":
             return self._conditional(call, cells)
-        return self._numeric(call, cells) if name in FUNCTIONS else self.lists.call(call, cells)
+        function = CALLABLE[name]
+        return self._plain(function, call, cells) if function.list_at is None else self.lists.call(call, cells)
 
-    def _numeric(self, call: Call, cells: list[TypeCell]) -> TypeCell:
-        name = call.name.text
-        known = FUNCTIONS[name]
-        result = TypeCell(known.result, call.span, fixed=known.result.base is not Base.OPEN)
-        for argument, cell, wanted in zip(call.arguments, cells, known.arguments, strict=True):
+    def _plain(self, function: Function, call: Call, cells: list[TypeCell]) -> TypeCell:
+        """Return the cell of a call of a function that takes no list."""
+        kind = RESULTS[function.gives]
+        result = TypeCell(kind, call.span, fixed=kind.base is not Base.OPEN)
+        for argument, cell, takes in zip(call.arguments, cells, function.takes, strict=True):
             self._solver.flow(cell, result)
-            if wanted is ROBOT:
-                self._demands.robot(argument, cell, f"`{name}` needs a robot")
+            if takes is Takes.ROBOT:
+                self._demands.robot(argument, cell, f"`{function.name}` needs a robot")
             else:
-                self._demands.number(argument, cell, f"`{name}` needs numbers")
+                self._demands.number(argument, cell, f"`{function.name}` needs numbers")
         return result
 
     def _conditional(self, call: Call, cells: list[TypeCell]) -> TypeCell:
@@ -198,7 +200,7 @@ class Expressions:
 
     def _unknown(self, call: Call) -> None:
         name = call.name.text
-        hint = None if self._found.many else meant(name, [*FUNCTIONS, *LIST_FUNCTIONS, "if"])
+        hint = None if self._found.many else meant(name, [*CALLABLE, "if"])
         if name in self._names.signatures:
             hint = f"`{name}(...)` is a fact where it stands alone, between commas and without parentheses"
         self._found.report("E015", f"there is no function `{name}`", call.name.span, hint=hint)
@@ -207,4 +209,4 @@ class Expressions:
 def _arity(function: str) -> int | None:
     if function == "if":
         return 3
-    return len(FUNCTIONS[function].arguments) if function in FUNCTIONS else LIST_FUNCTIONS.get(function)
+    return CALLABLE[function].arity if function in CALLABLE else None

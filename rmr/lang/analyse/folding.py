@@ -11,10 +11,23 @@ from dataclasses import replace
 from rmr.base.record import record
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, OutOfRange, built
+from rmr.bytecode.functions import Takes
 from rmr.bytecode.functions import call as called
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
-from rmr.lang.analyse.types import BOOL, FUNCTIONS, INT, NUMBERS, ROBOT, SORTED, compatible, converted, join, value_type
+from rmr.lang.analyse.types import (
+    BOOL,
+    CALLABLE,
+    INT,
+    NUMBERS,
+    OPEN,
+    ROBOT,
+    SORTED,
+    compatible,
+    converted,
+    join,
+    value_type,
+)
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Unary, Variable
 
@@ -184,22 +197,30 @@ def _operator_agrees(operator: str, left: Type, right: Type) -> bool:
 
 
 def _function_agrees(name: str, kinds: list[Type]) -> bool:
-    if name in FUNCTIONS:
-        wanted = FUNCTIONS[name].arguments
-        if name == "now" or len(kinds) != len(wanted):
-            return False
-        pairs = zip(kinds, wanted, strict=True)
-        return all(kind == ROBOT if each == ROBOT else kind.base in NUMBERS for kind, each in pairs)
-    match name, kinds:
-        case "if", [condition, then, otherwise]:
-            return condition == BOOL and compatible(then, otherwise)
-        case "len", [one]:
-            return one.base in {Base.LIST, Base.STRING}
-        case "nth", [one, place]:
-            return one.base is Base.LIST and place == INT
-        case "member", [item, whole]:
-            return whole.base is Base.LIST and _is_item(item, whole)
-        case "sort", [one]:
-            return one.base is Base.LIST and one.element is not None and one.element.base in SORTED
-        case _:
-            return False
+    if name == "if" and len(kinds) == 3:
+        condition, then, otherwise = kinds
+        return condition == BOOL and compatible(then, otherwise)
+    function = CALLABLE.get(name)
+    if function is None or function.timed or len(kinds) != function.arity:
+        return False
+    whole = kinds[function.list_at] if function.list_at is not None else OPEN
+    return all(_takes(takes, kind, whole) for takes, kind in zip(function.takes, kinds, strict=True))
+
+
+def _takes(takes: Takes, kind: Type, whole: Type) -> bool:
+    """Whether an argument may be of type `kind` where the list argument is of type `whole`."""
+    match takes:
+        case Takes.NUMBER:
+            return kind.base in NUMBERS
+        case Takes.ROBOT:
+            return kind == ROBOT
+        case Takes.LIST:
+            return kind.base is Base.LIST
+        case Takes.LIST_OR_STRING:
+            return kind.base in {Base.LIST, Base.STRING}
+        case Takes.SORTABLE_LIST:
+            return kind.base is Base.LIST and kind.element is not None and kind.element.base in SORTED
+        case Takes.POSITION:
+            return kind == INT
+        case Takes.ITEM:
+            return _is_item(kind, whole)

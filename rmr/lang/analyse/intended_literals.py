@@ -13,7 +13,7 @@ from typing import Any
 
 from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.program import Base
-from rmr.lang.analyse.types import FUNCTIONS, LIST_FUNCTIONS, Types
+from rmr.lang.analyse.types import CALLABLE, Types
 from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
 from rmr.lang.read.habits.brackets import AGGREGATES, aggregate_hint
 from rmr.lang.read.source_text import Span
@@ -129,7 +129,7 @@ class _Reader:
                     self._found.report("E015", f"there is no function `{name}`", node.name.span, hint=hint)
                     return True
                 case ListTerm(items=[Literal(value=Symbol() as value)], rest=Call(name=called)) if (
-                    value in AGGREGATES and called.text not in FUNCTIONS and called.text not in LIST_FUNCTIONS
+                    value in AGGREGATES and called.text not in CALLABLE
                 ):
                     message = "an aggregate stands alone in a head, not in a body or among arguments"
                     self._found.report("E001", message, node.span, hint=aggregate_hint(value))

@@ -13,7 +13,7 @@ from rmr.lang.analyse.misspelt_symbols import doubt_letters, doubt_symbols
 from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
-from rmr.lang.analyse.types import FUNCTIONS, LIST_FUNCTIONS, Types, constants, leaves
+from rmr.lang.analyse.types import CALLABLE, Types, constants, leaves
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import (
     AggregateNode,
@@ -232,7 +232,7 @@ class _Doubts:
         name = fact.name.text
         if self._names.of(fact).declaration is not None or self._supply.is_derived(name):
             return None
-        if name in FUNCTIONS or name in LIST_FUNCTIONS:
+        if name in CALLABLE:
             return f"a call alone is a fact; the function stands in parentheses: `({name}(...))`"
         return self._speller.known(fact) or f"declare it if it comes from outside: `type {name}(...)`"
 

@@ -5,10 +5,23 @@ of the term; everywhere else from the items to the list.
 """
 
 from rmr.bytecode.conform import NESTING_MAX
+from rmr.bytecode.functions import Function, Gives, Takes
 from rmr.bytecode.program import Base, Type
 from rmr.lang.analyse.solver import Solver
 from rmr.lang.analyse.type_demands import Demands
-from rmr.lang.analyse.types import BOOL, INT, LIST, OPEN, SORTED, TypeCell, compatible, described, fits, several
+from rmr.lang.analyse.types import (
+    CALLABLE,
+    INT,
+    LIST,
+    OPEN,
+    RESULTS,
+    SORTED,
+    TypeCell,
+    compatible,
+    described,
+    fits,
+    several,
+)
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Variable
@@ -100,34 +113,48 @@ class Lists:
 
     def call(self, call: Call, cells: list[TypeCell]) -> TypeCell:
         """Return the cell of a call of a list function."""
-        name = call.name.text
-        at = 1 if name == "member" else 0
-        self._demands.later(lambda: self._needs_list(call, at, cells))
+        function = CALLABLE[call.name.text]
+        assert function.list_at is not None
+        whole = cells[function.list_at]
+        self._demands.later(lambda: self._needs_list(function, call, cells))
         items = TypeCell(OPEN, None, depth=1)
-        self._solver.flow(cells[at], TypeCell(LIST, None, items=items))
-        if name == "len":
-            return TypeCell(INT, call.span, fixed=True)
-        if name == "member":
-            if isinstance(call.arguments[0], Variable):
-                self._solver.fall_back(items, cells[0])
-            return TypeCell(BOOL, call.span, fixed=True)
+        self._solver.flow(whole, TypeCell(LIST, None, items=items))
+        for argument, cell, takes in zip(call.arguments, cells, function.takes, strict=True):
+            if takes is Takes.ITEM and isinstance(argument, Variable):
+                self._solver.fall_back(items, cell)
+        if function.gives in RESULTS:
+            return TypeCell(RESULTS[function.gives], call.span, fixed=True)
         result = TypeCell(OPEN, None)
-        self._solver.flow(items if name == "nth" else cells[at], result)
+        self._solver.flow(items if function.gives is Gives.ITEM else whole, result)
         return result
 
-    def _needs_list(self, call: Call, at: int, cells: list[TypeCell]) -> None:
-        name, cell = call.name.text, cells[at]
-        wanted = {Base.LIST, Base.OPEN, Base.STRING} if name == "len" else {Base.LIST, Base.OPEN}
-        if cell.kind.base not in wanted:
-            swapped = len(cells) == 2 and cells[1 - at].kind.base is Base.LIST
-            hint = f"the other way round: {'`member(X, L)`' if at else '`nth(L, 0)`'}" if swapped else None
-            what = "a list or a string" if name == "len" else "a list"
-            self._demands.wrong(f"`{name}` needs {what}", call.arguments[at], cell, hint=hint)
-        elif name == "nth" and not fits(cells[1].type, INT):
-            hint = "`floor(X)` is an int" if cells[1].kind.base is Base.FLOAT else None
-            self._demands.wrong("`nth` counts with an int, from 0", call.arguments[1], cells[1], hint=hint)
-        elif name == "member" and not compatible(Type(Base.LIST, element=cells[0].type), cell.type):
-            message = f"`member` looks for {described(cells[0].type)} in {described(cell.type)}"
-            self._demands.contradiction(message, call.span, *cells)
-        elif name == "sort" and cell.items is not None and cell.items.kind.base not in SORTED:
-            self._demands.wrong("`sort` needs items that have an order", call.arguments[0], cell)
+    def _needs_list(self, function: Function, call: Call, cells: list[TypeCell]) -> None:
+        at = function.list_at
+        assert at is not None
+        cell = cells[at]
+        takes_string = function.takes[at] is Takes.LIST_OR_STRING
+        if cell.kind.base in {Base.LIST, Base.OPEN} or (takes_string and cell.kind.base is Base.STRING):
+            for argument, each, takes in zip(call.arguments, cells, function.takes, strict=True):
+                if not self._fits(function, call, (argument, each, takes), cell):
+                    return
+            return
+        swapped = function.example and any(each.kind.base is Base.LIST for each in cells)
+        hint = f"the other way round: `{function.example}`" if swapped else None
+        what = "a list or a string" if takes_string else "a list"
+        self._demands.wrong(f"`{function.name}` needs {what}", call.arguments[at], cell, hint=hint)
+
+    def _fits(self, function: Function, call: Call, given: tuple[Expression, TypeCell, Takes], whole: TypeCell) -> bool:
+        """Tell whether an argument of a call with the list `whole` has a type that it may have; report it if not."""
+        argument, cell, takes = given
+        match takes:
+            case Takes.POSITION if not fits(cell.type, INT):
+                hint = "`floor(X)` is an int" if cell.kind.base is Base.FLOAT else None
+                self._demands.wrong(f"`{function.name}` counts with an int, from 0", argument, cell, hint=hint)
+            case Takes.ITEM if not compatible(Type(Base.LIST, element=cell.type), whole.type):
+                message = f"`{function.name}` looks for {described(cell.type)} in {described(whole.type)}"
+                self._demands.contradiction(message, call.span, cell, whole)
+            case Takes.SORTABLE_LIST if cell.items is not None and cell.items.kind.base not in SORTED:
+                self._demands.wrong(f"`{function.name}` needs items that have an order", argument, cell)
+            case _:
+                return True
+        return False

@@ -1,4 +1,4 @@
-"""Types: the narrow lattice in which they are inferred, and what functions take and give.
+"""Types: the narrow lattice in which they are inferred, and the functions that programs may call.
 
 Open, then int, then float; a symbol of no particular set, then of a set; lists as their items. Everything else
 stands by itself.
@@ -9,6 +9,7 @@ from functools import reduce
 
 from rmr.base.record import record
 from rmr.base.values import Robot, Symbol, Value
+from rmr.bytecode.functions import FUNCTIONS, Gives
 from rmr.bytecode.program import Base, Type
 from rmr.lang.provided import type_text
 from rmr.lang.read.source_text import Span
@@ -86,29 +87,14 @@ def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool
     return whole
 
 
-@record
-class FunctionType:
-    """A function's arguments and result; OPEN arguments are numbers whose joint type is an OPEN result."""
+CALLABLE = {function.name: function for function in FUNCTIONS if not function.internal}
+"""The functions that programs may call, by name; beside them there is `if`."""
 
-    arguments: tuple[Type, ...]
-    result: Type
+TIMED = frozenset(function.name for function in CALLABLE.values() if function.timed)
+"""Those whose value depends on the time."""
 
-
-FUNCTIONS: dict[str, FunctionType] = {
-    "abs": FunctionType((OPEN,), OPEN),
-    "min": FunctionType((OPEN, OPEN), OPEN),
-    "max": FunctionType((OPEN, OPEN), OPEN),
-    "floor": FunctionType((FLOAT,), INT),
-    "sqrt": FunctionType((FLOAT,), FLOAT),
-    "sin": FunctionType((FLOAT,), FLOAT),
-    "cos": FunctionType((FLOAT,), FLOAT),
-    "atan2": FunctionType((FLOAT, FLOAT), FLOAT),
-    "dist": FunctionType((FLOAT,) * 4, FLOAT),
-    "id": FunctionType((ROBOT,), INT),
-    "now": FunctionType((), FLOAT),
-}
-LIST_FUNCTIONS = {"len": 1, "nth": 2, "member": 2, "sort": 1}
-"""Functions of lists, with the number of their arguments."""
+RESULTS = {Gives.NUMBER: OPEN, Gives.INT: INT, Gives.FLOAT: FLOAT, Gives.BOOL: BOOL}
+"""The types of results that no list determines; OPEN is the joint type of the arguments."""
 
 WINNING = ("min", "max")
 """Aggregates that one match wins: they derive nothing of no match, and their head sees the match's variables."""

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 from rmr.base.values import Robot, Value
 from rmr.bytecode import program as form
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Slot, Type
 from rmr.lang import provided
 from rmr.lang.analyse.folding import INSTRUCTIONS

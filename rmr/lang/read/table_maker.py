@@ -8,6 +8,7 @@ they are met and symbols are taken in alphabetical order, so equal grammars give
 import json
 import re
 from collections import deque
+from functools import cache
 
 from lark import Lark
 from lark.grammar import Rule
@@ -20,9 +21,15 @@ START = "item"
 """The grammar's start symbol."""
 
 
+@cache
+def parser_of(text: str) -> Lark:
+    """Return lark's parser of the grammar `text`. Raises lark's GrammarError if it is none or is not LALR(1)."""
+    return Lark(text, parser="lalr", lexer="contextual", start=START)
+
+
 def made(text: str) -> Tables:
-    """Return the tables of the grammar `text`. Raises lark's GrammarError if it is none or is not LALR(1)."""
-    lark = Lark(text, parser="lalr", lexer="contextual", start=START)
+    """Return the tables of the grammar `text`. Raises as `parser_of` does."""
+    lark = parser_of(text)
     rules = sorted(lark.rules, key=lambda rule: (rule.origin.name, [symbol.name for symbol in rule.expansion]))
     actions = _actions(lark.parse_interactive(), rules)
     terminals = sorted(lark.terminals, key=_precedence)

@@ -13,8 +13,9 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode import expressions, part_checks
 from rmr.bytecode import verify as verifier
 from rmr.bytecode.conform import NESTING_MAX
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op
+from rmr.bytecode.opcodes import FORMS, Op
 from rmr.bytecode.program import (
     Aggregate,
     Assertion,

@@ -7,7 +7,7 @@ from lang_source import codes, compiled, errors, places
 
 from rmr.lang.compiler import compile_source
 from rmr.lang.diagnostics.diagnostic import Diagnostics
-from rmr.lang.read.grammar import grammar
+from rmr.lang.read.grammar import grammar_text
 from rmr.lang.read.misfit import word_of
 from rmr.lang.read.parser import NESTING_MAX, parse
 from rmr.lang.read.source_text import SourceText
@@ -23,6 +23,7 @@ from rmr.lang.read.syntax import (
     RuleItem,
     StepsNode,
 )
+from rmr.lang.read.table_maker import parser_of
 
 
 def parsed(text):
@@ -126,7 +127,7 @@ def test_a_syntax_error_costs_only_its_own_item():
 
 
 def test_every_token_has_a_word_and_none_is_a_regular_expression():
-    words = {each.name: word_of(each.name) for each in grammar().terminals}
+    words = {each.name: word_of(each.name) for each in parser_of(grammar_text()).terminals}
     assert [name for name, word in words.items() if word is None] == ["COMMENT", "WHITESPACE"]
     spelt = [word.strip("`") for word in words.values() if word is not None and word.startswith("`")]
     assert [word for word in spelt if re.search(r"[\\^]|\(.|\[.|.[?*+]", word)] == []
