@@ -6,11 +6,12 @@ will run.
 
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, SELF_SLOT, Constant, InitialFact, Kind, Pattern, Predicate, Program, Slot, Type
+from rmr.bytecode.provided import PREDICATES
 from rmr.lang.analyse.folding import Folder
 from rmr.lang.analyse.names import meant
+from rmr.lang.analyse.type_spelling import declaration_text, type_text
 from rmr.lang.analyse.types import ROBOT, converted, fits, literal_type
 from rmr.lang.diagnostics.diagnostic import Diagnostics
-from rmr.lang.provided import PREDICATES, declaration_text, type_text
 from rmr.lang.read.parser import parse
 from rmr.lang.read.source_text import SourceText, Span
 from rmr.lang.read.syntax import Call, Expression, FactItem, FactNode, Literal, Mark, Variable, walk

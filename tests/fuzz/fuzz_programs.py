@@ -149,7 +149,10 @@ class Lively(Maker):
             for i, kind in enumerate(kinds)
         ]
         names = rng.sample(list(PREDICATES), k=int(self.chance(0.1))) + ["id"] * self.chance(0.05)
-        return own + [Predicate(name, *PREDICATES[name], self.chance(0.9)) for name in dict.fromkeys(names)]
+        return own + [
+            Predicate(name, PREDICATES[name].kind, PREDICATES[name].types, self.chance(0.9))
+            for name in dict.fromkeys(names)
+        ]
 
     def value(self, kind: Type = OPEN, depth: int = 0) -> Value:
         return value_of(self.rng, kind)

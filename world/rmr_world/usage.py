@@ -33,6 +33,7 @@ from rmr.bytecode.program import (
     Slot,
     Type,
 )
+from rmr.bytecode.provided import PREDICATES
 from rmr_world.document import Path_, Problem
 from rmr_world.lab import Lab
 from rmr_world.ranges import Range, StatedFact
@@ -40,7 +41,7 @@ from rmr_world.schema import near_miss
 
 AREA = "area"
 """The symbol type whose members the lab defines."""
-PROVIDED = ("at", "pose", "peer", "neighbor", "range", "obstacle", "battery", "failed", "turn", "leads", "id")
+PROVIDED = tuple(PREDICATES)
 """Facts that a robot states whether or not the program mentions them."""
 QUEUES = "lineup"
 """The provided action that needs the queue of the area it names."""

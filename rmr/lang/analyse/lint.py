@@ -6,13 +6,14 @@ After a syntax error what is missing may stand in the broken item, and nothing i
 from collections.abc import Iterator
 
 from rmr.base.values import Symbol
-from rmr.lang import provided
+from rmr.bytecode import provided
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
 from rmr.lang.analyse.misspelt_names import Speller
 from rmr.lang.analyse.misspelt_symbols import doubt_letters, doubt_symbols
 from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
+from rmr.lang.analyse.type_spelling import declaration_text
 from rmr.lang.analyse.types import CALLABLE, Types, constants, leaves
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import (
@@ -188,9 +189,10 @@ class _Doubts:
     def _never(self, fact: FactNode, what: str) -> None:
         name, signature = fact.name.text, self._names.of(fact)
         if signature.provided:
-            unsensed = name in provided.UNSENSED and signature.declaration is None
+            known = provided.PREDICATES.get(name)
+            unsensed = known is not None and not known.sensed and signature.declaration is None
             if unsensed and not self._supply.inserted(name):
-                hint = f"declare it if something does: `{provided.declaration_text(name, signature.types, 'sensor ')}`"
+                hint = f"declare it if something does: `{declaration_text(name, signature.types, 'sensor ')}`"
                 self._found.report("W102", f"no robot senses `{name}`, {what}", fact.span, hint=hint)
             else:
                 self._unknown_event(fact, what)

@@ -8,9 +8,10 @@ doubted only if a slip of the pen makes it of a built-in type or of a set that i
 from collections import Counter
 from collections.abc import Iterator
 
-from rmr.lang import provided
+from rmr.bytecode import provided
 from rmr.lang.analyse.names import LETTERS_MAX, Names, meant, near
 from rmr.lang.analyse.supply import Supply
+from rmr.lang.analyse.type_spelling import SYNONYMS, declaration_text
 from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import FactNode, ModuleNode, TypeDeclaration, TypeName
 
@@ -22,8 +23,11 @@ BUILT_IN = ("robot", "int", "float", "bool", "string")
 PROVIDED_SETS = tuple(
     dict.fromkeys(
         kind.name
-        for kinds in (*(types for _, types in provided.PREDICATES.values()), *provided.ACTIONS.values())
-        for kind in kinds
+        for types in (
+            *(each.types for each in provided.PREDICATES.values()),
+            *(each.types for each in provided.ACTIONS.values()),
+        )
+        for kind in types
         if kind.name
     )
 )
@@ -46,11 +50,11 @@ class Speller:
                 self._known.setdefault(each.arity, []).append(each.name)
             if each.declaration is not None or supply.is_read(each.name):
                 self._readable.setdefault(each.arity, []).append(each.name)
-        for name, (_, types) in provided.PREDICATES.items():
-            if name not in provided.UNSENSED:
-                self._known.setdefault(len(types) + 1, []).append(name)
-        for name, kinds in provided.ACTIONS.items():
-            self._readable.setdefault(len(kinds) + 1, []).append(name)
+        for predicate in provided.PREDICATES.values():
+            if predicate.sensed:
+                self._known.setdefault(len(predicate.types) + 1, []).append(predicate.name)
+        for action in provided.ACTIONS.values():
+            self._readable.setdefault(len(action.types) + 1, []).append(action.name)
 
     def meant(self, name: str, candidates: list[str]) -> str | None:
         """Return the hint for a name that may be misspelt, unless enough have been looked for."""
@@ -72,8 +76,9 @@ class Speller:
         if self._supply.is_read(name) or signature.declaration is not None or not signature.is_fact:
             return
         message = f"nothing reads the fact `{name}`"
-        if len(provided.ACTIONS.get(name, fact.arguments)) + 1 == len(fact.arguments):
-            declaration = provided.declaration_text(name, provided.ACTIONS[name], "action ")
+        action = provided.ACTIONS.get(name)
+        if action is not None and len(action.types) + 1 == len(fact.arguments):
+            declaration = declaration_text(name, action.types, "action ")
             hint = f"to act, declare the action: `{declaration}`"
             self._found.report("W108", f"{message}; no action of that name is declared", fact.span, hint=hint)
         elif name not in self._unread and self._may_search():
@@ -102,7 +107,7 @@ class Speller:
         for name, kind in places.items():
             if name in BUILT_IN or name in PROVIDED_SETS:
                 continue
-            match = provided.SYNONYMS.get(name) or (meant.get(name) if counts[name] == 1 else None)
+            match = SYNONYMS.get(name) or (meant.get(name) if counts[name] == 1 else None)
             if match is not None and not self._found.noted(kind.span):
                 message = f"`{name}` is a set of symbols" + (" that is named only here" if counts[name] == 1 else "")
                 self._found.report("W111", message, kind.span, hint=f"did you mean `{match}`?")

@@ -11,8 +11,9 @@ from enum import Enum, auto
 from types import MappingProxyType
 
 from rmr.base.record import record
+from rmr.bytecode import provided
 from rmr.bytecode.program import Base, Kind, Type
-from rmr.lang import provided
+from rmr.lang.analyse.type_spelling import declaration_text
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import (
@@ -228,21 +229,17 @@ def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
         found.report("E021", message, span, hint=f"`{name}(robot, ...)`")
     types = tuple(declared_type(parameter.type) for parameter in item.parameters[1:])
     signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
-    signature.provided = _is_provided(signature)
+    signature.provided = provided.is_provided(name, signature.kind, signature.types)
     names.signatures[name] = signature
-    if item.kind is Declared.ACTION and name in provided.ACTIONS and not _same_shape(types, provided.ACTIONS[name]):
+    action = provided.ACTIONS.get(name) if item.kind is Declared.ACTION else None
+    if action is not None and not _same_shape(types, action.types):
         message = f"the action `{name}` is provided with other arguments"
-        hint = provided.declaration_text(name, provided.ACTIONS[name], "action ")
+        hint = declaration_text(name, action.types, "action ")
         found.report("E014", message, item.span, hint=f"`{hint}`")
 
 
 def _same_shape(one: tuple[Type, ...], other: tuple[Type, ...]) -> bool:
     return [kind.base for kind in one] == [kind.base for kind in other]
-
-
-def _is_provided(signature: Signature) -> bool:
-    known = provided.PREDICATES.get(signature.name)
-    return known is not None and known[0] is signature.kind and _same_shape(known[1], signature.types)
 
 
 def _undeclared(names: Names) -> dict[str, list[Use]]:
@@ -259,14 +256,13 @@ def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
     roles = {use.role for use in group}
     if FactRole.VIOLATION in roles and not roles & _FOR_FACTS.keys():
         if name in provided.ACTIONS:
-            return Signature(
-                name, Kind.ACTION, 1 + len(provided.ACTIONS[name]), first.span, types=provided.ACTIONS[name]
-            )
+            types = provided.ACTIONS[name].types
+            return Signature(name, Kind.ACTION, 1 + len(types), first.span, types=types)
         return Signature(name, Kind.ACTION, arity, first.span, types=_open(arity))
     own = any(use.role in {FactRole.FACT, FactRole.HEAD} and use.fact.mark is not Mark.GOAL for use in group)
     if name in provided.PREDICATES and not own:
-        kind, types = provided.PREDICATES[name]
-        return Signature(name, kind, 1 + len(types), first.span, provided=True, types=types)
+        row = provided.PREDICATES[name]
+        return Signature(name, row.kind, 1 + len(row.types), first.span, provided=True, types=row.types)
     banged = next((use.fact.span for use in group if use.fact.mark is Mark.BANG), None)
     kind = Kind.PERSISTENT if persistent or banged is not None else Kind.TEMPORARY
     return Signature(name, kind, arity, first.span, types=_open(arity), banged=banged)
@@ -290,7 +286,7 @@ def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
         hint = None
         if signature.provided or (signature.declaration is None and name in provided.ACTIONS and not signature.is_fact):
             word = {Kind.SENSED: "sensor ", Kind.PERSISTENT: "!", Kind.ACTION: "action "}[signature.kind]
-            hint = f"provided is `{provided.declaration_text(name, signature.types, word)}`"
+            hint = f"provided is `{declaration_text(name, signature.types, word)}`"
         message = f"`{name}` has {_count(signature.arity, 'argument')}, here it is given {given}"
         found.report("E011", message, fact.span, hint=hint, notes=notes)
     _check_kind(use, signature, notes, found)
@@ -351,5 +347,5 @@ def _check_action_use(use: Use, signature: Signature, notes: tuple[DiagnosticNot
     elif fact.mark is not Mark.NONE:
         found.report("E012", f"`{name}` is an action; `{fact.mark.value}` marks facts", fact.span, notes=notes)
     elif signature.declaration is None:
-        hint = f"`{provided.declaration_text(name, signature.types, 'action ')}`"
+        hint = f"`{declaration_text(name, signature.types, 'action ')}`"
         found.report("E013", f"the action `{name}` is derived but not declared", fact.span, hint=hint, notes=notes)

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 
 from rmr.base.record import record
 from rmr.base.values import Value
+from rmr.bytecode import provided
 from rmr.bytecode.program import Kind
-from rmr.lang import provided
 from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.types import WINNING, constants
 from rmr.lang.read.syntax import (
@@ -48,6 +48,15 @@ class Firing:
     """Of the premises' names those that nothing is known to derive."""
 
 
+def _default_effects(names: Names) -> Iterator[str]:
+    """Yield the predicates of effects that provided actions have because they are declared without one."""
+    for action in provided.ACTIONS.values():
+        signature = names.signatures.get(action.name)
+        declared = signature.declaration if signature is not None else None
+        if action.effect is not None and declared is not None and not declared.effects:
+            yield action.effect
+
+
 class Supply:
     """The facts of one program."""
 
@@ -57,10 +66,7 @@ class Supply:
         self._begun: set[str] = set()
         self._read: set[str] = set()
         self._compared = 0
-        moveto = names.signatures.get("moveto")
-        declared = moveto.declaration if moveto is not None else None
-        arrival = (provided.ARRIVAL,) if declared is not None and not declared.effects else ()
-        self._arriving = frozenset((*arrival, *names.given))
+        self._arriving = frozenset((*_default_effects(names), *names.given))
         self.firings: list[Firing] = []
         """What rules derive, in their order."""
         for item in module.items:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Base, Type
+from rmr.lang.analyse.type_spelling import SYNONYMS, type_text
 from rmr.lang.analyse.types import BOOL, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described
 from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
-from rmr.lang.provided import SYNONYMS, type_text
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Expression, Literal
 

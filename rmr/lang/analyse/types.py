@@ -11,7 +11,7 @@ from rmr.base.record import record
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.functions import FUNCTIONS, Gives
 from rmr.bytecode.program import Base, Type
-from rmr.lang.provided import type_text
+from rmr.lang.analyse.type_spelling import type_text
 from rmr.lang.read.source_text import Span
 from rmr.lang.read.syntax import Binary, Condition, Conjunct, Expression, Literal, Variable
 

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 from rmr.base.values import Robot, Value
 from rmr.bytecode import program as form
+from rmr.bytecode import provided
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Slot, Type
-from rmr.lang import provided
 from rmr.lang.analyse.folding import INSTRUCTIONS
 from rmr.lang.analyse.names import Names, Signature
 from rmr.lang.analyse.types import Types, converted
@@ -79,22 +79,23 @@ class Emitter:
             environment = effect_environment(declaration)
             effects = tuple(self._effect(fact, environment) for fact in declaration.effects)
             otherwise = tuple(self._effect(fact, environment) for fact in declaration.else_effects)
-            if not effects and signature.name == "moveto":
-                effects = self._arrival(types)
+            action = provided.ACTIONS.get(signature.name)
+            if not effects and action is not None and action.effect is not None:
+                effects = self._default_effect(action.effect, types)
         return form.Predicate(signature.name, signature.kind, types, signature.provided, effects, otherwise)
 
     def _effect(self, fact: FactNode, environment: Environment) -> form.Effect:
         owner = self._code(fact.arguments[0], environment)
         return form.Effect(self._at(fact), self._arguments(fact, environment), owner)
 
-    def _arrival(self, types: tuple[Type, ...]) -> tuple[form.Effect, ...]:
-        """Return the effect of `moveto` in figure 5 of the paper, if the program knows the fact."""
-        known = self._names.signatures.get(provided.ARRIVAL)
+    def _default_effect(self, predicate: str, types: tuple[Type, ...]) -> tuple[form.Effect, ...]:
+        """Return the effect of a provided action declared without one, if the program knows the `predicate`."""
+        known = self._names.signatures.get(predicate)
         if known is None or known.kind is Kind.ACTION or known.arity != 2 or len(types) != 1:
             return ()
-        if self._types.arguments(provided.ARRIVAL)[0].base not in {Base.SYMBOL, Base.OPEN}:
+        if self._types.arguments(predicate)[0].base not in {Base.SYMBOL, Base.OPEN}:
             return ()
-        return (form.Effect(self._index[provided.ARRIVAL], ((Instruction(Op.LOAD, 1),),)),)
+        return (form.Effect(self._index[predicate], ((Instruction(Op.LOAD, 1),),)),)
 
     # ---- initial facts and goals
 

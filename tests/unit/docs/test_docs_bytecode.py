@@ -17,8 +17,8 @@ from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLE
 from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
+from rmr.lang.analyse.type_spelling import type_text
 from rmr.lang.compiler import compile_source
-from rmr.lang.provided import type_text
 from rmr.vm import assertions, derive, goals, machine, match, once, rotor, underway, watches
 
 PAGE = page("bytecode")
@@ -91,7 +91,7 @@ def test_the_tags_are_those_of_the_code():
 
 def test_what_robots_provide_is_what_the_code_says():
     assert table(PAGE, "provided", "kind", "types") == [
-        (name, kind.name.lower(), ", ".join(map(type_text, types))) for name, (kind, types) in PREDICATES.items()
+        (each.name, each.kind.name.lower(), ", ".join(map(type_text, each.types))) for each in PREDICATES.values()
     ]
 
 

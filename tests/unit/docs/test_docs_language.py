@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rmr.lang import provided
+from rmr.bytecode import provided
+from rmr.lang.analyse.type_spelling import declaration_text
 from rmr.lang.analyse.types import CALLABLE
 from rmr.lang.compiler import compile_source
 from rmr.lang.diagnostics.diagnostic import CODES
@@ -79,13 +80,13 @@ def test_the_reserved_words_are_those_of_the_code():
 
 def test_the_provided_facts_are_those_of_the_code():
     listed = [row[0].strip("`") for row in rows(LANGUAGE, "Sensed facts", 1) if row[0] != "provided"]
-    known = [provided.declaration_text(name, types, "") for name, (_, types) in provided.PREDICATES.items()]
+    known = [declaration_text(each.name, each.types, "") for each in provided.PREDICATES.values()]
     assert [f"type {signature}." for signature in listed] == known
 
 
 def test_the_provided_actions_are_those_of_the_code():
     listed = [row[0].strip("`") for row in rows(LANGUAGE, "Actions", 1) if row[0] != "provided"]
-    assert listed == [provided.declaration_text(name, types, "action ") for name, types in provided.ACTIONS.items()]
+    assert listed == [declaration_text(each.name, each.types, "action ") for each in provided.ACTIONS.values()]
 
 
 def test_the_functions_of_expressions_are_those_of_the_code():
