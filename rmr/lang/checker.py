@@ -1,8 +1,8 @@
-"""The checker: everything that can be wrong with a program, found in one pass over the whole of it.
+"""The checker: runs all checks of a program, in order, and keeps what later phases need of them.
 
-Parts of it live elsewhere: kinds and arities in names.py, types in infer.py, who owns what and what is bound
-in project.py and assertions.py, doubts that do not stop compilation in warn.py. This module holds them together
-and checks what the program states: facts, goals, effects, the strategy.
+Kinds and arities are checked by `analyse.names`, types by `analyse.inference`, ownership and bound variables by
+`lower.projection` and `lower.time_assertions`; warnings come from `analyse.lint`. Checked here is what the program
+states: facts, goals, effects, the strategy.
 """
 
 from dataclasses import replace

@@ -17,7 +17,7 @@ from rmr.lang.read.include import Loader
 from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
 from rmr.lang.read.syntax import FactItem, FactNode, GoalItem
 
-DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
+UNCERTAIN = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 """Errors that the declarations of a file which could not be read might disprove, as they might any warning."""
 
 
@@ -51,7 +51,7 @@ class Compilation:
 def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
     """Compile the program in `path`; a file that cannot be read is a diagnostic as well.
 
-    Facts of the predicates in `given` come from outside: nobody doubts that they will.
+    Facts of the predicates in `given` come from outside, so that no warning says that nothing derives them.
     """
     try:
         source = read_source(path)
@@ -81,7 +81,7 @@ def compile_text(source: SourceText, given: Given = NOTHING_GIVEN) -> Compilatio
         _report_unserved(program, checked, loader.sources, found)
     diagnostics = found.in_order(loader.sources)
     if loader.incomplete:
-        diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in DOUBTFUL]
+        diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in UNCERTAIN]
     _, *included = loader.sources.values()
     if found.failed or program is None:
         return Compilation(source, None, diagnostics, included=tuple(included))

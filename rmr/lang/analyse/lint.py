@@ -1,6 +1,6 @@
-"""Doubts: what is legal and yet probably not meant. Warnings never stop compilation.
+"""Lint: warnings about what is legal and probably not meant. Warnings never stop compilation.
 
-After a syntax error what is missing may stand in the broken item, and nothing is doubted for its absence.
+After a syntax error the broken item may hold whatever seems to be missing, so no absence is reported then.
 """
 
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from rmr.base.values import Symbol
 from rmr.bytecode import provided
 from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
 from rmr.lang.analyse.misspelt_names import Speller
-from rmr.lang.analyse.misspelt_symbols import doubt_letters, doubt_symbols
+from rmr.lang.analyse.misspelt_symbols import lint_letters, lint_symbols
 from rmr.lang.analyse.names import FactRole, Names, uses
 from rmr.lang.analyse.nontermination import warn_endless
 from rmr.lang.analyse.supply import Known, Supply
@@ -49,11 +49,11 @@ NO_JOB = "the assertion never starts a job"
 
 
 def warn(module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
-    """Report the doubts about `module`."""
-    _Doubts(module, names, types, found).run()
+    """Report the warnings about `module`."""
+    _Lint(module, names, types, found).run()
 
 
-class _Doubts:
+class _Lint:
     def __init__(self, module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
         self._module = module
         self._names = names
@@ -61,7 +61,7 @@ class _Doubts:
         self._found = found
         self._supply = Supply(module, names)
         self._speller = Speller(names, self._supply, found)
-        self._doubted: set[str] = set()
+        self._reported: set[str] = set()
         self._symbols: dict[str, int] = {}
         """How often each is used."""
         self._letters: dict[str, Item | None] = {}
@@ -109,8 +109,8 @@ class _Doubts:
                 case _:
                     pass
         self._speller.types(self._module)
-        doubt_letters(self._letters, self._types, self._found)
-        doubt_symbols(self._module, self._symbols, self._types, self._found)
+        lint_letters(self._letters, self._types, self._found)
+        lint_symbols(self._module, self._symbols, self._types, self._found)
         if not self._module.broken:
             self._absences()
             self._unstarted()
@@ -196,8 +196,8 @@ class _Doubts:
                 self._found.report("W102", f"no robot senses `{name}`, {what}", fact.span, hint=hint)
             else:
                 self._unknown_event(fact, what)
-        elif not self._supply.comes(name) and name not in self._doubted:
-            self._doubted.add(name)
+        elif not self._supply.comes(name) and name not in self._reported:
+            self._reported.add(name)
             self._found.report(
                 "W102", f"nothing states or derives `{name}`, {what}", fact.span, hint=self._missing(fact)
             )

@@ -1,8 +1,8 @@
 """Names that may be misspelt: of facts that nothing derives or reads, and of types.
 
-Searching for what is near a name costs time, so that only the first of very many get a hint. Type names are
-open sets of symbols, and any word may be one: `lane` and `line`, `point` and `int`. So a set that is named once is
-doubted only if a slip of the pen makes it of a built-in type or of a set that is named more often.
+The search for near names takes time, so only the first `SEARCHES_MAX` names get a hint. Type names are open sets of
+symbols, and any word may be one: `lane` and `line`, `point` and `int`. A set that is named once is reported only if one
+misspelling separates it from a built-in type or from a set that is named more often.
 """
 
 from collections import Counter
@@ -71,7 +71,7 @@ class Speller:
     # ---- facts that nobody reads
 
     def unread(self, fact: FactNode) -> None:
-        """Doubt a fact of a head that nothing reads, if it looks like one that something does, or like an action."""
+        """Report a fact of a head that nothing reads, if its name is near one that is read or is that of an action."""
         name, signature = fact.name.text, self._names.of(fact)
         if self._supply.is_read(name) or signature.declaration is not None or not signature.is_fact:
             return
@@ -90,7 +90,7 @@ class Speller:
     # ---- types
 
     def types(self, module: ModuleNode) -> None:
-        """Doubt sets of symbols whose names look like other types."""
+        """Report sets of symbols whose names are near those of other types."""
         places: dict[str, TypeName] = {}
         counts: Counter[str] = Counter()
         for item in module.items:

@@ -1,6 +1,6 @@
 """Misspelt symbols: a symbol that is used once and differs by one slip of the pen from another one of its set.
 
-Symbols are open sets, so that any word is legal. One is doubted only if
+Symbols are open sets, so that any word is legal. One is reported only if
 
 - it stands at one place of the program, and is four letters long or longer;
 - another symbol differs from it by one letter that is missing, added, doubled, changed, or swapped with its neighbour;
@@ -58,7 +58,7 @@ class SymbolUse:
     """It is stated or derived there, not matched."""
 
 
-def doubt_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
+def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
     """Report the symbols of `module` that look misspelt; `counts` says how often each is used."""
     pairs = list(_pairs(counts))
     if not pairs:
@@ -83,7 +83,7 @@ def doubt_symbols(module: ModuleNode, counts: dict[str, int], types: Types, foun
         found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
 
 
-def doubt_letters(letters: dict[str, Item | None], types: Types, found: Diagnostics) -> None:
+def lint_letters(letters: dict[str, Item | None], types: Types, found: Diagnostics) -> None:
     """Report letters that one rule matches and hands on, and nothing else names: they are meant as variables.
 
     `letters` are the symbols of one letter, each with the item that it stands in if there is only one.

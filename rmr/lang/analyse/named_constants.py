@@ -1,7 +1,7 @@
 """Constants: what `const` names, and what has a value before the program runs.
 
 A name stands for its value in the whole program, but in other constants only behind its definition. All
-constant expressions are worked out here (fold.py), so that what follows sees their values. Where a constant is
+constant expressions are worked out here (`folding`), so that what follows sees their values. Where a constant is
 needed, one that has no value is an error; in a rule it is left to the robots, with a warning.
 """
 

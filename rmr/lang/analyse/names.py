@@ -1,8 +1,8 @@
-"""Predicates and actions: what kind each name has, how many arguments, where that was said.
+"""Predicates and actions: the kind and the arity of each name, and the place that decided it.
 
-A declaration decides. Without one the uses do: an assertion's violation is an action, one bang makes a fact
-persistent, a name that every robot provides is sensed unless the program states or derives it, and all else
-is temporary. Every use is then held against that.
+A declaration decides. Without one the uses do: an assertion's violation is an action, one `!` makes a fact
+persistent, a provided name is sensed unless the program states or derives it, and everything else is temporary. Every
+use is then checked against the result.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,12 +1,14 @@
 """Rules that never stop (non-termination), as far as that is certain before the program runs.
 
-Two kinds. A *loop*: a rule uses up temporary facts and derives facts that satisfy it again, alone or in a cycle of
-rules. A *growth*: a rule uses up nothing and derives a fact that is a new match of its own body, so that facts pile up.
-A *persistent counter* is told as well: a rule uses up a fact and counts a persistent one on, whose old values stay.
+Three kinds are reported. A *loop*: a rule uses up temporary facts and derives facts that satisfy it again, alone or in
+a cycle of rules. A *growth*: a rule uses up nothing and derives a fact that is a new match of its own body, so the
+number of facts grows without bound. A *persistent counter*: a rule uses up a fact and derives the successor of a
+persistent one, whose old values stay.
 
 The analysis is conservative. A match must hold again whatever the values are: each argument of the body's pattern is
-repeated in the head as it is, or is a variable that nothing else in the body looks at. Nothing else in the program
-may use up the fact. Facts for other robots, and facts behind an action in `then`, do not count.
+repeated in the head unchanged, or is a variable that stands nowhere else in the body. No other conjunct of the program
+may use up the fact. Facts for other robots, and facts behind an action in `then`, do not count. Refraction (a rule
+fires once for each match) is why a body that uses up nothing is no loop: only a new match makes it fire again.
 """
 
 from collections.abc import Iterator
@@ -61,10 +63,12 @@ def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
     for rule in candidates:
         firing = _firing(rule, names)
         if not firing.consumed:
+            # Refraction: without consumption the same facts are the same match, which does not fire again.
             _growth(firing, names, found)
         elif _persistent_counter(firing, names, found):
             continue
         elif all(consumers[fact.name.text] == 1 for fact in firing.consumed):
+            # A second consumer might take the derived fact first and so end the loop.
             if _is_loop(firing, names, consumers):
                 _report_loop(firing, found)
             else:
@@ -148,12 +152,14 @@ def _is_loop(firing: _Firing, names: Names, consumers: dict[str, int]) -> bool:
     """Whether every fact that is used up comes again, and nothing that the rule derives is in its way."""
     if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
         return False
+    # Each derived fact satisfies one pattern only: a body that uses up two facts needs two again.
     left = {name: list(facts) for name, facts in firing.derived.items()}
     for fact in firing.consumed:
         again = next((each for each in left.get(fact.name.text, ()) if _matches(fact, each, firing.free)), None)
         if again is None:
             return False
         left[fact.name.text].remove(again)
+    # Facts that the rule only reads must stay as well: no sensor and no other rule may withdraw them.
     return all(names.of(fact).kind is not Kind.SENSED and fact.name.text not in consumers for fact in firing.kept)
 
 
@@ -173,7 +179,7 @@ def _is_same(one: Expression | None, other: Expression | None) -> bool:
         case Variable(name=here), Variable(name=there):
             return here == there != "_"
         case Literal(value=here), Literal(value=there):
-            return here == there and type(here) is type(there)
+            return here == there and type(here) is type(there)  # in Python True == 1 == 1.0
         case _:
             return False
 
@@ -229,7 +235,7 @@ def _cycles(passing: dict[str, tuple[str, FactNode, RuleItem]], found: Diagnosti
         while name in passing and name not in done and name not in path and len(path) < CYCLE_MAX:
             path.append(name)
             name = passing[name][0]
-        if name in path:
+        if name in path:  # the walk has come back to itself; what leads into the cycle is left out of the message
             cycle = path[path.index(name) :]
             way = ", ".join(f"`{each}`" for each in (*cycle, name))
             message = f"these rules never stop: {way} follow each other for ever"

@@ -1,8 +1,8 @@
 """Where the facts of a program come from: what it states, derives and reads, and what comes from outside.
 
-Facts may arrive from outside (a lab, a sensor, an action in Python), so a declared predicate is taken to be
-known to somebody; an undeclared one is what the program makes of it. Rules are taken to fire if the facts that
-they need can be there; conditions count only where they equate a variable with a constant.
+Facts may arrive from outside (a lab, a sensor, an action in Python). So a declared predicate may have facts that the
+program never derives, whereas an undeclared one has only those that the program derives. A rule counts as able to fire
+if the facts that it needs may be there; of its conditions only equations of a variable with a constant are considered.
 """
 
 from collections.abc import Iterable, Iterator
@@ -86,7 +86,7 @@ class Supply:
         return self._is_outside(name) or name in self._derived
 
     def inserted(self, name: str) -> bool:
-        """Whether whoever runs the program inserts `name`, or `moveto` on arrival."""
+        """Whether facts of `name` are given to the run, or are the default effect of a provided action."""
         return name in self._arriving
 
     def is_derived(self, name: str) -> bool:
@@ -104,6 +104,7 @@ class Supply:
         if signature.kind in {Kind.SENSED, Kind.ACTION} or signature.provided or self.inserted(name):
             return True
         producers = self._derived.get(name, [])
+        # Declared and never derived: declared because something outside inserts it.
         if not producers and signature.declaration is not None:
             return True
         self._compared += len(producers)

@@ -1,1 +1,1 @@
-"""Package rmr.lang.diagnostics: to be described here."""
+"""Errors and warnings about a program: as data, with their place in the source, and as text or JSON."""

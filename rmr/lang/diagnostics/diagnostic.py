@@ -1,7 +1,7 @@
 """What is wrong with a program, as data.
 
 A diagnostic answers three questions: what is wrong, where, and what to do. It is collected, never raised, and
-rendered elsewhere (render.py). Codes are stable: one that is no longer used is not given out again.
+rendered elsewhere (`render`). Codes are stable: a code that is no longer used is not used for anything else.
 """
 
 from collections.abc import Iterable
@@ -101,7 +101,7 @@ class Diagnostics:
         self._found: dict[Severity, dict[tuple[str, str, Span], Diagnostic]] = {each: {} for each in Severity}
         self._dropped = dict.fromkeys(Severity, 0)
         self._wrong: set[Span] = set()
-        self._doubtful: list[Span] = []
+        self._uncertain: list[Span] = []
 
     def report(
         self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[DiagnosticNote, ...] = ()
@@ -147,14 +147,14 @@ class Diagnostics:
         """Whether an error names `span` as what it comes from."""
         return any(note.span == span for each in self.errors for note in each.notes)
 
-    def doubt(self, span: Span) -> None:
-        """Tell only syntax errors of an item that may say something else than it was meant to."""
-        self._doubtful.append(span)
+    def keep_syntax_errors_only(self, span: Span) -> None:
+        """Drop all but syntax errors of the item at `span`, whose repair may have changed its meaning."""
+        self._uncertain.append(span)
 
     def _is_told(self, each: Diagnostic) -> bool:
         if each.code.startswith("E00"):
             return True
-        inside = (span.start <= each.span.start < span.end for span in self._doubtful if span.file == each.span.file)
+        inside = (span.start <= each.span.start < span.end for span in self._uncertain if span.file == each.span.file)
         return not any(inside)
 
     def wrong_at(self, span: Span) -> bool:

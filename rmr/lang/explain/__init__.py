@@ -1,9 +1,9 @@
 """`rmr check --explain`: why a program does what it does.
 
-What is told is data (dataclasses that become JSON as they are); show.py puts it into words. Goals and the rules
-that lead there come from reach.py, assertions and the actions that serve them from serve.py: the same answers by
-which robots choose among rules and hold actions back. Whether all robots can be run at once is found out in
-rmr.analysis.columnar.
+An explanation is data (dataclasses that become JSON as they are); `show` renders it as text. The rules that lead to a
+goal come from `lower.goal_paths`, the actions that serve a time assertion from `lower.servers`: the same answers by
+which robots choose among rules and hold actions back. Whether the program can be run as columns comes from
+`rmr.analysis.columnar`.
 """
 
 from dataclasses import dataclass

@@ -15,7 +15,7 @@ ORIGINS_MAX = 20
 """Facts told that lead to a finish fact which no action serves."""
 
 STEPS_MAX = 10_000
-"""Steps told of all ways from effects to finish facts; of more only the number is told."""
+"""Steps that are listed of all paths from effects to finish facts; of more only the number is given."""
 
 
 @dataclass(frozen=True, slots=True)

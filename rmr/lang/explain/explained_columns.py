@@ -7,7 +7,7 @@ from rmr.bytecode.program import Program
 from rmr.lang.explain.texts import Spot
 
 OBSTACLES_MAX = 1000
-"""Obstacles told; of more only the number is told."""
+"""Obstacles that are listed; of more only the number is given."""
 
 
 @dataclass(frozen=True, slots=True)

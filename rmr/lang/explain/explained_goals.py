@@ -10,7 +10,7 @@ from rmr.lang.lower.goal_paths import GoalPaths, LeadingRank, TooMuch, agrees
 from rmr.lang.read.syntax import GoalItem
 
 WAYS_MAX = 10_000
-"""Rules told, for all goals of a program; of more only the number is told."""
+"""Rules that are listed for all goals of a program; of more only the number is given."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ strings and parentheses stay as they are written, every comment stays between it
 the same order have the same layout, whatever the spaces and lines between them were; only comments and single
 blank lines between items remember where they stood.
 
-words.py reads the words, layout.py decides where lines may break, printer.py where they do.
+`words` reads the words, `line_breaks` decides where lines may break, `printer` where they do.
 """
 
 import math

@@ -119,7 +119,7 @@ class Emitter:
         for argument, kind in zip(others, self._types_of(item.fact), strict=True):
             if not isinstance(argument, Variable):
                 patterns.append(form.Constant(converted(_value(argument), kind)))
-            elif argument.name in environment.slots or counts[argument.name] > 1:
+            elif argument.name in environment.slots or counts[argument.name] > 1:  # equal values at several places
                 patterns.append(Slot(environment.slot(argument.name)))
             else:
                 patterns.append(ANY)
@@ -208,6 +208,7 @@ class Emitter:
         if isinstance(argument, Literal):
             return (_constant(converted(argument.value, kind)),)
         code = self._code(argument, environment)
+        # An int variable may be given to a float argument: the value is converted when it is derived.
         if _innermost(kind).base is Base.FLOAT and not self._types.certainly_float(argument):
             return (*code, Instruction(Op.FLOAT))
         return code
@@ -250,7 +251,7 @@ class Emitter:
                 return (*self._code(operand, environment), Instruction(Op.NOT if operator == "not" else Op.NEG))
             case Binary(operator=operator, left=left, right=right):
                 one, other = self._code(left, environment), self._code(right, environment)
-                if operator in {"&&", "||"}:
+                if operator in {"&&", "||"}:  # the left value stays if it decides; else it is popped and the right runs
                     return (*one, Instruction(Op.AND if operator == "&&" else Op.OR, len(other)), *other)
                 return (*one, *other, Instruction(INSTRUCTIONS[operator]))
             case Call():
@@ -265,6 +266,7 @@ class Emitter:
         if name != "if":
             return (*(each for code in codes for each in code), Instruction(Op.CALL, _FUNCTIONS[name]))
         condition, then, otherwise = codes
+        # `then` is followed by a jump over `otherwise`, hence one instruction more to skip where it does not run.
         return (
             *condition,
             Instruction(Op.JUMP_IF_FALSE, len(then) + 1),

@@ -73,6 +73,7 @@ class Orderer:
 
     def order(self, conjuncts: tuple[Conjunct, ...], environment: Environment) -> tuple[Step, ...] | None:
         """Return the steps of a body, whose variables `environment` then knows, or None after reporting why not."""
+        # Conditions first wait for their variables; positive facts never wait, since matching them binds.
         held = [each for each in conjuncts if isinstance(each, Condition) or each.absent]
         waiting = [each for each in held if not _is_replaced(each, environment)]
         body = _Body(environment, matched_variables(conjuncts), waiting)
@@ -81,6 +82,7 @@ class Orderer:
                 self._match(fact, body)
                 self._ready(body)
         self._ready(body)
+        # What still waits for a variable of a `not` alone cannot come earlier: decide each `not`, then look again.
         while absent := [each for each in body.waiting if isinstance(each, FactNode)]:
             body.waiting.remove(absent[0])
             self._absent(absent[0], body)
@@ -169,6 +171,7 @@ class Orderer:
         if all_known(expression, body.environment):
             return Decide(expression)
         for side, other in _sides(expression):
+            # A variable that a fact binds gets its value there; the equation then is a condition.
             if not isinstance(side, Variable) or side.anonymous or side.name in body.matched:
                 continue
             if not body.environment.knows(side.name) and all_known(other, body.environment):
@@ -204,6 +207,7 @@ class Orderer:
                 equations.append(_equation(variable, argument))
             arguments.append(variable)
         body.steps.append(MatchStep(fact, tuple(arguments), self._mode(fact)))
+        # In front of what waited before: an expression among the arguments is tested right behind its fact.
         body.waiting[:0] = equations
 
     def _mode(self, fact: FactNode) -> Mode:
@@ -232,6 +236,7 @@ class Orderer:
         self, variable: Variable, free: list[str], own: dict[str, Variable], environment: Environment
     ) -> Variable:
         """Return what stands for a variable that only this `not` knows."""
+        # Once: any value will do. Twice, as in `not p(R, X, X)`: both values must be equal, so it needs a slot.
         if free.count(variable.name) == 1:
             return Variable("_", variable.span)
         if variable.name not in own:
@@ -241,7 +246,7 @@ class Orderer:
 
     def _fresh_variable(self, span: Span) -> Variable:
         self._fresh += 1
-        return Variable(f"_{self._fresh}'", span)
+        return Variable(f"_{self._fresh}'", span)  # the apostrophe keeps it apart from all names of the source
 
 
 def all_known(expression: object, environment: Environment) -> bool:

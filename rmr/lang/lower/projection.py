@@ -1,8 +1,8 @@
 """From a rule about the ensemble to a rule of one robot.
 
 The facts of a body must belong to one robot, the rule's home. Its owner disappears: on the home robot it is
-slot 0. What is left is put into order (order.py). `X = constant` is not computed, it replaces X. What stands in
-a head is held against what the body binds.
+slot 0. What is left is put into order (`ordering`). `X = constant` is not computed; the constant replaces X. The
+variables of a head are checked against those that the body binds.
 """
 
 from collections.abc import Sequence

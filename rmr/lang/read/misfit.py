@@ -75,7 +75,7 @@ class Misfit(NamedTuple):
 
 
 def unexpected(automaton: Automaton, misfit: Misfit) -> tuple[str, Span, str | None]:
-    """Return what to say of a word that does not fit: the message, its place, a hint."""
+    """Return the message, the place and the hint for a word that does not fit."""
     word = misfit.word
     span = misfit.span(word)
     if word.kind == OPEN_STRING:

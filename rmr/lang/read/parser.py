@@ -1,9 +1,9 @@
-"""From source text to the syntax tree, one item at a time.
+"""The parser: source text to the syntax tree, one item at a time, with error recovery.
 
-Words are read as they are needed; what is kept is what has been read of one item. A word that does not fit is
-reported, and replaced where what was meant is clear enough (repair.py). Where it is not, the item is given up: the
-next one begins behind the next `.`, or with a line that begins as items do. A text in which nothing fits is no
-program and is not read to its end. Nesting is bounded before anything walks a tree.
+Tokens are read on demand, and only those of the present item are kept. A token that does not fit is reported and
+replaced if what was meant is clear enough (`repair`). If not, the rest of the item is skipped: the next item begins
+behind the next `.`, or at a line that begins as items do. After `BROKEN_MAX` broken items in a row the rest of the file
+is not read. The depth of nesting is bounded before anything walks a tree.
 """
 # ruff: noqa: PLC0415 - what mistakes need is loaded when there is one
 
@@ -73,8 +73,8 @@ class _Parser:
         self._automaton = Automaton(source.file, self._builder)
         self._broken: set[str] = set()
         self._repairs = FILE_REPAIRS_MAX
-        self._is_doubtful = False
-        """The item has been repaired by leaving something out."""
+        self._is_uncertain = False
+        """The item has been repaired by leaving something out, so that it may mean something else."""
         self._is_lost = False
         """It has been reported why the rest is not read."""
         self._are_comments_foreign = False
@@ -132,7 +132,7 @@ class _Parser:
         """Return the item that begins with `first`, or None if it has been given up."""
         automaton = self._automaton
         automaton.reset()
-        self._is_doubtful = False
+        self._is_uncertain = False
         word, previous, repairs = first, first, REPAIRS_MAX
         read: list[Token] = []
         while True:
@@ -165,9 +165,9 @@ class _Parser:
 
     def _finished(self, item: Item, count: int) -> Item | None:
         self._builder.finish()
-        if self._is_doubtful:
+        if self._is_uncertain:
             self._break(item.span.start, item.span.end)
-            self._found.doubt(item.span)
+            self._found.keep_syntax_errors_only(item.span)
         if count <= NESTING_MAX or not _is_deep(item):
             return item
         self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
@@ -195,11 +195,11 @@ class _Parser:
             return None
         self._repairs -= 1
         self._found.report(found.code, found.message, found.span, hint=found.hint)
-        self._is_doubtful |= found.doubtful
+        self._is_uncertain |= found.uncertain
         return found
 
     def _foreign_comment(self, words: list[Token], at: int) -> "Habit | None":
-        """Return what to say of a comment of another language at the misfit or on its line before."""
+        """Return the report of a comment of another language at the misfit or before it on its line."""
         from rmr.lang.read.habits import Habit
 
         if self._are_comments_foreign:
@@ -246,9 +246,9 @@ class _Parser:
         if better is None:
             return False
         self._repairs -= 1
-        if not self._is_doubtful and not self._is_known_capital(better):
+        if not self._is_uncertain and not self._is_known_capital(better):
             self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
-        self._is_doubtful |= better.doubtful
+        self._is_uncertain |= better.uncertain
         self._automaton.back(better.forget)
         self._ahead.extendleft(reversed(better.words))
         return True
@@ -265,7 +265,7 @@ class _Parser:
         """Report a misfit, unless that is done, and go on behind its item."""
         from rmr.lang.read.misfit import unexpected
 
-        if reported or self._is_doubtful:
+        if reported or self._is_uncertain:
             pass
         elif misfit.word.kind == OPEN_COMMENT:
             self._open_comment(misfit.word)

@@ -48,7 +48,7 @@ class Repair(NamedTuple):
     notes: tuple[DiagnosticNote, ...] = ()
     forget: int = 0
     """Words before it that are left out."""
-    doubtful: bool = False
+    uncertain: bool = False
     """Something is left out that was meant somehow: the item may say something else."""
     renames: bool = False
     """A name with a capital letter stands for that with a small one."""
@@ -82,7 +82,7 @@ def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
         hint = foreign_hint(misfit.text, word.start)
         found = Repair((word._replace(kind=kind, text=text),), f"unexpected {quoted(word)}", misfit.span(word), hint)
         if kind == "OR" and kinds[1:3] == ["NAME", "LPAR"]:  # between facts there is no or
-            found = found._replace(hint=OR_HINT, doubtful=True)
+            found = found._replace(hint=OR_HINT, uncertain=True)
         yield automaton.reach(automaton.states, [kind, *kinds[1:]]), found
     if kinds[:2] == ["VARIABLE", "LPAR"]:
         yield automaton.reach(automaton.states, ["NAME", *kinds[1:]]), _uncapitalised(misfit, word)
@@ -140,7 +140,7 @@ def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
         yield automaton.reach(automaton.states[:-1], kinds), found
     if word.kind in {"DOT", END}:
         return
-    found = Repair((), *unexpected(automaton, misfit), doubtful=True)
+    found = Repair((), *unexpected(automaton, misfit), uncertain=True)
     if not word.text[0].isalnum():
         comma = word._replace(kind="COMMA", text=",")
         yield automaton.reach(automaton.states, ["COMMA", *kinds[1:]]), found._replace(words=(comma,))

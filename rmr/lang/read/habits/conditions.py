@@ -51,7 +51,7 @@ def _semicolon(place: MisfitContext) -> Habit | None:
         return place.meant(message, "every item ends with `.`", word, word, ("DOT", "."))
     if place.is_in_head:
         return place.meant(message, "`,` stands between what a head derives", word, word, ("COMMA", ","))
-    return place.meant(message, OR_HINT, word, word, ("COMMA", ","))._replace(doubtful=True)
+    return place.meant(message, OR_HINT, word, word, ("COMMA", ","))._replace(uncertain=True)
 
 
 def _not(place: MisfitContext) -> Habit | None:

@@ -14,14 +14,14 @@ RULE = "a rule is written `body -o head.`"
 
 
 class Habit(NamedTuple):
-    """What to say of a habit, and what to read instead."""
+    """The report of a habit, and what is read instead."""
 
     message: str
     span: Span
     hint: str
     patch: tuple[int, int, tuple[Token, ...]] | None = None
     """From where to where these words stand instead; None: the item is given up."""
-    doubtful: bool = False
+    uncertain: bool = False
     """The item may say something else than what is read instead."""
     code: str = "E001"
 
