@@ -1,8 +1,8 @@
 """Syntax that other languages have (Prolog, Datalog, Meld, Python, C) and people type by habit.
 
 Habits are looked for where a word does not fit, before the general repair (`rmr.lang.read.repair`). Each is a
-function of the item's words around the misfit. It answers with one message, the form that RMR has as the hint, and, where what was
-meant is clear, with other words to read instead; else the item is given up.
+function of the item's words around the misfit. It answers with one message, the form that RMR has as the hint, and,
+where what was meant is clear, with other words to read instead; else the item is given up.
 """
 
 from rmr.lang.read.habits import brackets, conditions, items, single_words
