@@ -8,9 +8,10 @@ states alone.
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
-from rmr.lang.read.grammar import END, GrammarRule, tables
+from rmr.lang.read.grammar import END, GrammarRule
 from rmr.lang.read.lexer import Token, scanner
 from rmr.lang.read.source_text import Span
+from rmr.lang.read.tables import tables
 from rmr.lang.read.tree_builder import Builder
 
 COMMAS_MAX = 3

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import NamedTuple
 
-from rmr.lang.read.grammar import END, tables
+from rmr.lang.read.grammar import END
+from rmr.lang.read.tables import tables
 
 OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, QUOTED, UNKNOWN = "/*", '"', "0", "->", "'", "?"
 """The kinds of what is no word. None can be a terminal's name."""

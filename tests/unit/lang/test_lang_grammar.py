@@ -8,9 +8,10 @@ import sys
 import pytest
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.read import grammar
-from rmr.lang.read.grammar import TABLES_FILE, grammar_text, tables
+from rmr.lang.read import tables as loader
+from rmr.lang.read.grammar import TABLES_FILE, grammar_text
 from rmr.lang.read.table_maker import as_text, made
+from rmr.lang.read.tables import tables
 
 GOOD = "location(R, s).\nlocation(R, L), L = s -o location(R, t).\n"
 BAD = "location(R, s)\nlocation(R, L) L = s -o location(R, t).\n"
@@ -64,7 +65,7 @@ def test_compiling_writes_nothing_to_the_home_directory(tmp_path):
 def test_an_edited_grammar_takes_effect_before_its_tables_are_written(fresh_tables, monkeypatch):
     packaged = tables()
     edited = grammar_text().replace('"order" NAME', '"sequence" NAME')
-    monkeypatch.setattr(grammar, "grammar_text", lambda: edited)
+    monkeypatch.setattr(loader, "grammar_text", lambda: edited)
     tables.cache_clear()
     assert {each.spelling for each in tables().terminals} - {each.spelling for each in packaged.terminals} == {
         "sequence"
@@ -76,6 +77,6 @@ def test_tables_of_another_grammar_are_not_used(fresh_tables, tmp_path, monkeypa
     stale = {**json.loads(TABLES_FILE.read_text(encoding="utf-8")), "grammar": "00000000", "actions": []}
     file = tmp_path / "tables.json"
     file.write_text(json.dumps(stale), encoding="utf-8")
-    monkeypatch.setattr(grammar, "TABLES_FILE", file)
+    monkeypatch.setattr(loader, "TABLES_FILE", file)
     tables.cache_clear()
     assert outcome() == expected
