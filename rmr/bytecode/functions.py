@@ -87,7 +87,7 @@ class Function:
     internal: bool = False
     """Programs cannot call it: the compiler writes it into byte-code."""
     source: str | None = None
-    """The name of its form in `rmr.vm.generate.functions.FORMS`."""
+    """The name of its form in `rmr.vm.generate.function_source.FORMS`."""
     columns: str | None = None
     """The name of its form in `rmr.columns.numbers.FORMS`."""
 

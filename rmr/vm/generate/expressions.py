@@ -11,7 +11,7 @@ from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Code
 from rmr.vm.evaluate import evaluate
-from rmr.vm.generate.functions import called
+from rmr.vm.generate.function_source import called
 from rmr.vm.generate.known import BOOL, NOTHING, Known, either, of_value
 from rmr.vm.generate.narrow import assumed
 from rmr.vm.generate.operators import binary, listed, truth, unary

@@ -8,7 +8,7 @@ from pathlib import Path
 import rmr
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.columns import numbers
-from rmr.vm.generate import functions
+from rmr.vm.generate import function_source
 
 ROOT = Path(rmr.__file__).parent
 NAMED_ELSEWHERE = {"min", "max", "id", "now", "len", "nth", "rest"}
@@ -32,7 +32,7 @@ for engine in ("interpreter", "generated", "columnar"):
 
 
 def test_the_forms_of_the_generating_engine_are_those_that_rows_name():
-    assert {each.source for each in FUNCTIONS if each.source} == set(functions.FORMS)
+    assert {each.source for each in FUNCTIONS if each.source} == set(function_source.FORMS)
 
 
 def test_the_forms_of_columns_are_those_that_rows_name():
