@@ -9,7 +9,8 @@ from dataclasses import replace
 from random import Random
 
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     ANY,
     SELF,
@@ -99,7 +100,9 @@ class Maker:
             for i, kind in enumerate(kinds)
         ]
         names = self.rng.sample(list(PREDICATES), k=self.rng.randint(0, 2))
-        return own + [Predicate(name, *PREDICATES[name], self.chance(0.9)) for name in names]
+        return own + [
+            Predicate(name, PREDICATES[name].kind, PREDICATES[name].types, self.chance(0.9)) for name in names
+        ]
 
     def type(self, depth: int = 0) -> Type:
         if self.chance(0.2) and depth < 3:

@@ -4,7 +4,8 @@ from dataclasses import dataclass, field
 
 from rmr.base.streams import Choices
 from rmr.base.values import Symbol, Value
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     ANY,
     Aggregate,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from rmr.analysis.single import Several, several
 from rmr.analysis.straight import BASES, NUMBERS, Operation, Unsuitable, straight
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.program import (
     SELF,
     SELF_SLOT,
@@ -48,7 +49,10 @@ NUMBER = "id"
 """The provided predicate that a column can hold: it never changes."""
 
 _FIXED = tuple(BASES.values())
-_FALLIBLE = ("add", "sub", "mul", "div", "mod", "neg", "abs", "floor", "sqrt", "sin", "cos", "atan2", "dist", "nothing")
+_FALLIBLE = frozenset(
+    ("add", "sub", "mul", "div", "mod", "neg", "nothing", *(each.name for each in FUNCTIONS if each.fallible))
+)
+"""Operations that may have no value."""
 
 
 @dataclass(frozen=True, slots=True)

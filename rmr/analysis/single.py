@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rmr.bytecode.heads import items
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import (
     SELF,
     Anything,
@@ -28,7 +29,6 @@ from rmr.bytecode.program import (
 )
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import literal
-from rmr.bytecode.wire import identity
 
 STEPS_MAX = 200_000
 """Rules and facts looked at for all groups of a program; what is not shown by then counts as not shown."""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue
-from rmr.bytecode.functions import call
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS, Function, Gives, Takes, call
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction
 
 LOAD, CONST, NOTHING, IF = "load", "const", "nothing", "if"
@@ -195,14 +195,21 @@ def _base(name: str, bases: list[Base]) -> Base:
     raise Unsuitable(f"`{name}`")
 
 
+def _taken(function: Function) -> tuple[Base, ...]:
+    """Return the types that all arguments of a function may have; none if it takes other values as well, or none."""
+    takes = set(function.takes)
+    return NUMBERS if takes == {Takes.NUMBER} else (Base.ROBOT,) if takes == {Takes.ROBOT} else ()
+
+
+_GIVEN = {Gives.NUMBER: None, Gives.INT: Base.INT, Gives.FLOAT: Base.FLOAT, Gives.BOOL: Base.BOOL}
+
 _TYPES: dict[str, tuple[tuple[Base, ...], Base | None]] = {
-    **dict.fromkeys(("add", "sub", "mul", "mod", "neg", "abs", "min", "max"), (NUMBERS, None)),
-    **dict.fromkeys(("div", "float", "sqrt", "sin", "cos", "atan2", "dist"), (NUMBERS, Base.FLOAT)),
+    **dict.fromkeys(("add", "sub", "mul", "mod", "neg"), (NUMBERS, None)),
+    **dict.fromkeys(("div", "float"), (NUMBERS, Base.FLOAT)),
     **dict.fromkeys(("lt", "le", "gt", "ge"), (NUMBERS, Base.BOOL)),
     **dict.fromkeys(("eq", "ne"), (tuple(BASES.values()), Base.BOOL)),
-    "floor": (NUMBERS, Base.INT),
     "not": ((Base.BOOL,), Base.BOOL),
-    "id": ((Base.ROBOT,), Base.INT),
+    **{each.name: (taken, _GIVEN[each.gives]) for each in FUNCTIONS if (taken := _taken(each))},
 }
 """By operation: the types that it takes, and the one that it gives (None: float if any is one)."""
 

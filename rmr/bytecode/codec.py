@@ -13,9 +13,9 @@ from rmr.base.identity import REMEMBERED_MAX
 from rmr.bytecode.decoder import decode_tables
 from rmr.bytecode.encoder import encode_tables
 from rmr.bytecode.layout import DEBUG, FLAG_DEBUG, FLAG_TEXTUAL, VERSION, assemble, read_layout
+from rmr.bytecode.octets import BytecodeError
 from rmr.bytecode.program import Program, Strategy
 from rmr.bytecode.verify import verify
-from rmr.bytecode.wire import BytecodeError
 
 __all__ = ["VERSION", "BytecodeError", "decode", "digest", "encode"]
 

@@ -26,8 +26,10 @@ from rmr.bytecode.encoder import (
     STEPS,
     TAGS,
 )
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, Layout
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.octets import Reader
+from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import (
     ANY,
     Aggregate,
@@ -64,7 +66,6 @@ from rmr.bytecode.program import (
     Strategy,
     Type,
 )
-from rmr.bytecode.wire import Reader
 
 T = TypeVar("T")
 

@@ -10,8 +10,9 @@ from typing import TypeVar
 
 from rmr.base.values import Value, format_value
 from rmr.bytecode.decoder import INSTRUCTION, Note, decode_tables
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.layout import CRC_OFFSET, HEADER, TABLES, VERSION, Layout, read_layout
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import (
     Aggregate,
     Anything,

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 from rmr.base.values import Symbol, Value
+from rmr.bytecode.octets import Writer, identity
 from rmr.bytecode.opcodes import FORMS, Operand
 from rmr.bytecode.program import (
     SELF_SLOT,
@@ -44,7 +45,6 @@ from rmr.bytecode.program import (
     Steps,
     Type,
 )
-from rmr.bytecode.wire import Writer, identity
 
 GUARD, BIND = 4, 5
 """Tags of conjuncts; 0 to 3 are atoms of that mode."""

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rmr.bytecode.constants import Constants
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX, STACK_MAX
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import Code, Instruction
 
-NOW = next(i for i, function in enumerate(FUNCTIONS) if function.name == "now")
+TIMED = frozenset(index for index, function in enumerate(FUNCTIONS) if function.timed)
 JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
 
 
@@ -38,7 +39,7 @@ def examine(code: Code, constants: Constants) -> Examined:
     for slot in {i.operand: None for i in code if i.op is Op.LOAD}:
         assert isinstance(slot, int)
         slots |= 1 << slot
-    return Examined("", slots, any(i.op is Op.CALL and i.operand == NOW for i in code))
+    return Examined("", slots, any(i.op is Op.CALL and i.operand in TIMED for i in code))
 
 
 def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:

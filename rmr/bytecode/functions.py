@@ -1,18 +1,118 @@
-"""The built-in functions of expressions (paper III.A): one Python function for each name of `FUNCTIONS`.
+"""The functions of expressions (paper III.A): one table, `FUNCTIONS`, a row for each.
 
-Functions of numbers have no value outside their domain; those of lists none for what is no list, for a place
-that the list does not have, and for items without an order.
+All that the rest of the tree knows of a function is in its row: the language its types and whether it may be called by
+name, byte-code its number (the row's index) and arity, the interpreter its scalar function, the engine that writes
+Python and the columns of numpy the names of their own forms of it. Either form may be absent: then they call the scalar
+function, for each value. A new function is a row at the end of the table, and its line in `docs/language.md`, whose
+text is the row's.
+
+Functions of numbers have no value outside their domain; those of lists none for a value that is not a list, for a
+position that the list does not have, and for items without an order.
 """
 
 import math
 from collections.abc import Callable
+from enum import Enum, auto
 
+from rmr.base.record import record
 from rmr.base.time import Instant, in_seconds
-from rmr.base.values import Robot, Symbol, Value
+from rmr.base.values import ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.arithmetic import NoValue, checked, numbers, same
+from rmr.bytecode.conform import LENGTH_MAX
 
 SORTABLE: tuple[set[type], ...] = ({int, float}, {str}, {Symbol}, {Robot})
 """Kinds of items that `sort` can order among themselves."""
+
+
+FLOAT_MAX = 1.7976931348623157e308
+"""The largest finite float."""
+
+
+class Takes(Enum):
+    """What an argument must be."""
+
+    NUMBER = auto()
+    ROBOT = auto()
+    LIST = auto()
+    LIST_OR_STRING = auto()
+    SORTABLE_LIST = auto()
+    """A list whose items have an order among themselves."""
+    POSITION = auto()
+    """An int that counts the items of the list argument from 0."""
+    ITEM = auto()
+    """A value of the type of the list argument's items."""
+
+
+class Gives(Enum):
+    """The type of the value."""
+
+    NUMBER = auto()
+    """An int if all arguments are ints, else a float."""
+    INT = auto()
+    FLOAT = auto()
+    BOOL = auto()
+    ITEM = auto()
+    """The type of the list argument's items."""
+    LIST = auto()
+    """The type of the list argument."""
+
+
+LISTS = frozenset({Takes.LIST, Takes.LIST_OR_STRING, Takes.SORTABLE_LIST})
+"""The arguments that may be lists."""
+
+
+@record
+class Function:
+    """A function of expressions."""
+
+    name: str
+    """What expressions call it."""
+    parameters: str
+    """What documents call its arguments."""
+    takes: tuple[Takes, ...]
+    gives: Gives
+    scalar: Callable[..., Value]
+    """What it makes of single values. Raises NoValue; with numbers alone as arguments, also ValueError and
+    OverflowError, and its value is checked for its range."""
+    doc: str = ""
+    """Its value in words, for the language reference."""
+    example: str = ""
+    """A call with its arguments in the right order, for the hint of an error that swaps them."""
+    bounds: tuple[float, float] | None = None
+    """Between which numbers its value lies, or its length if it is a list; None if the type says all."""
+    fallible: bool = True
+    """Whether columns provide for arguments of the right types without a value."""
+    timed: bool = False
+    """Its value depends on the instant, lab time in ns, which is all that `scalar` is given."""
+    internal: bool = False
+    """Programs cannot call it: the compiler writes it into byte-code."""
+    source: str | None = None
+    """The name of its form in `rmr.vm.generate.function_source.FORMS`."""
+    columns: str | None = None
+    """The name of its form in `rmr.columns.numbers.FORMS`."""
+
+    @property
+    def signature(self) -> str:
+        """How documents show a call of it."""
+        return f"{self.name}({self.parameters})"
+
+    @property
+    def arity(self) -> int:
+        """The number of its arguments."""
+        return len(self.takes)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all its arguments are numbers."""
+        return not self.timed and all(each is Takes.NUMBER for each in self.takes)
+
+    @property
+    def list_at(self) -> int | None:
+        """The index of the argument that is a list; None if there is none."""
+        return next((index for index, each in enumerate(self.takes) if each in LISTS), None)
+
+
+# ---- the scalar functions
 
 
 def _extreme(choose: Callable[[float, float], float], a: float, b: float) -> float:
@@ -21,17 +121,16 @@ def _extreme(choose: Callable[[float, float], float], a: float, b: float) -> flo
     return chosen if type(a) is type(b) else float(chosen)
 
 
-NUMERIC: dict[str, Callable[..., float]] = {
-    "abs": abs,
-    "min": lambda a, b: _extreme(min, a, b),
-    "max": lambda a, b: _extreme(max, a, b),
-    "floor": math.floor,
-    "sqrt": math.sqrt,
-    "sin": math.sin,
-    "cos": math.cos,
-    "atan2": math.atan2,
-    "dist": lambda x1, y1, x2, y2: math.hypot(x2 - x1, y2 - y1),
-}
+def _smaller(a: float, b: float) -> float:
+    return _extreme(min, a, b)
+
+
+def _larger(a: float, b: float) -> float:
+    return _extreme(max, a, b)
+
+
+def _distance(x1: float, y1: float, x2: float, y2: float) -> float:
+    return math.hypot(x2 - x1, y2 - y1)
 
 
 def _items(name: str, value: Value) -> tuple[Value, ...]:
@@ -86,23 +185,113 @@ def _id(value: Value) -> Value:
     return int(value)
 
 
-OTHERS: dict[str, Callable[..., Value]] = {
-    "id": _id,
-    "len": _len,
-    "nth": _nth,
-    "member": _member,
-    "sort": _sort,
-    "rest": _rest,
-}
+# ---- the table
+
+_JOINT_NUMBER = "of ints an int, else a float"
+_FLOATS = "floats, angles in radians"
+_ONE, _TWO, _FOUR = (Takes.NUMBER,), (Takes.NUMBER,) * 2, (Takes.NUMBER,) * 4
+
+FUNCTIONS: tuple[Function, ...] = (
+    Function("abs", "X", _ONE, Gives.NUMBER, abs, _JOINT_NUMBER, source="absolute", columns="absolute"),
+    Function(
+        "min", "X, Y", _TWO, Gives.NUMBER, _smaller, _JOINT_NUMBER, fallible=False, source="smaller", columns="smaller"
+    ),
+    Function(
+        "max", "X, Y", _TWO, Gives.NUMBER, _larger, _JOINT_NUMBER, fallible=False, source="larger", columns="larger"
+    ),
+    Function("floor", "X", _ONE, Gives.INT, math.floor, "an int", source="rounded_down", columns="rounded_down"),
+    Function("sqrt", "X", _ONE, Gives.FLOAT, math.sqrt, _FLOATS, bounds=(0, FLOAT_MAX), source="root", columns="root"),
+    Function("sin", "X", _ONE, Gives.FLOAT, math.sin, _FLOATS, bounds=(-1, 1), source="total"),
+    Function("cos", "X", _ONE, Gives.FLOAT, math.cos, _FLOATS, bounds=(-1, 1), source="total"),
+    Function("atan2", "Y, X", _TWO, Gives.FLOAT, math.atan2, _FLOATS, bounds=(-4, 4), source="total"),
+    Function(
+        "dist",
+        "X1, Y1, X2, Y2",
+        _FOUR,
+        Gives.FLOAT,
+        _distance,
+        "the distance of two points",
+        bounds=(0, FLOAT_MAX),
+        source="distance",
+    ),
+    Function(
+        "id",
+        "R",
+        (Takes.ROBOT,),
+        Gives.INT,
+        _id,
+        "a robot's number",
+        bounds=(0, ROBOT_ID_MAX),
+        fallible=False,
+        source="robot_number",
+        columns="robot_number",
+    ),
+    Function(
+        "now",
+        "",
+        (),
+        Gives.FLOAT,
+        in_seconds,
+        "lab time in seconds; in heads, effects and violations only, since time alone satisfies no rule",
+        timed=True,
+    ),
+    Function(
+        "len",
+        "L",
+        (Takes.LIST_OR_STRING,),
+        Gives.INT,
+        _len,
+        "the number of a [list's](#lists) items, or of a string's characters",
+        bounds=(0, LENGTH_MAX),
+        source="length",
+    ),
+    Function(
+        "nth",
+        "L, I",
+        (Takes.LIST, Takes.POSITION),
+        Gives.ITEM,
+        _nth,
+        "item I of a list, the first is 0",
+        example="nth(L, 0)",
+        source="item",
+    ),
+    Function(
+        "member",
+        "X, L",
+        (Takes.ITEM, Takes.LIST),
+        Gives.BOOL,
+        _member,
+        "whether X is among L's items",
+        example="member(X, L)",
+        source="membership",
+    ),
+    Function(
+        "sort",
+        "L",
+        (Takes.SORTABLE_LIST,),
+        Gives.LIST,
+        _sort,
+        "the items in ascending order: numbers, strings, symbols, or robots by number",
+        source="sorted",
+    ),
+    Function("rest", "L, I", (Takes.LIST, Takes.POSITION), Gives.LIST, _rest, internal=True, source="rest"),
+)
+"""The functions; the index of a row is the operand of CALL. `if` is none of them: it compiles to jumps."""
+
+BY_NAME = {function.name: function for function in FUNCTIONS}
+"""The rows by name."""
+
+_NUMERIC = frozenset(function.name for function in FUNCTIONS if function.numeric)
 
 
 def call(name: str, args: list[Value], now: Instant) -> Value:
-    """Return the value of a function of `FUNCTIONS` at `now`. Raises NoValue."""
-    if name == "now":
-        return in_seconds(now)
-    if name in OTHERS:
-        return OTHERS[name](*args)
+    """Return the value of the function called `name` at `now`. Raises NoValue."""
+    function = BY_NAME[name]
+    if function.timed:
+        return function.scalar(now)
+    if name not in _NUMERIC:
+        return function.scalar(*args)
     try:
-        return checked(NUMERIC[name](*numbers(name, *args)))
+        return checked(function.scalar(*numbers(name, *args)))  # type: ignore[arg-type]
     except (ValueError, OverflowError):
         raise NoValue(f"{name} outside its domain") from None

@@ -18,7 +18,7 @@ import struct
 import zlib
 from typing import NamedTuple
 
-from rmr.bytecode.wire import BytecodeError, Reader, Writer
+from rmr.bytecode.octets import BytecodeError, Reader, Writer
 
 MAGIC = b"RMR\x1a"
 VERSION = 2

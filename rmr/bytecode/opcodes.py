@@ -21,7 +21,7 @@ class Operand(IntEnum):
     SMALL = 3
     """Signed integer (zigzag varint); in a decoded instruction, the int."""
     FUNCTION = 4
-    """Index into FUNCTIONS (one octet)."""
+    """Index into `rmr.bytecode.functions.FUNCTIONS` (one octet)."""
     SKIP = 5
     """How many instructions to skip, at least 0 (varint)."""
     COUNT = 6
@@ -88,32 +88,3 @@ FORMS: dict[Op, Form] = {
     Op.AND: Form(Operand.SKIP, 1, 0),
     Op.OR: Form(Operand.SKIP, 1, 0),
 }
-
-
-@record
-class Function:
-    """A built-in function of expressions."""
-
-    name: str
-    arity: int
-
-
-FUNCTIONS: tuple[Function, ...] = (
-    Function("abs", 1),
-    Function("min", 2),
-    Function("max", 2),
-    Function("floor", 1),
-    Function("sqrt", 1),
-    Function("sin", 1),
-    Function("cos", 1),
-    Function("atan2", 2),
-    Function("dist", 4),
-    Function("id", 1),
-    Function("now", 0),
-    Function("len", 1),
-    Function("nth", 2),
-    Function("member", 2),
-    Function("sort", 1),
-    Function("rest", 2),
-)
-"""Index = operand of CALL. `if` compiles to jumps; `rest`, a list without its first items, takes `[H | T]` apart."""

@@ -1,36 +1,84 @@
-"""The facts that every robot keeps up to date by itself: their names, kinds and types.
+"""What every robot provides: the predicates that it keeps up to date by itself, and the actions that it can carry out.
 
-A robot states them with exactly these arguments, so a program that marks a predicate as provided must mean
-the same. The types leave out the owner, as everywhere behind the parser.
+One table for each. The language takes names and types from it, the verifier checks that a predicate marked as
+provided has the row's kind and types, and `rmr.node.actions.built_in` has the handler that an action's row names.
+Types leave out the owner or executor, as everywhere behind the parser.
 """
 
+from rmr.base.record import record
 from rmr.bytecode.program import Base, Kind, Type
 
 EVENT = "event"
 """The symbol type whose values are the names of time assertions."""
 
+_AREA = Type(Base.SYMBOL, "area")
 _EVENT = Type(Base.SYMBOL, EVENT)
 _FLOAT = Type(Base.FLOAT)
 _INT = Type(Base.INT)
 _ROBOT = Type(Base.ROBOT)
 
-PREDICATES: dict[str, tuple[Kind, tuple[Type, ...]]] = {
-    "at": (Kind.SENSED, (Type(Base.SYMBOL, "area"),)),
-    "pose": (Kind.SENSED, (_FLOAT, _FLOAT, _FLOAT)),
-    "peer": (Kind.SENSED, (_ROBOT,)),
-    "neighbor": (Kind.SENSED, (_ROBOT,)),
-    "range": (Kind.SENSED, (_ROBOT, _FLOAT)),
-    "obstacle": (Kind.SENSED, ()),
-    "battery": (Kind.SENSED, (_FLOAT,)),
-    "failed": (Kind.SENSED, (_ROBOT, _EVENT)),
-    "turn": (Kind.SENSED, (_EVENT, _INT)),
-    "leads": (Kind.SENSED, (_EVENT,)),
-    "id": (Kind.PERSISTENT, (_INT,)),
+
+@record
+class ProvidedPredicate:
+    """A predicate whose facts a robot states of itself, unless the program means something else by the name."""
+
+    name: str
+    types: tuple[Type, ...]
+    kind: Kind = Kind.SENSED
+    sensed: bool = True
+    """Whether robots state it by themselves; if not, only user actions and inserted facts do."""
+
+
+@record
+class ProvidedAction:
+    """An action that every robot can carry out; a program declares those that its rules derive."""
+
+    name: str
+    types: tuple[Type, ...]
+    handler: str
+    """The name of the coroutine in `rmr.node.actions.built_in` that carries it out."""
+    effect: str | None = None
+    """The predicate whose fact, with the action's first argument, is its effect if it is declared without one and the
+    program knows the predicate (paper, figure 5)."""
+
+
+PREDICATES: dict[str, ProvidedPredicate] = {
+    row.name: row
+    for row in (
+        ProvidedPredicate("at", (_AREA,)),
+        ProvidedPredicate("pose", (_FLOAT, _FLOAT, _FLOAT)),
+        ProvidedPredicate("peer", (_ROBOT,)),
+        ProvidedPredicate("neighbor", (_ROBOT,)),
+        ProvidedPredicate("range", (_ROBOT, _FLOAT)),
+        ProvidedPredicate("obstacle", ()),
+        ProvidedPredicate("battery", (_FLOAT,), sensed=False),
+        ProvidedPredicate("failed", (_ROBOT, _EVENT)),
+        ProvidedPredicate("turn", (_EVENT, _INT)),
+        ProvidedPredicate("leads", (_EVENT,)),
+        ProvidedPredicate("id", (_INT,), Kind.PERSISTENT),
+    )
 }
-"""What a robot states of itself, unless the program means something else by the name."""
+"""The provided predicates by name."""
+
+ACTIONS: dict[str, ProvidedAction] = {
+    row.name: row
+    for row in (
+        ProvidedAction("moveto", (_AREA,), "moveto", effect="location"),
+        ProvidedAction("lineup", (_AREA, _INT), "lineup"),
+        ProvidedAction("goto", (_FLOAT, _FLOAT), "goto"),
+        ProvidedAction("reach", (_FLOAT, _FLOAT, _FLOAT, _FLOAT), "reach"),
+        ProvidedAction("face", (_FLOAT,), "face"),
+        ProvidedAction("stop", (), "stop"),
+        ProvidedAction("wait", (_FLOAT,), "wait"),
+        ProvidedAction("broadcast", (), "broadcast"),
+        ProvidedAction("say", (Type(Base.STRING),), "say"),
+        ProvidedAction("light", (Type(Base.SYMBOL, "colour"),), "light"),
+    )
+}
+"""The provided actions by name."""
 
 
 def is_provided(name: str, kind: Kind, types: tuple[Type, ...]) -> bool:
-    """Tell whether every robot provides a predicate of this name, kind and shape (symbol sets aside)."""
+    """Tell whether every robot provides a predicate of this name, kind and types, whatever sets symbols are of."""
     known = PREDICATES.get(name)
-    return known is not None and known[0] is kind and [t.base for t in known[1]] == [t.base for t in types]
+    return known is not None and known.kind is kind and [t.base for t in known.types] == [t.base for t in types]

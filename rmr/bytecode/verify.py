@@ -13,10 +13,10 @@ from collections.abc import Iterator, Sequence
 from itertools import islice, pairwise
 
 from rmr.base.values import ROBOT_ID_MAX, Robot
-from rmr.bytecode.checks import Checks
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.constants import is_name
 from rmr.bytecode.limits import exceeded
+from rmr.bytecode.part_checks import Checks
 from rmr.bytecode.program import (
     SELF,
     SELF_SLOT,

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from rmr.analysis.straight import work_out
 from rmr.base.values import INT_MIN
 from rmr.bytecode.arithmetic import NoValue
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.program import Base
 
 Array = npt.NDArray[Any]
@@ -214,9 +215,9 @@ def same(one: Array, one_base: Base, other: Array, other_base: Base) -> Array:
     return WORK["eq"]([one, other], [one_base, other_base]).value
 
 
-def _choose(name: str) -> Work:
+def _choose(comparison: str) -> Work:
     """Return what takes the smaller or larger of two; of equal ones (0.0 and -0.0) the first."""
-    better = _compare("lt" if name == "min" else "gt")
+    better = _compare(comparison)
 
     def work(values: list[Array], bases: list[Base]) -> Held:
         second = better(values[::-1], bases[::-1]).value
@@ -226,23 +227,28 @@ def _choose(name: str) -> Work:
     return work
 
 
+FORMS: dict[str, Work] = {
+    "absolute": _abs,
+    "smaller": _choose("lt"),
+    "larger": _choose("gt"),
+    "rounded_down": _floor,
+    "root": _sqrt,
+    "robot_number": _id,
+}
+"""The forms that rows of `FUNCTIONS` name; a function without one is worked out value by value."""
+
 WORK: dict[str, Work] = {
     **{name: _compare(name) for name in _COMPARED},
-    **{name: _choose(name) for name in ("min", "max")},
-    **{name: _single(name) for name in ("sin", "cos", "atan2", "dist")},
     "add": _add,
     "sub": _sub,
     "mul": _mul,
     "div": _div,
     "mod": _mod,
     "neg": _neg,
-    "abs": _abs,
-    "floor": _floor,
-    "sqrt": _sqrt,
     "float": _float,
-    "id": _id,
     "not": lambda values, _: Held(~values[0]),
     "never": lambda values, _: Held(np.zeros_like(values[0], np.bool_)),
     "always": lambda values, _: Held(np.ones_like(values[0], np.bool_)),
+    **{each.name: FORMS[each.columns] if each.columns else _single(each.name) for each in FUNCTIONS},
 }
 """By operation: what it makes of columns that have a value in every row."""

@@ -11,10 +11,10 @@ from rmr.entry import ExitCode
 
 if TYPE_CHECKING:
     from rmr.lang.compiler import Compilation
-    from rmr.lang.diagnostic import Diagnostic
-    from rmr.lang.source import Source
+    from rmr.lang.diagnostics.diagnostic import Diagnostic
+    from rmr.lang.read.source_text import SourceText
 
-Found = tuple[Sequence["Diagnostic"], Mapping[str, "Source"]]
+Found = tuple[Sequence["Diagnostic"], Mapping[str, "SourceText"]]
 """The diagnostics of one program, and the sources of its files by name."""
 
 
@@ -28,8 +28,8 @@ def show_found(found: Sequence[Found]) -> None:
     every = [each for diagnostics, _ in found for each in diagnostics]
     if not every:
         return
-    from rmr.lang.diagnostic import Severity
-    from rmr.lang.render import render_text
+    from rmr.lang.diagnostics.diagnostic import Severity
+    from rmr.lang.diagnostics.render import render_text
 
     color = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     for diagnostics, sources in found:
@@ -41,7 +41,7 @@ def show_found(found: Sequence[Found]) -> None:
 
 def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:
     """Return the diagnostics as values for JSON."""
-    from rmr.lang.render import to_json
+    from rmr.lang.diagnostics.render import to_json
 
     return [listed for each in compilations for listed in to_json(each.diagnostics, each.sources)]
 

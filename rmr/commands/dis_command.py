@@ -17,7 +17,7 @@ def _disassemble(program: Path) -> int:
     """Print a byte-code file as text; return the exit code."""
     from rmr.bytecode.disassemble import disassemble
     from rmr.bytecode.layout import SIZE_MAX
-    from rmr.bytecode.wire import BytecodeError
+    from rmr.bytecode.octets import BytecodeError
 
     try:
         with program.open("rb") as stream:

@@ -18,7 +18,7 @@ def _declare(parser: Parser) -> None:
 
 def _explain(code: str | None, as_json: bool) -> None:
     """Print the page of a code, or the list of codes."""
-    from rmr.lang.diagnostic import CODES
+    from rmr.lang.diagnostics.diagnostic import CODES
     from rmr.lang.pages import page
 
     if code is None:
@@ -40,14 +40,14 @@ command = Command(ABOUT, _declare, _explain)
 
 
 def _entry(code: str) -> dict[str, object]:
-    from rmr.lang.diagnostic import CODES
+    from rmr.lang.diagnostics.diagnostic import CODES
 
     return {"code": code, "severity": "error" if code.startswith("E") else "warning", "title": CODES[code]}
 
 
 def _known(code: str) -> str:
     """Return the code that `code` means, in whatever letters; raise CommandLineError if there is none."""
-    from rmr.lang.diagnostic import CODES
+    from rmr.lang.diagnostics.diagnostic import CODES
 
     meant = code.upper()
     if meant not in CODES:

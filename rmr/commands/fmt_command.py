@@ -22,8 +22,8 @@ from rmr.entry import ExitCode
 from rmr.entry.command_line import Command, CommandLineError, Parser
 
 if TYPE_CHECKING:
-    from rmr.lang.diagnostic import Diagnostic
-    from rmr.lang.source import Source
+    from rmr.lang.diagnostics.diagnostic import Diagnostic
+    from rmr.lang.read.source_text import SourceText
 
 STDIN = Path("-")
 
@@ -33,7 +33,7 @@ class _File:
     """A program's text, what it should be, and what is wrong if that cannot be said."""
 
     path: Path
-    source: "Source"
+    source: "SourceText"
     text: str
     wrong: "list[Diagnostic]"
     code: int
@@ -85,16 +85,16 @@ command = Command(ABOUT, _declare, _format)
 
 
 def _formatted(path: Path) -> _File:
-    from rmr.lang.diagnostic import Diagnostic, Diagnostics
+    from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
     from rmr.lang.format import format_source
-    from rmr.lang.source import Source, SourceError, Span
+    from rmr.lang.read.source_text import SourceError, SourceText, Span
 
     name = "<stdin>" if path == STDIN else str(path)
     try:
         source = _read(path, name)
     except SourceError as error:
         wrong = [Diagnostic("E003", str(error), Span(name, 0, 0), error.hint)]
-        return _File(path, Source(name, ""), "", wrong, ExitCode.USAGE if error.usage else ExitCode.INVALID)
+        return _File(path, SourceText(name, ""), "", wrong, ExitCode.USAGE if error.usage else ExitCode.INVALID)
     found = Diagnostics()
     text = format_source(source, found)
     if text is None:
@@ -102,8 +102,8 @@ def _formatted(path: Path) -> _File:
     return _File(path, source, text, [], 0)
 
 
-def _read(path: Path, name: str) -> "Source":
-    from rmr.lang.source import SOURCE_OCTETS_MAX, read_source, to_source
+def _read(path: Path, name: str) -> "SourceText":
+    from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, read_source, to_source
 
     return read_source(path) if path != STDIN else to_source(name, sys.stdin.buffer.read(SOURCE_OCTETS_MAX + 1))
 

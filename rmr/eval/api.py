@@ -24,8 +24,8 @@ from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read
 from rmr.eval.report import Run, reasons, report
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
-from rmr.lang.render import render_text, to_json
-from rmr.lang.source import Source
+from rmr.lang.diagnostics.render import render_text, to_json
+from rmr.lang.read.source_text import SourceText
 from rmr.vm.engines import Engine
 
 Seconds = float | str
@@ -44,7 +44,7 @@ class Compiled:
     """The warnings, as `rmr check --json` lists them."""
     program: Program = field(repr=False)
     """What robots run."""
-    source: Source = field(repr=False)
+    source: SourceText = field(repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def compile(program: str | PathLike[str], *, strip: bool = False) -> Compiled:  
     Raises CompileError if the program has errors, or its file cannot be read.
     """
     where = _program(program)
-    compilation = compile_text(where) if isinstance(where, Source) else compile_file(where)
+    compilation = compile_text(where) if isinstance(where, SourceText) else compile_file(where)
     if compilation.program is None:
         raise _refused([compilation])
     try:
@@ -195,10 +195,10 @@ def _dropped(given: Given, program: Program, ids: Collection[int]) -> list[str]:
 # ---- arguments
 
 
-def _program(program: str | PathLike[str]) -> Path | Source:
+def _program(program: str | PathLike[str]) -> Path | SourceText:
     require("program", program, (str, PathLike), "a path, a text, or what `rmr.compile` has returned")
     if isinstance(program, str) and ("\n" in program or not program.endswith((".rmr", ".rbc"))):
-        return Source("<program>", program)
+        return SourceText("<program>", program)
     return Path(program)
 
 

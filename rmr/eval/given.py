@@ -20,13 +20,13 @@ from rmr.bytecode.layout import MAGIC, SIZE_MAX
 from rmr.bytecode.program import Base, InitialFact, InitialGoal, Kind, Pattern, Program, Slot
 from rmr.eval.options import OptionError, outside_event
 from rmr.eval.topology import Topology
+from rmr.lang.analyse.names import meant
 from rmr.lang.compiler import Compilation, compile_file, compile_text
-from rmr.lang.diagnostic import Diagnostic, Diagnostics
-from rmr.lang.facts import FactError, action_patterns, read_fact, stated
-from rmr.lang.names import meant
-from rmr.lang.parser import parse
-from rmr.lang.source import Source, SourceError, Span, read_source
-from rmr.lang.syntax import Fact, FactItem, Mark
+from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics
+from rmr.lang.fact_text import FactError, action_patterns, read_fact, stated
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
+from rmr.lang.read.syntax import FactItem, FactNode, Mark
 
 EDGE_FACTS_MAX = 1_000_000
 """Facts about who is in range of whom, or who is there at all; more cost gigabytes and minutes before anything runs."""
@@ -53,8 +53,8 @@ class Insertion:
 class FactsFile:
     """A parsed file of facts."""
 
-    source: Source
-    facts: tuple[Fact, ...] = ()
+    source: SourceText
+    facts: tuple[FactNode, ...] = ()
     problems: tuple[Diagnostic, ...] = ()
     unreadable: bool = False
 
@@ -72,14 +72,14 @@ class Failing:
     """As the option says it."""
 
 
-NO_FACTS = FactsFile(Source("", ""))
+NO_FACTS = FactsFile(SourceText("", ""))
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """What the command line asks for, as far as the program must be known to judge it."""
 
-    program: Path | Source
+    program: Path | SourceText
     """Its file, or its text."""
     facts: Path | None = None
     edges: str | None = None
@@ -138,15 +138,15 @@ def read_given(wanted: Wanted) -> Given:
 # ---- the program
 
 
-def _compile(path: Path | Source, given: dict[str, bool]) -> Compilation:
+def _compile(path: Path | SourceText, given: dict[str, bool]) -> Compilation:
     """Return the program in `path`, source or byte-code, as a compilation."""
-    if isinstance(path, Source):
+    if isinstance(path, SourceText):
         return compile_text(path, given)
     octets = _bytecode(path)
     if octets is None:
         return compile_file(path, given)
     try:
-        return Compilation(Source(str(path), ""), codec.decode(octets), [])
+        return Compilation(SourceText(str(path), ""), codec.decode(octets), [])
     except BytecodeError as error:
         raise InvalidBytecodeError(f"{path}: error: this is no valid byte-code: {error}") from None
 
@@ -166,7 +166,7 @@ def _bytecode(path: Path) -> bytes | None:
         return None  # the compiler says what is the matter with the file
 
 
-def _arriving(facts: Sequence[Fact]) -> dict[str, bool]:
+def _arriving(facts: Sequence[FactNode]) -> dict[str, bool]:
     """Return the predicates of `facts`, true for those that a bang makes persistent."""
     names: dict[str, bool] = {}
     for fact in facts:
@@ -182,10 +182,10 @@ def _read_facts(path: Path) -> FactsFile:
         source = read_source(path)
     except SourceError as error:
         problem = Diagnostic("E003", str(error), Span(str(path), 0, 0), error.hint)
-        return FactsFile(Source(str(path), ""), (), (problem,), error.usage)
+        return FactsFile(SourceText(str(path), ""), (), (problem,), error.usage)
     found = Diagnostics()
     module = parse(source, found)
-    facts: list[Fact] = []
+    facts: list[FactNode] = []
     for item in module.items:
         if isinstance(item, FactItem):
             facts.append(item.fact)
@@ -215,7 +215,7 @@ def _as_compilation(file: FactsFile) -> Compilation:
 # ---- options that speak of the program
 
 
-def _inserted(text: str) -> tuple[Instant, Fact, str]:
+def _inserted(text: str) -> tuple[Instant, FactNode, str]:
     try:
         at, fact = outside_event(text)
         return at, read_fact(fact), text
@@ -223,7 +223,7 @@ def _inserted(text: str) -> tuple[Instant, Fact, str]:
         raise OptionError(f"--insert {shown(text)}: {error}") from None
 
 
-def _insertion(inserted: tuple[Instant, Fact, str], program: Program) -> Insertion:
+def _insertion(inserted: tuple[Instant, FactNode, str], program: Program) -> Insertion:
     at, fact, text = inserted
     try:
         return Insertion(at, stated(fact, program), text.strip())

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from rmr.base.ids import shown
 from rmr.eval.options import OptionError
-from rmr.lang.names import meant
+from rmr.lang.analyse.names import meant
 
 FILE_OCTETS_MAX = 1 << 26
 """64 MiB: a million pairs take about 12 MB; a larger file is none of a topology."""

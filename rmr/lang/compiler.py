@@ -6,18 +6,18 @@ from pathlib import Path
 from rmr.base.record import record
 from rmr.bytecode.limits import exceeded
 from rmr.bytecode.program import Debug, Place, Program, Strategy
-from rmr.lang.check import Checked, check
-from rmr.lang.diagnostic import Diagnostic, Diagnostics, Severity
-from rmr.lang.emit import Emitter
-from rmr.lang.include import Loader
-from rmr.lang.names import NOTHING_GIVEN, Given
-from rmr.lang.reach import with_leads
-from rmr.lang.serve import with_serving
-from rmr.lang.source import Source, SourceError, Span, read_source
-from rmr.lang.supply import is_brought, only_stated
-from rmr.lang.syntax import Fact, FactItem, GoalItem
+from rmr.lang.analyse.names import NOTHING_GIVEN, Given
+from rmr.lang.analyse.supply import is_brought, only_stated
+from rmr.lang.checker import Checked, check
+from rmr.lang.diagnostics.diagnostic import Diagnostic, Diagnostics, Severity
+from rmr.lang.lower.emitter import Emitter
+from rmr.lang.lower.goal_paths import with_leads
+from rmr.lang.lower.servers import with_serving
+from rmr.lang.read.include import Loader
+from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
+from rmr.lang.read.syntax import FactItem, FactNode, GoalItem
 
-DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
+UNCERTAIN = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 """Errors that the declarations of a file which could not be read might disprove, as they might any warning."""
 
 
@@ -25,20 +25,20 @@ DOUBTFUL = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
 class Compilation:
     """What became of a source text."""
 
-    source: Source
+    source: SourceText
     program: Program | None
     """None if there are errors."""
     diagnostics: list[Diagnostic]
     """Errors and warnings in source order."""
     unreadable: bool = False
     """The file is missing or is no file: the command line is wrong, not the program."""
-    included: tuple[Source, ...] = ()
+    included: tuple[SourceText, ...] = ()
     """The other files of the program."""
     checked: Checked | None = None
     """What the program was made from; None if there are errors."""
 
     @property
-    def sources(self) -> dict[str, Source]:
+    def sources(self) -> dict[str, SourceText]:
         """All texts by the name that diagnostics use."""
         return {each.file: each for each in (self.source, *self.included)}
 
@@ -51,23 +51,23 @@ class Compilation:
 def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
     """Compile the program in `path`; a file that cannot be read is a diagnostic as well.
 
-    Facts of the predicates in `given` come from outside: nobody doubts that they will.
+    Facts of the predicates in `given` come from outside, so that no warning says that nothing derives them.
     """
     try:
         source = read_source(path)
     except SourceError as error:
         span = Span(str(path), 0, 0)
         diagnostic = Diagnostic("E003", str(error), span, error.hint)
-        return Compilation(Source(str(path), ""), None, [diagnostic], error.usage)
+        return Compilation(SourceText(str(path), ""), None, [diagnostic], error.usage)
     return compile_text(source, given)
 
 
 def compile_source(text: str, file: str = "<string>") -> Compilation:
     """Compile a program that is at hand as text; `file` is what diagnostics call it."""
-    return compile_text(Source(file, text))
+    return compile_text(SourceText(file, text))
 
 
-def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
+def compile_text(source: SourceText, given: Given = NOTHING_GIVEN) -> Compilation:
     """Compile a source; `given` as in `compile_file`."""
     found = Diagnostics()
     loader = Loader(found)
@@ -81,7 +81,7 @@ def compile_text(source: Source, given: Given = NOTHING_GIVEN) -> Compilation:
         _report_unserved(program, checked, loader.sources, found)
     diagnostics = found.in_order(loader.sources)
     if loader.incomplete:
-        diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in DOUBTFUL]
+        diagnostics = [each for each in diagnostics if each.severity is Severity.ERROR and each.code not in UNCERTAIN]
     _, *included = loader.sources.values()
     if found.failed or program is None:
         return Compilation(source, None, diagnostics, included=tuple(included))
@@ -99,7 +99,7 @@ def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> No
         found.report("E008", f"this has {text}", places[table][index])
 
 
-def _report_unserved(program: Program, checked: Checked, sources: Mapping[str, Source], found: Diagnostics) -> None:
+def _report_unserved(program: Program, checked: Checked, sources: Mapping[str, SourceText], found: Diagnostics) -> None:
     """Report time assertions that are to be scheduled, although no action has a declared effect that leads there."""
     for index, assertion in enumerate(program.assertions):
         item = checked.assertions[index].item
@@ -117,11 +117,11 @@ def _report_unserved(program: Program, checked: Checked, sources: Mapping[str, S
         found.report("W116", message, item.span, hint=hint)
 
 
-def _text(fact: Fact, sources: Mapping[str, Source]) -> str:
+def _text(fact: FactNode, sources: Mapping[str, SourceText]) -> str:
     return " ".join(sources[fact.span.file].text[fact.span.start : fact.span.end].split())
 
 
-def emit(checked: Checked, sources: Mapping[str, Source]) -> Program:
+def emit(checked: Checked, sources: Mapping[str, SourceText]) -> Program:
     """Return the program of a module without errors."""
     emitter = Emitter(checked.names, checked.types)
     items = checked.module.items
@@ -137,7 +137,7 @@ def emit(checked: Checked, sources: Mapping[str, Source]) -> Program:
     return with_leads(with_serving(program))
 
 
-def _debug(checked: Checked, sources: Mapping[str, Source]) -> Debug:
+def _debug(checked: Checked, sources: Mapping[str, SourceText]) -> Debug:
     def place(span: Span) -> Place:
         name = span.file.encode(errors="replace").decode()  # of a file's name any octets but 0 may be part
         return Place(name, *sources[span.file].position(span.start))

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.arithmetic import BINARY, UNARY, NoValue, built, same, truth
-from rmr.bytecode.functions import call
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS, call
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Code
 
 __all__ = ["NoValue", "evaluate", "same"]

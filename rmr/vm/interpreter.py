@@ -19,8 +19,9 @@ from rmr.base.identity import ByIdentity
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.base.values import Robot
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.heads import bodies, codes
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Atom, Code, Mode, Predicate, Program, Rule, Strategy
 from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Derivation, PlannedRule
@@ -227,4 +228,4 @@ def is_plain(rule: Rule, predicates: Sequence[Predicate]) -> bool:
 
 def uses_now(code: Code) -> bool:
     """Tell whether an expression depends on the time."""
-    return any(i.op is Op.CALL and isinstance(i.operand, int) and FUNCTIONS[i.operand].name == "now" for i in code)
+    return any(i.op is Op.CALL and isinstance(i.operand, int) and FUNCTIONS[i.operand].timed for i in code)

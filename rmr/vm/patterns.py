@@ -5,8 +5,8 @@ same start fact.
 """
 
 from rmr.base.values import Robot, Value
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Slot
-from rmr.bytecode.wire import identity
 from rmr.vm.match import pattern_agrees
 from rmr.vm.store import Args
 

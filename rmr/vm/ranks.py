@@ -13,8 +13,8 @@ from rmr.analysis.backwards import HOME, Backwards, Patterns, Wanted
 from rmr.analysis.levels import Levels
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Constant, Lead, Program
-from rmr.bytecode.wire import identity
 from rmr.vm.store import Args
 
 GoalKey = tuple[int, tuple[object, ...]]

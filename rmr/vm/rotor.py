@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 from rmr.base.identity import ByIdentity
 from rmr.base.time import Instant
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Atom, Base, Kind, Mode, Predicate, Program, Rule
-from rmr.bytecode.wire import identity
 from rmr.vm.bounds import Dropped
 from rmr.vm.events import RuleRepeats, VmEvent
 from rmr.vm.store import Args, is_open

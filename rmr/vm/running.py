@@ -9,8 +9,8 @@ from typing import Any
 
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Program
-from rmr.bytecode.wire import identity
 from rmr.vm import match, once
 from rmr.vm.evaluate import NoValue
 from rmr.vm.events import FactInserted, FactRemoved

@@ -13,8 +13,8 @@ from typing import Protocol
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.bytecode.conform import length
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Base, Kind, Predicate, Type
-from rmr.bytecode.wire import identity
 
 HOLES_MAX = 1024
 """Facts that may go before a table is written anew: whoever looks for the oldest passes over their places."""

@@ -6,9 +6,9 @@ from typing import Any
 from rmr.base.streams import Choices
 from rmr.base.values import Robot, Value, format_fact, format_value
 from rmr.bytecode.program import ANY, Anything, Kind, Pattern, Program
-from rmr.lang.facts import read_fact
-from rmr.lang.fold import Folder
-from rmr.lang.syntax import Literal, Variable
+from rmr.lang.analyse.folding import Folder
+from rmr.lang.fact_text import read_fact
+from rmr.lang.read.syntax import Literal, Variable
 from rmr.vm.engines import Engine, new_machine
 from rmr.vm.events import (
     ActionDerived,

@@ -11,8 +11,9 @@ import pytest
 from conformance import Case, as_hex, as_lines
 
 from rmr.bytecode.codec import decode, encode
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.heads import bodies
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Aggregate, Comprehension, Constant, Kind, Mode, Operator, Program, Slot, Steps
 from rmr.lang.compiler import compile_file
 from rmr.vm.engines import Engine

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import CODES
-from rmr.lang.render import render_text
+from rmr.lang.diagnostics.diagnostic import CODES
+from rmr.lang.diagnostics.render import render_text
 
 HERE = Path(__file__).parent
 RULER = "----\n"

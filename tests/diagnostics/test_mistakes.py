@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.render import render_text
+from rmr.lang.diagnostics.render import render_text
 
 HERE = Path(__file__).parent / "mistakes"
 RULER, PARTED = "----\n", "====\n"

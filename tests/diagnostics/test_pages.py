@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from rmr.lang.compiler import compile_file
-from rmr.lang.diagnostic import CODES, Diagnostics
+from rmr.lang.diagnostics.diagnostic import CODES, Diagnostics
 from rmr.lang.format import format_source
 from rmr.lang.pages import page
-from rmr.lang.source import Source
+from rmr.lang.read.source_text import SourceText
 
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(r"^```(\w*)([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -56,7 +56,7 @@ def test_the_examples_are_as_wrong_and_as_right_as_the_page_says(code, tmp_path)
 @pytest.mark.parametrize("code", [code for code in CODES if code not in BY_HAND])
 def test_the_examples_are_formatted(code):
     for _, text in blocks(code):
-        laid_out = format_source(Source("x", text), Diagnostics())
+        laid_out = format_source(SourceText("x", text), Diagnostics())
         assert laid_out in (None, text)
 
 

@@ -13,8 +13,9 @@ from functools import lru_cache
 import pytest
 
 from rmr.base.streams import Choices
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.heads import bodies, codes, items
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     SELF_SLOT,
     Aggregate,

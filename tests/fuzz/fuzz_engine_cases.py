@@ -25,7 +25,7 @@ from rmr.bytecode.codec import BytecodeError, decode
 from rmr.bytecode.program import Program
 from rmr.bytecode.verify import verify
 from rmr.lang.compiler import compile_file
-from rmr.lang.reach import with_leads
+from rmr.lang.lower.goal_paths import with_leads
 from rmr.vm.engines import Engine
 
 ROOT = Path(__file__).parents[2]

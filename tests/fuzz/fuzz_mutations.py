@@ -14,6 +14,7 @@ from random import Random
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.encoder import encode_tables
 from rmr.bytecode.layout import CRC_OFFSET, FLAG_DEBUG, FLAG_TEXTUAL, HEADER, TABLES, assemble, checksum, read_layout
+from rmr.bytecode.octets import BytecodeError, Writer
 from rmr.bytecode.program import (
     Aggregate,
     Anything,
@@ -31,7 +32,6 @@ from rmr.bytecode.program import (
     Steps,
     Strategy,
 )
-from rmr.bytecode.wire import BytecodeError, Writer
 
 VARINTS = [0, 1, 0x7F, 0x80, 1 << 32, (1 << 63) - 1, (1 << 64) - 1, 1 << 69]
 """Numbers at the edges."""

@@ -48,7 +48,7 @@ from rmr.bytecode.program import (
     Type,
 )
 from rmr.bytecode.provided import PREDICATES
-from rmr.lang.reach import with_leads
+from rmr.lang.lower.goal_paths import with_leads
 
 HOME = 1
 """The robot on which programs are tried."""
@@ -149,7 +149,10 @@ class Lively(Maker):
             for i, kind in enumerate(kinds)
         ]
         names = rng.sample(list(PREDICATES), k=int(self.chance(0.1))) + ["id"] * self.chance(0.05)
-        return own + [Predicate(name, *PREDICATES[name], self.chance(0.9)) for name in dict.fromkeys(names)]
+        return own + [
+            Predicate(name, PREDICATES[name].kind, PREDICATES[name].types, self.chance(0.9))
+            for name in dict.fromkeys(names)
+        ]
 
     def value(self, kind: Type = OPEN, depth: int = 0) -> Value:
         return value_of(self.rng, kind)

@@ -25,7 +25,7 @@ from rmr.bytecode.program import (
     Slot,
     Type,
 )
-from rmr.lang.reach import with_leads
+from rmr.lang.lower.goal_paths import with_leads
 
 PLACES = [INT, INT, FLOAT, OPEN, ROBOT, STRING, Type(Base.SYMBOL, "area")]
 """What places may be."""

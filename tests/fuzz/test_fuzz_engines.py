@@ -23,7 +23,8 @@ from fuzz_programs import HOME, Lively
 
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.codec import encode
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Operator
 from rmr.bytecode.verify import verify
 from rmr.vm.engines import Engine

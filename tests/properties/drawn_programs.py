@@ -1,6 +1,9 @@
 """Programs over the whole grammar, drawn from its rules, and the layouts that they can be written in."""
 
-from rmr.lang.grammar import grammar
+from rmr.lang.read.grammar import grammar_text
+from rmr.lang.read.table_maker import parser_of
+
+GRAMMAR = parser_of(grammar_text())
 
 WORDS = {
     "NAME": ["p", "o", "online", "count", "moveto_the_farthest_place_of_all"],
@@ -20,17 +23,17 @@ WORDS = {
 def productions():
     """Return the right sides of each rule, the briefest first, and the words themselves."""
     rules = {}
-    for rule in grammar().rules:
+    for rule in GRAMMAR.rules:
         rules.setdefault(str(rule.origin.name), []).append([str(symbol.name) for symbol in rule.expansion])
-    brief = {terminal.name: 1 for terminal in grammar().terminals}
-    while len(brief) < len(grammar().terminals) + len(rules):
+    brief = {terminal.name: 1 for terminal in GRAMMAR.terminals}
+    while len(brief) < len(GRAMMAR.terminals) + len(rules):
         for name, sides in rules.items():
             known = [1 + sum(brief[symbol] for symbol in side) for side in sides if all(each in brief for each in side)]
             if known and name not in brief:
                 brief[name] = min(known)
     for sides in rules.values():
         sides.sort(key=lambda side: sum(brief[symbol] for symbol in side))
-    words = {terminal.name: [terminal.pattern.value] for terminal in grammar().terminals} | WORDS
+    words = {terminal.name: [terminal.pattern.value] for terminal in GRAMMAR.terminals} | WORDS
     return rules, words
 
 

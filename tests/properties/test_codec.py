@@ -13,8 +13,10 @@ from program_maker import Maker
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.codec import BytecodeError, decode, encode
 from rmr.bytecode.disassemble import disassemble
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.layout import CRC_OFFSET, MAGIC, VERSION, checksum
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.octets import identity
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     SELF,
     Aggregate,
@@ -47,7 +49,6 @@ from rmr.bytecode.program import (
     Type,
 )
 from rmr.bytecode.verify import verify
-from rmr.bytecode.wire import identity
 
 programs = st.integers(0, 2**32).map(lambda seed: Maker(seed).program())
 few = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -8,10 +8,10 @@ from drawn_programs import program, written
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.format import format_source
-from rmr.lang.parser import parse
-from rmr.lang.source import Source
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import SourceText
 
 pytestmark = pytest.mark.medium
 
@@ -21,7 +21,7 @@ SPAN = re.compile(r"Span\(file='x', start=\d+, end=\d+\)")
 
 def formatted(text):
     found = Diagnostics()
-    result = format_source(Source("x", text), found)
+    result = format_source(SourceText("x", text), found)
     assert result is not None, (text, found)
     return result
 
@@ -43,7 +43,7 @@ def closed(text):
 def meaning(text):
     """Return the syntax tree without its places."""
     found = Diagnostics()
-    module = parse(Source("x", text), found)
+    module = parse(SourceText("x", text), found)
     assert not found.failed
     return SPAN.sub("", repr(module.items))
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from rmr.bytecode.codec import decode, encode
 from rmr.bytecode.verify import verify
 from rmr.lang.compiler import compile_source
-from rmr.lang.render import render_text
+from rmr.lang.diagnostics.render import render_text
 
 pytestmark = pytest.mark.medium
 

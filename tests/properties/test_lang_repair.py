@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.lexer import tokens
+from rmr.lang.read.lexer import tokens
 
 pytestmark = pytest.mark.medium
 

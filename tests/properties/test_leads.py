@@ -26,7 +26,7 @@ from rmr.bytecode.program import (
     Program,
     Steps,
 )
-from rmr.lang.reach import Reach, with_leads
+from rmr.lang.lower.goal_paths import GoalPaths, with_leads
 from rmr.vm import goals
 from rmr.vm.engines import Engine
 from rmr.vm.ranks import Ranks
@@ -258,7 +258,7 @@ def test_a_robot_lives_the_same_life_with_what_the_compiler_found_and_without(se
 @given(SEEDS)
 def test_a_rank_that_the_compiler_knows_is_the_one_that_a_search_finds(seed: int) -> None:
     program = Maker(seed).program()
-    reach = Reach(program)
+    reach = GoalPaths(program)
     led = replace(
         program,
         goals=tuple(

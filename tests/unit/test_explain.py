@@ -9,7 +9,7 @@ import pytest
 from command_runner import invoke
 
 from rmr.commands import subcommands
-from rmr.lang.diagnostic import CODES
+from rmr.lang.diagnostics.diagnostic import CODES
 from rmr.lang.pages import page
 
 

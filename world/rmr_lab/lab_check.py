@@ -14,9 +14,9 @@ from typing import Any
 
 from rmr.bytecode.program import Kind, Program
 from rmr.lang.compiler import compile_file
-from rmr.lang.diagnostic import Diagnostic
-from rmr.lang.render import render_text, to_json
-from rmr.lang.source import Source
+from rmr.lang.diagnostics.diagnostic import Diagnostic
+from rmr.lang.diagnostics.render import render_text, to_json
+from rmr.lang.read.source_text import SourceText
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.actions.user_file import ActionsError, load_actions
@@ -42,7 +42,7 @@ class CheckResult:
     """As the user named it."""
     diagnostics: Sequence[Diagnostic] = ()
     """Diagnostics of the compiler."""
-    sources: Mapping[str, Source] = field(default_factory=dict)
+    sources: Mapping[str, SourceText] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     """CheckResult about the lab and its files, and about the lab and its program together."""
     lab: Lab | None = None

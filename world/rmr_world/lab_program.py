@@ -15,7 +15,7 @@ from rmr.bytecode.codec import BytecodeError
 from rmr.bytecode.layout import SIZE_MAX
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file
-from rmr.lang.render import render_text, to_json
+from rmr.lang.diagnostics.render import render_text, to_json
 from rmr.node.actions.built_in import PROVIDED
 from rmr.node.actions.dispatcher import Handler, MissingHandlers, check_handlers
 from rmr.node.actions.user_file import ActionsError, load_actions

@@ -1,20 +1,20 @@
 """`rmr check --explain`: why a program does what it does.
 
-What is told is data (dataclasses that become JSON as they are); show.py puts it into words. Goals and the rules
-that lead there come from reach.py, assertions and the actions that serve them from serve.py: the same answers by
-which robots choose among rules and hold actions back. Whether all robots can be run at once is found out in
-rmr.analysis.columnar.
+An explanation is data (dataclasses that become JSON as they are); `show` renders it as text. The rules that lead to a
+goal come from `lower.goal_paths`, the actions that serve a time assertion from `lower.servers`: the same answers by
+which robots choose among rules and hold actions back. Whether the program can be run as columns comes from
+`rmr.analysis.columnar`.
 """
 
 from dataclasses import dataclass
 
 from rmr.lang.compiler import Compilation
-from rmr.lang.explain.assertions import Assertions, ExplainedAssertion
-from rmr.lang.explain.columns import ExplainedColumns, explain_columns
-from rmr.lang.explain.goals import ExplainedGoal, Goals
-from rmr.lang.explain.rules import ExplainedRule, Rules
-from rmr.lang.explain.texts import Names, Texts, environments
-from rmr.lang.syntax import GoalItem
+from rmr.lang.explain.explained_assertions import AssertionExplainer, ExplainedAssertion
+from rmr.lang.explain.explained_columns import ExplainedColumns, explain_columns
+from rmr.lang.explain.explained_goals import ExplainedGoal, GoalExplainer
+from rmr.lang.explain.explained_rules import ExplainedRule, RuleExplainer
+from rmr.lang.explain.texts import PredicateNames, Texts, environments
+from rmr.lang.read.syntax import GoalItem
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ def explain(compilation: Compilation) -> Explanation | None:
     if program is None or checked is None:
         return None
     texts = Texts(compilation.sources)
-    goals = Goals(program, [Names(*environments(each)) for each in checked.rules], texts)
-    assertions = Assertions(program, texts)
-    rules = Rules(checked, texts)
+    goals = GoalExplainer(program, [PredicateNames(*environments(each)) for each in checked.rules], texts)
+    assertions = AssertionExplainer(program, texts)
+    rules = RuleExplainer(checked, texts)
     stated = [item for item in checked.module.items if isinstance(item, GoalItem)]
     watched = zip(checked.assertions, program.assertions, strict=True)
     return Explanation(

@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 
 from rmr.lang.explain import Explanation
-from rmr.lang.explain.assertions import ExplainedAssertion, Origin, ServingAction
-from rmr.lang.explain.goals import ExplainedGoal, LeadingRule
-from rmr.lang.explain.rules import Derived, ExplainedRule, Needs, Part
+from rmr.lang.explain.explained_assertions import ExplainedAssertion, Origin, ServingAction
+from rmr.lang.explain.explained_goals import ExplainedGoal, LeadingRule
+from rmr.lang.explain.explained_rules import ExplainedDerivation, ExplainedPart, ExplainedRule, Needs
 from rmr.lang.explain.texts import Spot
 
 RULES_SHOWN_MAX = 50
@@ -168,7 +168,7 @@ def _needs(needs: Needs) -> Iterator[str]:
             yield _entry(label, ", ".join(texts))
 
 
-def _part(part: Part) -> Iterator[str]:
+def _part(part: ExplainedPart) -> Iterator[str]:
     if part.needs is not None:
         label = "for each match" if part.form == "comprehension" else f"{part.form} of all matches"
         yield f"    {label}"
@@ -182,7 +182,7 @@ def _part(part: Part) -> Iterator[str]:
             yield _entry({"goal": "wants", "action": "does"}.get(each.what, "derives"), each.text)
 
 
-def _sent(derived: Derived) -> str:
+def _sent(derived: ExplainedDerivation) -> str:
     """Return what goes to another robot, and whether a frame has room for it."""
     least, most = derived.octets_min, derived.octets_max
     size = (

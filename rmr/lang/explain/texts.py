@@ -7,8 +7,8 @@ from rmr.analysis.backwards import Patterns
 from rmr.base.values import format_value
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
 from rmr.lang.format import one_line
-from rmr.lang.source import Source, Span
-from rmr.lang.steps import Derivation, Environment, Gathering, Projected
+from rmr.lang.lower.robot_rules import Environment, Projected, RobotAggregate, RobotComprehension
+from rmr.lang.read.source_text import SourceText, Span
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Spot:
 class Texts:
     """The source texts of one program."""
 
-    def __init__(self, sources: Mapping[str, Source]) -> None:
+    def __init__(self, sources: Mapping[str, SourceText]) -> None:
         self._sources = sources
 
     def spot(self, span: Span) -> Spot:
@@ -37,11 +37,15 @@ class Texts:
 
 def environments(rule: Projected) -> list[Environment]:
     """Return what knows the variables of a rule: the rule itself and its inner bodies."""
-    inner = [part.environment for part in rule.head if isinstance(part, Derivation)]
-    return [rule.environment, *inner, *(part.head_environment for part in rule.head if isinstance(part, Gathering))]
+    inner = [part.environment for part in rule.head if isinstance(part, RobotComprehension)]
+    return [
+        rule.environment,
+        *inner,
+        *(part.head_environment for part in rule.head if isinstance(part, RobotAggregate)),
+    ]
 
 
-class Names:
+class PredicateNames:
     """The names of an item's variables by slot."""
 
     def __init__(self, *environments: Environment) -> None:

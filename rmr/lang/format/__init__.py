@@ -5,20 +5,20 @@ strings and parentheses stay as they are written, every comment stays between it
 the same order have the same layout, whatever the spaces and lines between them were; only comments and single
 blank lines between items remember where they stood.
 
-words.py reads the words, layout.py decides where lines may break, printer.py where they do.
+`words` reads the words, `line_breaks` decides where lines may break, `printer` where they do.
 """
 
 import math
 
-from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.format.layout import layout
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.format.line_breaks import layout
 from rmr.lang.format.printer import printed
 from rmr.lang.format.words import Text, Word, read
-from rmr.lang.parser import parse
-from rmr.lang.source import Source
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import SourceText
 
 
-def format_source(source: Source, found: Diagnostics) -> str | None:
+def format_source(source: SourceText, found: Diagnostics) -> str | None:
     """Return the text of `source` in canonical layout, or None if it has syntax errors, reported to `found`."""
     parse(source, found)
     if found.failed:

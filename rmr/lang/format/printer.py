@@ -41,7 +41,7 @@ class Indent:
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class CommentMark:
     """A comment."""
 
     text: str
@@ -51,7 +51,7 @@ class Note:
     """It stays on the line of the word before it."""
 
 
-Mark = str | Sign | Indent | Note
+Mark = str | Sign | Indent | CommentMark
 """A word stands for itself."""
 
 
@@ -63,7 +63,7 @@ def printed(marks: Sequence[Mark], columns_max: float = COLUMNS_MAX) -> str:
     for i, mark in enumerate(marks):
         if isinstance(mark, str):
             pen.write(mark)
-        elif isinstance(mark, Note):
+        elif isinstance(mark, CommentMark):
             pen.note(mark)
         elif isinstance(mark, Indent):
             pen.indent += mark.columns
@@ -85,7 +85,7 @@ def _widths(marks: Sequence[Mark]) -> dict[int, float]:
     columns, words = [0], [0]
     notes: list[tuple[int, int]] = []
     for mark in marks:
-        if isinstance(mark, Note) and mark.alone:
+        if isinstance(mark, CommentMark) and mark.alone:
             notes.append((words[-1], columns[-1]))
         columns.append(columns[-1] + _width(mark))
         words.append(words[-1] + isinstance(mark, str))
@@ -94,7 +94,7 @@ def _widths(marks: Sequence[Mark]) -> dict[int, float]:
     limit = columns[-1]
     for i in range(len(marks) - 1, -1, -1):
         mark = marks[i]
-        if mark is Sign.BREAK or (isinstance(mark, Note) and mark.alone):
+        if mark is Sign.BREAK or (isinstance(mark, CommentMark) and mark.alone):
             limit = columns[i]
         elif mark is Sign.END:
             ends.append((words[i], limit))
@@ -110,7 +110,7 @@ def _widths(marks: Sequence[Mark]) -> dict[int, float]:
 def _width(mark: Mark) -> int:
     if isinstance(mark, str):
         return len(mark)
-    if isinstance(mark, Note):
+    if isinstance(mark, CommentMark):
         return 0 if mark.alone else len(mark.text) + 1
     return 1 if mark is Sign.SPACE else 0
 
@@ -144,7 +144,7 @@ class _Pen:
             self._gap = _NOTHING
         self._put(word)
 
-    def note(self, note: Note) -> None:
+    def note(self, note: CommentMark) -> None:
         """Write a comment."""
         if note.alone:
             self.apart(_WIDE if note.trailing else _LINE)

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
-from rmr.lang.grammar import END
-from rmr.lang.lexer import tokens
+from rmr.lang.read.grammar import END
+from rmr.lang.read.lexer import tokens
 
 SPELLINGS = {"NE": "!=", "ARROW": "-o"}
 """The kinds of words that can be written in two ways, and the one that stays."""

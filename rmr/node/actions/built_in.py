@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
+from rmr.bytecode.provided import ACTIONS
 from rmr.node.actions.dispatcher import Handler, Running
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
 from rmr.node.crossing.turn import Turn
@@ -254,8 +255,8 @@ async def light(robot: NodeHandle, colour: Symbol) -> None:
     robot.node.trace(robot.node.now, "light", colour=str(colour))
 
 
-PROVIDED: Final[dict[str, Handler]] = {
-    handler.name: handler
+HANDLERS: Final[dict[str, Handler]] = {
+    handler.run.__name__: handler
     for handler in (
         Handler("moveto", moveto, wheels=True, to_area=True),
         Handler("lineup", lineup, wheels=True, takes_over=True),
@@ -269,3 +270,7 @@ PROVIDED: Final[dict[str, Handler]] = {
         Handler("light", light),
     )
 }
+"""By the names that the rows of `rmr.bytecode.provided.ACTIONS` give to handlers."""
+
+PROVIDED: Final[dict[str, Handler]] = {name: HANDLERS[action.handler] for name, action in ACTIONS.items()}
+"""By action."""

@@ -7,10 +7,11 @@ is taken only if a condition is true, what the condition says of variables is kn
 
 from collections.abc import Mapping
 
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Code
 from rmr.vm.evaluate import evaluate
-from rmr.vm.generate.functions import called
+from rmr.vm.generate.function_source import called
 from rmr.vm.generate.known import BOOL, NOTHING, Known, either, of_value
 from rmr.vm.generate.narrow import assumed
 from rmr.vm.generate.operators import binary, listed, truth, unary
@@ -72,7 +73,7 @@ class _Writer:
             return listed(parts, pool)
         if op is Op.CALL:
             assert isinstance(operand, int)
-            return called(FUNCTIONS[operand].name, parts, pool)
+            return called(FUNCTIONS[operand], parts, pool)
         return binary(op, parts[0], parts[1], pool) if len(parts) == 2 else unary(op, parts[0], pool)
 
     def _branch(self, node: Tree, known: Mapping[int, Known]) -> Source:

@@ -9,8 +9,8 @@ atom consume, each fact one rule at most, are in these rules' queues.
 
 from collections.abc import Sequence
 
+from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Kind, Predicate, Program
-from rmr.bytecode.wire import identity
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
 from rmr.vm.store import LONG, is_open

@@ -6,7 +6,8 @@ themselves. Verified code may jump otherwise, and nest deeper than source can; s
 
 from rmr.base.record import record
 from rmr.base.values import Value
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import FORMS, Op
 from rmr.bytecode.program import Code
 
 DEPTH_MAX = 40

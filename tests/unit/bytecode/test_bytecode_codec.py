@@ -13,6 +13,7 @@ from rmr.bytecode.codec import VERSION, BytecodeError, decode, digest, encode
 from rmr.bytecode.conform import NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.layout import SIZE_MAX, TABLES, assemble, checksum, read_layout
+from rmr.bytecode.octets import Reader, Writer
 from rmr.bytecode.program import (
     Base,
     Debug,
@@ -30,7 +31,6 @@ from rmr.bytecode.program import (
     Strategy,
     Type,
 )
-from rmr.bytecode.wire import Reader, Writer
 
 
 def sample() -> Program:

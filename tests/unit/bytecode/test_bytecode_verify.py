@@ -10,11 +10,12 @@ import pytest
 from vm_hand import AREA, FLOAT, INT, OPEN, ROBOT, Hand, V, _, code, guard
 
 from rmr.base.values import Robot, Symbol
-from rmr.bytecode import checks, expressions
+from rmr.bytecode import expressions, part_checks
 from rmr.bytecode import verify as verifier
 from rmr.bytecode.conform import NESTING_MAX
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.limits import SLOTS_MAX
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op
+from rmr.bytecode.opcodes import FORMS, Op
 from rmr.bytecode.program import (
     Aggregate,
     Assertion,
@@ -239,7 +240,7 @@ def test_every_reason_of_the_verifier_has_its_unsound_program():
     told = [text for _, change in UNSOUND for text in reasons(change).split("; ")]
     known = [
         text
-        for module, kind in ((verifier, ast.Yield), (checks, ast.Yield), (expressions, ast.Yield | ast.Return))
+        for module, kind in ((verifier, ast.Yield), (part_checks, ast.Yield), (expressions, ast.Yield | ast.Return))
         for node in ast.walk(ast.parse(inspect.getsource(module)))
         if isinstance(node, kind) and (text := template(node.value))
     ]
@@ -309,7 +310,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: object, name: str) -> list[
 
 
 def test_an_expression_that_many_entries_share_is_looked_at_once(monkeypatch):
-    calls = counted(monkeypatch, checks, "examine")
+    calls = counted(monkeypatch, part_checks, "examine")
     hand, _p, q, _go = base()
     shared: Code = code(1, 2, Op.ADD)
     hand.rules.extend(Rule(1, (), (DeriveFact(q, HERE, (shared,)),)) for _ in range(50))

@@ -7,17 +7,18 @@ import pytest
 from doc_pages import blocks, codes, page, section, table
 
 from rmr.base.values import ROBOT_ID_MAX
-from rmr.bytecode import arithmetic, checks, expressions, functions, limits, verify
+from rmr.bytecode import arithmetic, expressions, limits, part_checks, verify
 from rmr.bytecode.codec import encode
 from rmr.bytecode.conform import LENGTH_MAX, NESTING_MAX
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.encoder import AGGREGATE, BIND, COMPREHENSION, GUARD, STEPS, TAGS
+from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.layout import FLAG_DEBUG, FLAG_TEXTUAL, MAGIC, SIZE_MAX, TABLES, VERSION
-from rmr.bytecode.opcodes import FORMS, FUNCTIONS, Op, Operand
+from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import Kind, Mode, Operator
 from rmr.bytecode.provided import PREDICATES
+from rmr.lang.analyse.type_spelling import type_text
 from rmr.lang.compiler import compile_source
-from rmr.lang.provided import type_text
 from rmr.vm import assertions, derive, goals, machine, match, once, rotor, underway, watches
 
 PAGE = page("bytecode")
@@ -52,7 +53,6 @@ def test_the_opcodes_are_those_of_the_code():
 def test_the_functions_are_those_of_the_code():
     listed = table(PAGE, "number", "function", "arity", "value", "no value")
     assert [row[:3] for row in listed] == [(str(i), each.name, str(each.arity)) for i, each in enumerate(FUNCTIONS)]
-    assert {each.name for each in FUNCTIONS} == {*functions.NUMERIC, *functions.OTHERS, "now"}
 
 
 SAMPLES = [0, 1, -7, 2.5, True, "a", (), (1, 2.5), ("a",)]
@@ -91,7 +91,7 @@ def test_the_tags_are_those_of_the_code():
 
 def test_what_robots_provide_is_what_the_code_says():
     assert table(PAGE, "provided", "kind", "types") == [
-        (name, kind.name.lower(), ", ".join(map(type_text, types))) for name, (kind, types) in PREDICATES.items()
+        (each.name, each.kind.name.lower(), ", ".join(map(type_text, each.types))) for each in PREDICATES.values()
     ]
 
 
@@ -107,7 +107,7 @@ def template(node):
 def reasons():
     """Return every text that the verifier may tell: what it yields, and what the check of the stack returns."""
     found = []
-    for module, kinds in ((verify, ast.Yield), (checks, ast.Yield), (expressions, (ast.Yield, ast.Return))):
+    for module, kinds in ((verify, ast.Yield), (part_checks, ast.Yield), (expressions, (ast.Yield, ast.Return))):
         nodes = (node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, kinds))
         found += [text for node in nodes if (text := template(node.value)) is not None]
     return set(found)

@@ -1,16 +1,17 @@
 """The documents say what the code does: examples compile, tables equal the code's tables."""
 
 import re
+from itertools import groupby
 from pathlib import Path
 
 import pytest
 
-from rmr.lang import provided
-from rmr.lang.build import RESERVED
+from rmr.bytecode import provided
+from rmr.lang.analyse.type_spelling import declaration_text
+from rmr.lang.analyse.types import CALLABLE
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import CODES
-from rmr.lang.types import FUNCTIONS as TYPED_FUNCTIONS
-from rmr.lang.types import LIST_FUNCTIONS
+from rmr.lang.diagnostics.diagnostic import CODES
+from rmr.lang.read.tree_builder import RESERVED
 
 ROOT = Path(__file__).parents[3]
 LANGUAGE = ROOT / "docs" / "language.md"
@@ -79,15 +80,17 @@ def test_the_reserved_words_are_those_of_the_code():
 
 def test_the_provided_facts_are_those_of_the_code():
     listed = [row[0].strip("`") for row in rows(LANGUAGE, "Sensed facts", 1) if row[0] != "provided"]
-    known = [provided.declaration_text(name, types, "") for name, (_, types) in provided.PREDICATES.items()]
+    known = [declaration_text(each.name, each.types, "") for each in provided.PREDICATES.values()]
     assert [f"type {signature}." for signature in listed] == known
 
 
 def test_the_provided_actions_are_those_of_the_code():
     listed = [row[0].strip("`") for row in rows(LANGUAGE, "Actions", 1) if row[0] != "provided"]
-    assert listed == [provided.declaration_text(name, types, "action ") for name, types in provided.ACTIONS.items()]
+    assert listed == [declaration_text(each.name, each.types, "action ") for each in provided.ACTIONS.values()]
 
 
 def test_the_functions_of_expressions_are_those_of_the_code():
-    listed = [name for row in rows(LANGUAGE, "Expressions", 1) for name in re.findall(r"`(\w+)\(", row[0])]
-    assert set(listed) == {*TYPED_FUNCTIONS, *LIST_FUNCTIONS, "if"}
+    listed = [row for row in rows(LANGUAGE, "Expressions", 2) if "(" in row[0]]
+    grouped = groupby(CALLABLE.values(), key=lambda function: function.doc)
+    known = [(" ".join(f"`{each.signature}`" for each in functions), doc) for doc, functions in grouped]
+    assert sorted(row for row in listed if not row[0].startswith("`if(")) == sorted(known)

@@ -4,10 +4,10 @@ import pytest
 from lang_source import codes, errors
 
 from rmr.bytecode.codec import decode, encode
-from rmr.lang import parser
 from rmr.lang.compiler import compile_file, compile_source
-from rmr.lang.parser import NESTING_MAX
-from rmr.lang.source import SOURCE_OCTETS_MAX
+from rmr.lang.read import parser
+from rmr.lang.read.parser import NESTING_MAX
+from rmr.lang.read.source_text import SOURCE_OCTETS_MAX
 
 pytestmark = pytest.mark.medium
 

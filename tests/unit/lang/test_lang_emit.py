@@ -4,7 +4,8 @@ import pytest
 from lang_source import CORRIDOR, compiled, errors
 
 from rmr.base.values import Robot, Symbol
-from rmr.bytecode.opcodes import FUNCTIONS, Op
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (
     ANY,
     Atom,

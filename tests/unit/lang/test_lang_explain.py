@@ -13,16 +13,16 @@ from lang_source import compiled
 from rmr.analysis import levels
 from rmr.base.values import Robot, Symbol
 from rmr.commands.subcommands import command as main
-from rmr.lang import octets as sizes
-from rmr.lang import serve
+from rmr.lang.analyse import fact_size as sizes
 from rmr.lang.compiler import compile_source
 from rmr.lang.explain import Explanation, explain
-from rmr.lang.explain import assertions as told_assertions
-from rmr.lang.explain import columns as told_columns
-from rmr.lang.explain import goals as told_goals
-from rmr.lang.explain import rules as told_rules
+from rmr.lang.explain import explained_assertions as told_assertions
+from rmr.lang.explain import explained_columns as told_columns
+from rmr.lang.explain import explained_goals as told_goals
+from rmr.lang.explain import explained_rules as told_rules
 from rmr.lang.explain.show import OBSTACLES_SHOWN_MAX, RULES_SHOWN_MAX, STEPS_SHOWN_MAX, show
 from rmr.lang.explain.texts import Spot
+from rmr.lang.lower import servers
 from rmr.node.wire import FACT_BODY_OCTETS_MAX, Delivery, Role, encode_delivery
 
 ROOT = Path(__file__).parents[3]
@@ -118,10 +118,10 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
         "an origin": told_assertions.Origin,
         "a rule": told_rules.ExplainedRule,
         "needs": told_rules.Needs,
-        "a part of a head": told_rules.Part,
+        "a part of a head": told_rules.ExplainedPart,
         "an answer on columns": told_columns.ExplainedColumns,
         "an obstacle": told_columns.ExplainedObstacle,
-        "something derived": told_rules.Derived,
+        "something derived": told_rules.ExplainedDerivation,
     }
     told = {name: [field.name for field in fields(kind)] for name, kind in kinds.items()}
     assert {name.strip(): re.findall(r"`(\w+)`", keys) for name, keys in rows} == told
@@ -130,7 +130,7 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
 def test_the_limits_of_the_page_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "explain.md").read_text("utf-8").partition("\n## Limits\n")[2].replace("10 000", "10000")
     limits = [RULES_SHOWN_MAX, STEPS_SHOWN_MAX, told_goals.WAYS_MAX]
-    limits += [OBSTACLES_SHOWN_MAX, told_columns.OBSTACLES_MAX, levels.STEPS_MAX, serve.STEPS_MAX]
+    limits += [OBSTACLES_SHOWN_MAX, told_columns.OBSTACLES_MAX, levels.STEPS_MAX, servers.STEPS_MAX]
     assert told_assertions.STEPS_MAX == told_goals.WAYS_MAX
     assert [int(number) for number in re.findall(r"\d+", page)] == limits
 
@@ -159,7 +159,7 @@ def test_variables_of_inner_bodies_bear_their_names() -> None:
 
 
 def test_a_goal_that_too_much_leads_to_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rmr.lang.reach.COMPARISONS_MAX", 0)
+    monkeypatch.setattr("rmr.lang.lower.goal_paths.COMPARISONS_MAX", 0)
     explanation = explained("?g(R). a(R). a(R) -o g(R).")
     assert not explanation.goals[0].worked_out
     assert "so much leads there" in show(explanation)

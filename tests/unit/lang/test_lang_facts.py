@@ -3,7 +3,7 @@ from lang_source import CORRIDOR, compiled
 
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Slot
-from rmr.lang.facts import FactError, parse_fact
+from rmr.lang.fact_text import FactError, parse_fact
 
 PROGRAM = compiled(CORRIDOR)
 

@@ -7,10 +7,10 @@ import pytest
 
 from rmr.bytecode.codec import encode
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import Diagnostics
+from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.format import format_source, one_line
 from rmr.lang.format.printer import COLUMNS_MAX
-from rmr.lang.source import Source
+from rmr.lang.read.source_text import SourceText
 
 ROOT = Path(__file__).parents[3]
 AS_WRITTEN = {
@@ -29,14 +29,14 @@ def repository():
 
 def formatted(text):
     found = Diagnostics()
-    result = format_source(Source("x", text), found)
+    result = format_source(SourceText("x", text), found)
     assert found.in_order() == []
     assert formatted_again(result) == result
     return result
 
 
 def formatted_again(text):
-    return format_source(Source("x", text), Diagnostics())
+    return format_source(SourceText("x", text), Diagnostics())
 
 
 def dedented(text):
@@ -199,7 +199,7 @@ def test_a_part_of_a_program_has_one_line_however_long():
 
 def test_a_text_with_syntax_errors_has_no_layout():
     found = Diagnostics()
-    assert format_source(Source("x", "p(R). q(R"), found) is None
+    assert format_source(SourceText("x", "p(R). q(R"), found) is None
     assert [each.code for each in found.in_order()] == ["E001"]
 
 

@@ -1,26 +1,27 @@
-"""The parser's tables are kept between runs, and a machine that cannot keep them does without."""
+"""The parser's tables are part of the package, are those of its grammar, and need neither lark nor a home."""
 
 import json
+import os
 import subprocess
 import sys
-from pathlib import Path
-from zlib import crc32
 
 import pytest
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.grammar import cache_path, grammar_text, tables
+from rmr.lang.read import tables as loader
+from rmr.lang.read.grammar import TABLES_FILE, grammar_text
+from rmr.lang.read.table_maker import as_text, made
+from rmr.lang.read.tables import tables
 
 GOOD = "location(R, s).\nlocation(R, L), L = s -o location(R, t).\n"
 BAD = "location(R, s)\nlocation(R, L) L = s -o location(R, t).\n"
 
 
 @pytest.fixture
-def home(tmp_path, monkeypatch):
-    """A cache folder of the test's own, and no parser in memory before or after."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+def fresh_tables():
+    """No tables in memory before or after."""
     tables.cache_clear()
-    yield tmp_path
+    yield
     tables.cache_clear()
 
 
@@ -29,85 +30,53 @@ def outcome() -> list[object]:
     return [good.program, good.diagnostics, bad.diagnostics]
 
 
-def kept(home: Path) -> list[Path]:
-    return sorted((home / "rmr").glob("*"))
+def test_packaged_tables_are_those_of_the_grammar():
+    text = grammar_text()
+    assert TABLES_FILE.read_text(encoding="utf-8") == as_text(made(text), text), (
+        "the grammar has changed: run python -m rmr.lang.read.table_maker"
+    )
 
 
-def test_kept_tables_give_the_same_programs_and_the_same_diagnostics(home):
-    fresh = outcome()
-    assert len(kept(home)) == 1
-    tables.cache_clear()
-    assert outcome() == fresh
-    assert len(kept(home)) == 1
+def test_loaded_tables_equal_those_made_in_memory():
+    assert tables() == made(grammar_text())
 
 
-def test_tables_at_hand_need_no_lark(home):
-    outcome()
+@pytest.mark.parametrize("seed", ["1", "2"])
+def test_tables_do_not_depend_on_the_hash_seed(seed):
+    code = "from rmr.lang.read import table_maker as m; t = m.grammar_text(); print(m.as_text(m.made(t), t), end='')"
+    environment = {**os.environ, "PYTHONHASHSEED": seed}
+    made_there = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True).stdout
+    assert made_there == TABLES_FILE.read_bytes()
+
+
+def test_packaged_tables_need_no_lark():
     code = "import sys; from rmr.lang.compiler import compile_source; compile_source(''); print('lark' in sys.modules)"
     [word] = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert word == "False"
 
 
-def test_tables_of_another_grammar_are_not_taken_for_its_own(home):
-    fresh = outcome()
-    path = cache_path(grammar_text())
-    octets = path.read_bytes()
-    forged = json.dumps(json.loads(octets.split(b"\n")[1]) | {"grammar": "another", "actions": []}).encode()
-    path.write_bytes(b"%08x\n%b" % (crc32(forged), forged))
+def test_compiling_writes_nothing_to_the_home_directory(tmp_path):
+    environment = {**os.environ, "HOME": str(tmp_path)} | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    code = "from rmr.lang.compiler import compile_source; assert compile_source('p(@1, 2).').program"
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+    assert list(tmp_path.rglob("*")) == []
+
+
+def test_an_edited_grammar_takes_effect_before_its_tables_are_written(fresh_tables, monkeypatch):
+    packaged = tables()
+    edited = grammar_text().replace('"order" NAME', '"sequence" NAME')
+    monkeypatch.setattr(loader, "grammar_text", lambda: edited)
     tables.cache_clear()
-    assert outcome() == fresh
-    assert path.read_bytes() == octets
+    assert {each.spelling for each in tables().terminals} - {each.spelling for each in packaged.terminals} == {
+        "sequence"
+    }
 
 
-def _without_actions(octets: bytes) -> bytes:
-    checksum, content = octets.split(b"\n")
-    return checksum + b"\n" + json.dumps(json.loads(content) | {"actions": []}).encode()
-
-
-DAMAGES = {
-    "empty": lambda octets: b"",
-    "garbage": lambda octets: b"garbage\n\x80\x04.",
-    "cut off": lambda octets: octets[: len(octets) // 2],
-    "one digit another": lambda octets: octets.replace(b'"start":', b'"start":9', 1),
-    "well-formed, yet no tables": _without_actions,
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_file_is_made_anew(home, damage):
-    fresh = outcome()
-    (file,) = kept(home)
-    octets = file.read_bytes()
-    assert damage(octets) != octets
-    file.write_bytes(damage(octets))
+def test_tables_of_another_grammar_are_not_used(fresh_tables, tmp_path, monkeypatch):
+    expected = outcome()
+    stale = {**json.loads(TABLES_FILE.read_text(encoding="utf-8")), "grammar": "00000000", "actions": []}
+    file = tmp_path / "tables.json"
+    file.write_text(json.dumps(stale), encoding="utf-8")
+    monkeypatch.setattr(loader, "TABLES_FILE", file)
     tables.cache_clear()
-    assert outcome() == fresh
-    assert file.read_bytes() == octets
-
-
-def test_where_nothing_can_be_kept_programs_compile_all_the_same(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("in the way")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    tables.cache_clear()
-    assert outcome()[0] is not None
-    tables.cache_clear()
-
-
-def test_a_user_without_a_home_compiles_all_the_same(monkeypatch):
-    def homeless(_: Path) -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setattr(Path, "expanduser", homeless)
-    tables.cache_clear()
-    assert outcome()[0] is not None
-    tables.cache_clear()
-
-
-def test_what_cannot_be_written_to_the_end_leaves_nothing_behind(home, monkeypatch):
-    def full(*_: object) -> None:
-        raise OSError("no space left on device")
-
-    monkeypatch.setattr("rmr.lang.grammar.os.replace", full)
-    assert outcome()[0] is not None
-    assert kept(home) == []
+    assert outcome() == expected

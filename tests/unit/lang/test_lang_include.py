@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from rmr.lang.compiler import compile_file
-from rmr.lang.include import CHARACTERS_MAX, DEPTH_MAX, FILES_MAX
-from rmr.lang.render import render_text, to_json
-from rmr.lang.source import SOURCE_OCTETS_MAX
+from rmr.lang.diagnostics.render import render_text, to_json
+from rmr.lang.read.include import CHARACTERS_MAX, DEPTH_MAX, FILES_MAX
+from rmr.lang.read.source_text import SOURCE_OCTETS_MAX
 
 
 @pytest.fixture(autouse=True)

@@ -6,17 +6,29 @@ import pytest
 from lang_source import codes, compiled, errors, places
 
 from rmr.lang.compiler import compile_source
-from rmr.lang.diagnostic import Diagnostics
-from rmr.lang.grammar import grammar
-from rmr.lang.misfit import word_of
-from rmr.lang.parser import NESTING_MAX, parse
-from rmr.lang.source import Source
-from rmr.lang.syntax import Aggregate, Comprehension, Condition, Fact, FactItem, Include, ListTerm, Literal, Rule, Steps
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read.grammar import grammar_text
+from rmr.lang.read.misfit import word_of
+from rmr.lang.read.parser import NESTING_MAX, parse
+from rmr.lang.read.source_text import SourceText
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    ComprehensionNode,
+    Condition,
+    FactItem,
+    FactNode,
+    IncludeItem,
+    ListTerm,
+    Literal,
+    RuleItem,
+    StepsNode,
+)
+from rmr.lang.read.table_maker import parser_of
 
 
 def parsed(text):
     found = Diagnostics()
-    module = parse(Source("test", text), found)
+    module = parse(SourceText("test", text), found)
     assert found.in_order() == []
     return module.items
 
@@ -63,7 +75,7 @@ def test_a_number_that_does_not_fit_is_an_error(text):
 
 def test_an_arrow_is_unspaced_and_a_spaced_one_subtracts():
     [rule] = parsed("p(R, X, o), Y = X - o -o q(R, Y).")
-    assert isinstance(rule, Rule)
+    assert isinstance(rule, RuleItem)
     assert len(rule.body) == 2
     assert compiled("p(R) ⊸ q(R).") == compiled("p(R) -o q(R).")
 
@@ -75,12 +87,12 @@ def test_an_arrow_inside_of_arguments_is_an_error_and_never_a_subtraction():
 
 def test_a_call_alone_is_a_fact_and_inside_an_expression_a_function():
     [rule] = parsed("id(R, N), id(R) = N, (if(N > 1, true, false)) -o 1.")
-    assert [type(part) for part in rule.body] == [Fact, Condition, Condition]
+    assert [type(part) for part in rule.body] == [FactNode, Condition, Condition]
 
 
 def test_not_before_a_call_is_absence_and_before_an_expression_negation():
     [rule] = parsed("a(R, X), not p(R), not !q(R), not (X > 3), not X = 3 -o 1.")
-    assert [type(part) for part in rule.body] == [Fact, Fact, Fact, Condition, Condition]
+    assert [type(part) for part in rule.body] == [FactNode, FactNode, FactNode, Condition, Condition]
     assert [part.absent for part in rule.body[:3]] == [False, True, True]
 
 
@@ -93,10 +105,10 @@ def test_the_whole_grammar_is_read():
     a(R, [H | T]) -o b(R) then c(R), [sum X => V | d(R, X) | e(R, V)], {B, C | f(R, B, C) | g(B, C)}.
     """
     items = parsed(text)
-    assert isinstance(items[0], Include)
+    assert isinstance(items[0], IncludeItem)
     rule = items[-1]
     assert isinstance(rule.body[0].arguments[1], ListTerm)
-    assert [type(part) for part in rule.head] == [Steps, Aggregate, Comprehension]
+    assert [type(part) for part in rule.head] == [StepsNode, AggregateNode, ComprehensionNode]
 
 
 def test_names_may_begin_like_reserved_words():
@@ -115,7 +127,7 @@ def test_a_syntax_error_costs_only_its_own_item():
 
 
 def test_every_token_has_a_word_and_none_is_a_regular_expression():
-    words = {each.name: word_of(each.name) for each in grammar().terminals}
+    words = {each.name: word_of(each.name) for each in parser_of(grammar_text()).terminals}
     assert [name for name, word in words.items() if word is None] == ["COMMENT", "WHITESPACE"]
     spelt = [word.strip("`") for word in words.values() if word is not None and word.startswith("`")]
     assert [word for word in spelt if re.search(r"[\\^]|\(.|\[.|.[?*+]", word)] == []

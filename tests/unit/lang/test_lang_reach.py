@@ -3,8 +3,8 @@
 import pytest
 from lang_source import compiled
 
-from rmr.lang import reach
-from rmr.lang.reach import Reach, TooMuch
+from rmr.lang.lower import goal_paths
+from rmr.lang.lower.goal_paths import GoalPaths, TooMuch
 
 
 def leads(text: str, goal: int = 0) -> dict[int, int | None] | None:
@@ -16,7 +16,7 @@ def leads(text: str, goal: int = 0) -> dict[int, int | None] | None:
 def ways(text: str) -> dict[int, int | None]:
     """Return the ranks of the rules that lead to the first goal, written down or not."""
     program = compiled(text)
-    return {way.rule: way.rank for way in Reach(program).ways(program.goals[0])}
+    return {way.rule: way.rank for way in GoalPaths(program).ways(program.goals[0])}
 
 
 def test_a_rank_counts_the_firings_that_are_still_needed() -> None:
@@ -105,23 +105,23 @@ def test_conditions_that_contradict_each_other_lead_nowhere() -> None:
 def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     text = " ".join(["?p(R, 30).", *(f"p(R, {n}) -o p(R, {n + 1})." for n in range(30)), "?q(R).", "p(R, 0) -o q(R)."])
     assert leads(text) is not None
-    monkeypatch.setattr(reach, "COMPARISONS_MAX", 20)
+    monkeypatch.setattr(goal_paths, "COMPARISONS_MAX", 20)
     assert (leads(text), leads(text, 1)) == (None, None)
     monkeypatch.undo()
-    monkeypatch.setattr(reach, "STEPS_MAX", 50)
+    monkeypatch.setattr(goal_paths, "STEPS_MAX", 50)
     assert (leads(text), leads(text, 1)) == (None, None)
     program = compiled(text)
     with pytest.raises(TooMuch):
-        Reach(program).ways(program.goals[0])
+        GoalPaths(program).ways(program.goals[0])
 
 
 def test_once_the_work_is_used_up_no_further_goal_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reach, "STEPS_MAX", 10)
+    monkeypatch.setattr(goal_paths, "STEPS_MAX", 10)
     program = compiled("".join(f"p(R, {i}) -o p(R, {i + 1}). ?p(R, {i}). " for i in range(20)) + "p(R, 0).")
-    found = Reach(program)
+    found = GoalPaths(program)
     with pytest.raises(TooMuch):
         found.ways(program.goals[-1])
-    monkeypatch.setattr(reach, "Levels", None)
+    monkeypatch.setattr(goal_paths, "Levels", None)
     for goal in program.goals:
         assert found.leads(goal) is None
 

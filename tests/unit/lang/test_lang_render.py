@@ -1,5 +1,5 @@
 from rmr.lang.compiler import compile_file, compile_source
-from rmr.lang.render import render_text, to_json
+from rmr.lang.diagnostics.render import render_text, to_json
 
 
 def rendered(text, color=False):

@@ -5,8 +5,8 @@ from lang_source import compiled
 
 from rmr.base.values import Symbol
 from rmr.bytecode.program import ANY, Constant, Pattern, Slot
-from rmr.lang import serve
-from rmr.lang.serve import Servers
+from rmr.lang.lower import servers
+from rmr.lang.lower.servers import Servers
 
 
 def serving(text: str) -> list[tuple[str, tuple[Pattern, ...]]]:
@@ -94,7 +94,7 @@ def test_how_far_is_walked_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     rules = " ".join(f"p(R, {n}) -o p(R, {n + 1})." for n in range(30))
     text = f"type action go(R: robot) -o p(R, 0). assert(s(R), p(R, 30), 9, v(R)). s(R). {rules}"
     assert serving(text) == [("go", ())]
-    monkeypatch.setattr(serve, "STEPS_MAX", 10)
+    monkeypatch.setattr(servers, "STEPS_MAX", 10)
     assert serving(text) == []
     program = compiled(text)
     assert Servers(program).walk(program.assertions[0]).cut

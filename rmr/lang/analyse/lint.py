@@ -1,0 +1,296 @@
+"""Lint: warnings about what is legal and probably not meant. Warnings never stop compilation.
+
+After a syntax error the broken item may hold whatever seems to be missing, so no absence is reported then.
+"""
+
+from collections.abc import Iterator
+
+from rmr.base.values import Symbol
+from rmr.bytecode import provided
+from rmr.lang.analyse.fact_size import DELIVERY_OCTETS_MAX, FACT_OCTETS_MAX, octets
+from rmr.lang.analyse.misspelt_names import Speller
+from rmr.lang.analyse.misspelt_symbols import lint_letters, lint_symbols
+from rmr.lang.analyse.names import FactRole, Names, uses
+from rmr.lang.analyse.nontermination import warn_endless
+from rmr.lang.analyse.supply import Known, Supply
+from rmr.lang.analyse.type_spelling import declaration_text
+from rmr.lang.analyse.types import CALLABLE, Types, constants, leaves
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    AssertionItem,
+    Binary,
+    ComprehensionNode,
+    Condition,
+    Conjunct,
+    Expression,
+    FactNode,
+    GoalItem,
+    Item,
+    Literal,
+    Mark,
+    ModuleNode,
+    RuleItem,
+    TypeDeclaration,
+    Variable,
+    walk,
+)
+
+TICK_S = 1 / 60
+"""The robots' executive runs at 60 Hz: nothing is decided faster."""
+
+_SENT = {FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
+"""Where facts and actions stand that are another robot's if their owner is."""
+
+TRUTHS = ("true", "false")
+
+NO_FIRING = "the rule cannot fire"
+NO_JOB = "the assertion never starts a job"
+
+
+def warn(module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
+    """Report the warnings about `module`."""
+    _Lint(module, names, types, found).run()
+
+
+class _Lint:
+    def __init__(self, module: ModuleNode, names: Names, types: Types, found: Diagnostics) -> None:
+        self._module = module
+        self._names = names
+        self._types = types
+        self._found = found
+        self._supply = Supply(module, names)
+        self._speller = Speller(names, self._supply, found)
+        self._reported: set[str] = set()
+        self._symbols: dict[str, int] = {}
+        """How often each is used."""
+        self._letters: dict[str, Item | None] = {}
+        """Those of one letter, each with the item that it stands in if there is only one."""
+        self._once: list[Variable] = []
+        for item in module.items:
+            self._look_at(item)
+        self._events = {
+            (item.name or item.finish.name).text for item in module.items if isinstance(item, AssertionItem)
+        }
+
+    def _look_at(self, item: Item) -> None:
+        """Collect the symbols of an item, and the variables that a rule or a time assertion uses once."""
+        variables: dict[str, Variable | None] = {}
+        for node in walk(item):
+            if isinstance(node, Variable):
+                variables[node.name] = None if node.name in variables else node
+            elif isinstance(node, Literal):
+                for each in leaves(node.value):
+                    if isinstance(each, Symbol):
+                        self._count(each, item)
+        if isinstance(item, RuleItem | AssertionItem):
+            self._once += [each for each in variables.values() if each is not None and not each.anonymous]
+
+    def _count(self, symbol: Symbol, item: Item) -> None:
+        self._symbols[symbol] = self._symbols.get(symbol, 0) + 1
+        if len(symbol) == 1:
+            self._letters[symbol] = item if self._letters.get(symbol, item) is item else None
+
+    def run(self) -> None:
+        for variable in self._once:
+            self._confusable(variable)
+        for item in self._module.items:
+            match item:
+                case RuleItem():
+                    for body, what in _bodies(item):
+                        self._contradiction(body, what)
+                    self._large(item, _home(item), constants(item.body))
+                case TypeDeclaration():
+                    executor = item.parameters[0].variable if item.parameters else None
+                    self._large(item, executor, {})
+                case AssertionItem():
+                    self._short(item)
+                    self._large(item, item.start.owner, {})
+                case _:
+                    pass
+        self._speller.types(self._module)
+        lint_letters(self._letters, self._types, self._found)
+        lint_symbols(self._module, self._symbols, self._types, self._found)
+        if not self._module.broken:
+            self._absences()
+            self._unstarted()
+        warn_endless(self._module, self._names, self._found)
+
+    def _absences(self) -> None:
+        for item in self._module.items:
+            match item:
+                case RuleItem():
+                    for body, what in _bodies(item):
+                        for fact in body:
+                            if isinstance(fact, FactNode) and not fact.absent:
+                                self._never(fact, what)
+                case GoalItem(fact=fact):
+                    self._unreachable(fact, {})
+                case AssertionItem():
+                    self._never(item.start, NO_JOB)
+                    self._unfinished(item.finish)
+                case _:
+                    pass
+            self._derivations(item)
+        for fact, name in self._supply.circular():
+            message = f"nothing can be the first to derive `{name}`, what derives it waits for it; {NO_FIRING}"
+            hint = f"state one to begin with, or declare it if it comes from outside: `type {name}(...)`"
+            self._found.report("W102", message, fact.span, hint=hint)
+
+    def _unstarted(self) -> None:
+        """Report a program all of whose rules wait for a fact from outside."""
+        fact = self._supply.unstarted()
+        if fact is None or self._found.failed or self._found.reported("W102"):
+            return
+        name, arity = fact.name.text, len(fact.arguments)
+        arguments = ", ".join(["R", *(["..."] if arity > 1 else [])])
+        message = f"nothing states or derives `{name}`, and no rule can fire before there is one"
+        hint = f"state one: `{name}({arguments}).`; from outside it comes by `rmr eval --insert` or a lab's `facts`"
+        self._found.report("W115", message, fact.span, hint=hint)
+
+    def _derivations(self, item: object) -> None:
+        known = constants(item.body) if isinstance(item, RuleItem) else {}
+        for use in uses(item) if isinstance(item, RuleItem) else ():
+            if use.role is FactRole.HEAD and use.fact.mark is Mark.GOAL:
+                self._unreachable(use.fact, known)
+            elif use.role is FactRole.HEAD:
+                self._speller.unread(use.fact)
+
+    # ---- variables that may be constants
+
+    def _confusable(self, variable: Variable) -> None:
+        constant = variable.name[0].lower() + variable.name[1:]
+        if (
+            (constant in self._symbols or constant in TRUTHS)
+            and constant != variable.name
+            and not self._found.wrong_at(variable.span)
+        ):
+            message = f"the variable `{variable.name}` is used only here and matches anything"
+            self._found.report("W101", message, variable.span, hint=f"did you mean the constant `{constant}`?")
+
+    # ---- rules that never fire
+
+    def _contradiction(self, body: tuple[Conjunct, ...], what: str) -> None:
+        values: dict[str, Literal] = {}
+        for conjunct in body:
+            if not isinstance(conjunct, Condition):
+                continue
+            match conjunct.expression:
+                case Literal(value=False):
+                    self._found.report("W102", f"this is never true, {what}", conjunct.span)
+                case Binary("=", Variable(name=name), Literal() as value) | Binary(
+                    "=", Literal() as value, Variable(name=name)
+                ) if name != "_":
+                    if values.setdefault(name, value).value != value.value:
+                        self._found.report("W102", f"`{name}` cannot be both, {what}", conjunct.span)
+                case _:
+                    pass
+
+    def _never(self, fact: FactNode, what: str) -> None:
+        name, signature = fact.name.text, self._names.of(fact)
+        if signature.provided:
+            known = provided.PREDICATES.get(name)
+            unsensed = known is not None and not known.sensed and signature.declaration is None
+            if unsensed and not self._supply.inserted(name):
+                hint = f"declare it if something does: `{declaration_text(name, signature.types, 'sensor ')}`"
+                self._found.report("W102", f"no robot senses `{name}`, {what}", fact.span, hint=hint)
+            else:
+                self._unknown_event(fact, what)
+        elif not self._supply.comes(name) and name not in self._reported:
+            self._reported.add(name)
+            self._found.report(
+                "W102", f"nothing states or derives `{name}`, {what}", fact.span, hint=self._missing(fact)
+            )
+
+    def _unknown_event(self, fact: FactNode, what: str) -> None:
+        kinds = self._names.of(fact).types
+        for argument, kind in zip(fact.arguments[1:], kinds, strict=False):
+            if kind.name != provided.EVENT or not isinstance(argument, Literal):
+                continue
+            if isinstance(argument.value, Symbol) and argument.value not in self._events:
+                message = f"no time assertion is called `{argument.value}`, {what}"
+                hint = self._speller.meant(argument.value, sorted(self._events))
+                self._found.report("W102", message, argument.span, hint=hint)
+
+    # ---- facts that nobody derives
+
+    def _unreachable(self, goal: FactNode, known: Known) -> None:
+        if not self._supply.may_match(goal, known) and not self._is_misspelt(goal):
+            message = f"nothing in the program derives a fact that matches `?{goal.name.text}(...)`"
+            self._found.report("W103", message, goal.span, hint=self._missing(goal))
+
+    def _unfinished(self, finish: FactNode) -> None:
+        if not self._supply.may_match(finish, {}) and not self._is_misspelt(finish):
+            message = f"nothing in the program derives a fact that matches `{finish.name.text}(...)`"
+            message += "; jobs are late unless one comes from outside"
+            self._found.report("W104", message, finish.span, hint=self._missing(finish))
+
+    def _is_misspelt(self, fact: FactNode) -> bool:
+        """Whether an argument has been reported as misspelt."""
+        return any(self._found.reported_at("W112", argument.span) for argument in fact.arguments)
+
+    def _missing(self, fact: FactNode) -> str | None:
+        """Return the hint for a fact that nothing derives."""
+        name = fact.name.text
+        if self._names.of(fact).declaration is not None or self._supply.is_derived(name):
+            return None
+        if name in CALLABLE:
+            return f"a call alone is a fact; the function stands in parentheses: `({name}(...))`"
+        return self._speller.known(fact) or f"declare it if it comes from outside: `type {name}(...)`"
+
+    # ---- sizes and times
+
+    def _large(self, item: RuleItem | TypeDeclaration | AssertionItem, home: Expression | None, known: Known) -> None:
+        for use in uses(item):
+            fact = use.fact
+            if use.role not in _SENT or not _is_away(fact.owner, home):
+                continue
+            kinds = self._types.arguments(fact.name.text)
+            arguments = list(zip(fact.arguments[1:], kinds, strict=False))
+            size = sum(octets(argument, kind, known) for argument, kind in arguments)
+            if size <= FACT_OCTETS_MAX:
+                continue
+            least = sum(octets(argument, kind, known, min) for argument, kind in arguments)
+            if least > DELIVERY_OCTETS_MAX:
+                message = f"the values of this fact take {least} octets, a delivery carries {DELIVERY_OCTETS_MAX}"
+                hint = "it could never be sent; send it in parts, or something shorter that stands for it"
+                self._found.report("E008", message, fact.span, hint=hint)
+            else:
+                message = f"the values of this fact take {size} octets, a radio frame has room for {FACT_OCTETS_MAX}"
+                self._found.report("W105", message, fact.span, hint="it will be sent in fragments")
+
+    def _short(self, item: AssertionItem) -> None:
+        value = item.deadline.value if isinstance(item.deadline, Literal) else None
+        if isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < TICK_S:
+            hint = "a robot decides 60 times a second; `500ms` and `2s` are times"
+            self._found.report("W106", "this deadline is shorter than a tick", item.deadline.span, hint=hint)
+
+
+def _bodies(rule: RuleItem) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
+    """Yield a rule's bodies, and what does not happen if nothing matches them."""
+    yield rule.body, NO_FIRING
+    for part in rule.head:
+        match part:
+            case ComprehensionNode(body=body):
+                yield body, "the comprehension derives nothing"
+            case AggregateNode(body=body):
+                yield body, "the aggregate finds nothing"
+            case _:
+                pass
+
+
+def _home(rule: RuleItem) -> Expression | None:
+    return next((each.owner for each in rule.body if isinstance(each, FactNode) and not each.absent), None)
+
+
+def _is_away(owner: Expression | None, home: Expression | None) -> bool:
+    """Whether a fact is certainly another robot's than the one at home."""
+    match owner, home:
+        case Variable(name=one), Variable(name=other):
+            return one != other
+        case Literal(value=this), Literal(value=that):
+            return this != that
+        case Literal() | Variable(), Literal() | Variable():
+            return True
+        case _:
+            return False

@@ -1,0 +1,200 @@
+"""Misspelt symbols: a symbol that is used once and differs by one slip of the pen from another one of its set.
+
+Symbols are open sets, so that any word is legal. One is reported only if
+
+- it stands at one place of the program, and is four letters long or longer;
+- another symbol differs from it by one letter that is missing, added, doubled, changed, or swapped with its neighbour;
+  not by a digit, not by the first letter, not by what comes last (`wall_a` and `wall_b`, `slot1` and `slot2`);
+- both may stand for the same thing: their types have one name, or they are arguments of the same predicate, or
+  they stand where no type is declared, are six letters long or longer, end alike and differ by no changed letter;
+- the other one is used more often, or one of the two is only read and the other one only written.
+"""
+
+from collections.abc import Iterator
+
+from rmr.base.record import record
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Base
+from rmr.lang.analyse.names import LETTERS_MAX, FactRole, uses
+from rmr.lang.analyse.types import Types
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.read.source_text import Span
+from rmr.lang.read.syntax import (
+    Binary,
+    Condition,
+    Conjunct,
+    Expression,
+    Item,
+    Literal,
+    Mark,
+    ModuleNode,
+    RuleItem,
+    walk,
+)
+
+LETTERS_MIN = 4
+"""Shorter symbols are one slip from too many words."""
+
+CHANGED_LETTERS_MIN = 5
+"""Shorter symbols that differ by another letter are two words more often than one (`load`, `lead`)."""
+
+OPEN_LETTERS_MIN = 6
+"""Shorter symbols at different undeclared arguments are two words more often than one."""
+
+SYMBOLS_MAX = 2000
+"""Symbols of one program that are compared; nobody spells more by hand."""
+
+_WRITING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
+
+
+@record
+class SymbolUse:
+    """Where a symbol stands."""
+
+    span: Span
+    key: str | None
+    """The name of its set, else the argument of the predicate; None: not known."""
+    written: bool
+    """It is stated or derived there, not matched."""
+
+
+def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
+    """Report the symbols of `module` that look misspelt; `counts` says how often each is used."""
+    pairs = list(_pairs(counts))
+    if not pairs:
+        return
+    wanted = {name for pair in pairs for name in pair}
+    places: dict[str, list[SymbolUse]] = {}
+    for name, place in _places(module.items, types):
+        if name in wanted:
+            places.setdefault(name, []).append(place)
+    told: set[str] = set()
+    for rare, other in pairs:
+        here, there = places.get(rare, []), places.get(other, [])
+        if rare in told or len(here) != 1 or not there:
+            continue
+        if not _are_one_set(here, there) and not _are_open(rare, other, here, there):
+            continue
+        if counts[other] == 1 and not _is_misspelt(here[0], there[0]):
+            continue
+        told.update((rare, other))
+        notes = (DiagnosticNote(there[0].span, "used here"),)
+        message = f"`{rare}` is used only here"
+        found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
+
+
+def lint_letters(letters: dict[str, Item | None], types: Types, found: Diagnostics) -> None:
+    """Report letters that one rule matches and hands on, and nothing else names: they are meant as variables.
+
+    `letters` are the symbols of one letter, each with the item that it stands in if there is only one.
+    """
+    for name, item in letters.items():
+        if isinstance(item, RuleItem):
+            here = [place for symbol, place in _places((item,), types) if symbol == name]
+            if {each.written for each in here} == {True, False}:
+                message = f"the symbol `{name}` is used in this rule only"
+                found.report("W112", message, here[0].span, hint=f"did you mean the variable `{name.upper()}`?")
+
+
+def _are_one_set(here: list[SymbolUse], there: list[SymbolUse]) -> bool:
+    keys = {each.key for each in here}
+    return any(each.key is None or each.key in keys or None in keys for each in there)
+
+
+def _are_open(rare: str, other: str, here: list[SymbolUse], there: list[SymbolUse]) -> bool:
+    """Whether two long symbols stand where no type is declared, and may be of one set although no rule says so."""
+    is_changed = len(rare) == len(other) and sorted(rare) != sorted(other)  # `packing` and `parking` are two words
+    if is_changed or min(len(rare), len(other)) < OPEN_LETTERS_MIN or rare[-1] != other[-1]:
+        return False
+    return all(each.key is not None and "/" in each.key for each in (*here, *there))
+
+
+def _is_misspelt(here: SymbolUse, there: SymbolUse) -> bool:
+    """Of two symbols that are used once, take the one that is read for the wrong one."""
+    return there.written and not here.written
+
+
+def _pairs(counts: dict[str, int]) -> Iterator[tuple[str, str]]:
+    """Yield symbols that are used once, each with one that differs from it by a slip."""
+    once = [name for name, count in counts.items() if count == 1 and LETTERS_MIN <= len(name) <= LETTERS_MAX]
+    if not once or len(counts) > SYMBOLS_MAX:
+        return
+    shorter: dict[str, list[str]] = {}
+    """Symbols by what is left of them without one letter."""
+    for name in counts:
+        if LETTERS_MIN - 1 <= len(name) <= LETTERS_MAX:
+            for form in dict.fromkeys((name, *_without_one(name))):
+                shorter.setdefault(form, []).append(name)
+    for name in once:
+        near = {other: None for form in (name, *_without_one(name)) for other in shorter[form] if other != name}
+        for other in sorted(near, key=lambda each: -counts[each]):
+            if _is_slip(name, other):
+                yield name, other
+
+
+def _without_one(name: str) -> Iterator[str]:
+    return (name[:place] + name[place + 1 :] for place in range(1, len(name)))
+
+
+def _is_slip(one: str, other: str) -> bool:
+    """Whether two words differ by one slip that hardly makes another word."""
+    short, long = sorted((one, other), key=len)
+    if len(long) - len(short) > 1 or one[0] != other[0]:
+        return False
+    place = next((k for k, (a, b) in enumerate(zip(short, long, strict=False)) if a != b), len(short))
+    if len(short) < len(long):
+        letter = long[place]
+        at_end = place == len(short) and letter != "s"
+        return letter.isalpha() and short[place:] == long[place + 1 :] and (not at_end or letter == long[place - 1])
+    if one[place + 2 :] == other[place + 2 :] and one[place : place + 2] == other[place : place + 2][::-1]:
+        return one[place : place + 2].isalpha()
+    letters = one[place] + other[place]
+    is_inside = place < len(one) - 1 and "_" not in {one[place + 1], one[place - 1]}
+    return (
+        letters.isalpha() and is_inside and len(one) >= CHANGED_LETTERS_MIN and one[place + 1 :] == other[place + 1 :]
+    )
+
+
+# ---- where symbols stand
+
+
+def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, SymbolUse]]:
+    for item in items:
+        for use in uses(item):
+            fact, name = use.fact, use.fact.name.text
+            written = use.role in _WRITING and fact.mark is not Mark.GOAL
+            cells = types.positions[name]
+            for index, argument in enumerate(fact.arguments[1:], start=1):
+                key = _key(types, argument) or f"{name}/{index}"
+                if index < len(cells) and cells[index].kind.base is Base.SYMBOL and cells[index].kind.name:
+                    key = cells[index].kind.name
+                for symbol, span in _symbols(argument):
+                    yield symbol, SymbolUse(span, key, written)
+        if isinstance(item, RuleItem):
+            yield from _compared(item, types)
+
+
+def _compared(rule: RuleItem, types: Types) -> Iterator[tuple[str, SymbolUse]]:
+    """Yield the symbols in the conditions of a rule."""
+    bodies: list[tuple[Conjunct, ...]] = [rule.body, *(getattr(part, "body", ()) for part in rule.head)]
+    for conjunct in (each for body in bodies for each in body):
+        if not isinstance(conjunct, Condition):
+            continue
+        keys: dict[Span, str] = {}
+        for node in walk(conjunct.expression):
+            if isinstance(node, Binary):
+                for side, other in ((node.left, node.right), (node.right, node.left)):
+                    keys[side.span] = _key(types, other) or ""
+        for symbol, span in _symbols(conjunct.expression):
+            yield symbol, SymbolUse(span, keys.get(span) or None, written=False)
+
+
+def _symbols(expression: Expression) -> Iterator[tuple[str, Span]]:
+    for node in walk(expression):
+        if isinstance(node, Literal) and isinstance(node.value, Symbol):
+            yield str(node.value), node.span
+
+
+def _key(types: Types, expression: Expression) -> str | None:
+    cell = types.expressions.get(expression.span)
+    return cell.kind.name or None if cell is not None and cell.kind.base is Base.SYMBOL else None

@@ -1,0 +1,351 @@
+"""Predicates and actions: the kind and the arity of each name, and the place that decided it.
+
+A declaration decides. Without one the uses do: an assertion's violation is an action, one `!` makes a fact
+persistent, a provided name is sensed unless the program states or derives it, and everything else is temporary. Every
+use is then checked against the result.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from types import MappingProxyType
+
+from rmr.base.record import record
+from rmr.bytecode import provided
+from rmr.bytecode.program import Base, Kind, Type
+from rmr.lang.analyse.type_spelling import declaration_text
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.read.source_text import Span
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    AssertionItem,
+    ComprehensionNode,
+    Condition,
+    Conjunct,
+    Declared,
+    FactItem,
+    FactNode,
+    GoalItem,
+    HeadItem,
+    Item,
+    Mark,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
+    TypeDeclaration,
+    TypeName,
+)
+
+CANDIDATES_MAX = 500
+"""Names that are looked through for a near miss."""
+
+
+LETTERS_OFF = 2
+"""How much longer or shorter a misspelt name may be."""
+
+LETTERS_MAX = 60
+"""Longer names are not searched for: comparing them takes the square of their length."""
+
+
+Given = Mapping[str, bool]
+"""Predicates of which whoever runs the program inserts facts; true: persistent ones, so that an undeclared one is."""
+
+NOTHING_GIVEN: Given = MappingProxyType({})
+
+
+class FactRole(Enum):
+    """Where a fact stands."""
+
+    FACT = auto()
+    GOAL = auto()
+    BODY = auto()
+    HEAD = auto()
+    EFFECT = auto()
+    START = auto()
+    FINISH = auto()
+    VIOLATION = auto()
+
+
+@record
+class Use:
+    """One occurrence of a predicate or an action."""
+
+    fact: FactNode
+    role: FactRole
+
+
+@dataclass(slots=True)
+class Signature:
+    """What a name stands for."""
+
+    name: str
+    kind: Kind
+    arity: int
+    """With the owner."""
+    place: Span
+    """Its declaration, else its first use."""
+    declaration: TypeDeclaration | None = None
+    provided: bool = False
+    types: tuple[Type, ...] = ()
+    """Of the arguments after the owner, as far as they are declared or provided; OPEN where inference decides."""
+    banged: Span | None = None
+    """Undeclared: the use whose bang makes it persistent."""
+
+    @property
+    def is_fact(self) -> bool:
+        """Whether it is a predicate, not an action."""
+        return self.kind is not Kind.ACTION
+
+
+@dataclass(slots=True)
+class Names:
+    """All predicates and actions of a program, in the order of their first mention, declarations first."""
+
+    signatures: dict[str, Signature] = field(default_factory=dict)
+    uses: list[Use] = field(default_factory=list)
+    given: Given = field(default_factory=lambda: NOTHING_GIVEN)
+
+    def of(self, fact: FactNode) -> Signature:
+        """Return what `fact` names; every fact of the program names something."""
+        return self.signatures[fact.name.text]
+
+
+def near(name: str, candidates: list[str]) -> str | None:
+    """Return the candidate that `name` may be a misspelling of."""
+    from difflib import get_close_matches  # noqa: PLC0415 - most programs have no misspelling
+
+    if len(name) > LETTERS_MAX:
+        return None
+    alike = [each for each in candidates[:CANDIDATES_MAX] if each != name and abs(len(each) - len(name)) <= LETTERS_OFF]
+    swapped = [each for each in alike if _swapped(name, each)]
+    matches = swapped or get_close_matches(name, alike, n=1, cutoff=0.75)
+    return matches[0] if matches else None
+
+
+def _swapped(one: str, other: str) -> bool:
+    """Return whether two neighbouring letters have changed places: in a short name that is most of it."""
+    if len(one) != len(other):
+        return False
+    off = [k for k, (a, b) in enumerate(zip(one, other, strict=True)) if a != b]
+    return len(off) == 2 and off[1] == off[0] + 1 and one[off[0]] == other[off[1]] and one[off[1]] == other[off[0]]
+
+
+def meant(name: str, candidates: list[str]) -> str | None:
+    """Return the hint for a name that may be misspelt."""
+    match = near(name, candidates)
+    return f"did you mean `{match}`?" if match is not None else None
+
+
+# ---- uses
+
+
+def uses(item: Item) -> Iterator[Use]:
+    """Yield every predicate and action that `item` mentions, in source order, its declaration aside."""
+    match item:
+        case FactItem(fact=fact):
+            yield Use(fact, FactRole.FACT)
+        case GoalItem(fact=fact):
+            yield Use(fact, FactRole.GOAL)
+        case TypeDeclaration():
+            for fact in (*item.effects, *item.else_effects):
+                yield Use(fact, FactRole.EFFECT)
+        case RuleItem():
+            yield from _body_uses(item.body)
+            for part in item.head:
+                yield from _head_uses(part)
+        case AssertionItem():
+            yield Use(item.start, FactRole.START)
+            yield Use(item.finish, FactRole.FINISH)
+            yield Use(item.violation, FactRole.VIOLATION)
+        case _:
+            pass
+
+
+def _body_uses(body: tuple[Conjunct, ...]) -> Iterator[Use]:
+    for conjunct in body:
+        if not isinstance(conjunct, Condition):
+            yield Use(conjunct, FactRole.BODY)
+
+
+def _head_uses(part: HeadItem) -> Iterator[Use]:
+    match part:
+        case FactNode():
+            yield Use(part, FactRole.HEAD)
+        case StepsNode(derived=derived):
+            for fact in derived:
+                yield Use(fact, FactRole.HEAD)
+        case ComprehensionNode():
+            yield from _body_uses(part.body)
+            for fact in part.head:
+                yield Use(fact, FactRole.HEAD)
+        case AggregateNode():
+            yield from _body_uses(part.body)
+            yield Use(part.head, FactRole.HEAD)
+
+
+# ---- signatures
+
+_KINDS = {
+    Declared.TEMPORARY: Kind.TEMPORARY,
+    Declared.PERSISTENT: Kind.PERSISTENT,
+    Declared.SENSED: Kind.SENSED,
+    Declared.ACTION: Kind.ACTION,
+}
+_BASES = {"robot": Base.ROBOT, "int": Base.INT, "float": Base.FLOAT, "bool": Base.BOOL, "string": Base.STRING}
+
+
+def declared_type(name: TypeName) -> Type:
+    """Return the type that `name` spells."""
+    if name.element is not None:
+        return Type(Base.LIST, element=declared_type(name.element))
+    base = _BASES.get(name.name)
+    return Type(base) if base is not None else Type(Base.SYMBOL, name.name)
+
+
+def collect(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Names:
+    """Return the names of `module`, and report what contradicts itself."""
+    names = Names(uses=[use for item in module.items for use in uses(item)], given=given)
+    for item in module.items:
+        if isinstance(item, TypeDeclaration):
+            _declare(item, names, found)
+    for name, group in _undeclared(names).items():
+        names.signatures[name] = _infer(name, group, given.get(name, False))
+    for use in names.uses:
+        if use.fact.name.text not in module.broken or names.of(use.fact).declaration is not None:
+            _check_use(use, names.of(use.fact), found)
+    return names
+
+
+def _declare(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
+    name = item.name.text
+    if (earlier := names.signatures.get(name)) is not None:
+        notes = (DiagnosticNote(earlier.place, "first declared here"),)
+        found.report("E010", f"`{name}` is declared twice", item.name.span, hint="drop one of them", notes=notes)
+        return
+    if not item.parameters or item.parameters[0].type.name != "robot":
+        span = item.parameters[0].span if item.parameters else item.name.span
+        what = "executor" if item.kind is Declared.ACTION else "owner"
+        message = f"the first argument of `{name}` is its {what}, a robot"
+        found.report("E021", message, span, hint=f"`{name}(robot, ...)`")
+    types = tuple(declared_type(parameter.type) for parameter in item.parameters[1:])
+    signature = Signature(name, _KINDS[item.kind], max(1, len(item.parameters)), item.name.span, item, types=types)
+    signature.provided = provided.is_provided(name, signature.kind, signature.types)
+    names.signatures[name] = signature
+    action = provided.ACTIONS.get(name) if item.kind is Declared.ACTION else None
+    if action is not None and not _same_shape(types, action.types):
+        message = f"the action `{name}` is provided with other arguments"
+        hint = declaration_text(name, action.types, "action ")
+        found.report("E014", message, item.span, hint=f"`{hint}`")
+
+
+def _same_shape(one: tuple[Type, ...], other: tuple[Type, ...]) -> bool:
+    return [kind.base for kind in one] == [kind.base for kind in other]
+
+
+def _undeclared(names: Names) -> dict[str, list[Use]]:
+    groups: dict[str, list[Use]] = {}
+    for use in names.uses:
+        if use.fact.name.text not in names.signatures:
+            groups.setdefault(use.fact.name.text, []).append(use)
+    return groups
+
+
+def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
+    first = group[0].fact
+    arity = max(1, len(first.arguments))
+    roles = {use.role for use in group}
+    if FactRole.VIOLATION in roles and not roles & _FOR_FACTS.keys():
+        if name in provided.ACTIONS:
+            types = provided.ACTIONS[name].types
+            return Signature(name, Kind.ACTION, 1 + len(types), first.span, types=types)
+        return Signature(name, Kind.ACTION, arity, first.span, types=_open(arity))
+    own = any(use.role in {FactRole.FACT, FactRole.HEAD} and use.fact.mark is not Mark.GOAL for use in group)
+    if name in provided.PREDICATES and not own:
+        row = provided.PREDICATES[name]
+        return Signature(name, row.kind, 1 + len(row.types), first.span, provided=True, types=row.types)
+    banged = next((use.fact.span for use in group if use.fact.mark is Mark.BANG), None)
+    kind = Kind.PERSISTENT if persistent or banged is not None else Kind.TEMPORARY
+    return Signature(name, kind, arity, first.span, types=_open(arity), banged=banged)
+
+
+def _open(arity: int) -> tuple[Type, ...]:
+    return (Type(Base.OPEN),) * (arity - 1)
+
+
+# ---- uses held against signatures
+
+
+def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
+    fact, name = use.fact, use.fact.name.text
+    notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _said(signature)),)
+    given = len(fact.arguments)
+    if given == 0:
+        message = f"`{name}` has no argument; the first argument is its owner, a robot"
+        found.report("E021", message, fact.span, hint=f"`{name}(R)`")
+    elif given != signature.arity:
+        hint = None
+        if signature.provided or (signature.declaration is None and name in provided.ACTIONS and not signature.is_fact):
+            word = {Kind.SENSED: "sensor ", Kind.PERSISTENT: "!", Kind.ACTION: "action "}[signature.kind]
+            hint = f"provided is `{declaration_text(name, signature.types, word)}`"
+        message = f"`{name}` has {_count(signature.arity, 'argument')}, here it is given {given}"
+        found.report("E011", message, fact.span, hint=hint, notes=notes)
+    _check_kind(use, signature, notes, found)
+
+
+def _said(signature: Signature) -> str:
+    if signature.declaration is not None:
+        return "declared here"
+    return "first used here"
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+_FOR_FACTS = {
+    FactRole.BODY: "a body reads facts; an action is never stored",
+    FactRole.FACT: "an action is derived by rules, it does not hold at the start",
+    FactRole.GOAL: "a goal is a fact that is wanted, not an action",
+    FactRole.EFFECT: "an action's effects are facts",
+    FactRole.START: "a job starts with a fact",
+    FactRole.FINISH: "a job ends with a fact",
+}
+
+
+def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
+    fact, name, kind = use.fact, use.fact.name.text, signature.kind
+    word = kind.name.lower()
+    if use.role is FactRole.VIOLATION:
+        if kind is not Kind.ACTION:
+            message = f"the violation of a time assertion is an action, `{name}` is a {word} fact"
+            found.report("E012", message, fact.span, notes=notes)
+        return
+    if kind is Kind.ACTION:
+        _check_action_use(use, signature, notes, found)
+        return
+    if fact.mark is Mark.GOAL and use.role is FactRole.BODY:
+        hint = "a goal is wanted, not held: a rule that leads to it is preferred by itself"
+        found.report("E012", "no body reads a goal", fact.span, hint=hint)
+    elif fact.mark is Mark.BANG and kind is not Kind.PERSISTENT:
+        hint = f"drop the `!`, or declare `type !{name}(...)`"
+        hint += f"; that there is none is `not {name}(...)`" if use.role is FactRole.BODY else ""
+        found.report("E012", f"`{name}` is a {word} fact, not a persistent one", fact.span, hint=hint, notes=notes)
+    elif fact.mark is Mark.KEEP and kind is not Kind.TEMPORARY:
+        message = f"`$` keeps a temporary fact; `{name}` is {word} and is never consumed"
+        if signature.banged is not None:
+            notes = (DiagnosticNote(signature.banged, "persistent because of this `!`"),)
+        found.report("E012", message, fact.span, hint="drop the `$`", notes=notes)
+    elif use.role is FactRole.HEAD and fact.mark is not Mark.GOAL and kind is Kind.SENSED:
+        message = f"`{name}` is sensed by the robot, no rule derives it"
+        found.report("E012", message, fact.span, notes=notes)
+
+
+def _check_action_use(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
+    fact, name = use.fact, use.fact.name.text
+    if use.role in _FOR_FACTS:
+        found.report("E012", f"`{name}` is an action", fact.span, hint=_FOR_FACTS[use.role], notes=notes)
+    elif fact.mark is not Mark.NONE:
+        found.report("E012", f"`{name}` is an action; `{fact.mark.value}` marks facts", fact.span, notes=notes)
+    elif signature.declaration is None:
+        hint = f"`{declaration_text(name, signature.types, 'action ')}`"
+        found.report("E013", f"the action `{name}` is derived but not declared", fact.span, hint=hint, notes=notes)

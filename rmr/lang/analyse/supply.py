@@ -1,0 +1,273 @@
+"""Where the facts of a program come from: what it states, derives and reads, and what comes from outside.
+
+Facts may arrive from outside (a lab, a sensor, an action in Python). So a declared predicate may have facts that the
+program never derives, whereas an undeclared one has only those that the program derives. A rule counts as able to fire
+if the facts that it needs may be there; of its conditions only equations of a variable with a constant are considered.
+"""
+
+from collections.abc import Iterable, Iterator
+
+from rmr.base.record import record
+from rmr.base.values import Value
+from rmr.bytecode import provided
+from rmr.bytecode.program import Kind
+from rmr.lang.analyse.names import FactRole, Names, uses
+from rmr.lang.analyse.types import WINNING, constants
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    ComprehensionNode,
+    Conjunct,
+    Expression,
+    FactNode,
+    HeadItem,
+    Literal,
+    Mark,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
+    Variable,
+)
+
+COMPARED_MAX = 300_000
+"""Wanted facts held against derived ones, a second's work; what is not looked at any more is taken to match."""
+
+_DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT}
+_READING = {FactRole.BODY, FactRole.START, FactRole.FINISH, FactRole.GOAL}
+
+Known = dict[str, Literal]
+"""Variables that a rule equates with a constant."""
+
+
+@record
+class Firing:
+    """What a rule derives at one go, and the facts that must be there for it."""
+
+    premises: list[FactNode]
+    derived: tuple[str, ...]
+    lacking: set[str]
+    """Of the premises' names those that nothing is known to derive."""
+
+
+def _default_effects(names: Names) -> Iterator[str]:
+    """Yield the predicates of effects that provided actions have because they are declared without one."""
+    for action in provided.ACTIONS.values():
+        signature = names.signatures.get(action.name)
+        declared = signature.declaration if signature is not None else None
+        if action.effect is not None and declared is not None and not declared.effects:
+            yield action.effect
+
+
+class Supply:
+    """The facts of one program."""
+
+    def __init__(self, module: ModuleNode, names: Names) -> None:
+        self._names = names
+        self._derived: dict[str, list[tuple[FactNode, Known]]] = {}
+        self._begun: set[str] = set()
+        self._read: set[str] = set()
+        self._compared = 0
+        self._arriving = frozenset((*_default_effects(names), *names.given))
+        self.firings: list[Firing] = []
+        """What rules derive, in their order."""
+        for item in module.items:
+            known = constants(item.body) if isinstance(item, RuleItem) else {}
+            for use in uses(item):
+                if use.role in _DERIVING and use.fact.mark is not Mark.GOAL:
+                    self._derived.setdefault(use.fact.name.text, []).append((use.fact, known))
+                if use.role in {FactRole.FACT, FactRole.EFFECT}:
+                    self._begun.add(use.fact.name.text)
+                if use.role in _READING or use.fact.mark is Mark.GOAL:
+                    self._read.add(use.fact.name.text)
+            if isinstance(item, RuleItem):
+                self.firings += _firings(item)
+
+    def comes(self, name: str) -> bool:
+        """Whether the program states or derives `name`, or something inserts it from outside."""
+        return self._is_outside(name) or name in self._derived
+
+    def inserted(self, name: str) -> bool:
+        """Whether facts of `name` are given to the run, or are the default effect of a provided action."""
+        return name in self._arriving
+
+    def is_derived(self, name: str) -> bool:
+        """Whether the program itself states or derives `name`."""
+        return name in self._derived
+
+    def is_read(self, name: str) -> bool:
+        """Whether a body, a goal or a time assertion looks for `name`."""
+        return name in self._read
+
+    def may_match(self, wanted: FactNode, known: Known) -> bool:
+        """Whether a fact that matches `wanted` may come about."""
+        name = wanted.name.text
+        signature = self._names.of(wanted)
+        if signature.kind in {Kind.SENSED, Kind.ACTION} or signature.provided or self.inserted(name):
+            return True
+        producers = self._derived.get(name, [])
+        # Declared and never derived: declared because something outside inserts it.
+        if not producers and signature.declaration is not None:
+            return True
+        self._compared += len(producers)
+        return self._compared > COMPARED_MAX or any(_may_match(wanted, known, *producer) for producer in producers)
+
+    # ---- what nothing can begin
+
+    def circular(self) -> Iterator[tuple[FactNode, str]]:
+        """Yield premises of which nothing can be the first to be derived, one for each circle of rules, with its name.
+
+        What comes from nowhere at all is somebody else's to report and taken to be there.
+        """
+        waiting: dict[str, list[Firing]] = {}
+        deriving: dict[str, list[Firing]] = {}
+        ready: list[Firing] = []
+        for firing in self.firings:
+            firing.lacking.update(fact.name.text for fact in firing.premises if not self._begins(fact.name.text))
+            for name in sorted(firing.lacking):
+                waiting.setdefault(name, []).append(firing)
+            for name in firing.derived:
+                deriving.setdefault(name, []).append(firing)
+            if not firing.lacking:
+                ready.append(firing)
+        _release(ready, waiting)
+        for firing in self.firings:
+            while firing.lacking:
+                premise = _circle(firing, deriving)
+                yield premise, premise.name.text
+                _release(_supplied(premise.name.text, waiting), waiting)
+
+    def unstarted(self) -> FactNode | None:
+        """Return the first premise that waits for a fact from outside, if no rule at all can fire without one.
+
+        Persistent and sensed facts of declared predicates are data that somebody hands over: they may be there.
+        """
+        if self._is_driven:
+            return None
+        waiting: FactNode | None = None
+        for firing in self.firings:
+            lacking = next((fact for fact in firing.premises if self._is_awaited(fact.name.text)), None)
+            if lacking is None:
+                return None
+            waiting = waiting or lacking
+        return waiting
+
+    @property
+    def _is_driven(self) -> bool:
+        """Whether facts come from outside: the program declares a sensor, or watches what nobody states."""
+        declared = (each for each in self._names.signatures.values() if each.declaration is not None)
+        if any(each.kind is Kind.SENSED and each.name not in provided.PREDICATES for each in declared):
+            return True
+        return any(use.role is FactRole.START and self._is_awaited(use.fact.name.text) for use in self._names.uses)
+
+    def _is_awaited(self, name: str) -> bool:
+        """Whether a temporary fact is declared, and not there when the program begins."""
+        signature = self._names.signatures[name]
+        if signature.provided or signature.declaration is None or signature.kind is not Kind.TEMPORARY:
+            return name in self._derived and name not in self._begun and not self._is_outside(name)
+        return name not in self._begun and name not in self._arriving
+
+    def _begins(self, name: str) -> bool:
+        return self._is_outside(name) or name in self._begun or name not in self._derived
+
+    def _is_outside(self, name: str) -> bool:
+        signature = self._names.signatures[name]
+        return signature.provided or signature.declaration is not None or name in self._arriving
+
+
+def only_stated(fact: FactNode, names: Names) -> bool:
+    """Whether facts of the predicate are stated as initial facts and come about in no other way."""
+    signature = names.of(fact)
+    if signature.kind is Kind.SENSED or signature.provided or fact.name.text in names.given:
+        return False
+    return _has_use(fact, names, {FactRole.FACT}) and not is_brought(fact, names)
+
+
+def is_brought(fact: FactNode, names: Names) -> bool:
+    """Whether a rule or the declared effect of an action derives facts of the predicate."""
+    return _has_use(fact, names, {FactRole.HEAD, FactRole.EFFECT})
+
+
+def _has_use(fact: FactNode, names: Names, roles: set[FactRole]) -> bool:
+    uses_of = (use for use in names.uses if use.fact.name.text == fact.name.text)
+    return any(use.role in roles and use.fact.mark is not Mark.GOAL for use in uses_of)
+
+
+def _supplied(name: str, waiting: dict[str, list[Firing]]) -> list[Firing]:
+    """Return the firings that lack nothing any more now that `name` is there."""
+    ready = []
+    for firing in waiting.pop(name, ()):
+        firing.lacking.discard(name)
+        if not firing.lacking:
+            ready.append(firing)
+    return ready
+
+
+def _release(ready: list[Firing], waiting: dict[str, list[Firing]]) -> None:
+    while ready:
+        for name in ready.pop().derived:
+            ready += _supplied(name, waiting)
+
+
+def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> FactNode:
+    """Return a premise that waits for itself, by going back from `firing` through what each waits for."""
+    seen: dict[str, FactNode] = {}
+    while True:
+        premise = next(fact for fact in firing.premises if fact.name.text in firing.lacking)
+        if premise.name.text in seen:
+            return premise
+        seen[premise.name.text] = premise
+        firing = deriving[premise.name.text][0]
+
+
+def _firings(rule: RuleItem) -> Iterator[Firing]:
+    premises = list(_premises(rule.body))
+    yield Firing(premises, tuple(_names(part for part in rule.head if isinstance(part, FactNode | StepsNode))), set())
+    for part in rule.head:
+        match part:
+            case ComprehensionNode(body=body):
+                yield Firing([*premises, *_premises(body)], tuple(_names([part])), set())
+            case AggregateNode(body=body, operator=operator):
+                inner = _premises(body) if operator.text in WINNING else ()
+                yield Firing([*premises, *inner], tuple(_names([part])), set())
+            case _:
+                pass
+
+
+def _premises(body: tuple[Conjunct, ...]) -> Iterator[FactNode]:
+    return (each for each in body if isinstance(each, FactNode) and not each.absent)
+
+
+def _names(head: Iterable[HeadItem]) -> Iterator[str]:
+    """Yield the names of the facts that parts of a head derive; goals are no facts."""
+    for part in head:
+        match part:
+            case FactNode():
+                facts: tuple[FactNode, ...] = (part,)
+            case StepsNode(derived=facts) | ComprehensionNode(head=facts):
+                pass
+            case AggregateNode(head=fact):
+                facts = (fact,)
+        yield from (fact.name.text for fact in facts if fact.mark is not Mark.GOAL)
+
+
+# ---- what may match
+
+
+def _may_match(wanted: FactNode, known: Known, producer: FactNode, given: Known) -> bool:
+    """Whether the constants of two facts agree, those of variables that stand twice too."""
+    bound: dict[tuple[bool, str], Value] = {}
+    for one, other in zip(wanted.arguments, producer.arguments, strict=False):
+        here, there = _constant(one, known), _constant(other, given)
+        if here is not None and there is not None and here.value != there.value:
+            return False
+        for named, side, value in ((True, one, there), (False, other, here)):
+            if value is None or not isinstance(side, Variable) or side.anonymous:
+                continue
+            if bound.setdefault((named, side.name), value.value) != value.value:
+                return False
+    return True
+
+
+def _constant(argument: Expression, known: Known) -> Literal | None:
+    if isinstance(argument, Variable):
+        return known.get(argument.name)
+    return argument if isinstance(argument, Literal) else None

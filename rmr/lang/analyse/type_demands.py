@@ -1,0 +1,134 @@
+"""What types must be, looked at when all of them are known.
+
+So each contradiction is reported once, against the final types and with the places that they come from.
+"""
+
+import re
+from collections.abc import Callable
+
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Base, Type
+from rmr.lang.analyse.type_spelling import SYNONYMS, type_text
+from rmr.lang.analyse.types import BOOL, NUMBERS, ORDERED, ROBOT, TypeCell, compatible, described
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.read.source_text import Span
+from rmr.lang.read.syntax import Expression, Literal
+
+
+def notes(span: Span, *cells: TypeCell) -> tuple[DiagnosticNote, ...]:
+    """Return the places from which `cells` have their types, as far as they are not `span`."""
+    found: list[DiagnosticNote] = []
+    for cell in cells:
+        inner = cell.innermost
+        origin = cell.origin if inner.origin is None or inner.kind.base is Base.OPEN else inner.origin
+        if origin is not None and origin != span and all(note.span != origin for note in found):
+            found.append(DiagnosticNote(origin, f"{type_text(cell.type)} because of this"))
+    return tuple(found)
+
+
+def literal_hint(expression: Expression, wanted: Type) -> str | None:
+    """Return how a literal is written that is to be of type `wanted`, if it looks like one of another type."""
+    if not isinstance(expression, Literal):
+        return None
+    value = expression.value
+    if wanted.base is Base.SYMBOL and wanted.name in SYNONYMS:
+        return f"did you mean the type `{SYNONYMS[wanted.name]}`?"
+    if type(value) is str and wanted.base is Base.SYMBOL:
+        words = "_".join(re.findall(r"[a-z0-9]+", value.lower()))
+        return f"a symbol has no quotes: `{words}`" if words[:1].isalpha() else None
+    if wanted.base in NUMBERS and (hint := _unquoted(expression)):
+        return hint
+    if type(value) is str and wanted.base is Base.ROBOT:
+        return "robots are written `@1`; a variable, `R`, is any robot"
+    if isinstance(value, Symbol):
+        if value in {"null", "none", "nil"}:
+            return "there is no empty value: where nothing is known there is no fact"
+        return f'a text stands in quotes: `"{value}"`' if wanted.base is Base.STRING else None
+    if type(value) is float and wanted.base is Base.INT and value.is_integer():
+        return f"`{int(value)}` is an int"
+    return None
+
+
+def _unquoted(expression: Expression) -> str | None:
+    """Return the hint for a number or a time in quotes."""
+    value = expression.value if isinstance(expression, Literal) else None
+    is_number = type(value) is str and re.fullmatch(r"[0-9]+(\.[0-9]+)?(ms|s|min)?", value)
+    return f"a number has no quotes: `{value}`" if is_number else None
+
+
+class Demands:
+    """What must hold of the types of one program."""
+
+    def __init__(self, found: Diagnostics) -> None:
+        self._found = found
+        self._checks: list[Callable[[], None]] = []
+
+    def later(self, check: Callable[[], None]) -> None:
+        """Run `check` when all types are known."""
+        self._checks.append(check)
+
+    def check(self) -> None:
+        """Report what contradicts itself, now that all types are known."""
+        for check in self._checks:
+            check()
+
+    def contradiction(
+        self, message: str, span: Span, *cells: TypeCell, code: str = "E020", hint: str | None = None
+    ) -> None:
+        """Report that types contradict each other, with the places that `cells` have theirs from.
+
+        What follows from a mistake at the same place is not told.
+        """
+        if not self._found.wrong_at(span):
+            self._found.report(code, message, span, hint=hint, notes=notes(span, *cells))
+
+    def wrong(
+        self, message: str, expression: Expression, cell: TypeCell, *, code: str = "E020", hint: str | None = None
+    ) -> None:
+        """Report that `expression` is not what `message` says it must be."""
+        self.contradiction(f"{message}, this is {described(cell.type)}", expression.span, cell, code=code, hint=hint)
+
+    # ---- what an expression must be
+
+    def robot(self, expression: Expression, cell: TypeCell, message: str) -> None:
+        """Demand a robot."""
+
+        def check() -> None:
+            if not compatible(cell.type, ROBOT):
+                self.wrong(message, expression, cell, code="E021")
+
+        self.later(check)
+
+    def truth(self, expression: Expression, cell: TypeCell, message: str) -> None:
+        """Demand a Boolean."""
+
+        def check() -> None:
+            if compatible(cell.type, BOOL):
+                return
+            hint = None
+            if isinstance(expression, Literal) and isinstance(expression.value, Symbol):
+                hint = f"a fact names its owner: `{expression.value}(R)`"
+            self.wrong(message, expression, cell, code="E022", hint=hint)
+
+        self.later(check)
+
+    def number(self, expression: Expression, cell: TypeCell, message: str, hint: str | None = None) -> None:
+        """Demand a number."""
+
+        self.later(lambda: self.number_now(expression, cell, message, hint))
+
+    def number_now(self, expression: Expression, cell: TypeCell, message: str, hint: str | None = None) -> None:
+        """Demand a number, when all types are known."""
+        if cell.kind.base not in NUMBERS | {Base.OPEN}:
+            self.wrong(message, expression, cell, hint=_unquoted(expression) or hint)
+
+    def order_now(self, what: str, example: str, *sides: tuple[Expression, TypeCell]) -> None:
+        """Demand values that have an order, when all types are known; the first of `sides` without one is reported.
+
+        `example` says how to order robots.
+        """
+        for side, cell in sides:
+            if cell.kind.base not in ORDERED:
+                hint = f"robots have no order, their numbers do: `{example}`" if cell.kind == ROBOT else None
+                self.wrong(f"{what} needs numbers or strings", side, cell, hint=hint)
+                return

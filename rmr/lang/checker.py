@@ -1,0 +1,276 @@
+"""The checker: runs all checks of a program, in order, and keeps what later phases need of them.
+
+Kinds and arities are checked by `analyse.names`, types by `analyse.inference`, ownership and bound variables by
+`lower.projection` and `lower.time_assertions`; warnings come from `analyse.lint`. Checked here is what the program
+states: facts, goals, effects, the strategy.
+"""
+
+from dataclasses import replace
+
+from rmr.base.record import record
+from rmr.base.values import Symbol
+from rmr.bytecode.limits import STACK_MAX
+from rmr.bytecode.program import Kind
+from rmr.lang.analyse.bare_conditions import with_conditions
+from rmr.lang.analyse.inference import Inference
+from rmr.lang.analyse.lint import warn
+from rmr.lang.analyse.named_constants import resolve
+from rmr.lang.analyse.names import NOTHING_GIVEN, Given, Names, collect, meant
+from rmr.lang.analyse.types import TIMED, Types
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.lower.ordering import variables
+from rmr.lang.lower.projection import Projector
+from rmr.lang.lower.robot_rules import Projected
+from rmr.lang.lower.time_assertions import Watched, check_names, watched
+from rmr.lang.read.source_text import Span
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    AssertionItem,
+    Binary,
+    Call,
+    ComprehensionNode,
+    Condition,
+    Expression,
+    FactItem,
+    FactNode,
+    GoalItem,
+    Item,
+    ListTerm,
+    Literal,
+    ModuleNode,
+    RuleItem,
+    StepsNode,
+    StrategyItem,
+    TypeDeclaration,
+    Variable,
+    children,
+    walk,
+)
+
+PARTS_MAX = 250
+"""Conjuncts of a body, parts of a head and arguments of a fact: a program with more is not written by hand."""
+
+STACK_USED_MAX = STACK_MAX - 8
+"""Values that an expression of the source may have on the stack; what it is compared with comes on top."""
+
+STRATEGIES = ("random", "textual")
+
+
+@record
+class Checked:
+    """A program without its mistakes; complete only if no error was reported."""
+
+    module: ModuleNode
+    names: Names
+    types: Types
+    rules: tuple[Projected, ...]
+    assertions: tuple[Watched, ...]
+    textual: bool
+
+
+def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
+    """Check `module` as a whole and report to `found`; facts of `given` come from outside."""
+    module = resolve(with_conditions(module), found)
+    module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
+    module, names, types = _analysed(module, found, given)
+    symbols = {
+        node.value for node in walk(module.items) if isinstance(node, Literal) and isinstance(node.value, Symbol)
+    }
+    projector = Projector(names, types, frozenset(symbols), found)
+    rules: list[Projected] = []
+    assertions: list[Watched] = []
+    for item in module.items:
+        match item:
+            case FactItem(fact=fact):
+                _stated(fact, found)
+            case GoalItem(fact=fact):
+                _goal(fact, found)
+            case TypeDeclaration():
+                _effects(item, names, found)
+            case RuleItem():
+                _untimed(item, found)
+                projected = projector.rule(item)
+                if projected is not None:
+                    rules.append(projected)
+            case AssertionItem():
+                _no_now(item.deadline, found)
+                _not_negative(item.deadline, found)
+                assertion = watched(item, found)
+                if assertion is not None:
+                    assertions.append(assertion)
+            case _:
+                pass
+    check_names(module, found)
+    checked = Checked(module, names, types, tuple(rules), tuple(assertions), _textual(module, found))
+    warn(module, names, types, found)
+    return checked
+
+
+def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[ModuleNode, Names, Types]:
+    """Return the names and types of a module; if types contradict each other, of what was probably meant."""
+    first = found.branch()
+    names = collect(module, first, given)
+    types = Inference(names, module.broken, first).run(module)
+    if first.failed:
+        from rmr.lang.analyse.intended_literals import intended  # noqa: PLC0415 - most programs have no contradiction
+
+        meant = intended(module, types, first.errors, found)
+        if meant is not module:
+            module, first = meant, found.branch()
+            names = collect(module, first, given)
+            types = Inference(names, module.broken, first).run(module)
+    found.absorb(first)
+    return module, names, types
+
+
+def _too_large(item: Item, found: Diagnostics) -> bool:
+    nodes = 0
+    for node in walk(item):
+        nodes += 1
+        count, span = _parts(node)
+        if count > PARTS_MAX:
+            found.report("E008", f"this has {count} parts, more than {PARTS_MAX}", span or item.span)
+            return True
+    if nodes > STACK_USED_MAX and _stack(item) > STACK_USED_MAX:
+        found.report("E008", "lists within long lists: more values than a robot's stack holds", item.span)
+        return True
+    return False
+
+
+def _parts(node: object) -> tuple[int, Span | None]:
+    match node:
+        case RuleItem(body=body, head=head, span=span):
+            return max(len(body), len(head)), span
+        case ComprehensionNode(body=body, head=derived, span=span):
+            return max(len(body), len(derived)), span
+        case AggregateNode(body=parts, span=span) | StepsNode(derived=parts, span=span):
+            return len(parts), span
+        case FactNode(arguments=parts, span=span) | Call(arguments=parts, span=span) | ListTerm(items=parts, span=span):
+            return len(parts), span
+        case TypeDeclaration(parameters=parts, span=span):
+            return len(parts), span
+        case _:
+            return 0, None
+
+
+def _stack(node: object) -> int:
+    """Return how many values are on the stack at one time while an expression is worked out; nesting is bounded."""
+    match node:
+        case Call(arguments=operands):
+            return max((k + _stack(each) for k, each in enumerate(operands)), default=1)
+        case ListTerm(items=operands, rest=rest):
+            return max(1 + _stack(rest), *(k + _stack(each) for k, each in enumerate(operands)))
+        case Binary(left=left, right=right):
+            return max(_stack(left), 1 + _stack(right))
+        case _:
+            return max(map(_stack, children(node)), default=1)
+
+
+# ---- facts and goals
+
+
+def _owner(fact: FactNode, found: Diagnostics) -> Variable | None:
+    owner = fact.owner
+    if owner is not None and not isinstance(owner, Variable | Literal):
+        found.report("E023", "the owner of a stated fact is a robot, or a variable for every robot", owner.span)
+    return owner if isinstance(owner, Variable) else None
+
+
+def _stated(fact: FactNode, found: Diagnostics) -> None:
+    owner = _owner(fact, found)
+    for argument in fact.arguments[1:]:
+        own = isinstance(argument, Variable) and owner is not None and argument.name == owner.name != "_"
+        if own or not _varies(argument):
+            continue
+        hint = None
+        if isinstance(argument, Variable) and argument.name[0].isupper():
+            hint = f"a constant would be `{argument.name[0].lower()}{argument.name[1:]}`"
+        found.report("E023", "a fact that the program states has constant arguments", argument.span, hint=hint)
+
+
+def _goal(fact: FactNode, found: Diagnostics) -> None:
+    _owner(fact, found)
+    for argument in fact.arguments[1:]:
+        if not isinstance(argument, Variable) and _varies(argument):
+            found.report("E023", "a goal's arguments are constants, or variables for anything", argument.span)
+
+
+def _varies(argument: Expression) -> bool:
+    """Whether an argument is not constant; one that only has no value has been reported where that was found."""
+    return any(
+        isinstance(each, Variable) or (isinstance(each, Call) and each.name.text in TIMED) for each in walk(argument)
+    )
+
+
+# ---- effects
+
+
+def _effects(item: TypeDeclaration, names: Names, found: Diagnostics) -> None:
+    named: dict[str, Span] = {}
+    for parameter in item.parameters:
+        variable = parameter.variable
+        if variable is None or variable.anonymous:
+            continue
+        if variable.name in named:
+            notes = (DiagnosticNote(named[variable.name], "here"),)
+            found.report("E031", f"`{variable.name}` names two arguments", variable.span, notes=notes)
+        named[variable.name] = variable.span
+    first = item.parameters[0].variable if item.parameters else None
+    for effect in (*item.effects, *item.else_effects):
+        for each in variables(effect):
+            if each.name not in named:
+                hint = "name the arguments: `type action moveto(R: robot, A: area) -o at(R, A).`"
+                found.report("E030", f"no argument is called `{each.name}`", each.span, hint=hint)
+        _no_anonymous(effect, found)
+        owner = effect.owner
+        own = isinstance(owner, Variable) and first is not None and owner.name == first.name
+        if names.of(effect).kind is Kind.SENSED and owner is not None and not own:
+            message = f"`{effect.name.text}` is sensed by its robot; only the executor's is an effect"
+            found.report("E012", message, owner.span, notes=(DiagnosticNote(names.of(effect).place, "sensed"),))
+
+
+def _no_anonymous(fact: FactNode, found: Diagnostics) -> None:
+    for each in walk(fact):
+        if isinstance(each, Variable) and each.anonymous:
+            found.report("E030", "`_` has no value", each.span, hint="name what is derived")
+
+
+# ---- rules
+
+
+def _untimed(rule: RuleItem, found: Diagnostics) -> None:
+    """`now()` stands in heads only: time alone satisfies no rule."""
+    inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
+    for body in (rule.body, *inner):
+        for conjunct in body:
+            _no_now(conjunct.expression if isinstance(conjunct, Condition) else conjunct, found)
+
+
+def _no_now(node: object, found: Diagnostics) -> None:
+    for each in walk(node):
+        if isinstance(each, Call) and each.name.text in TIMED:
+            hint = "time alone satisfies no rule; a time assertion watches a deadline"
+            found.report("E034", f"`{each.name.text}()` stands in heads only", each.span, hint=hint)
+
+
+def _not_negative(deadline: Expression, found: Diagnostics) -> None:
+    value = deadline.value if isinstance(deadline, Literal) else 0
+    if isinstance(value, int | float) and value < 0:
+        hint = "a deadline is the time that a job may take, in seconds after its start: `10`, `500ms`"
+        found.report("E005", f"the deadline is negative: {value} s", deadline.span, hint=hint)
+
+
+# ---- strategy
+
+
+def _textual(module: ModuleNode, found: Diagnostics) -> bool:
+    stated = [item for item in module.items if isinstance(item, StrategyItem)]
+    for item in stated:
+        name = item.name.text
+        if name not in STRATEGIES:
+            hint = meant(name, list(STRATEGIES)) or "known are `random` and `textual`"
+            found.report("E015", f"there is no order `{name}`", item.name.span, hint=hint)
+    for item in stated[1:]:
+        notes = (DiagnosticNote(stated[0].span, "first stated here"),)
+        found.report("E010", "the order is stated twice", item.span, notes=notes)
+    return bool(stated) and stated[0].name.text == "textual"

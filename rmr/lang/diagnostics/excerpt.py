@@ -1,0 +1,69 @@
+"""Lines of a source with a place in them underlined, as a terminal shows them.
+
+What cannot be printed is replaced, a tab is a space, and a wide character (East Asian Width W or F) takes two
+columns, so that the marks stand below what they mean. Of a very long line the part around the place is shown, of
+very many lines the first ones and the last.
+"""
+
+from collections.abc import Callable, Iterator
+
+from rmr.lang.read.source_text import SourceText, Span
+
+LINE_SHOWN_MAX = 200
+"""Characters of a line that are shown."""
+
+LINES_SHOWN_MAX = 5
+"""Lines of one place that are shown."""
+
+GAP = "  ... |"
+"""Stands for the lines that are not."""
+
+
+def excerpt(source: SourceText, span: Span, underlined: Callable[[int], str]) -> list[str]:
+    """Return the lines of a place, each with a line below that marks it; `underlined` makes so many marks."""
+    shown: list[str] = []
+    previous = None
+    for number in _numbers(source, span):
+        if previous is not None and number != previous + 1:
+            shown.append(GAP)
+        shown += _line(source, number, span, underlined)
+        previous = number
+    return shown
+
+
+def _numbers(source: SourceText, span: Span) -> list[int]:
+    first, _ = source.position(span.start)
+    last, _ = source.position(max(span.start, span.end - 1))
+    if last - first < LINES_SHOWN_MAX:
+        return list(range(first, last + 1))
+    return [*range(first, first + LINES_SHOWN_MAX - 1), last]
+
+
+def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int], str]) -> Iterator[str]:
+    """Yield a line and the marks below it, none below a blank line."""
+    line, offset = source.line(number), source.starts[number - 1]
+    start = span.start - offset if span.start >= offset else len(line) - len(line.lstrip())
+    end = max(start, min(len(line), span.end - offset))
+    first = max(0, start - LINE_SHOWN_MAX // 2) if len(line) > LINE_SHOWN_MAX else 0
+    last = first + LINE_SHOWN_MAX
+    before, inside, after = map(visible, (line[first:start], line[start : min(end, last)], line[end:last]))
+    gutter = f"{number:>5} | "
+    yield gutter + before + inside + after
+    if inside or span.start >= offset:
+        yield " " * (len(gutter) - 2) + "| " + " " * _width(before) + underlined(max(1, _width(inside)))
+
+
+def visible(text: str) -> str:
+    """Return `text` without characters that would move the cursor or control a terminal; a tab is a space."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else " " if each in "\t\n\r" else "\ufffd" for each in text)
+
+
+def _width(text: str) -> int:
+    """Return how many columns `text` takes."""
+    if text.isascii():
+        return len(text)
+    from unicodedata import combining, east_asian_width  # noqa: PLC0415 - few sources need its tables
+
+    return sum(0 if combining(each) else 2 if east_asian_width(each) in "WF" else 1 for each in text)

@@ -1,0 +1,190 @@
+"""Which actions serve which time assertions, and how: from an action's effect to the finish fact."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from rmr.analysis.backwards import term_of
+from rmr.bytecode.heads import items
+from rmr.bytecode.program import Assertion, Constant, DeriveAction, Derived, Kind, Pattern, Program, Serving
+from rmr.lang.explain.texts import PredicateNames, Spot, Texts
+from rmr.lang.lower.servers import Passed, Served, Servers, told
+from rmr.lang.lower.time_assertions import Watched
+from rmr.lang.read.syntax import Expression, Literal
+
+ORIGINS_MAX = 20
+"""Facts told that lead to a finish fact which no action serves."""
+
+STEPS_MAX = 10_000
+"""Steps that are listed of all paths from effects to finish facts; of more only the number is given."""
+
+
+@dataclass(frozen=True, slots=True)
+class WayStep:
+    """A rule on the way from an action's effect to the finish fact."""
+
+    rule: int
+    derives: str
+
+
+@dataclass(frozen=True, slots=True)
+class ServingAction:
+    """An action that is held back until the job's robot has its turn."""
+
+    action: str
+    """With the arguments that it must have; `_` is anything."""
+    effect: str
+    """What it brings about."""
+    way: tuple[WayStep, ...]
+    """How rules lead on to the finish fact; none: the effect is it."""
+    way_left_out: int
+    """Steps that are not told."""
+    derived_by: tuple[int, ...]
+    """The rules that derive such an action."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A fact that leads to a finish fact without any action."""
+
+    fact: str
+    rules: tuple[int, ...]
+    """The rules that derive it, for this robot or another one."""
+    stated: bool
+    sensed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedAssertion:
+    """A time assertion."""
+
+    name: str
+    place: Spot
+    robot: str
+    """Where its jobs live: a variable for every robot."""
+    starts_with: str
+    ends_with: str
+    ends_at: str
+    """The robot that has the finish fact."""
+    deadline: str
+    """After the start, with its unit."""
+    violation: str
+    scheduled: bool
+    event: str | None
+    """What its jobs contend for; None: it is only watched."""
+    serving: tuple[ServingAction, ...]
+    origins: tuple[Origin, ...]
+    """If no action serves it: what leads to the finish fact, the finish fact first."""
+    cut: bool
+    """More leads there than anybody looks at."""
+
+
+class AssertionExplainer:
+    """Explains the time assertions of one program."""
+
+    def __init__(self, program: Program, texts: Texts) -> None:
+        self._program = program
+        self._texts = texts
+        self._servers = Servers(program)
+        self._left = STEPS_MAX
+
+    def explain(self, watched: Watched, assertion: Assertion) -> ExplainedAssertion:
+        """Return what serves an assertion, or where its finish fact comes from if nothing does."""
+        item, line = watched.item, self._texts.line
+        home, owner = line(item.start.arguments[0].span), line(item.finish.arguments[0].span)
+        args = [line(each.span) for each in item.finish.arguments[1:]]
+        told = _Told(self._program, PredicateNames(watched.environment), home, owner)
+        walk = self._servers.walk(assertion)
+        serving = walk.served if assertion.scheduled else ()
+        first = {each.predicate: each for each in reversed(walk.passed)}
+        unserved = [each for each in walk.passed if first[each.predicate] is each] if not serving else []
+        return ExplainedAssertion(
+            name=assertion.name,
+            place=self._texts.spot(item.span),
+            robot=home,
+            starts_with=line(item.start.span),
+            ends_with=line(item.finish.span),
+            ends_at=owner,
+            deadline=_seconds(item.deadline, line(item.deadline.span)),
+            violation=line(item.violation.span),
+            scheduled=assertion.scheduled,
+            event=_event(assertion.name, args) if serving else None,
+            serving=tuple(self._serving(serving, told)),
+            origins=tuple([self._origin(each, told) for each in unserved[:ORIGINS_MAX]]),
+            cut=walk.cut,
+        )
+
+    def _serving(self, serving: Iterable[Served], told: "_Told") -> Iterator[ServingAction]:
+        """Yield how actions serve, with so many steps of the ways as may be told."""
+        for served in serving:
+            way = list(_way(served.effect, told))
+            steps = way[: self._left]
+            self._left -= len(steps)
+            yield ServingAction(
+                action=told.action(served.serving),
+                effect=told.fact(served.effect),
+                way=tuple(steps),
+                way_left_out=len(way) - len(steps),
+                derived_by=self._derived_by(served.serving),
+            )
+
+    def _origin(self, passed: Passed, told: "_Told") -> Origin:
+        return Origin(
+            fact=told.fact(passed),
+            rules=self._servers.deriving(passed),
+            stated=any(fact.predicate == passed.predicate for fact in self._program.facts),
+            sensed=self._program.predicates[passed.predicate].kind is Kind.SENSED,
+        )
+
+    def _derived_by(self, serving: Serving) -> tuple[int, ...]:
+        """Return the rules that derive an action of which the arguments may be those that serve."""
+        rules = enumerate(self._program.rules)
+        return tuple([index for index, rule in rules if any(_may_be(item, serving) for item in items(rule.head))])
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """Facts and actions in the words of one assertion."""
+
+    program: Program
+    names: PredicateNames
+    home: str
+    owner: str
+    """The finish fact's."""
+
+    def fact(self, passed: Passed) -> str:
+        owner = self.owner if passed.towards is None else self.home
+        return self._term(passed.predicate, owner, (told(arg) for arg in passed.args))
+
+    def action(self, serving: Serving) -> str:
+        return self._term(serving.action, self.home, serving.args)
+
+    def _term(self, predicate: int, owner: str, args: Iterable[Pattern]) -> str:
+        name = self.program.predicates[predicate].name
+        return f"{name}({', '.join([owner, *map(self.names.term, args)])})"
+
+
+def _way(passed: Passed, told: _Told) -> Iterator[WayStep]:
+    """Yield the rules that lead from a fact to the finish fact."""
+    while passed.towards is not None:
+        assert passed.derivation is not None
+        assert passed.derivation.rule is not None
+        yield WayStep(passed.derivation.rule, told.fact(passed.towards))
+        passed = passed.towards
+
+
+def _seconds(deadline: Expression, text: str) -> str:
+    """Return a deadline with its unit, whatever the one in which it is written."""
+    value = deadline.value if isinstance(deadline, Literal) else None
+    return f"{value:g} s" if isinstance(value, int | float) else f"{text} s"
+
+
+def _event(name: str, args: list[str]) -> str:
+    return f"{name}({', '.join(args)})" if args else name
+
+
+def _may_be(item: Derived, serving: Serving) -> bool:
+    """Tell whether what a rule derives may be an action that serves."""
+    if not isinstance(item, DeriveAction) or item.predicate != serving.action:
+        return False
+    pairs = [(term_of(code), arg) for code, arg in zip(item.args, serving.args, strict=True)]
+    return not any(isinstance(one, Constant) and isinstance(other, Constant) and one != other for one, other in pairs)

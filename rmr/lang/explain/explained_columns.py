@@ -1,0 +1,40 @@
+"""Whether a program's robots can be run all at once, as columns, and what stands in the way."""
+
+from dataclasses import dataclass
+
+from rmr.analysis.columnar import Obstacle, obstacles
+from rmr.bytecode.program import Program
+from rmr.lang.explain.texts import Spot
+
+OBSTACLES_MAX = 1000
+"""Obstacles that are listed; of more only the number is given."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedObstacle:
+    """Something that stands in the way."""
+
+    text: str
+    place: Spot | None
+    """Where; None: nowhere in particular."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedColumns:
+    """Whether a program suits columns."""
+
+    suited: bool
+    obstacles: tuple[ExplainedObstacle, ...]
+    obstacles_left_out: int
+
+
+def explain_columns(program: Program) -> ExplainedColumns:
+    """Return whether `program` suits columns, and if not, why."""
+    found = obstacles(program)
+    told = tuple([ExplainedObstacle(each.text, _spot(each)) for each in found[:OBSTACLES_MAX]])
+    return ExplainedColumns(not found, told, len(found) - len(told))
+
+
+def _spot(obstacle: Obstacle) -> Spot | None:
+    place = obstacle.place
+    return None if place is None else Spot(place.file, place.line, place.column)

@@ -1,0 +1,193 @@
+"""What each rule needs, what it derives, and what it sends to whom."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from rmr.bytecode.program import Base, Kind, Type
+from rmr.lang.analyse.fact_size import FACT_OCTETS_MAX, octets
+from rmr.lang.checker import Checked
+from rmr.lang.explain.texts import Spot, Texts
+from rmr.lang.lower.robot_rules import Projected
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    ComprehensionNode,
+    Condition,
+    Conjunct,
+    Expression,
+    FactNode,
+    HeadItem,
+    Literal,
+    Mark,
+    StepsNode,
+    Variable,
+)
+
+Constants = dict[str, Literal]
+"""Variables that equal a constant."""
+
+ACTION_OCTETS = 8
+"""An action for another robot carries the number by which its end is reported."""
+
+_MOST = {Base.ROBOT: 3, Base.INT: 9, Base.FLOAT: 9, Base.BOOL: 1, Base.SYMBOL: 3}
+"""By type, what its largest value takes in a frame, symbols being such as the program names; a text or a list may be
+of any size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """What a body matches, in the order of the text."""
+
+    consumes: tuple[str, ...]
+    keeps: tuple[str, ...]
+    reads: tuple[str, ...]
+    absent: tuple[str, ...]
+    conditions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedDerivation:
+    """A fact, goal or action that a rule derives, or an effect of its action on another robot."""
+
+    what: str
+    """``fact``, ``goal``, ``action`` or ``effect``."""
+    text: str
+    to: str | None
+    """The other robot that gets it; None: it stays at home."""
+    octets_min: int | None
+    """What its values take in a frame; None: it stays at home."""
+    octets_max: int | None
+    """None: nobody knows before the program runs."""
+    octets_room: int | None
+    """What a frame has room for."""
+    fits: bool | None
+    """Into one frame; None: it depends on the values, or it stays at home."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedPart:
+    """A part of a head."""
+
+    form: str
+    """``item``, ``steps``, ``comprehension``, or the operator of an aggregate."""
+    needs: Needs | None
+    """The inner body."""
+    derives: tuple[ExplainedDerivation, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ExplainedRule:
+    """A rule of one robot."""
+
+    place: Spot
+    text: str
+    home: str
+    """The robot that runs it: a variable for every robot, or a robot."""
+    needs: Needs
+    head: tuple[ExplainedPart, ...]
+
+
+class RuleExplainer:
+    """Explains the rules of one program."""
+
+    def __init__(self, checked: Checked, texts: Texts) -> None:
+        self._checked = checked
+        self._texts = texts
+
+    def explain(self, projected: Projected) -> ExplainedRule:
+        """Return what a rule needs and derives."""
+        rule = projected.rule
+        home = next(each.owner for each in rule.body if isinstance(each, FactNode) and not each.absent)
+        assert home is not None
+        known = projected.environment.constants
+        return ExplainedRule(
+            place=self._texts.spot(rule.span),
+            text=self._texts.line(rule.span),
+            home=self._texts.line(home.span),
+            needs=self._needs(rule.body),
+            head=tuple([self._part(part, home, known) for part in rule.head]),
+        )
+
+    def _needs(self, body: Iterable[Conjunct]) -> Needs:
+        said: dict[str, list[str]] = {"consumes": [], "keeps": [], "reads": [], "absent": [], "conditions": []}
+        for each in body:
+            said[self._use(each)].append(self._texts.line(each.span).removeprefix("not ").lstrip("$!"))
+        return Needs(**{use: tuple(texts) for use, texts in said.items()})
+
+    def _use(self, conjunct: Conjunct) -> str:
+        if isinstance(conjunct, Condition):
+            return "conditions"
+        if conjunct.absent:
+            return "absent"
+        if self._checked.names.of(conjunct).kind is not Kind.TEMPORARY:
+            return "reads"
+        return "keeps" if conjunct.mark is Mark.KEEP else "consumes"
+
+    def _part(self, part: HeadItem, home: Expression, known: Constants) -> ExplainedPart:
+        match part:
+            case FactNode():
+                return ExplainedPart("item", None, self._all((part,), home, known))
+            case StepsNode(derived=facts):
+                return ExplainedPart("steps", None, self._all(facts, home, known))
+            case ComprehensionNode(body=body, head=facts):
+                return ExplainedPart("comprehension", self._needs(body), self._all(facts, home, known))
+            case AggregateNode(operator=operator, body=body, head=fact):
+                return ExplainedPart(operator.text, self._needs(body), self._all((fact,), home, known))
+
+    def _all(self, facts: Iterable[FactNode], home: Expression, known: Constants) -> tuple[ExplainedDerivation, ...]:
+        return tuple([each for fact in facts for each in self._derived(fact, home, known)])
+
+    def _derived(self, fact: FactNode, home: Expression, known: Constants) -> Iterator[ExplainedDerivation]:
+        """Yield what a fact of a head is, and what its action brings about at other robots."""
+        owner, *arguments = fact.arguments
+        action = self._checked.names.of(fact).kind is Kind.ACTION
+        what = "action" if action else "goal" if fact.mark is Mark.GOAL else "fact"
+        text = self._texts.line(fact.span)
+        if _is_same(owner, home):
+            yield ExplainedDerivation(what, text, None, None, None, None, None)
+        else:
+            yield self._sent(what, text, self._texts.line(owner.span), fact, arguments, known)
+        if action:
+            yield from self._effects(fact, known)
+
+    def _effects(self, fact: FactNode, known: Constants) -> Iterator[ExplainedDerivation]:
+        """Yield the effects of an action on other robots than its executor."""
+        declaration = self._checked.names.of(fact).declaration
+        if declaration is None:
+            return
+        given: dict[str, Expression] = {}
+        for parameter, argument in zip(declaration.parameters, fact.arguments, strict=True):
+            if parameter.variable is not None:
+                given[parameter.variable.name] = argument
+        for effect in declaration.effects:
+            terms = [given.get(each.name, each) if isinstance(each, Variable) else each for each in effect.arguments]
+            owner, *arguments = terms
+            if _is_same(owner, fact.arguments[0]):
+                continue
+            to, *texts = [self._texts.line(each.span) for each in (owner, *arguments)]
+            text = f"{effect.name.text}({', '.join([to, *texts])})"
+            yield self._sent("effect", text, to, effect, arguments, known)
+
+    def _sent(
+        self, what: str, text: str, to: str, fact: FactNode, arguments: list[Expression], known: Constants
+    ) -> ExplainedDerivation:
+        pairs = list(zip(arguments, self._checked.types.arguments(fact.name.text), strict=True))
+        least = sum(octets(argument, kind, known) for argument, kind in pairs)
+        sizes = [_most(argument, kind, known) for argument, kind in pairs]
+        bounded = [each for each in sizes if each is not None]
+        most = sum(bounded) if len(bounded) == len(sizes) else None
+        room = FACT_OCTETS_MAX - (ACTION_OCTETS if what == "action" else 0)
+        fits = True if most is not None and most <= room else False if least > room else None
+        return ExplainedDerivation(what, text, to, least, most, room, fits)
+
+
+def _most(argument: Expression, kind: Type, known: Constants) -> int | None:
+    """Return how many octets an argument takes at most, None if nobody knows."""
+    value = known.get(argument.name) if isinstance(argument, Variable) else argument
+    return octets(value, kind, known) if isinstance(value, Literal) else _MOST.get(kind.base)
+
+
+def _is_same(one: Expression, other: Expression) -> bool:
+    """Tell whether two robots are certainly the same."""
+    if isinstance(one, Literal) and isinstance(other, Literal):
+        return one.value == other.value
+    return isinstance(one, Variable) and isinstance(other, Variable) and one.name == other.name != "_"

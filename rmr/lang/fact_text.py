@@ -1,0 +1,167 @@
+"""Facts that arrive as text: a file of facts, an `--insert` on the command line.
+
+Robots carry no parser, so whoever starts them turns text into values with the help of the program that they
+will run.
+"""
+
+from rmr.base.values import Robot, Value
+from rmr.bytecode.program import ANY, SELF_SLOT, Constant, InitialFact, Kind, Pattern, Predicate, Program, Slot, Type
+from rmr.bytecode.provided import PREDICATES
+from rmr.lang.analyse.folding import Folder
+from rmr.lang.analyse.names import meant
+from rmr.lang.analyse.type_spelling import declaration_text, type_text
+from rmr.lang.analyse.types import ROBOT, converted, fits, literal_type
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read.parser import parse
+from rmr.lang.read.source_text import SourceText, Span
+from rmr.lang.read.syntax import Call, Expression, FactItem, FactNode, Literal, Mark, Variable, walk
+
+
+class FactError(Exception):
+    """The text is no fact of the program; the message says why, without the text itself.
+
+    `code` is that of the diagnostic which the same mistake would be in a program, `span` its place in the text.
+    """
+
+    def __init__(self, message: str, code: str = "E001", span: Span | None = None, hint: str | None = None) -> None:
+        super().__init__(message if hint is None else f"{message}; {hint}")
+        self.message = message
+        self.code = code
+        self.span = span
+        self.hint = hint
+
+
+def parse_fact(text: str, program: Program) -> InitialFact:
+    """Return the fact that `text` states, such as ``due(@1, 25)``; a variable owner is every robot.
+
+    Arguments are converted to the types of the program. Raises FactError.
+    """
+    return stated(read_fact(text), program)
+
+
+def stated(fact: FactNode, program: Program) -> InitialFact:
+    """Return what `fact` states, as `parse_fact`; the owner's variable may stand for a robot. Raises FactError."""
+    index, predicate = _predicate(fact, program)
+    owner = fact.arguments[0]
+    args: list[Value | Slot] = []
+    for argument, kind in zip(fact.arguments[1:], predicate.types, strict=True):
+        if not isinstance(argument, Variable):
+            args.append(_value(argument, kind, predicate))
+        elif _is_owner(argument, owner):
+            _check_robot(argument, kind, predicate)
+            args.append(Slot(SELF_SLOT))
+        else:
+            raise FactError("a fact has constant arguments, only its owner may be a variable", "E023", argument.span)
+    return InitialFact(index, _robot(owner), tuple(args))
+
+
+def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ...]]:
+    """Return the name of an action and what matches its arguments, the executor first: of ``charge(@2, _)``.
+
+    A name alone, ``charge``, means every executor and argument; a variable anything, the same one the same. Raises
+    FactError.
+    """
+    name, fact = text.strip(), None
+    if not name.isidentifier():
+        fact = read_fact(text)
+        name = fact.name.text
+    index = program.index(name)
+    if index is None or program.predicates[index].kind is not Kind.ACTION:
+        known = [each.name for each in program.predicates if each.kind is Kind.ACTION]
+        raise FactError(f"the program has no action `{name}`", hint=meant(name, known))
+    predicate = program.predicates[index]
+    if fact is None:
+        return name, (ANY,) * (1 + len(predicate.types))
+    if fact.mark is not Mark.NONE:
+        raise FactError(f"`{name}` is an action: write it without a mark")
+    _check_arity(fact, predicate)
+    slots: dict[str, Slot] = {}
+    patterns: list[Pattern] = []
+    for argument, kind in zip(fact.arguments, (ROBOT, *predicate.types), strict=True):
+        if not isinstance(argument, Variable):
+            patterns.append(Constant(_value(argument, kind, predicate)))
+        elif argument.anonymous:
+            patterns.append(ANY)
+        else:
+            patterns.append(slots.setdefault(argument.name, Slot(len(slots))))
+    return name, tuple(patterns)
+
+
+def _predicate(fact: FactNode, program: Program) -> tuple[int, Predicate]:
+    """Return the predicate that `fact` names, of which it has the kind and the number of arguments."""
+    name = fact.name.text
+    index = program.index(name)
+    if index is None:
+        known = [each.name for each in program.predicates if each.kind is not Kind.ACTION]
+        hint = meant(name, known) or ("every robot provides it, but no rule uses it" if name in PREDICATES else None)
+        raise FactError(f"the program knows no fact `{name}`", "E015", fact.name.span, hint)
+    predicate = program.predicates[index]
+    if predicate.kind is Kind.ACTION:
+        raise FactError(f"`{name}` is an action, not a fact", "E012", fact.name.span)
+    if fact.mark is Mark.BANG and predicate.kind is not Kind.PERSISTENT:
+        raise FactError(f"`{name}` is a {predicate.kind.name.lower()} fact, not a persistent one", "E012")
+    _check_arity(fact, predicate)
+    return index, predicate
+
+
+def _check_arity(fact: FactNode, predicate: Predicate) -> None:
+    arity = len(predicate.types) + 1
+    if len(fact.arguments) != arity:
+        words = "1 argument" if arity == 1 else f"{arity} arguments"
+        message = f"`{predicate.name}` has {words}, not {len(fact.arguments)}"
+        raise FactError(message, "E011", hint=_signature(predicate))
+
+
+def _signature(predicate: Predicate) -> str:
+    """Return the hint that shows what the arguments of a predicate are."""
+    word = {Kind.PERSISTENT: "!", Kind.SENSED: "sensor ", Kind.ACTION: "action "}.get(predicate.kind, "")
+    return f"it is `{declaration_text(predicate.name, predicate.types, word)}`"
+
+
+def _value(argument: Expression, kind: Type, predicate: Predicate) -> Value:
+    folder = Folder({})
+    literal = folder.fold(argument)
+    for each in folder.valueless:
+        raise FactError(f"this has no value: {each.reason}", "E005" if each.out_of_range else "E023", each.span)
+    if not isinstance(literal, Literal):
+        varies = any(isinstance(each, Variable | Call) for each in walk(literal))
+        message, code = ("arguments are constants", "E023") if varies else ("its types contradict each other", "E020")
+        raise FactError(message, code, argument.span)
+    if not fits(literal_type(literal), kind):
+        raise _misfit(argument, kind, literal_type(literal), predicate)
+    return converted(literal.value, kind)
+
+
+def _misfit(argument: Expression, kind: Type, given: Type, predicate: Predicate) -> FactError:
+    message = f"an argument of `{predicate.name}` is {type_text(kind)}, not {type_text(given)}"
+    return FactError(message, "E020", argument.span, _signature(predicate))
+
+
+def _is_owner(variable: Variable, owner: Expression) -> bool:
+    return isinstance(owner, Variable) and variable.name == owner.name and not variable.anonymous
+
+
+def _check_robot(argument: Expression, kind: Type, predicate: Predicate) -> None:
+    if not fits(ROBOT, kind):
+        raise _misfit(argument, kind, ROBOT, predicate)
+
+
+def read_fact(text: str) -> FactNode:
+    """Return the fact that `text` spells, whatever program it is for. Raises FactError."""
+    found = Diagnostics()
+    stripped = text.strip()
+    module = parse(SourceText("<fact>", stripped if stripped.endswith(".") else stripped + "."), found)
+    problems = found.in_order()
+    if problems:
+        raise FactError(problems[0].message)
+    if len(module.items) != 1 or not isinstance(module.items[0], FactItem):
+        raise FactError("this is not a fact such as `at(R, exit)`")
+    return module.items[0].fact
+
+
+def _robot(owner: Expression) -> int | None:
+    if isinstance(owner, Variable):
+        return None
+    if isinstance(owner, Literal) and isinstance(owner.value, Robot):
+        return int(owner.value)
+    raise FactError("the first argument is a robot such as `@1`, or a variable for every robot", "E021", owner.span)

@@ -1,0 +1,329 @@
+"""From checked and projected items to the program that the codec writes.
+
+Nothing can fail here: what reaches this module has no errors. Values are converted to the types of the
+arguments that they are given to, constants now, expressions when they run.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rmr.base.values import Robot, Value
+from rmr.bytecode import program as form
+from rmr.bytecode import provided
+from rmr.bytecode.functions import FUNCTIONS
+from rmr.bytecode.opcodes import Op
+from rmr.bytecode.program import ANY, SELF_SLOT, Base, Code, Instruction, Kind, Mode, Slot, Type
+from rmr.lang.analyse.folding import INSTRUCTIONS
+from rmr.lang.analyse.names import Names, Signature
+from rmr.lang.analyse.types import Types, converted
+from rmr.lang.lower.projection import OPERATORS
+from rmr.lang.lower.robot_rules import (
+    SELF,
+    Decide,
+    Derived,
+    Environment,
+    Let,
+    MatchStep,
+    Projected,
+    RobotAggregate,
+    RobotComprehension,
+    Step,
+)
+from rmr.lang.read.source_text import Span
+from rmr.lang.read.syntax import (
+    AssertionItem,
+    Binary,
+    Call,
+    Expression,
+    FactItem,
+    FactNode,
+    GoalItem,
+    ListTerm,
+    Literal,
+    Mark,
+    StepsNode,
+    TypeDeclaration,
+    Unary,
+    Variable,
+)
+
+_FUNCTIONS = {function.name: index for index, function in enumerate(FUNCTIONS)}
+
+
+class Emitter:
+    """Emits the parts of one program."""
+
+    def __init__(self, names: Names, types: Types) -> None:
+        self._names = names
+        self._types = types
+        self._index = {name: index for index, name in enumerate(names.signatures)}
+
+    def _types_of(self, fact: FactNode) -> tuple[Type, ...]:
+        return self._types.arguments(fact.name.text)
+
+    def _at(self, fact: FactNode) -> int:
+        return self._index[fact.name.text]
+
+    # ---- predicates
+
+    def predicates(self) -> tuple[form.Predicate, ...]:
+        """Return the table of predicates and actions."""
+        return tuple(self._predicate(signature) for signature in self._names.signatures.values())
+
+    def _predicate(self, signature: Signature) -> form.Predicate:
+        types = self._types.arguments(signature.name)
+        declaration = signature.declaration
+        effects: tuple[form.Effect, ...] = ()
+        otherwise: tuple[form.Effect, ...] = ()
+        if declaration is not None and signature.kind is Kind.ACTION:
+            environment = effect_environment(declaration)
+            effects = tuple(self._effect(fact, environment) for fact in declaration.effects)
+            otherwise = tuple(self._effect(fact, environment) for fact in declaration.else_effects)
+            action = provided.ACTIONS.get(signature.name)
+            if not effects and action is not None and action.effect is not None:
+                effects = self._default_effect(action.effect, types)
+        return form.Predicate(signature.name, signature.kind, types, signature.provided, effects, otherwise)
+
+    def _effect(self, fact: FactNode, environment: Environment) -> form.Effect:
+        owner = self._code(fact.arguments[0], environment)
+        return form.Effect(self._at(fact), self._arguments(fact, environment), owner)
+
+    def _default_effect(self, predicate: str, types: tuple[Type, ...]) -> tuple[form.Effect, ...]:
+        """Return the effect of a provided action declared without one, if the program knows the `predicate`."""
+        known = self._names.signatures.get(predicate)
+        if known is None or known.kind is Kind.ACTION or known.arity != 2 or len(types) != 1:
+            return ()
+        if self._types.arguments(predicate)[0].base not in {Base.SYMBOL, Base.OPEN}:
+            return ()
+        return (form.Effect(self._index[predicate], ((Instruction(Op.LOAD, 1),),)),)
+
+    # ---- initial facts and goals
+
+    def fact(self, item: FactItem) -> form.InitialFact:
+        """Return a fact of the program's start; a variable among its arguments is the robot itself."""
+        arguments = zip(item.fact.arguments[1:], self._types_of(item.fact), strict=True)
+        values = tuple(
+            Slot(SELF_SLOT) if isinstance(argument, Variable) else converted(_value(argument), kind)
+            for argument, kind in arguments
+        )
+        return form.InitialFact(self._at(item.fact), _owner(item.fact), values)
+
+    def goal(self, item: GoalItem) -> form.InitialGoal:
+        """Return a goal of the program's start; a variable that stands once matches anything."""
+        owner, *others = item.fact.arguments
+        counts = Counter(each.name for each in others if isinstance(each, Variable) and not each.anonymous)
+        environment = Environment()
+        if isinstance(owner, Variable) and not owner.anonymous:
+            environment.slots[owner.name] = SELF_SLOT
+        patterns: list[form.Pattern] = []
+        for argument, kind in zip(others, self._types_of(item.fact), strict=True):
+            if not isinstance(argument, Variable):
+                patterns.append(form.Constant(converted(_value(argument), kind)))
+            elif argument.name in environment.slots or counts[argument.name] > 1:  # equal values at several places
+                patterns.append(Slot(environment.slot(argument.name)))
+            else:
+                patterns.append(ANY)
+        return form.InitialGoal(self._at(item.fact), _owner(item.fact), tuple(patterns))
+
+    # ---- rules
+
+    def rule(self, projected: Projected) -> form.Rule:
+        """Return a rule of one robot."""
+        environment = projected.environment
+        body = self._steps(projected.body, environment)
+        head = tuple(self._head(part, environment) for part in projected.head)
+        return form.Rule(environment.count, body, head)
+
+    def _step(self, step: Step, environment: Environment) -> form.Conjunct:
+        match step:
+            case MatchStep(fact=fact, arguments=arguments, mode=mode):
+                return self.atom(fact, arguments, mode, environment)
+            case Let(name=name, expression=expression):
+                return form.Bind(environment.slots[name], self._code(expression, environment))
+            case Decide(expression=expression):
+                return form.Guard(self._code(expression, environment))
+
+    def _steps(self, steps: tuple[Step, ...], environment: Environment) -> tuple[form.Conjunct, ...]:
+        return tuple(self._step(step, environment) for step in steps)
+
+    def _head(self, part: Derived, environment: Environment) -> form.Head:
+        match part:
+            case FactNode():
+                return self.derived(part, environment)
+            case StepsNode(derived=derived):
+                return form.Steps(tuple(self.derived(fact, environment) for fact in derived))
+            case RobotComprehension(slots=slots, body=steps, head=facts, environment=inner):
+                head = tuple(self.derived(fact, inner) for fact in facts)
+                return form.Comprehension(slots, self._steps(steps, inner), head)
+            case RobotAggregate():
+                return self._aggregate(part)
+
+    def _aggregate(self, part: RobotAggregate) -> form.Aggregate:
+        item, inner = part.item, part.environment
+        return form.Aggregate(
+            operator=OPERATORS[item.operator.text],
+            term=None if item.term is None else self._code(item.term, inner),
+            result=part.result,
+            slots=part.slots,
+            body=self._steps(part.body, inner),
+            head=self.derived(item.head, part.head_environment),
+        )
+
+    def atom(
+        self, fact: FactNode, arguments: tuple[Variable | Literal, ...], mode: Mode, environment: Environment
+    ) -> form.Atom:
+        """Return the match of a fact."""
+        kinds = self._types_of(fact)
+        patterns = (self._pattern(each, kind, environment) for each, kind in zip(arguments, kinds, strict=True))
+        return form.Atom(self._at(fact), tuple(patterns), mode)
+
+    @staticmethod
+    def _pattern(argument: Variable | Literal, kind: Type, environment: Environment) -> form.Pattern:
+        if isinstance(argument, Literal):
+            return form.Constant(converted(argument.value, kind))
+        if argument.anonymous:
+            return ANY
+        constant = environment.constants.get(argument.name)
+        if constant is not None:
+            return form.Constant(converted(constant.value, kind))
+        return Slot(environment.slots[argument.name])
+
+    def derived(self, fact: FactNode, environment: Environment) -> form.Derived:
+        """Return what a head derives."""
+        predicate, owner = self._at(fact), self._code(fact.arguments[0], environment)
+        arguments = self._arguments(fact, environment)
+        if self._names.of(fact).kind is Kind.ACTION:
+            return form.DeriveAction(predicate, owner, arguments)
+        if fact.mark is Mark.GOAL:
+            return form.DeriveGoal(predicate, owner, arguments)
+        return form.DeriveFact(predicate, owner, arguments)
+
+    def _arguments(self, fact: FactNode, environment: Environment) -> tuple[Code, ...]:
+        arguments = zip(fact.arguments[1:], self._types_of(fact), strict=True)
+        return tuple(self._argument(argument, kind, environment) for argument, kind in arguments)
+
+    def _argument(self, argument: Expression, kind: Type, environment: Environment) -> Code:
+        if isinstance(argument, Variable) and argument.name in environment.constants:
+            argument = environment.constants[argument.name]
+        if isinstance(argument, Literal):
+            return (_constant(converted(argument.value, kind)),)
+        code = self._code(argument, environment)
+        # An int variable may be given to a float argument: the value is converted when it is derived.
+        if _innermost(kind).base is Base.FLOAT and not self._types.certainly_float(argument):
+            return (*code, Instruction(Op.FLOAT))
+        return code
+
+    # ---- time assertions
+
+    def assertion(
+        self, item: AssertionItem, environment: Environment, finish: tuple[Variable | Literal, ...]
+    ) -> form.Assertion:
+        """Return a time assertion; `serving` is worked out on the finished program."""
+        start = tuple(each for each in item.start.arguments[1:] if isinstance(each, Variable | Literal))
+        violation = self.derived(item.violation, environment)
+        assert isinstance(violation, form.DeriveAction)
+        return form.Assertion(
+            name=item.name.text if item.name is not None else item.finish.name.text,
+            slots=environment.count,
+            start=self.atom(item.start, start, self._watching(item.start), environment),
+            finish=self.atom(item.finish, finish, self._watching(item.finish), environment),
+            deadline=self._code(item.deadline, environment),
+            violation=violation,
+            scheduled=item.scheduled,
+            robot=_owner(item.start),
+            finisher=_finisher(item, environment),
+        )
+
+    def _watching(self, fact: FactNode) -> Mode:
+        return Mode.KEEP if self._names.of(fact).kind is Kind.TEMPORARY else Mode.READ
+
+    # ---- expressions
+
+    def _code(self, expression: Expression, environment: Environment) -> Code:
+        match expression:
+            case Literal(value=value):
+                return (_constant(value),)
+            case Variable(name=name):
+                if name in environment.constants:
+                    return (_constant(environment.constants[name].value),)
+                return (Instruction(Op.LOAD, environment.slots[name]),)
+            case Unary(operator=operator, operand=operand):
+                return (*self._code(operand, environment), Instruction(Op.NOT if operator == "not" else Op.NEG))
+            case Binary(operator=operator, left=left, right=right):
+                one, other = self._code(left, environment), self._code(right, environment)
+                if operator in {"&&", "||"}:  # the left value stays if it decides; else it is popped and the right runs
+                    return (*one, Instruction(Op.AND if operator == "&&" else Op.OR, len(other)), *other)
+                return (*one, *other, Instruction(INSTRUCTIONS[operator]))
+            case Call():
+                return self._call(expression, environment)
+            case ListTerm(items=items, rest=rest):
+                codes = [self._code(item, environment) for item in items]
+                return _list(codes, () if rest is None else self._code(rest, environment))
+
+    def _call(self, call: Call, environment: Environment) -> Code:
+        codes = [self._code(argument, environment) for argument in call.arguments]
+        name = call.name.text
+        if name != "if":
+            return (*(each for code in codes for each in code), Instruction(Op.CALL, _FUNCTIONS[name]))
+        condition, then, otherwise = codes
+        # `then` is followed by a jump over `otherwise`, hence one instruction more to skip where it does not run.
+        return (
+            *condition,
+            Instruction(Op.JUMP_IF_FALSE, len(then) + 1),
+            *then,
+            Instruction(Op.JUMP, len(otherwise)),
+            *otherwise,
+        )
+
+
+def effect_environment(declaration: TypeDeclaration) -> Environment:
+    """Return what an action's parameters stand for in its effects: slot 0 the executor, 1.. the arguments."""
+    environment = Environment({SELF: SELF_SLOT})
+    for index, parameter in enumerate(declaration.parameters):
+        if parameter.variable is not None and not parameter.variable.anonymous:
+            environment.slots[parameter.variable.name] = index
+    environment.count = len(declaration.parameters)
+    return environment
+
+
+def place(span: Span, line_and_column: tuple[int, int]) -> form.Place:
+    """Return a place of the debug section."""
+    return form.Place(span.file, *line_and_column)
+
+
+def _constant(value: Value) -> Instruction:
+    if type(value) is int:
+        return Instruction(Op.INT, value)
+    return Instruction(Op.CONST, value)
+
+
+def _list(items: Sequence[Code], rest: Code) -> Code:
+    """Return the code that makes a list of `items`, and joins it with `rest` unless that is empty."""
+    made = (*(each for code in items for each in code), Instruction(Op.LIST, len(items)))
+    return (*made, *rest, Instruction(Op.ADD)) if rest else made
+
+
+def _innermost(kind: Type) -> Type:
+    """Return the type of a list's items, of lists in lists that of the innermost; else the type itself."""
+    while kind.element is not None:
+        kind = kind.element
+    return kind
+
+
+def _owner(fact: FactNode) -> int | None:
+    owner = fact.arguments[0]
+    return int(owner.value) if isinstance(owner, Literal) and isinstance(owner.value, Robot) else None
+
+
+def _finisher(item: AssertionItem, environment: Environment) -> Slot | form.Constant:
+    """Return the finish fact's robot as the job's robot knows it."""
+    owner = item.finish.arguments[0]
+    if isinstance(owner, Variable):
+        return Slot(environment.slots[owner.name])
+    home = _owner(item.start)
+    return Slot(SELF_SLOT) if home is not None and home == _owner(item.finish) else form.Constant(_value(owner))
+
+
+def _value(expression: Expression) -> Value:
+    assert isinstance(expression, Literal), expression
+    return expression.value

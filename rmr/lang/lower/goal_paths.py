@@ -1,0 +1,179 @@
+"""Which rules lead to which goals, and how far they are (paper III.B): worked out before the program runs.
+
+The rank of a firing is the lowest level at which one of the facts that it brings about is wanted
+(`rmr.analysis.levels`). Here the facts are not known, only the rule's patterns, and neither is the robot. So two levels
+are looked for: the lowest at which something that the rule may bring about is possibly wanted, and the lowest at
+which something that every firing brings about is wanted for certain, on every robot that has the goal. If they
+are the same, it is the rank of every firing; if there is none of the first kind, the rule never leads there; in
+all other cases it depends on the firing, and the robot works it out.
+
+What is found is what the robot would find: its search is never cut short where this one is not, for it looks at
+no more than this one does.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+from rmr.analysis.backwards import (
+    HOME,
+    Backwards,
+    Brought,
+    Patterns,
+    brings,
+    derived_by,
+    resolved,
+    unified,
+    unifier,
+    value_key,
+)
+from rmr.analysis.levels import STEPS_MAX, Levels, Reached
+from rmr.base.values import Robot
+from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
+
+COMPARISONS_MAX = 100_000
+"""How often something that a rule brings about is compared with something wanted, for all goals."""
+
+LEADS_PER_RULE_MAX = 2
+"""Leads written down for each rule of the program, on average: one takes two octets, a rule about a dozen."""
+
+
+class LeadingRank(NamedTuple):
+    """A rule that leads to a goal."""
+
+    rule: int
+    rank: int | None
+    """Of every firing; None: it depends on the firing."""
+    brought: Brought
+    """What leads there on the shortest way that is possible."""
+    wanted: Reached
+    """As what it is wanted; its level is the lowest rank possible."""
+
+
+class TooMuch(Exception):  # noqa: N818  (an outcome, not a fault)
+    """A goal that takes more work than anybody does before the program runs."""
+
+
+def with_leads(program: Program) -> Program:
+    """Return `program` with the rules that lead to each goal, where it is worth to write them down.
+
+    Too many are not: while a goal is open without any, the robot has to search anyway.
+    """
+    if not program.goals:
+        return program
+    reach = GoalPaths(program)
+    leads = [reach.leads(goal) for goal in program.goals]
+    if sum(len(each or ()) for each in leads) > LEADS_PER_RULE_MAX * len(program.rules):
+        return program
+    goals = [replace(goal, leads=each) for goal, each in zip(program.goals, leads, strict=True)]
+    return replace(program, goals=tuple(goals))
+
+
+class GoalPaths:
+    """The rules of one program and what they bring about."""
+
+    def __init__(self, program: Program) -> None:
+        self._backwards = Backwards(program)
+        self._brought = [tuple(brings(rule, program)) for rule in program.rules]
+        self._bringing: dict[int, list[int]] = {}
+        """By predicate: the rules that bring about facts of it."""
+        for rule, brought in enumerate(self._backwards.brought):
+            for predicate in brought:
+                self._bringing.setdefault(predicate, []).append(rule)
+        self._steps_left = STEPS_MAX
+        self._comparisons_left = COMPARISONS_MAX
+
+    def leads(self, goal: InitialGoal) -> tuple[Lead, ...] | None:
+        """Return the rules that lead to `goal`, or None if more of them depend on the firing than do not."""
+        try:
+            leads = tuple([Lead(way.rule, way.rank) for way in self.ways(goal)])
+        except TooMuch:
+            return None
+        seeming = sum(1 for _ in self._seeming(goal))
+        dependent = sum(1 for lead in leads if lead.rank is None)
+        return leads if dependent <= seeming - dependent else None
+
+    def ways(self, goal: InitialGoal) -> list[LeadingRank]:
+        """Return the rules that lead to `goal`, in their order.
+
+        Raises:
+            TooMuch: this goal, or one before it, takes too much work.
+        """
+        if self._steps_left == 0:
+            raise TooMuch
+        robot = None if goal.owner is None else Robot(goal.owner)
+        wanted = [(goal.predicate, goal.args)]
+        possible = Levels(self._backwards, wanted, robot)
+        sure = possible if robot is not None else Levels(self._backwards, wanted, sure=True)
+        if not possible.finish(self._steps_left) or not sure.finish(STEPS_MAX):
+            self._steps_left = 0
+            raise TooMuch
+        self._steps_left -= possible.steps
+        found = [self._way(rule, robot, possible, sure) for rule in self._seeming(goal)]
+        return [way for way in found if way is not None]
+
+    def _seeming(self, goal: InitialGoal) -> Iterator[int]:
+        """Yield the rules that bring about facts of a predicate from which rules lead to that of the goal."""
+        distances = self._backwards.distances(goal.predicate)
+        yield from sorted({rule: None for predicate in distances for rule in self._bringing.get(predicate, ())})
+
+    def _way(self, rule: int, robot: Robot | None, possible: Levels, sure: Levels) -> LeadingRank | None:
+        """Return how a rule leads to the goal, None if it never does."""
+        best: LeadingRank | None = None
+        bound: int | None = None
+        for brought in self._brought[rule]:
+            wanted = self._possibly(rule, brought, robot, possible)
+            if wanted is not None and (best is None or wanted.level < best.wanted.level):
+                best = LeadingRank(rule, None, brought, wanted)
+            certain = self._certainly(brought, robot, sure) if wanted is not None else None
+            if certain is not None and (bound is None or certain.level < bound):
+                bound = certain.level
+        return best if best is None or best.wanted.level != bound else best._replace(rank=bound)
+
+    def _possibly(self, rule: int, brought: Brought, robot: Robot | None, levels: Levels) -> Reached | None:
+        """Return as what of the lowest level the fact may be wanted, if it may be this robot's."""
+        known = dict(brought.known)
+        if not unified(HOME, brought.owner, known):
+            return None
+        derivation = derived_by(rule, brought, known, brought.args)
+
+        def fits(wanted: Patterns) -> bool:
+            self._compare()
+            return unifier(wanted, derivation, robot) is not None
+
+        return levels.nearest(brought.predicate, derivation.derives, fits)
+
+    def _certainly(self, brought: Brought, robot: Robot | None, levels: Levels) -> Reached | None:
+        """Return as what of the lowest level the fact is wanted whatever the firing, if every firing brings it."""
+        known = dict(brought.known)
+        if robot is not None:
+            unified(HOME, Constant(robot), known)
+        if not brought.always or resolved(brought.owner, known) != resolved(HOME, known):
+            return None
+        args = tuple([resolved(arg, known) for arg in brought.args])
+
+        def fits(wanted: Patterns) -> bool:
+            self._compare()
+            return agrees(wanted, args)
+
+        return levels.nearest(brought.predicate, args, fits)
+
+    def _compare(self) -> None:
+        self._comparisons_left -= 1
+        if self._comparisons_left < 0:
+            self._steps_left = 0
+            raise TooMuch
+
+
+def agrees(wanted: Patterns, args: Patterns) -> bool:
+    """Tell whether whatever `args` stand for is what is `wanted`; a variable that stands twice wants one constant."""
+    values: dict[object, object] = {}
+    for one, other in zip(wanted, args, strict=True):
+        if isinstance(one, Anything) or (one == other == HOME):
+            continue
+        if one == HOME or not isinstance(other, Constant):
+            return False
+        key = value_key(other.value)
+        if key != (value_key(one.value) if isinstance(one, Constant) else values.setdefault(one, key)):
+            return False
+    return True

@@ -1,0 +1,264 @@
+"""From a rule about the ensemble to a rule of one robot.
+
+The facts of a body must belong to one robot, the rule's home. Its owner disappears: on the home robot it is
+slot 0. What is left is put into order (`ordering`). `X = constant` is not computed; the constant replaces X. The
+variables of a head are checked against those that the body binds.
+"""
+
+from collections.abc import Sequence
+
+from rmr.base.values import Robot
+from rmr.bytecode.program import SELF_SLOT, Operator
+from rmr.lang.analyse.names import Names, meant
+from rmr.lang.analyse.types import Types, constants, fits, literal_type
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote, Diagnostics
+from rmr.lang.lower.ordering import Orderer, all_known, variables
+from rmr.lang.lower.robot_rules import SELF, Decide, Derived, Environment, Projected, RobotAggregate, RobotComprehension
+from rmr.lang.read.syntax import (
+    AggregateNode,
+    Binary,
+    ComprehensionNode,
+    Conjunct,
+    Expression,
+    FactNode,
+    HeadItem,
+    Literal,
+    RuleItem,
+    StepsNode,
+    Variable,
+    walk,
+)
+
+OPERATORS = {operator.name.lower(): operator for operator in Operator}
+"""Aggregates by the name that the source gives them."""
+
+WINNING = (Operator.MIN, Operator.MAX)
+"""Aggregates that one match wins, whose variables the head may use."""
+
+
+class Projector:
+    """Projects the rules of one program."""
+
+    def __init__(self, names: Names, types: Types, symbols: frozenset[str], found: Diagnostics) -> None:
+        self._types = types
+        self._found = found
+        self._orderer = Orderer(names, symbols, found)
+        self._home: Expression | None = None
+
+    def rule(self, rule: RuleItem) -> Projected | None:
+        """Return `rule` as the home robot runs it, or None after reporting why it cannot."""
+        facts = [each for each in rule.body if isinstance(each, FactNode)]
+        positive = [fact for fact in facts if not fact.absent]
+        if not positive:
+            self._no_facts(rule)
+            return None
+        environment = Environment()
+        homes = self._homes(positive)
+        if not homes:
+            return None
+        self._settle([owner for owner, _ in homes], environment)
+        if len(homes) > 1:
+            self._join(rule, homes)
+        at_home = len(homes) == 1 and self._are_at_home([fact for fact in facts if fact.absent], "`not`")
+        environment.constants.update(self._constants(rule, environment))
+        body = self._orderer.order(rule.body, environment)
+        head = [self._head(part, environment) for part in rule.head]
+        if not at_home or body is None or None in head:
+            return None
+        home = self._home
+        if isinstance(home, Literal):
+            here = Decide(Binary("=", Variable(SELF, home.span), home, home.span))
+            body = (here, *body)
+        return Projected(rule, environment, body, tuple(part for part in head if part is not None))
+
+    def _constants(self, rule: RuleItem, environment: Environment) -> dict[str, Literal]:
+        """Return the variables that `rule` equates with a constant which all their places can hold."""
+        found = {name: value for name, value in constants(rule.body).items() if not environment.knows(name)}
+        for fact in walk(rule) if found else ():
+            if not isinstance(fact, FactNode):
+                continue
+            for argument, cell in zip(fact.arguments, self._types.positions[fact.name.text], strict=False):
+                value = found.get(argument.name) if isinstance(argument, Variable) else None
+                if isinstance(argument, Variable) and value is not None and not fits(literal_type(value), cell.type):
+                    del found[argument.name]
+        return found
+
+    def _no_facts(self, rule: RuleItem) -> None:
+        span = rule.body[0].span.to(rule.body[-1].span)
+        hint = "it would fire at all times; name a fact that must be there"
+        self._found.report("E032", "a rule's body needs at least one fact that holds", span, hint=hint)
+
+    # ---- the home robot
+
+    def _homes(self, positive: list[FactNode]) -> list[tuple[Expression, FactNode]]:
+        """Return the robots whose facts a body matches, each with the first of them; none if one has no owner."""
+        homes: list[tuple[Expression, FactNode]] = []
+        for fact in positive:
+            owner = fact.owner
+            if owner is None:
+                return []
+            if not isinstance(owner, Variable | Literal):
+                self._found.report("E021", "the owner of a fact in a body is a variable or a robot", owner.span)
+                return []
+            if not any(_same_owner(owner, other) for other, _ in homes):
+                homes.append((owner, fact))
+        return homes
+
+    def _settle(self, owners: list[Expression], environment: Environment) -> None:
+        """Make the first robot the rule's home."""
+        self._home, *others = owners
+        if isinstance(self._home, Variable):
+            environment.slots[SELF if self._home.anonymous else self._home.name] = SELF_SLOT
+        environment.slots[SELF] = SELF_SLOT
+        for other in others:
+            if isinstance(other, Variable) and not other.anonymous:
+                environment.slot(other.name)
+
+    def _join(self, rule: RuleItem, homes: list[tuple[Expression, FactNode]]) -> None:
+        notes = tuple(DiagnosticNote(fact.span, f"a fact of {_called(owner)}") for owner, fact in homes)
+        message = "a join of several robots' facts is not supported yet"
+        home, other = (_called(owner) for owner, _ in homes[:2])
+        hint = f"let {home} ask {other} by a fact of {other}, which {other} uses up with its own before it answers: "
+        hint += "see `rmr explain E035`"
+        self._found.report("E035", message, rule.span, hint=hint, notes=notes)
+
+    def _is_at_home(self, fact: FactNode, what: str) -> bool:
+        home = self._home
+        if fact.owner is None or home is None:
+            return False
+        if _same_owner(fact.owner, home):
+            return True
+        hint = "another robot's facts are not at hand here"
+        if isinstance(home, Variable) or (isinstance(home, Literal) and isinstance(home.value, Robot)):
+            hint = f"the rule's home robot is {_called(home)}; {hint}"
+        message = f"{what} may name the facts of the rule's home robot only"
+        self._found.report("E033", message, fact.span, hint=hint)
+        return False
+
+    def _are_at_home(self, body: Sequence[Conjunct], what: str) -> bool:
+        at_home = [self._is_at_home(fact, what) for fact in body if isinstance(fact, FactNode)]
+        return all(at_home)
+
+    # ---- heads
+
+    def _head(self, part: HeadItem, environment: Environment) -> Derived | None:
+        match part:
+            case FactNode():
+                return part if self._is_bound(part, environment) else None
+            case StepsNode(derived=derived):
+                bound = [self._is_bound(fact, environment) for fact in derived]
+                return part if all(bound) else None
+            case ComprehensionNode():
+                return self._comprehension(part, environment)
+            case AggregateNode():
+                return self._aggregate(part, environment)
+
+    def _is_bound(self, fact: FactNode, environment: Environment) -> bool:
+        for each in walk(fact):
+            if isinstance(each, Variable) and each.anonymous:
+                self._found.report("E030", "`_` has no value", each.span, hint="name what is derived")
+                return False
+        self._orderer.unbound(fact.arguments, environment)
+        return all_known(fact.arguments, environment)
+
+    # ---- comprehensions
+
+    def _comprehension(self, part: ComprehensionNode, environment: Environment) -> RobotComprehension | None:
+        for index, variable in enumerate(part.variables):
+            twice = variable.name in [each.name for each in part.variables[:index]]
+            if environment.knows(variable.name) or twice:
+                message = f"`{variable.name}` is {'listed twice' if twice else 'bound by the rule already'}"
+                hint = "the variables before the `|` are new; choose another name"
+                self._found.report("E031", message, variable.span, hint=hint)
+                return None
+        if not self._are_at_home(part.body, "a comprehension") or not self._all_listed(part, environment):
+            return None
+        inner = environment.inner()
+        body = self._orderer.order(part.body, inner)
+        bound = [self._is_bound(fact, inner) for fact in part.head]
+        if body is None or not all(bound):
+            return None
+        slots = tuple(range(environment.count, inner.count))
+        environment.count = inner.count
+        return RobotComprehension(slots, body, part.head, inner)
+
+    def _all_listed(self, part: ComprehensionNode, environment: Environment) -> bool:
+        listed = {variable.name for variable in part.variables}
+        for each in variables(part.body):
+            if each.name not in listed and not environment.knows(each.name):
+                message = f"`{each.name}` is neither bound by the rule nor listed"
+                hint = f"list it: `{{{part.variables[0].name}, {each.name} | ...`"
+                self._found.report("E030", message, each.span, hint=hint)
+                return False
+        return True
+
+    # ---- aggregates
+
+    def _aggregate(self, part: AggregateNode, environment: Environment) -> RobotAggregate | None:
+        operator = self._operator(part)
+        at_home = self._are_at_home(part.body, "an aggregate")
+        if operator is None or not at_home or not self._is_new(part, environment):
+            return None
+        inner = environment.inner()
+        body = self._orderer.order(part.body, inner)
+        if body is None:
+            return None
+        slots = tuple(range(environment.count, inner.count))
+        self._orderer.unbound(part.term, inner)
+        head = inner.inner() if operator in WINNING else environment.inner()
+        head.count = inner.count
+        result = head.slot(part.result.name)
+        environment.count = head.count
+        good = self._is_gathered(part, inner, head)
+        return RobotAggregate(part, result, slots, body, inner, head) if good else None
+
+    def _operator(self, part: AggregateNode) -> Operator | None:
+        name = part.operator.text
+        operator = OPERATORS.get(name)
+        if operator is None:
+            hint = meant(name, list(OPERATORS)) or "known are " + ", ".join(f"`{each}`" for each in OPERATORS)
+            self._found.report("E015", f"there is no aggregate `{name}`", part.operator.span, hint=hint)
+        elif operator is Operator.COUNT and part.term is not None:
+            message = "`count` counts matches and has no term"
+            hint = f"`[count => {part.result.name} | ...`"
+            self._found.report("E011", message, part.term.span, hint=hint)
+        elif operator is not Operator.COUNT and part.term is None:
+            hint = f"`[{name} X => {part.result.name} | ...`"
+            self._found.report("E011", f"`{name}` needs a term", part.operator.span, hint=hint)
+        else:
+            return operator
+        return None
+
+    def _is_new(self, part: AggregateNode, environment: Environment) -> bool:
+        result = part.result
+        if result.anonymous:
+            return True
+        inside = [each for each in variables((part.term, part.body)) if each.name == result.name]
+        if not environment.knows(result.name) and not inside:
+            return True
+        where = "by the rule" if not inside else "inside of the aggregate"
+        message = f"`{result.name}` is used {where} already"
+        hint = "the variable behind `=>` is new; choose another name"
+        self._found.report("E031", message, result.span, hint=hint)
+        return False
+
+    def _is_gathered(self, part: AggregateNode, inner: Environment, head: Environment) -> bool:
+        """Whether the head of an aggregate uses what it may; report what it may not."""
+        lost = [each for each in variables(part.head) if inner.knows(each.name) and not head.knows(each.name)]
+        for each in lost:
+            message = f"`{each.name}` has another value in each match"
+            hint = f"the head of `{part.operator.text}` has `{part.result.name}` and the rule's variables"
+            self._found.report("E030", message, each.span, hint=hint)
+        return not lost and self._is_bound(part.head, head) and all_known(part.term, inner)
+
+
+def _same_owner(one: Expression, other: Expression) -> bool:
+    if isinstance(one, Variable) and isinstance(other, Variable):
+        return one.name == other.name and not one.anonymous
+    return isinstance(one, Literal) and isinstance(other, Literal) and one.value == other.value
+
+
+def _called(owner: Expression) -> str:
+    if isinstance(owner, Literal):
+        return f"`{owner.value!r}`"
+    return f"`{owner.name}`" if isinstance(owner, Variable) and not owner.anonymous else "another robot"

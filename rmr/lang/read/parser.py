@@ -1,0 +1,324 @@
+"""The parser: source text to the syntax tree, one item at a time, with error recovery.
+
+Tokens are read on demand, and only those of the present item are kept. A token that does not fit is reported and
+replaced if what was meant is clear enough (`repair`). If not, the rest of the item is skipped: the next item begins
+behind the next `.`, or at a line that begins as items do. After `BROKEN_MAX` broken items in a row the rest of the file
+is not read. The depth of nesting is bounded before anything walks a tree.
+"""
+# ruff: noqa: PLC0415 - what mistakes need is loaded when there is one
+
+import re
+from collections import deque
+from itertools import islice
+from typing import TYPE_CHECKING
+
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read.automaton import Automaton
+from rmr.lang.read.grammar import END
+from rmr.lang.read.lexer import COMMENT_SIGNS, OPEN_COMMENT, Token, tokens, without_foreign_comments
+from rmr.lang.read.source_text import SourceText, Span
+from rmr.lang.read.syntax import Item, ModuleNode, children
+from rmr.lang.read.tree_builder import Builder
+
+if TYPE_CHECKING:
+    from rmr.lang.read.habits import Habit
+    from rmr.lang.read.misfit import Misfit
+    from rmr.lang.read.repair import Repair
+
+AHEAD_MAX = 64
+"""Words that are looked at behind a mistake."""
+
+NESTING_MAX = 100
+"""Brackets within brackets and operators within operators: more is a mistake or an attack on the stack."""
+
+STATES_MAX = 8 * NESTING_MAX
+"""Of the automaton within one item; a level of brackets takes at most some five of them."""
+
+ITEM_WORDS_MAX = 100_000
+"""Of one item; there is no rule or list that long."""
+
+REPAIRS_MAX = 4
+"""Of one item: where more is wrong, nothing is clear."""
+
+FILE_REPAIRS_MAX = 100
+"""Of one file; each takes a look at what follows, and nobody reads more."""
+
+BROKEN_MAX = 10
+"""Items given up one after the other: what comes then is taken for no program."""
+
+ITEMS_MAX = 100_000
+"""Of one program; a robot that begins with so many facts is no robot of this world."""
+
+BEGINNINGS = frozenset(["TYPE", "CONST", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
+"""Words that begin an item and nothing else."""
+
+_NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
+
+
+def parse(source: SourceText, found: Diagnostics) -> ModuleNode:
+    """Return what `source` holds, and report every syntax error to `found`."""
+    return _Parser(source, found).module()
+
+
+class _Parser:
+    """Reads one file."""
+
+    def __init__(self, source: SourceText, found: Diagnostics) -> None:
+        self._source = source
+        self._found = found
+        self._words = tokens(source.text)
+        self._ahead: deque[Token] = deque()
+        """Words that have been looked at and not read."""
+        self._builder = Builder(source.file, found)
+        self._automaton = Automaton(source.file, self._builder)
+        self._broken: set[str] = set()
+        self._repairs = FILE_REPAIRS_MAX
+        self._is_uncertain = False
+        """The item has been repaired by leaving something out, so that it may mean something else."""
+        self._is_lost = False
+        """It has been reported why the rest is not read."""
+        self._are_comments_foreign = False
+        """Comments of other languages have been reported, and are left out."""
+        self._capitals: set[str] = set()
+        """Names with capital letters that have been reported."""
+
+    def module(self) -> ModuleNode:
+        """Return all items."""
+        items: list[Item] = []
+        in_a_row = 0
+        while in_a_row < BROKEN_MAX and not self._is_lost:
+            first = self._next()
+            if first.kind == OPEN_COMMENT:
+                self._open_comment(first)
+            if first.kind in {END, OPEN_COMMENT}:
+                return ModuleNode(tuple(items), frozenset(self._broken))
+            item = self._item(first)
+            in_a_row = in_a_row + 1 if item is None else 0
+            if item is not None:
+                items.append(item)
+                if len(items) > ITEMS_MAX:
+                    self._lose("E008", f"the program has more than {ITEMS_MAX} items", item.span)
+        if not self._is_lost:
+            start = self._next().start
+            self._lose("E007", f"{BROKEN_MAX} items in a row have syntax errors", Span(self._source.file, start, start))
+        return ModuleNode((), frozenset(self._broken), complete=False)
+
+    def _lose(self, code: str, message: str, span: Span) -> None:
+        """Report why the rest is not read."""
+        hint = "is it an RMR program?" if code == "E007" else None
+        self._found.report(code, f"{message}: what follows is not read", span, hint=hint)
+        self._is_lost = True
+
+    # ---- words
+
+    def _next(self) -> Token:
+        return self._ahead.popleft() if self._ahead else next(self._words)
+
+    def _following(self, word: Token) -> list[Token]:
+        """Return `word` and what comes behind it, as far as is looked at."""
+        self._ahead.extend(islice(self._words, max(0, AHEAD_MAX - len(self._ahead))))
+        return [word, *islice(self._ahead, AHEAD_MAX)]
+
+    def _begins(self, word: Token, previous: Token, first: Token) -> bool:
+        """Whether `word` stands first on its line, and not further in than the item's `first` word."""
+        if self._source.text.find("\n", previous.end, word.start) < 0:
+            return False
+        (_, column), (_, own) = (self._source.position(each.start) for each in (word, first))
+        return column <= own
+
+    # ---- items
+
+    def _item(self, first: Token) -> Item | None:
+        """Return the item that begins with `first`, or None if it has been given up."""
+        automaton = self._automaton
+        automaton.reset()
+        self._is_uncertain = False
+        word, previous, repairs = first, first, REPAIRS_MAX
+        read: list[Token] = []
+        while True:
+            if automaton.take(word):
+                read.append(word)
+                if word.kind == "DOT":
+                    return self._finished(automaton.item(), len(read))
+                if len(automaton.states) > STATES_MAX or len(read) > ITEM_WORDS_MAX:
+                    self._endless(first, word, len(read))
+                    return None
+                previous, word = word, self._next()
+                continue
+            misfit = self._misfit(first, previous, word)
+            habit = self._habit(read, misfit) if repairs else None
+            if habit is not None and habit.patch is not None:
+                self._read_instead(first, [*read, word], habit)
+                automaton.reset()
+                read.clear()
+                first = previous = word = self._next()
+                repairs -= 1
+                if first.kind in {END, OPEN_COMMENT}:
+                    self._ahead.appendleft(first)
+                    return None
+                continue
+            if habit is not None or repairs == 0 or not self._is_repaired(misfit):
+                self._give_up(first, misfit, reported=habit is not None)
+                return None
+            repairs -= 1
+            word = self._next()
+
+    def _finished(self, item: Item, count: int) -> Item | None:
+        self._builder.finish()
+        if self._is_uncertain:
+            self._break(item.span.start, item.span.end)
+            self._found.keep_syntax_errors_only(item.span)
+        if count <= NESTING_MAX or not _is_deep(item):
+            return item
+        self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
+        self._break(item.span.start, item.span.end)
+        return None
+
+    def _endless(self, first: Token, word: Token, count: int) -> None:
+        if count <= ITEM_WORDS_MAX:
+            span = Span(self._source.file, first.start, word.end)
+            self._found.report("E004", f"brackets are nested more than {NESTING_MAX} deep", span)
+        self._skip(first, word, word, count)
+
+    # ---- habits from other languages
+
+    def _habit(self, read: list[Token], misfit: "Misfit") -> "Habit | None":
+        """Report a habit that explains `misfit`, if one does."""
+        from rmr.lang.read.habits import LOOKED_AT_MAX, MisfitContext, habit
+
+        if misfit.word.kind == OPEN_COMMENT or self._repairs == 0 or len(read) > LOOKED_AT_MAX:
+            return None
+        words = [*read, *misfit.following]
+        found = self._foreign_comment(words, len(read))
+        found = found or habit(MisfitContext(self._source.file, self._source.text, words, len(read)))
+        if found is None:
+            return None
+        self._repairs -= 1
+        self._found.report(found.code, found.message, found.span, hint=found.hint)
+        self._is_uncertain |= found.uncertain
+        return found
+
+    def _foreign_comment(self, words: list[Token], at: int) -> "Habit | None":
+        """Return the report of a comment of another language at the misfit or before it on its line."""
+        from rmr.lang.read.habits import Habit
+
+        if self._are_comments_foreign:
+            return None
+        text = self._source.text
+        left = list(without_foreign_comments(words[: at + 1], text))
+        kept = {word.start for word in left}
+        sign = next((word for word in words[: at + 1] if word.start not in kept), None)
+        if sign is None or not text.startswith(COMMENT_SIGNS, sign.start):
+            return None
+        self._are_comments_foreign = True
+        written = next(each for each in COMMENT_SIGNS if text.startswith(each, sign.start))
+        span = Span(self._source.file, sign.start, sign.start + len(written))
+        return Habit(f"unexpected `{written}`", span, "comments begin with `//`", (sign.start, sign.start, ()))
+
+    def _read_instead(self, first: Token, read: list[Token], habit: "Habit") -> None:
+        """Go back to the beginning of the item, whose words up to the misfit are `read`, and read what was meant."""
+        if self._are_comments_foreign and habit.patch == (habit.span.start, habit.span.start, ()):
+            self._ahead.clear()
+            self._words = without_foreign_comments(tokens(self._source.text, first.start), self._source.text)
+            return
+        assert habit.patch is not None
+        start, end, meant = habit.patch
+        words = [*read, *self._ahead]
+        self._ahead = deque([each for each in words if each.end <= start])
+        self._ahead += meant
+        self._ahead += [each for each in words if each.start >= end and each.end > start]
+
+    # ---- mistakes
+
+    def _misfit(self, first: Token, previous: Token, word: Token) -> "Misfit":
+        from rmr.lang.read.misfit import Misfit
+
+        begins = self._begins(word, previous, first)
+        return Misfit(self._source.file, self._source.text, previous, self._following(word), begins)
+
+    def _is_repaired(self, misfit: "Misfit") -> bool:
+        """Report a misfit and put what was meant in its place, if that is clear."""
+        from rmr.lang.read.repair import repair
+
+        if self._repairs == 0 or misfit.word.kind == OPEN_COMMENT:
+            return False
+        better = repair(self._automaton, misfit)
+        if better is None:
+            return False
+        self._repairs -= 1
+        if not self._is_uncertain and not self._is_known_capital(better):
+            self._found.report("E001", better.message, better.span, hint=better.hint, notes=better.notes)
+        self._is_uncertain |= better.uncertain
+        self._automaton.back(better.forget)
+        self._ahead.extendleft(reversed(better.words))
+        return True
+
+    def _is_known_capital(self, repair: "Repair") -> bool:
+        """Whether `repair` is of a name with a capital letter that has been reported before."""
+        if not repair.renames:
+            return False
+        is_known = repair.message in self._capitals
+        self._capitals.add(repair.message)
+        return is_known
+
+    def _give_up(self, first: Token, misfit: "Misfit", *, reported: bool) -> None:
+        """Report a misfit, unless that is done, and go on behind its item."""
+        from rmr.lang.read.misfit import unexpected
+
+        if reported or self._is_uncertain:
+            pass
+        elif misfit.word.kind == OPEN_COMMENT:
+            self._open_comment(misfit.word)
+        else:
+            message, span, hint = unexpected(self._automaton, misfit)
+            self._found.report("E001", message, span, hint=hint)
+        self._builder.finish()
+        word = misfit.word
+        if word.kind == "DOT" and not self._ends(word):
+            word = self._next()
+        self._skip(first, misfit.previous, word)
+
+    def _open_comment(self, word: Token) -> None:
+        span = Span(self._source.file, word.start, word.start + 2)
+        self._found.report("E001", "this comment has no end", span, hint="`*/`")
+        self._break(word.start, word.end)
+
+    def _skip(self, first: Token, previous: Token, word: Token, count: int = 0) -> None:
+        """Leave out the rest of an item, from `word` on; `count` words have been read of it."""
+        while word.kind != END and not self._ends(word) and not self._is_beginning(first, previous, word):
+            previous, word = word, self._next()
+            count += 1
+            if count > ITEM_WORDS_MAX:
+                place = Span(self._source.file, first.start, first.end)
+                self._lose("E008", f"this item has more than {ITEM_WORDS_MAX} words", place)
+                break
+        if word.kind != "DOT":
+            self._ahead.appendleft(word)
+        self._break(first.start, previous.end)
+
+    def _ends(self, word: Token) -> bool:
+        """Whether a word that nothing has been made of ends its item; the point of `robot.x` does not."""
+        if word.kind != "DOT":
+            return False
+        before, behind = self._source.text[word.start - 1 : word.start], self._source.text[word.end : word.end + 1]
+        return not (before.isalnum() and behind.isalnum())
+
+    def _is_beginning(self, first: Token, previous: Token, word: Token) -> bool:
+        """Whether an item begins with `word`, although the one before has not ended."""
+        if word is first or not self._begins(word, previous, first):
+            return False
+        return word.kind in BEGINNINGS or self._source.text.count("\n", previous.end, word.start) > 1
+
+    def _break(self, start: int, end: int) -> None:
+        """Remember what a broken item may have declared."""
+        self._broken.update(_NAME.findall(self._source.text, start, end))
+
+
+def _is_deep(item: Item) -> bool:
+    level: list[object] = [item]
+    for _ in range(NESTING_MAX):
+        inside = [part for node in level for part in children(node)]
+        level = [node for part in inside for node in (part if isinstance(part, tuple) else (part,)) if node is not None]
+        if not level:
+            return False
+    return True

@@ -1,0 +1,147 @@
+"""What a word that does not fit may have been meant to be, so that the rest of the item is read all the same.
+
+Tried are, each for itself: a comma, full stop or bracket that is missing before the word, another word in its
+place, the word left out, the comma before it left out. The one after which most of what follows fits is taken, if
+that is enough to be believed; of equals the first. That makes one mistake one message, and lets what is wrong with
+the meaning of the same item be found too.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from rmr.lang.diagnostics.diagnostic import DiagnosticNote
+from rmr.lang.read.automaton import Automaton, TrialReach
+from rmr.lang.read.grammar import END
+from rmr.lang.read.lexer import Token, spelling
+from rmr.lang.read.misfit import OR_HINT, Misfit, foreign_hint, quoted, unexpected
+from rmr.lang.read.source_text import Span
+
+SURE = 3
+"""Words that have to fit behind a repair, unless they complete the item."""
+
+CLOSING = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
+"""Brackets that may be missing, and what they close."""
+
+ARROWS = ("->", "=>", "-->", "--o", "→", "⇒", "⟶", "⊢", "\u2013o", "\u2014o", "\u2212o")
+
+MEANT = {
+    **dict.fromkeys(ARROWS, (("ARROW", "-o"),)),
+    **dict.fromkeys(("==", "===", "=:=", "≡"), (("EQ", "="),)),
+    **dict.fromkeys(("\\=", "\\==", "=\\=", "!==", "≠"), (("NE", "!="),)),
+    **dict.fromkeys(("=<", "≤"), (("LE", "<="),)),
+    "≥": (("GE", ">="),),
+    ":=": (("EQ", "="),),
+    **dict.fromkeys(("and", "&", "∧"), (("COMMA", ","), ("AND", "&&"))),
+    **dict.fromkeys(("or", "\u2228"), (("OR", "||"),)),
+}
+"""What other languages write, and what it may stand for."""
+
+
+class Repair(NamedTuple):
+    """What is read instead, and what is said about it."""
+
+    words: tuple[Token, ...]
+    """In the place of the word that does not fit."""
+    message: str
+    span: Span
+    hint: str | None = None
+    notes: tuple[DiagnosticNote, ...] = ()
+    forget: int = 0
+    """Words before it that are left out."""
+    uncertain: bool = False
+    """Something is left out that was meant somehow: the item may say something else."""
+    renames: bool = False
+    """A name with a capital letter stands for that with a small one."""
+
+
+_Option = tuple[TrialReach, Repair]
+
+
+def repair(automaton: Automaton, misfit: Misfit) -> Repair | None:
+    """Return the best repair, or None if none can be believed."""
+    options = list(_options(automaton, misfit))
+    if not options:
+        return None
+    reach, best = max(options, key=lambda option: option[0])
+    return best if reach.complete or reach.words >= SURE else None
+
+
+def _options(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
+    stop, comma = _stop(automaton, misfit), _missing(automaton, misfit, "COMMA")
+    yield from _instead(automaton, misfit)
+    yield from (*stop, *comma) if misfit.begins else (*comma, *stop)
+    for kind in CLOSING:
+        yield from _missing(automaton, misfit, kind)
+    yield from _surplus(automaton, misfit)
+
+
+def _instead(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
+    word = misfit.word
+    kinds = [each.kind for each in misfit.following]
+    for kind, text in MEANT.get(word.text.lower(), ()):
+        hint = foreign_hint(misfit.text, word.start)
+        found = Repair((word._replace(kind=kind, text=text),), f"unexpected {quoted(word)}", misfit.span(word), hint)
+        if kind == "OR" and kinds[1:3] == ["NAME", "LPAR"]:  # between facts there is no or
+            found = found._replace(hint=OR_HINT, uncertain=True)
+        yield automaton.reach(automaton.states, [kind, *kinds[1:]]), found
+    if kinds[:2] == ["VARIABLE", "LPAR"]:
+        yield automaton.reach(automaton.states, ["NAME", *kinds[1:]]), _uncapitalised(misfit, word)
+    elif word.kind == "LPAR" and (last := automaton.last("VARIABLE")):
+        found = _uncapitalised(misfit, *last)
+        found = found._replace(words=(*found.words, word), forget=1)
+        yield automaton.reach(automaton.states[:-1], ["NAME", *kinds]), found
+    elif (last := automaton.last("MINUS", "NAME")) and last[1].text == "o":
+        arrow = Token("ARROW", "-o", last[0].start, last[1].end)
+        hint = "an arrow is written `-o`, without a space"
+        found = Repair((arrow, word), "unexpected `- o`", misfit.span(arrow), hint, forget=2)
+        yield automaton.reach(automaton.states[:-2], ["ARROW", *kinds]), found
+
+
+def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
+    text = variable.text.strip("_") or "p"
+    name = variable._replace(kind="NAME", text=text[0].lower() + text[1:])
+    hint = f"names of facts and actions begin with a lower-case letter: `{name.text}`"
+    return Repair((name,), f"unexpected {quoted(variable)}", misfit.span(variable), hint, renames=True)
+
+
+def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
+    """Take the word for the first of the next item."""
+    if not automaton.feed(automaton.states[:], "DOT"):
+        return
+    where = "at the end of the file" if misfit.word.kind == END else f"before {quoted(misfit.word)}"
+    words = (Token("DOT", ".", misfit.previous.end, misfit.previous.end), misfit.word)
+    found = Repair(words, f"a `.` is missing {where}", misfit.before, "every item ends with `.`")
+    if misfit.word.kind == END:
+        yield TrialReach(True, 0, 0), found
+    else:
+        yield automaton.reach(None, [each.kind for each in misfit.following]), found
+
+
+def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Option]:
+    reach = automaton.reach(automaton.states, [kind, *(each.kind for each in misfit.following)])
+    if reach.words < 2:
+        return
+    sign = spelling(kind) or ""
+    words = (Token(kind, sign, misfit.previous.end, misfit.previous.end), misfit.word)
+    message = f"a `{sign}` is missing before {quoted(misfit.word)}"
+    hint: str | None = "`,` stands between arguments, between conditions, and between what a head derives"
+    notes: tuple[DiagnosticNote, ...] = ()
+    if kind in CLOSING:
+        opening = automaton.unclosed(CLOSING[kind])
+        hint, notes = None, () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
+    yield reach._replace(words=reach.words - 1), Repair(words, message, misfit.before, hint, notes)
+
+
+def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
+    previous, word = misfit.previous, misfit.word
+    kinds = [each.kind for each in misfit.following]
+    if automaton.last("COMMA"):
+        found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=1)
+        yield automaton.reach(automaton.states[:-1], kinds), found
+    if word.kind in {"DOT", END}:
+        return
+    found = Repair((), *unexpected(automaton, misfit), uncertain=True)
+    if not word.text[0].isalnum():
+        comma = word._replace(kind="COMMA", text=",")
+        yield automaton.reach(automaton.states, ["COMMA", *kinds[1:]]), found._replace(words=(comma,))
+    yield automaton.reach(automaton.states, kinds[1:]), found

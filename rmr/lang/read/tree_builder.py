@@ -1,0 +1,336 @@
+"""The syntax tree, built as the parser recognises its parts.
+
+One method for each rule or alias of the grammar, and nothing else: what a program means is for the checker.
+Only what the syntax tree could not hold is reported here: numbers out of range and reserved words as names.
+"""
+
+# ruff: noqa: D102 - each public method builds the grammar rule or alias of its name; rmr.lark documents them
+import math
+import re
+from dataclasses import replace
+
+from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
+from rmr.lang.diagnostics.diagnostic import Diagnostics
+from rmr.lang.read import syntax
+from rmr.lang.read.lexer import Token
+from rmr.lang.read.source_text import Span
+
+RESERVED = frozenset(
+    [
+        "type",
+        "action",
+        "sensor",
+        "list",
+        "const",
+        "include",
+        "order",
+        "assert",
+        "watch",
+        "not",
+        "then",
+        "else",
+        "true",
+        "false",
+    ]
+)
+"""Words that name nothing (see the language reference)."""
+
+SECONDS = {"s": 1, "min": 60}
+"""The units of time literals, but for milliseconds."""
+
+ESCAPES = {"n": "\n", "t": "\t", "r": "\r", '"': '"', "\\": "\\"}
+"""What may follow a backslash in a string."""
+
+DIGITS_MAX = 400
+"""No time needs more digits; longer ones are not even converted."""
+
+TOO_LARGE = 1 << 64
+"""Stands for any integer that is out of range."""
+
+
+class Builder:
+    """Builds the syntax trees of one file, part by part; each part is handed its place and what it consists of."""
+
+    def __init__(self, file: str, found: Diagnostics) -> None:
+        self._file = file
+        self._found = found
+        self._large: dict[int, syntax.Literal] = {}
+        """By place: numbers that are out of range, unless a `-` before them says otherwise."""
+
+    def finish(self) -> None:
+        """Report what is wrong with the parts built since last time."""
+        for literal in self._large.values():
+            what = "a 64-bit float" if isinstance(literal.value, float) else "64 bits"
+            self._found.report("E005", f"this number does not fit into {what}", literal.span)
+        self._large.clear()
+
+    # ---- places, names, facts
+
+    def _token_span(self, token: Token) -> Span:
+        return Span(self._file, token.start, token.end)
+
+    def _name(self, token: Token) -> syntax.Name:
+        span = self._token_span(token)
+        if token.text in RESERVED:
+            message = f"`{token.text}` is a reserved word and names nothing"
+            hint = "a head derives a fact by naming it: `done(R)`" if token.text == "assert" else "choose another"
+            self._found.report("E006", message, span, hint=hint)
+        return syntax.Name(token.text, span)
+
+    def _variable(self, token: Token) -> syntax.Variable:
+        return syntax.Variable(token.text, self._token_span(token))
+
+    def _fact(
+        self, span: Span, call: syntax.Call, mark: Token | None = None, *, absent: bool = False
+    ) -> syntax.FactNode:
+        kind = syntax.Mark(mark.text if mark is not None else "")
+        return syntax.FactNode(call.name, call.arguments, span, kind, absent)
+
+    # ---- items
+
+    def type_declaration(
+        self, span: Span, mark: Token | None, name: Token, parameters: tuple[syntax.Parameter, ...]
+    ) -> syntax.TypeDeclaration:
+        kinds = {"!": syntax.Declared.PERSISTENT, "sensor": syntax.Declared.SENSED}
+        kind = kinds[mark.text] if mark is not None else syntax.Declared.TEMPORARY
+        return syntax.TypeDeclaration(kind, self._name(name), parameters, span)
+
+    def action_declaration(
+        self,
+        span: Span,
+        name: Token,
+        parameters: tuple[syntax.Parameter, ...],
+        _arrow: Token | None,
+        effects: tuple[syntax.FactNode, ...] | None,
+        otherwise: tuple[syntax.FactNode, ...] | None,
+    ) -> syntax.TypeDeclaration:
+        kind = syntax.Declared.ACTION
+        return syntax.TypeDeclaration(kind, self._name(name), parameters, span, effects or (), otherwise or ())
+
+    def parameters(self, _span: Span, *parameters: syntax.Parameter | None) -> tuple[syntax.Parameter, ...]:
+        return tuple(parameter for parameter in parameters if parameter is not None)
+
+    def parameter(self, span: Span, variable: Token | None, kind: syntax.TypeName) -> syntax.Parameter:
+        return syntax.Parameter(None if variable is None else self._variable(variable), kind, span)
+
+    def type_name(self, span: Span, word: Token, element: syntax.TypeName | None = None) -> syntax.TypeName:
+        text = "list" if element is not None else self._name(word).text
+        return syntax.TypeName(text, element, span)
+
+    def effects(self, _span: Span, *facts: syntax.FactNode) -> tuple[syntax.FactNode, ...]:
+        return facts
+
+    def effect(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
+        return self._fact(span, call, mark)
+
+    def constant(self, span: Span, name: Token, value: syntax.Expression) -> syntax.ConstantItem:
+        return syntax.ConstantItem(self._name(name), value, span)
+
+    def include(self, span: Span, path: Token) -> syntax.IncludeItem:
+        return syntax.IncludeItem(self._unescape(path), span)
+
+    def strategy(self, span: Span, name: Token) -> syntax.StrategyItem:
+        return syntax.StrategyItem(self._name(name), span)
+
+    def fact(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactItem:
+        kind = syntax.Mark.BANG if mark is not None else syntax.Mark.NONE
+        span = call.span if mark is None else self._token_span(mark).to(call.span)
+        return syntax.FactItem(syntax.FactNode(call.name, call.arguments, span, kind), span)
+
+    def goal(self, span: Span, call: syntax.Call) -> syntax.GoalItem:
+        fact = syntax.FactNode(call.name, call.arguments, call.span, syntax.Mark.GOAL)
+        return syntax.GoalItem(fact, span)
+
+    def rule(
+        self, span: Span, body: tuple[syntax.Conjunct, ...], _arrow: Token, head: tuple[syntax.HeadItem, ...]
+    ) -> syntax.RuleItem:
+        return syntax.RuleItem(body, head, span)
+
+    def assertion(
+        self,
+        span: Span,
+        name: Token | None,
+        word: Token,
+        start: syntax.FactNode,
+        finish: syntax.FactNode,
+        deadline: syntax.Expression,
+        violation: syntax.Call,
+    ) -> syntax.AssertionItem:
+        named = None if name is None else self._name(name)
+        action = syntax.FactNode(violation.name, violation.arguments, violation.span)
+        return syntax.AssertionItem(named, word.kind == "ASSERT", start, finish, deadline, action, span)
+
+    # ---- bodies and heads
+
+    def body(self, _span: Span, *conjuncts: syntax.FactNode | syntax.Expression) -> tuple[syntax.Conjunct, ...]:
+        return tuple(self._conjunct(conjunct) for conjunct in conjuncts)
+
+    def _conjunct(self, part: syntax.FactNode | syntax.Expression) -> syntax.Conjunct:
+        if isinstance(part, syntax.FactNode):
+            return part
+        if isinstance(part, syntax.Call) and not part.grouped:
+            return syntax.FactNode(part.name, part.arguments, part.span)
+        if isinstance(part, syntax.Unary) and part.operator == "not" and isinstance(part.operand, syntax.Call):
+            call = part.operand
+            if call.grouped:
+                return syntax.Condition(part, part.span)
+            return syntax.FactNode(call.name, call.arguments, part.span, absent=True)
+        return syntax.Condition(part, part.span)
+
+    def marked(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
+        return self._fact(span, call, mark)
+
+    def absent(self, span: Span, mark: Token, call: syntax.Call) -> syntax.FactNode:
+        return self._fact(span, call, mark, absent=True)
+
+    def observed(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
+        return self._fact(span, call, mark)
+
+    def derived(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
+        if call.name.text == "assert" and len(call.arguments) == 1 and isinstance(call.arguments[0], syntax.Call):
+            call = call.arguments[0]
+        return self._fact(span, call, mark)
+
+    def head(self, _span: Span, *items: syntax.HeadItem | None) -> tuple[syntax.HeadItem, ...]:
+        return tuple(item for item in items if item is not None)
+
+    def nothing(self, _span: Span, number: Token) -> None:
+        if number.text != "1":
+            message = f"a head is a list of facts, or `1` for nothing, not `{number.text}`"
+            self._found.report("E001", message, self._token_span(number), hint="write `1`")
+
+    def steps(self, span: Span, *derived: syntax.FactNode) -> syntax.FactNode | syntax.StepsNode:
+        return derived[0] if len(derived) == 1 else syntax.StepsNode(derived, span)
+
+    def comprehension(
+        self,
+        span: Span,
+        variables: tuple[syntax.Variable, ...],
+        body: tuple[syntax.Conjunct, ...],
+        head: tuple[syntax.FactNode, ...],
+    ) -> syntax.ComprehensionNode:
+        return syntax.ComprehensionNode(variables, body, head, span)
+
+    def variables(self, _span: Span, *tokens: Token) -> tuple[syntax.Variable, ...]:
+        return tuple(self._variable(token) for token in tokens)
+
+    def derivations(self, _span: Span, *facts: syntax.FactNode) -> tuple[syntax.FactNode, ...]:
+        return facts
+
+    def aggregate(
+        self,
+        span: Span,
+        operator: Token,
+        term: syntax.Expression | None,
+        result: Token,
+        body: tuple[syntax.Conjunct, ...],
+        head: syntax.FactNode,
+    ) -> syntax.AggregateNode:
+        name = self._name(operator)
+        return syntax.AggregateNode(name, term, self._variable(result), body, head, span)
+
+    # ---- expressions
+
+    def binary(
+        self, span: Span, left: syntax.Expression, operator: Token, right: syntax.Expression
+    ) -> syntax.Expression:
+        spelling = "!=" if operator.text == "<>" else operator.text
+        return syntax.Binary(spelling, left, right, span)
+
+    def negation(self, span: Span, operand: syntax.Expression) -> syntax.Expression:
+        return syntax.Unary("not", operand, span)
+
+    def minus(self, span: Span, _minus: Token, operand: syntax.Expression) -> syntax.Expression:
+        if not isinstance(operand, syntax.Literal) or type(operand.value) not in {int, float}:
+            return syntax.Unary("-", operand, span)
+        assert isinstance(operand.value, int | float)
+        self._large.pop(operand.span.start, None)
+        return self._number(-operand.value, span)
+
+    def variable(self, _span: Span, token: Token) -> syntax.Variable:
+        return self._variable(token)
+
+    def symbol(self, _span: Span, token: Token) -> syntax.Literal:
+        name = self._name(token)
+        return syntax.Literal(Symbol(name.text), name.span)
+
+    def _number(self, value: int | float, span: Span) -> syntax.Literal:
+        literal = syntax.Literal(value, span)
+        if not in_range(value):
+            self._large[span.start] = literal
+        return literal
+
+    def integer(self, span: Span, token: Token) -> syntax.Literal:
+        return self._number(_integer(token.text), span)
+
+    def decimal(self, span: Span, token: Token) -> syntax.Literal:
+        return self._number(float(token.text), span)
+
+    def seconds(self, span: Span, token: Token) -> syntax.Literal:
+        number = token.text.rstrip("mins")
+        return self._number(_seconds(number, token.text[len(number) :]), span)
+
+    def robot(self, span: Span, token: Token) -> syntax.Literal:
+        number = _integer(token.text[1:])
+        if number > ROBOT_ID_MAX:
+            self._found.report("E005", f"robot ids go from 0 to {ROBOT_ID_MAX}", span)
+            number = 0
+        return syntax.Literal(Robot(number), span)
+
+    def text(self, span: Span, token: Token) -> syntax.Literal:
+        return syntax.Literal(self._unescape(token), span)
+
+    def true(self, span: Span, _token: Token) -> syntax.Literal:
+        return syntax.Literal(True, span)
+
+    def false(self, span: Span, _token: Token) -> syntax.Literal:
+        return syntax.Literal(False, span)
+
+    def call(self, span: Span, name: Token, arguments: tuple[syntax.Expression, ...] | None) -> syntax.Call:
+        return syntax.Call(self._name(name), arguments or (), span)
+
+    def arguments(self, _span: Span, *arguments: syntax.Expression) -> tuple[syntax.Expression, ...]:
+        return arguments
+
+    def group(self, span: Span, inner: syntax.Expression) -> syntax.Expression:
+        if isinstance(inner, syntax.Call):
+            return replace(inner, grouped=True, span=span)
+        return inner
+
+    def list_term(
+        self, span: Span, items: tuple[syntax.Expression, ...] | None, rest: syntax.Expression | None
+    ) -> syntax.ListTerm:
+        return syntax.ListTerm(items or (), rest, span)
+
+    def _unescape(self, token: Token) -> str:
+        def replaced(matched: re.Match[str]) -> str:
+            letter = matched.group(1)
+            if letter not in ESCAPES:
+                message = f"`\\{letter}` is no escape"
+                hint = 'known are \\n \\t \\r \\" and \\\\'
+                self._found.report("E001", message, self._token_span(token), hint=hint)
+            return ESCAPES.get(letter, letter)
+
+        return re.sub(r"\\(.)", replaced, token.text[1:-1])
+
+
+def _integer(digits: str) -> int:
+    significant = digits.lstrip("0") or "0"
+    return int(significant) if len(significant) <= len(str(INT_MAX)) else TOO_LARGE
+
+
+def _seconds(number: str, unit: str) -> float:
+    """Return a time in seconds, as near to what is written as a float can be."""
+    if len(number) > DIGITS_MAX:
+        return math.inf
+    if unit != "ms":
+        return float(number) * SECONDS[unit]
+    mantissa, _, exponent = number.lower().partition("e")
+    return float(f"{mantissa}e{int(exponent or '0') - 3}")
+
+
+def in_range(value: object) -> bool:
+    """Whether a number of the source is one that the language can hold."""
+    if isinstance(value, float):
+        return math.isfinite(value)
+    return not isinstance(value, int) or INT_MIN <= value <= INT_MAX
