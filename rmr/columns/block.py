@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rmr.bytecode.program import InitialFact, Kind, Program, Slot
-from rmr.columns.layout import Layout
+from rmr.columns.column_layout import Layout
 from rmr.columns.numbers import Array, write
 
 if TYPE_CHECKING:
-    from rmr.columns.goals import Goals
+    from rmr.columns.column_goals import Goals
 
 
 class Follows:

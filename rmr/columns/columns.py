@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rmr.analysis.columnar import NUMBER, obstacles
+from rmr.analysis.column_obstacles import NUMBER, obstacles
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import InitialFact, Kind, Program, Strategy
 from rmr.columns.block import Block, Follows, owned, stated_values
 from rmr.columns.choices import below
-from rmr.columns.goals import Goals, Report
-from rmr.columns.layout import Layout
+from rmr.columns.column_goals import Goals, Report
+from rmr.columns.column_layout import Layout
 from rmr.columns.numbers import Array, unless
 from rmr.columns.rules import Match, column_rules
 
@@ -35,7 +35,7 @@ class Columns:
     ) -> None:
         """Begin with the stated facts and goals, then the `given` facts; `streams` are what the robots draw from.
 
-        Raises ValueError if the program cannot be run as columns (`rmr.analysis.columnar.obstacles`).
+        Raises ValueError if the program cannot be run as columns (`rmr.analysis.column_obstacles.obstacles`).
         """
         found = obstacles(program, given)
         if found:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rmr.analysis.straight import work_out
+from rmr.analysis.straight_line import work_out
 from rmr.base.values import INT_MIN
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.program import Base

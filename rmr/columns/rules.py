@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rmr.analysis.columnar import Slots, fallible
-from rmr.analysis.straight import BASES, straight
+from rmr.analysis.column_obstacles import Slots, fallible
+from rmr.analysis.straight_line import BASES, straight
 from rmr.base.values import Value
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, DeriveFact, Guard, Mode, Program, Rule, Steps
 from rmr.columns.block import Block, Follows
-from rmr.columns.layout import Layout
-from rmr.columns.lines import Line
+from rmr.columns.column_expressions import Line
+from rmr.columns.column_layout import Layout
 from rmr.columns.numbers import Array, Held, also, same
 from rmr.vm.match import plan_atom
 

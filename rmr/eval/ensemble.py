@@ -22,9 +22,8 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Program
 from rmr.eval.acting import Acting
 from rmr.eval.deaths import Death
-from rmr.eval.ether import LATENCY, Ether, Messages, frame_text
-from rmr.eval.given import Given, Insertion, facts_by_owner, values
-from rmr.eval.report import (
+from rmr.eval.eval_ether import LATENCY, Ether, Messages, frame_text
+from rmr.eval.eval_report import (
     dropped,
     entry,
     omitted,
@@ -36,6 +35,7 @@ from rmr.eval.report import (
     unheard,
     unmatched,
 )
+from rmr.eval.given import Given, Insertion, facts_by_owner, values
 from rmr.eval.topology import Topology
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node

@@ -18,9 +18,9 @@ from rmr.base.values import Robot, format_value
 from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.failures import Failures
 from rmr.vm.job import Job
+from rmr.vm.machine_events import FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.match import pattern_agrees
 from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
 from rmr.vm.shared import Mine

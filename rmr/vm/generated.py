@@ -12,10 +12,10 @@ from rmr.base.identity import ByIdentity
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program, Strategy
-from rmr.vm.events import RuleFired
 from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.interpreter import UNRANKED
+from rmr.vm.machine_events import RuleFired
 from rmr.vm.rotor import ROTOR_MATCHES_MAX
 from rmr.vm.running import Running
 from rmr.vm.unfired import Entry, Valued

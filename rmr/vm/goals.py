@@ -9,7 +9,7 @@ derives counts as its declared effects, as far as they are this robot's.
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from rmr.analysis.backwards import Patterns
+from rmr.analysis.backward_chaining import Patterns
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, Constant, Program
@@ -17,7 +17,7 @@ from rmr.vm.assertions import goal_text
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.derive import Chain, Derived, Role
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import GoalAchieved, VmEvent
+from rmr.vm.machine_events import GoalAchieved, VmEvent
 from rmr.vm.match import pattern_agrees
 from rmr.vm.ranks import GoalKey, Ranks, goal_key, here
 from rmr.vm.rotor import Rotor

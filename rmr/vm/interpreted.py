@@ -7,9 +7,9 @@ from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
 from rmr.vm.derive import Derivation
-from rmr.vm.events import FactInserted, FactRemoved, RuleFired
 from rmr.vm.interpreter import Interpreter
 from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.machine_events import FactInserted, FactRemoved, RuleFired
 from rmr.vm.store import Args, Fact, Store
 
 

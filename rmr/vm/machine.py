@@ -22,11 +22,11 @@ from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
 from rmr.vm.derive import Chain, Derived, Role, evaluated
 from rmr.vm.doubts import Doubts
 from rmr.vm.evaluate import NoValue
-from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
 from rmr.vm.goals import GoalArgs
 from rmr.vm.job import Job
+from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
+from rmr.vm.machine_parts import Parts
 from rmr.vm.match import pattern_agrees
-from rmr.vm.parts import Parts
 from rmr.vm.store import Args
 
 FACTS_MAX = 100_000

@@ -3,14 +3,14 @@
 The compiler has worked out, for the goals that the program states, which rules lead there and how far they are
 where every firing of a rule is equally far (`InitialGoal.leads`). While only such goals are open, a rule that
 is not among them has no rank, and one whose rank is known costs nothing. In every other case the facts that a
-firing brings about are looked for backwards from all open goals (levels.py), until the goals change. Both say
+firing brings about are looked for backwards from all open goals (`goal_levels`), until the goals change. Both say
 the same: the compiler is silent where the search might be cut short.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from rmr.analysis.backwards import HOME, Backwards, Patterns, Wanted
-from rmr.analysis.levels import Levels
+from rmr.analysis.backward_chaining import HOME, Backwards, Patterns, Wanted
+from rmr.analysis.goal_levels import Levels
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
 from rmr.bytecode.program import Constant, Lead, Program

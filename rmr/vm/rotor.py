@@ -25,7 +25,7 @@ from rmr.base.time import Instant
 from rmr.bytecode.program import Atom, Base, Kind, Mode, Predicate, Program, Rule
 from rmr.bytecode.wire import identity
 from rmr.vm.bounds import Dropped
-from rmr.vm.events import RuleRepeats, VmEvent
+from rmr.vm.machine_events import RuleRepeats, VmEvent
 from rmr.vm.store import Args, is_open
 
 ROTOR_MATCHES_MAX = 256

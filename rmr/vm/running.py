@@ -13,11 +13,11 @@ from rmr.bytecode.program import Program
 from rmr.bytecode.wire import identity
 from rmr.vm import match, once
 from rmr.vm.evaluate import NoValue
-from rmr.vm.events import FactInserted, FactRemoved
-from rmr.vm.generate.layout import ARGS, HELD, SERIAL
+from rmr.vm.generate.fact_tables import ARGS, HELD, SERIAL
 from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.machine_events import FactInserted, FactRemoved
 from rmr.vm.store import Args
 from rmr.vm.unfired import Entry, HeldFact, SeenFact, Unfired, Valued, key_of
 

@@ -10,7 +10,9 @@ from rmr.lang.facts import read_fact
 from rmr.lang.fold import Folder
 from rmr.lang.syntax import Literal, Variable
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.events import (
+from rmr.vm.job import Job
+from rmr.vm.machine import FIRING_BUDGET
+from rmr.vm.machine_events import (
     ActionDerived,
     BoundReached,
     ExpressionFailed,
@@ -28,8 +30,6 @@ from rmr.vm.events import (
     RuleRepeats,
     VmEvent,
 )
-from rmr.vm.job import Job
-from rmr.vm.machine import FIRING_BUDGET
 
 Line = dict[str, Any]
 """A line of a script or a trace: JSON."""

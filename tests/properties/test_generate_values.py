@@ -18,7 +18,7 @@ from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.bytecode.scope import type_of_value
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.expression_source import condition, expression, narrowed
 from rmr.vm.generate.known import LIMITS, Known, of_value
 from rmr.vm.generate.source import Pool, Source
 

@@ -3,7 +3,7 @@
 What is told is data (dataclasses that become JSON as they are); show.py puts it into words. Goals and the rules
 that lead there come from reach.py, assertions and the actions that serve them from serve.py: the same answers by
 which robots choose among rules and hold actions back. Whether all robots can be run at once is found out in
-rmr.analysis.columnar.
+rmr.analysis.column_obstacles.
 """
 
 from dataclasses import dataclass

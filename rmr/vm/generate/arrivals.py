@@ -8,8 +8,8 @@ which looks more closely, converts, or refuses it.
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.program import Base
+from rmr.vm.generate.fact_tables import Table
 from rmr.vm.generate.facts import FactWriter
-from rmr.vm.generate.layout import Table
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
 from rmr.vm.outside import Gate

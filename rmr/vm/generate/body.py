@@ -12,9 +12,9 @@ from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Predicate, Slot, Type
 from rmr.vm import match
-from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.expression_source import condition, expression, narrowed
+from rmr.vm.generate.fact_tables import SERIAL, Positions, Table, candidates, column, index_key
 from rmr.vm.generate.known import Known
-from rmr.vm.generate.layout import SERIAL, Positions, Table, candidates, column, index_key
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import AtomStep, plan_atom

@@ -14,8 +14,8 @@ from rmr.bytecode.conform import length
 from rmr.bytecode.program import Atom, Bind, Guard
 from rmr.vm import machine
 from rmr.vm.generate.body import ME, Slots, slots_of
-from rmr.vm.generate.expressions import condition, narrowed
-from rmr.vm.generate.layout import Table, column, tuple_of, write_forgetting, write_indexing
+from rmr.vm.generate.expression_source import condition, narrowed
+from rmr.vm.generate.fact_tables import Table, column, tuple_of, write_forgetting, write_indexing
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.source import Pool

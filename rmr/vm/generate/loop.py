@@ -2,7 +2,7 @@
 
 Of a program with few rules all fire in this function, found by halving; of more each has a function. A head that is
 nothing but facts, goals and actions that cannot fail is written out where the rule fires; what others derive is worked
-out when the match is found (`rmr.vm.generate.derive`).
+out when the match is found (`rmr.vm.generate.head_functions`).
 """
 
 from collections.abc import Sequence
@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from rmr.base.streams import Choices
 from rmr.bytecode.program import Aggregate, Comprehension, DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
 from rmr.vm.derive import Derived
-from rmr.vm.events import FactSent, RuleFired
 from rmr.vm.generate.body import ME
+from rmr.vm.generate.fact_tables import Table, tuple_of
 from rmr.vm.generate.facts import FactWriter
-from rmr.vm.generate.heads import WrittenItem, rows_of, write_bindings, written_items
-from rmr.vm.generate.layout import Table, tuple_of
+from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings, written_items
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.source import Pool
+from rmr.vm.machine_events import FactSent, RuleFired
 
 IN_LINE_MAX = 12
 """Rules that a predicate may concern so that the insertion of its facts is written out where they are derived."""

@@ -10,16 +10,16 @@ from typing import Any
 
 from rmr.base.time import Instant
 from rmr.bytecode.program import Kind, Program
-from rmr.vm.generate.again import AgainWriter
 from rmr.vm.generate.arrivals import write_arrival, write_methods
-from rmr.vm.generate.derive import HeadWriter
+from rmr.vm.generate.fact_tables import Table, column, tables_of, write_probes
 from rmr.vm.generate.facts import FactWriter, mask
-from rmr.vm.generate.heads import write_bindings, written_items
-from rmr.vm.generate.layout import Table, column, tables_of, write_probes
+from rmr.vm.generate.head_functions import HeadWriter
+from rmr.vm.generate.head_items import write_bindings, written_items
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.loop import LoopWriter
+from rmr.vm.generate.match_search import SearchWriter
 from rmr.vm.generate.plan import RulePlan, Way
-from rmr.vm.generate.search import SearchWriter
+from rmr.vm.generate.rematch import AgainWriter
 from rmr.vm.generate.source import Pool
 from rmr.vm.outside import Gate
 from rmr.vm.shared import shared_of

@@ -18,8 +18,8 @@ from rmr.bytecode.conform import fits
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
 from rmr.vm.generate.body import Placed, Slots, positives, slots_of
-from rmr.vm.generate.expressions import condition, expression, narrowed
-from rmr.vm.generate.layout import ARGS, Table, column, tuple_of
+from rmr.vm.generate.expression_source import condition, expression, narrowed
+from rmr.vm.generate.fact_tables import ARGS, Table, column, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.interpreter import uses_now
 from rmr.vm.match import plan_atom

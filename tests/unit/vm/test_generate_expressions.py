@@ -9,7 +9,7 @@ from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.expression_source import condition, expression, narrowed
 from rmr.vm.generate.known import Known
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.generate.trees import DEPTH_MAX

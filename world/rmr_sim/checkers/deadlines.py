@@ -8,8 +8,8 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import NEVER, Instant, in_seconds
-from rmr.vm.events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
 from rmr.vm.job import Job
+from rmr.vm.machine_events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
 from rmr_sim.checkers.scene import TICK, Scene
 
 CHECK = "deadline"

@@ -29,9 +29,9 @@ from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.derive import HEAD_PART
 from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.generate.body import ME, Body, Slots, begun, loads, positives, serial
-from rmr.vm.generate.heads import WrittenItem, rows_of, write_bindings
+from rmr.vm.generate.fact_tables import Table, tuple_of
+from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings
 from rmr.vm.generate.known import NOTHING
-from rmr.vm.generate.layout import Table, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
 

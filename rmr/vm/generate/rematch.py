@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from rmr.bytecode.program import Atom
 from rmr.vm.generate.body import ME, Body, Slots, begun, loads
-from rmr.vm.generate.layout import Table, tuple_of
+from rmr.vm.generate.fact_tables import Table, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan
 from rmr.vm.generate.source import Pool

@@ -12,7 +12,7 @@ machine); who does not looks at all that is wanted (the compiler).
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from rmr.analysis.backwards import (
+from rmr.analysis.backward_chaining import (
     HOME,
     Backwards,
     Derivation,

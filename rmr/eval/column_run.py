@@ -7,16 +7,16 @@ on in every frame in which they have rules left over from the budget of the fram
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rmr.analysis.columnar import Obstacle, obstacles
+from rmr.analysis.column_obstacles import Obstacle, obstacles
 from rmr.base.time import Instant, tick_start
 from rmr.bytecode.program import Program
 from rmr.columns.choices import streams
 from rmr.columns.columns import Columns
 from rmr.eval.deaths import Death
 from rmr.eval.ensemble import FIRINGS_MAX, Conditions, most
-from rmr.eval.ether import Messages
+from rmr.eval.eval_ether import Messages
+from rmr.eval.eval_report import satisfied
 from rmr.eval.given import Given, Insertion
-from rmr.eval.report import satisfied
 from rmr.node.trace import rule_text
 from rmr.vm.machine import FIRING_BUDGET
 

@@ -12,7 +12,7 @@ import numpy as np
 from rmr.base.time import in_seconds, tick_start
 from rmr.base.values import Robot
 from rmr.bytecode.program import Constant, InitialGoal, Program, Slot
-from rmr.columns.layout import Layout
+from rmr.columns.column_layout import Layout
 from rmr.columns.numbers import Array, same, unless
 from rmr.vm.assertions import goal_text
 from rmr.vm.ranks import here

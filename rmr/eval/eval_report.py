@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
 from rmr.eval.deaths import Death
-from rmr.eval.ether import LATENCY, Messages
+from rmr.eval.eval_ether import LATENCY, Messages
 from rmr.eval.given import Insertion
 from rmr.node.report import job_entry
 

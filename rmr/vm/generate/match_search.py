@@ -13,7 +13,7 @@ from typing import Any
 from rmr.bytecode.arithmetic import NoValue
 from rmr.vm import once
 from rmr.vm.generate.body import ME, Body, Slots, begun, loads, serial
-from rmr.vm.generate.layout import Table
+from rmr.vm.generate.fact_tables import Table
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way, order_from
 from rmr.vm.generate.source import Pool

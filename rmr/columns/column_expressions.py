@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rmr.analysis.straight import AND, CONST, IF, LOAD, NOTHING, OR, Operation
+from rmr.analysis.straight_line import AND, CONST, IF, LOAD, NOTHING, OR, Operation
 from rmr.bytecode.program import Base
-from rmr.columns.layout import Layout
+from rmr.columns.column_layout import Layout
 from rmr.columns.numbers import WORK, Array, Held, also
 
 

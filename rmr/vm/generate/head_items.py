@@ -29,8 +29,8 @@ from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.derive import Derived, Role
 from rmr.vm.doubts import doubts, settle
 from rmr.vm.generate.body import Slots
-from rmr.vm.generate.expressions import narrowed
-from rmr.vm.generate.layout import Table, column, tuple_of
+from rmr.vm.generate.expression_source import narrowed
+from rmr.vm.generate.fact_tables import Table, column, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
