@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rmr.bytecode.program import InitialFact, Kind, Program, Slot
-from rmr.columns.column_layout import Layout
+from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, write
 
 if TYPE_CHECKING:
-    from rmr.columns.column_goals import Goals
+    from rmr.columns.column_goals import ColumnGoals
 
 
 class Follows:
     """What insertions of each predicate have to be told to; the same for all blocks."""
 
-    def __init__(self, program: Program, goals: "Goals") -> None:
+    def __init__(self, program: Program, goals: "ColumnGoals") -> None:
         self.goals = goals
         self.fired: list[list[int]] = [[] for _ in program.predicates]
         """Rules that may fire again."""
@@ -34,7 +34,7 @@ class Follows:
 class Block:
     """Some robots, a row each."""
 
-    def __init__(self, program: Program, layout: Layout, follows: Follows, robots: Array, streams: Array) -> None:
+    def __init__(self, program: Program, layout: ColumnLayout, follows: Follows, robots: Array, streams: Array) -> None:
         size = len(robots)
         self.follows = follows
         self.robots = robots
@@ -128,7 +128,7 @@ class Block:
         return sum(each.nbytes for each in columns)
 
 
-def stated_values(fact: InitialFact, block: Block, program: Program, layout: Layout) -> list[Array]:
+def stated_values(fact: InitialFact, block: Block, program: Program, layout: ColumnLayout) -> list[Array]:
     """Return the columns of a stated fact."""
     types = program.predicates[fact.predicate].types
     return [

@@ -13,10 +13,10 @@ from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import InitialFact, Kind, Program, Strategy
 from rmr.columns.block import Block, Follows, owned, stated_values
 from rmr.columns.choices import below
-from rmr.columns.column_goals import Goals, Report
-from rmr.columns.column_layout import Layout
+from rmr.columns.column_goals import ColumnGoals, Report
+from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, unless
-from rmr.columns.rules import Match, column_rules
+from rmr.columns.rules import MatchedRows, column_rules
 
 ROWS = 1 << 14
 """Robots of a block: what one step looks at fits into a second-level cache, and numpy's calls cost little."""
@@ -41,8 +41,8 @@ class Columns:
         if found:
             raise ValueError(f"not a program for columns: {found[0].text}")
         self.program = program
-        self._layout = Layout(program, given)
-        self._goals = Goals(program, self._layout)
+        self._layout = ColumnLayout(program, given)
+        self._goals = ColumnGoals(program, self._layout)
         follows = Follows(program, self._goals)
         self._rules = column_rules(program, self._layout, follows)
         numbers, states = np.asarray(robots, np.uint16), np.array(streams, np.uint64)
@@ -128,13 +128,13 @@ class Columns:
         block.busy = fired
         block.last = block.last if chosen is None else chosen
 
-    def _nearest(self, block: Block, matches: list[Match]) -> list[Match]:
+    def _nearest(self, block: Block, matches: list[MatchedRows]) -> list[MatchedRows]:
         """Return the matches where they have the best rank."""
         ranks = [self._goals.ranks(block, match.rule.index) for match in matches]
         least = np.minimum.reduce([unless(each.rows) | rank for each, rank in zip(matches, ranks, strict=True)])
         return [each._replace(rows=each.rows & (rank == least)) for each, rank in zip(matches, ranks, strict=True)]
 
-    def _chosen(self, block: Block, matches: list[Match]) -> Iterator[tuple[Match, Array]]:
+    def _chosen(self, block: Block, matches: list[MatchedRows]) -> Iterator[tuple[MatchedRows, Array]]:
         """Yield the matches and where each is the one that fires."""
         if len(matches) < 2:
             yield from ((match, match.rows) for match in matches)
@@ -149,7 +149,7 @@ class Columns:
                 yield match, match.rows & (place == 0)
                 place -= match.rows
 
-    def _drawn(self, block: Block, matches: list[Match]) -> Array:
+    def _drawn(self, block: Block, matches: list[MatchedRows]) -> Array:
         """Return for each row which of its matches fires, counted from 0."""
         number = np.zeros(block.size, np.int32)
         for match in matches:

@@ -22,7 +22,7 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Program
 from rmr.eval.acting import Acting
 from rmr.eval.deaths import Death
-from rmr.eval.eval_ether import LATENCY, Ether, Messages, frame_text
+from rmr.eval.eval_ether import LATENCY, EvalEther, Messages, frame_text
 from rmr.eval.eval_report import (
     dropped,
     entry,
@@ -174,7 +174,7 @@ class Ensemble:
         """How often a robot has been killed or started again."""
         self._facts = facts_by_owner(given.facts)
         self._edges = None if given.edges is None else program.predicates[given.edges].name
-        self.ether = Ether(
+        self.ether = EvalEther(
             self.kernel,
             conditions.topology,
             stream(f"{conditions.seed}/ether"),

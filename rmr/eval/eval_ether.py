@@ -55,7 +55,7 @@ class EtherLink:
 
     payload_max = wire.PAYLOAD_OCTETS_MAX
 
-    def __init__(self, ether: "Ether", robot: int, wake: Callable[[Instant], None]) -> None:
+    def __init__(self, ether: "EvalEther", robot: int, wake: Callable[[Instant], None]) -> None:
         self.robot = robot
         self.wake = wake
         self._ether = ether
@@ -123,7 +123,7 @@ class EtherLink:
         return False
 
 
-class Ether:
+class EvalEther:
     """Carries frames between the links of all robots."""
 
     def __init__(

@@ -64,7 +64,7 @@ class Facts(Protocol):
     def __reversed__(self) -> Iterator[Fact]: ...
 
 
-class Table:
+class StoreTable:
     """The facts of one predicate in the order of insertion."""
 
     __slots__ = ("_holes", "_indices", "_known", "_long", "_open", "facts", "linear", "newest")
@@ -131,7 +131,7 @@ class Store:
     __slots__ = ("count", "length", "newest", "tables")
 
     def __init__(self, predicates: Sequence[Predicate]) -> None:
-        self.tables = [Table(predicate) for predicate in predicates]
+        self.tables = [StoreTable(predicate) for predicate in predicates]
         self.count = 0
         """How many facts there are."""
         self.length = 0

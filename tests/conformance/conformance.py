@@ -10,7 +10,7 @@ from rmr.lang.facts import read_fact
 from rmr.lang.fold import Folder
 from rmr.lang.syntax import Literal, Variable
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 from rmr.vm.machine import FIRING_BUDGET
 from rmr.vm.machine_events import (
     ActionDerived,
@@ -177,5 +177,5 @@ class Case:
         raise AssertionError(event)
 
 
-def _job(job: Job) -> str:
+def _job(job: TimedJob) -> str:
     return f"{job.serial} {job.name}: {job.text}"

@@ -13,7 +13,7 @@ from rmr.base.geometry import Point
 from rmr.base.time import in_seconds
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 from rmr_world.bound import approachable, destinations
 from rmr_world.document import Problem
 from rmr_world.first_moves import ROBOTS_MAX, at_most, started
@@ -54,7 +54,7 @@ def _of_robot(
             yield problem_at(lab, _path(lab, start.id, in_seconds(job.deadline)), message)
 
 
-def _goal_of(lab: Lab, job: Job, destination: Area | None) -> Area | None:
+def _goal_of(lab: Lab, job: TimedJob, destination: Area | None) -> Area | None:
     """Return where a job ends: in the area that its finish fact names or, if that is the lab's, at `destination`."""
     try:
         fact = parse_fact(job.text)

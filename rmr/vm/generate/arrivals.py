@@ -8,7 +8,7 @@ which looks more closely, converts, or refuses it.
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.program import Base
-from rmr.vm.generate.fact_tables import Table
+from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.facts import FactWriter
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
@@ -38,7 +38,7 @@ def write_methods(lines: Lines, jobs: bool, timed: int) -> None:
         lines(*([f"{due} <= now: vm._miss(now)"] if jobs else ()))
 
 
-def write_arrival(lines: Lines, table: Table, pool: Pool, gate: Gate, facts: FactWriter) -> str:
+def write_arrival(lines: Lines, table: FactTable, pool: Pool, gate: Gate, facts: FactWriter) -> str:
     """Write the function for the facts of a predicate that is no action and return its name."""
     index, name = table.index, f"arrive{table.index}"
     names = [f"a{place}" for place in range(table.arity)]

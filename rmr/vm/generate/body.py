@@ -13,7 +13,7 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Predicate, Slot, Type
 from rmr.vm import match
 from rmr.vm.generate.expression_source import condition, expression, narrowed
-from rmr.vm.generate.fact_tables import SERIAL, Positions, Table, candidates, column, index_key
+from rmr.vm.generate.fact_tables import SERIAL, FactTable, Positions, candidates, column, index_key
 from rmr.vm.generate.known import Known
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
@@ -26,10 +26,10 @@ Placed = tuple[int, Conjunct]
 """A conjunct and its place in the body's text."""
 
 
-class Slots:
+class BoundSlots:
     """What a generated function has in a rule's slots."""
 
-    def __init__(self, outer: "Slots | None" = None) -> None:
+    def __init__(self, outer: "BoundSlots | None" = None) -> None:
         """Begin with the robot itself, or with all that is bound in `outer`."""
         self.names: dict[int, str] = dict(outer.names) if outer else {SELF_SLOT: ME}
         self.known: dict[int, Known] = dict(outer.known) if outer else {SELF_SLOT: Known(Type(Base.ROBOT))}
@@ -38,7 +38,7 @@ class Slots:
         """Return the source of an expression."""
         return expression(code, self.names, self.known, pool)
 
-    def bind(self, step: AtomStep, table: Table, text: Callable[[int], str]) -> None:
+    def bind(self, step: AtomStep, table: FactTable, text: Callable[[int], str]) -> None:
         """Bind what an atom binds; `text` returns where the argument at a position stands."""
         for position, slot in step.binds:
             kind = table.predicate.types[position]
@@ -53,8 +53,8 @@ class Body:
         self,
         lines: Lines,
         pool: Pool,
-        tables: Sequence[Table],
-        slots: Slots,
+        tables: Sequence[FactTable],
+        slots: BoundSlots,
         leave: str,
         *,
         fact: str = "f",
@@ -233,7 +233,7 @@ class Body:
             return [f"not {self.pool.helper('same', same)}({one}, {other})" for one, other in pairs]
         return [f"{one} != {other}" for one, other in pairs]
 
-    def _found(self, place: int, step: AtomStep, table: Table, fact: str) -> None:
+    def _found(self, place: int, step: AtomStep, table: FactTable, fact: str) -> None:
         self.facts[place] = fact
         self._places.append((place, step.predicate))
         self.slots.bind(step, table, lambda position: column(fact, position))
@@ -244,14 +244,14 @@ class Body:
         values.update({position: self.slots.names[slot] for position, slot in step.joins})
         return values
 
-    def _member(self, step: AtomStep, table: Table) -> str | None:
+    def _member(self, step: AtomStep, table: FactTable) -> str | None:
         """Return the key of the one fact of a set that can match, if all is bound."""
         values = self._values(step)
         if table.linear or step.strict or len(values) < table.arity:
             return None
         return table.key(self.pool, [values[position] for position in range(table.arity)])
 
-    def _candidates(self, step: AtomStep, table: Table) -> tuple[str, Positions]:
+    def _candidates(self, step: AtomStep, table: FactTable) -> tuple[str, Positions]:
         """Return facts, oldest first, among them all that match, and at which positions they surely do."""
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))

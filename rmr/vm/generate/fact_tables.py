@@ -30,7 +30,7 @@ FEW = 8
 Positions = tuple[int, ...]
 
 
-class Table:
+class FactTable:
     """How the facts of one predicate are kept."""
 
     def __init__(self, index: int, predicate: Predicate, dated: bool, concerned: bool) -> None:
@@ -78,11 +78,11 @@ class Table:
         return f"[True, {', '.join([serial, *args, *(['now'] if self.dated else [])])}]"
 
 
-def tables_of(program: Program) -> list[Table]:
+def tables_of(program: Program) -> list[FactTable]:
     """Return the tables of a program."""
     asked = {assertion.finish.predicate for assertion in program.assertions}
     starting = {assertion.start.predicate for assertion in program.assertions}
-    return [Table(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
+    return [FactTable(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
 
 
 def column(fact: str, position: int) -> str:
@@ -100,7 +100,7 @@ def index_key(positions: Positions, texts: Sequence[str]) -> str:
     return texts[0] if len(positions) == 1 else tuple_of(texts)
 
 
-def candidates(table: Table, positions: Positions, key: str, *, counted: bool) -> str:
+def candidates(table: FactTable, positions: Positions, key: str, *, counted: bool) -> str:
     """Return the facts, oldest first, that have the values of `key` at `positions`; the index is in a variable.
 
     If they are to be `counted`, a single fact is not: it costs no more than what led to it.
@@ -116,14 +116,14 @@ def candidates(table: Table, positions: Positions, key: str, *, counted: bool) -
     return f"({bucket} if {name} is not None else counted(vm, {probed}))"
 
 
-def _bucket(table: Table, index: str, key: str) -> str:
+def _bucket(table: FactTable, index: str, key: str) -> str:
     """Return what an index has for a key."""
     if table.lasting:
         return f"{index}.get({key}, NONE)"
     return f"(b if type(b := {index}.get({key}, NONE)) is tuple else b.values())"
 
 
-def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
+def write_probes(lines: Lines, tables: Sequence[FactTable]) -> None:
     """Write for each index how it is probed before it is there: a small table needs none."""
     for table in tables:
         for positions, name in table.indices.items():
@@ -139,14 +139,14 @@ def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
                 lines(f"return {_bucket(table, 'x', 'key')}")
 
 
-def write_indexing(lines: Lines, table: Table, fact: str) -> None:
+def write_indexing(lines: Lines, table: FactTable, fact: str) -> None:
     """Write that a new fact gets into the indices that there are."""
     for positions, name in table.indices.items():
         with lines.block(f"if (x := vm.{name}) is not None:"):
             _write_entry(lines, table, positions, fact)
 
 
-def _write_entry(lines: Lines, table: Table, positions: Positions, fact: str) -> None:
+def _write_entry(lines: Lines, table: FactTable, positions: Positions, fact: str) -> None:
     key = index_key(positions, [column(fact, position) for position in positions])
     if table.lasting:
         lines(f"b = x.get(k := {key})", f"if b is None: x[k] = [{fact}]", f"else: b.append({fact})")
@@ -156,7 +156,7 @@ def _write_entry(lines: Lines, table: Table, positions: Positions, fact: str) ->
         lines(f"else: b[{fact}[{SERIAL}]] = {fact}")
 
 
-def write_forgetting(lines: Lines, table: Table, fact: str) -> None:
+def write_forgetting(lines: Lines, table: FactTable, fact: str) -> None:
     """Write that a fact gets out of the indices that there are."""
     for positions, name in table.indices.items():
         key = index_key(positions, [column(fact, position) for position in positions])

@@ -13,9 +13,9 @@ from rmr.bytecode.arithmetic import same
 from rmr.bytecode.conform import length
 from rmr.bytecode.program import Atom, Bind, Guard
 from rmr.vm import machine
-from rmr.vm.generate.body import ME, Slots, slots_of
+from rmr.vm.generate.body import ME, BoundSlots, slots_of
 from rmr.vm.generate.expression_source import condition, narrowed
-from rmr.vm.generate.fact_tables import Table, column, tuple_of, write_forgetting, write_indexing
+from rmr.vm.generate.fact_tables import FactTable, column, tuple_of, write_forgetting, write_indexing
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.source import Pool
@@ -25,7 +25,7 @@ from rmr.vm.match import plan_atom
 class FactWriter:
     """Writes ``add{predicate}`` and ``remove{predicate}``, and the same in line."""
 
-    def __init__(self, lines: Lines, pool: Pool, tables: Sequence[Table], plans: Sequence[RulePlan]) -> None:
+    def __init__(self, lines: Lines, pool: Pool, tables: Sequence[FactTable], plans: Sequence[RulePlan]) -> None:
         self._lines = lines
         self._pool = pool
         self._tables = tables
@@ -183,7 +183,7 @@ class FactWriter:
 
     def _top_tests(self, plan: RulePlan, atom: Atom, args: Sequence[str]) -> list[str]:
         """Return what a rule demands of the fact of its first atom, whatever there is for the others."""
-        slots = Slots()
+        slots = BoundSlots()
         tests = self.tests(atom, args, slots)
         slots.bind(plan_atom(atom, self._predicates, slots.names), self._tables[atom.predicate], args.__getitem__)
         for conjunct in () if plan.failing else plan.rule.body:
@@ -196,7 +196,7 @@ class FactWriter:
         self, plan: RulePlan, atom: Atom, args: Sequence[str], taken: Sequence[str], gates: "Gates"
     ) -> None:
         """Add all the conditions of a rule of one atom, none of which can fail."""
-        slots = Slots()
+        slots = BoundSlots()
         conditions: list[str] = []
         for conjunct in plan.rule.body:
             if isinstance(conjunct, Atom):
@@ -214,9 +214,9 @@ class FactWriter:
                 slots.names[conjunct.slot], slots.known[conjunct.slot] = name, source.known
         gates.add(conditions, taken)
 
-    def tests(self, atom: Atom, args: Sequence[str], slots: Slots | None = None) -> list[str]:
+    def tests(self, atom: Atom, args: Sequence[str], slots: BoundSlots | None = None) -> list[str]:
         """Return what the text of an atom alone demands of a fact."""
-        names = (slots or Slots()).names
+        names = (slots or BoundSlots()).names
         step = plan_atom(atom, self._predicates, names)
         pairs = [(args[position], self._pool.constant(value)) for position, value in step.tests]
         pairs += [(args[position], names[slot]) for position, slot in step.joins]

@@ -28,8 +28,8 @@ from rmr.vm import derive as limits
 from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.derive import HEAD_PART
 from rmr.vm.doubts import Doubts, doubts, settle
-from rmr.vm.generate.body import ME, Body, Slots, begun, loads, positives, serial
-from rmr.vm.generate.fact_tables import Table, tuple_of
+from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, positives, serial
+from rmr.vm.generate.fact_tables import FactTable, tuple_of
 from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings
 from rmr.vm.generate.known import NOTHING
 from rmr.vm.generate.lines import Lines
@@ -49,7 +49,7 @@ class HeadWriter:
     """Writes ``derive`` or ``value`` of one rule."""
 
     def __init__(
-        self, program: Program, rule: int, lines: Lines, pool: Pool, tables: Sequence[Table], *, calls: bool
+        self, program: Program, rule: int, lines: Lines, pool: Pool, tables: Sequence[FactTable], *, calls: bool
     ) -> None:
         """`calls`: ``value``, which is written before the indices are laid out."""
         self.program = program
@@ -88,7 +88,7 @@ class HeadWriter:
             with lines.block("except NoValue as reason:"):
                 lines(self.failed(HEAD_PART, "part", ()), "return None")
 
-    def chain(self, steps: Sequence[Item], slots: Slots, scope: Scope) -> None:
+    def chain(self, steps: Sequence[Item], slots: BoundSlots, scope: Scope) -> None:
         """Write that what stands outside of comprehensions is derived."""
         items = [self.item(each, slots, scope) for each in steps]
         call = self.call(items[0]) if len(items) == 1 else None
@@ -99,7 +99,7 @@ class HeadWriter:
             call = self.followed(tuple_of(names))
         self.lines(f"out.append({call})")
 
-    def item(self, item: Item, slots: Slots, scope: Scope) -> WrittenItem:
+    def item(self, item: Item, slots: BoundSlots, scope: Scope) -> WrittenItem:
         """Return an item of the head as source."""
         return WrittenItem(item, slots, scope, self.pool, self.tables)
 
@@ -139,7 +139,7 @@ class HeadWriter:
 class InnerBody(Body):
     """The search for the matches of a comprehension or aggregate: each takes temporary facts, which serve no other."""
 
-    def __init__(self, head: HeadWriter, part: int, inner: Inner, slots: Slots) -> None:
+    def __init__(self, head: HeadWriter, part: int, inner: Inner, slots: BoundSlots) -> None:
         counted = sum(isinstance(each, Atom) for each in inner.body) > 1
         lines, pool, tables = head.lines, head.pool, head.tables
         super().__init__(lines, pool, tables, slots, "continue", fact="g", may_index=head.calls, counted=counted)
@@ -167,14 +167,14 @@ class InnerBody(Body):
 class InnerWriter:
     """Writes one comprehension or aggregate."""
 
-    def __init__(self, head: HeadWriter, part: int, inner: Inner, outer: Slots, scope: Scope) -> None:
+    def __init__(self, head: HeadWriter, part: int, inner: Inner, outer: BoundSlots, scope: Scope) -> None:
         self._head = head
         self._lines = head.lines
         self._pool = head.pool
         self._part = part
         self._inner = inner
         self._outer = outer
-        self._slots = Slots(outer)
+        self._slots = BoundSlots(outer)
         self._scope = Scope(scope)
         self._scope.grow(inner.body, head.program.predicates)
         self._body = InnerBody(head, part, inner, self._slots)
@@ -265,7 +265,7 @@ class InnerWriter:
 
     def _fold(self, aggregate: Aggregate) -> None:
         """Write what an aggregate derives of all its matches."""
-        slots = Slots(self._outer)
+        slots = BoundSlots(self._outer)
         with self._lines.level():
             if aggregate.operator in (Operator.MIN, Operator.MAX):
                 for slot in self._new_slots():

@@ -26,23 +26,27 @@ from rmr.bytecode.program import (
 )
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
-from rmr.vm.derive import Derived, Role
+from rmr.vm.derive import Derived, DerivedKind
 from rmr.vm.doubts import doubts, settle
-from rmr.vm.generate.body import Slots
+from rmr.vm.generate.body import BoundSlots
 from rmr.vm.generate.expression_source import narrowed
-from rmr.vm.generate.fact_tables import Table, column, tuple_of
+from rmr.vm.generate.fact_tables import FactTable, column, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
 
-ROLES: dict[type, Role] = {DeriveFact: Role.FACT, DeriveGoal: Role.GOAL, DeriveAction: Role.ACTION}
+ROLES: dict[type, DerivedKind] = {
+    DeriveFact: DerivedKind.FACT,
+    DeriveGoal: DerivedKind.GOAL,
+    DeriveAction: DerivedKind.ACTION,
+}
 """What an item is to the machine (`rmr.vm.derive`)."""
 
 
 class WrittenItem:
     """One item of a head as source."""
 
-    def __init__(self, item: Item, slots: Slots, scope: Scope, pool: Pool, tables: Sequence[Table]) -> None:
+    def __init__(self, item: Item, slots: BoundSlots, scope: Scope, pool: Pool, tables: Sequence[FactTable]) -> None:
         predicates = [table.predicate for table in tables]
         self.item = item
         self.mine = item.owner == SELF
@@ -78,7 +82,7 @@ class WrittenItem:
 
 
 def written_items(
-    rule: Rule, slots: Slots, program: Program, pool: Pool, tables: Sequence[Table]
+    rule: Rule, slots: BoundSlots, program: Program, pool: Pool, tables: Sequence[FactTable]
 ) -> list[list[WrittenItem]] | None:
     """Return the chains of a head, or None if it has comprehensions or aggregates."""
     scope = Scope()
@@ -92,9 +96,11 @@ def written_items(
     return chains
 
 
-def write_bindings(lines: Lines, pool: Pool, rule: Rule, tables: Sequence[Table], facts: dict[int, str]) -> Slots:
+def write_bindings(
+    lines: Lines, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
+) -> BoundSlots:
     """Write what gives the rule's variables their values again, given the match's facts by place; return them."""
-    slots = Slots()
+    slots = BoundSlots()
     predicates = tuple(table.predicate for table in tables)
     for place, conjunct in enumerate(rule.body):
         if isinstance(conjunct, Bind):

@@ -11,7 +11,7 @@ from rmr.base.streams import Choices
 from rmr.bytecode.program import Aggregate, Comprehension, DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
 from rmr.vm.derive import Derived
 from rmr.vm.generate.body import ME
-from rmr.vm.generate.fact_tables import Table, tuple_of
+from rmr.vm.generate.fact_tables import FactTable, tuple_of
 from rmr.vm.generate.facts import FactWriter
 from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings, written_items
 from rmr.vm.generate.lines import Lines
@@ -34,7 +34,7 @@ class LoopWriter:
         program: Program,
         lines: Lines,
         pool: Pool,
-        tables: Sequence[Table],
+        tables: Sequence[FactTable],
         plans: Sequence[RulePlan],
         facts: FactWriter,
     ) -> None:

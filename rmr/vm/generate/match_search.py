@@ -12,8 +12,8 @@ from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
 from rmr.vm import once
-from rmr.vm.generate.body import ME, Body, Slots, begun, loads, serial
-from rmr.vm.generate.fact_tables import Table
+from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, serial
+from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan, Way, order_from
 from rmr.vm.generate.source import Pool
@@ -52,8 +52,8 @@ def next_of(queue: list[Any]) -> list[Any] | None:
 class FreshBody(Body):
     """A search that begins with a new fact of the atom at place `seed`."""
 
-    def __init__(self, lines: Lines, pool: Pool, tables: Sequence[Table], top: int, seed: int) -> None:
-        super().__init__(lines, pool, tables, Slots(), "return")
+    def __init__(self, lines: Lines, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
+        super().__init__(lines, pool, tables, BoundSlots(), "return")
         self._top = top
         self._seed = seed
 
@@ -67,7 +67,7 @@ class FreshBody(Body):
 class SearchWriter:
     """Writes the search functions of one rule."""
 
-    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[Table]) -> None:
+    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[FactTable]) -> None:
         self._plan = plan
         self._lines = lines
         self._pool = pool
@@ -111,7 +111,7 @@ class SearchWriter:
         with lines.block(f"def below{r}({parameters}):"):
             lines(f"{ME} = vm.robot")
             mark = lines.mark()
-            body = Body(lines, self._pool, self._tables, Slots(), "return")
+            body = Body(lines, self._pool, self._tables, BoundSlots(), "return")
             self._below(body, f"kept.append({plan.entry()})" if plan.once else f"return {plan.entry()}")
             lines.insert(mark, loads(body))
 
@@ -151,7 +151,7 @@ class SearchWriter:
                 mark = lines.mark()
                 with lines.block("while taken < last:"):
                     lines("taken += 1", f"{plan.names()[0]} = q[taken]")
-                    body = Body(lines, self._pool, self._tables, Slots(), "continue")
+                    body = Body(lines, self._pool, self._tables, BoundSlots(), "continue")
                     self._below(body, f"kept.append({plan.entry()})")
                     lines(f"if len(kept) > {AT_ONCE_MAX}: break")
                 lines(f"vm.l{r} = q[taken][1]")
@@ -246,7 +246,7 @@ class SearchWriter:
         lines, plan, r = self._lines, self._plan, self._r
         fact = plan.names()[0]
         lines(f"{ME} = vm.robot")
-        body = Body(lines, self._pool, self._tables, Slots(), "continue")
+        body = Body(lines, self._pool, self._tables, BoundSlots(), "continue")
         with lines.block("while True:"):
             lines(f"if q is not None and (h := q[0] + 1) + h <= len(q) and ({fact} := q[h])[0]: q[0] = h")
             lines(f"elif q is None or ({fact} := next_of(q)) is None:")

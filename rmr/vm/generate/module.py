@@ -11,7 +11,7 @@ from typing import Any
 from rmr.base.time import Instant
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.generate.arrivals import write_arrival, write_methods
-from rmr.vm.generate.fact_tables import Table, column, tables_of, write_probes
+from rmr.vm.generate.fact_tables import FactTable, column, tables_of, write_probes
 from rmr.vm.generate.facts import FactWriter, mask
 from rmr.vm.generate.head_functions import HeadWriter
 from rmr.vm.generate.head_items import write_bindings, written_items
@@ -135,7 +135,7 @@ class Module:
         HeadWriter(self.program, rule, lines, self.pool, self.tables, calls=False).write()
         self._compile(lines.text)
 
-    def arrival(self, table: Table, gate: Gate) -> Callable[[Any, Instant, Args], None]:
+    def arrival(self, table: FactTable, gate: Gate) -> Callable[[Any, Instant, Args], None]:
         """Return the function that checks and inserts facts from outside."""
         lines = Lines()
         name = write_arrival(lines, table, self.pool, gate, self._facts(lines))

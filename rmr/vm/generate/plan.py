@@ -17,9 +17,9 @@ from typing import Any
 from rmr.bytecode.conform import fits
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
-from rmr.vm.generate.body import Placed, Slots, positives, slots_of
+from rmr.vm.generate.body import BoundSlots, Placed, positives, slots_of
 from rmr.vm.generate.expression_source import condition, expression, narrowed
-from rmr.vm.generate.fact_tables import ARGS, Table, column, tuple_of
+from rmr.vm.generate.fact_tables import ARGS, FactTable, column, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.interpreter import uses_now
 from rmr.vm.match import plan_atom
@@ -40,7 +40,7 @@ class Way(Enum):
 class RulePlan:
     """What is known of one rule."""
 
-    def __init__(self, program: Program, index: int, tables: list[Table]) -> None:
+    def __init__(self, program: Program, index: int, tables: list[FactTable]) -> None:
         rule = self.rule = program.rules[index]
         self.index = index
         self.bit = 1 << index
@@ -93,7 +93,7 @@ class RulePlan:
         """The predicates on which it depends whether the rule is satisfied and what it does."""
         return self._read
 
-    def _way(self, tables: list[Table]) -> Way:
+    def _way(self, tables: list[FactTable]) -> Way:
         timed = any(
             uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind)
         )
@@ -106,7 +106,7 @@ class RulePlan:
         return Way.JOIN if is_settled(self.rule, tables) else Way.AGAIN
 
 
-def is_settled(rule: Rule, tables: list[Table]) -> bool:
+def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
     """Tell whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
     kinds: dict[int, Type] = {}
     bound = {each.slot for each in rule.body if isinstance(each, Bind)}
@@ -125,9 +125,9 @@ def alike(one: Type, other: Type) -> bool:
     return fits(one, other) and fits(other, one)
 
 
-def failing(rule: Rule, tables: list[Table]) -> list[int]:
+def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
     """Return the places of a body's conjuncts that may have no value."""
-    slots, pool, places = Slots(), Pool(), list[int]()
+    slots, pool, places = BoundSlots(), Pool(), list[int]()
     predicates = tuple(table.predicate for table in tables)
     for place, each in enumerate(rule.body):
         if isinstance(each, Guard):

@@ -6,8 +6,8 @@
 from collections.abc import Sequence
 
 from rmr.bytecode.program import Atom
-from rmr.vm.generate.body import ME, Body, Slots, begun, loads
-from rmr.vm.generate.fact_tables import Table, tuple_of
+from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
+from rmr.vm.generate.fact_tables import FactTable, tuple_of
 from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.plan import RulePlan
 from rmr.vm.generate.source import Pool
@@ -17,9 +17,9 @@ class TellingBody(Body):
     """A search that tells what fails in it."""
 
     def __init__(
-        self, lines: Lines, pool: Pool, tables: Sequence[Table], plan: RulePlan, *, may_index: bool, counted: bool
+        self, lines: Lines, pool: Pool, tables: Sequence[FactTable], plan: RulePlan, *, may_index: bool, counted: bool
     ) -> None:
-        super().__init__(lines, pool, tables, Slots(), "return", may_index=may_index, counted=counted)
+        super().__init__(lines, pool, tables, BoundSlots(), "return", may_index=may_index, counted=counted)
         self._plan = plan
 
     def told(self, place: int) -> str:
@@ -31,7 +31,7 @@ class TellingBody(Body):
 class AgainWriter:
     """Writes ``each{rule}``."""
 
-    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[Table], *, index: bool) -> None:
+    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[FactTable], *, index: bool) -> None:
         """Use new indices only if `index` says that all are not laid out yet."""
         self._plan = plan
         self._lines = lines

@@ -8,7 +8,7 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import NEVER, Instant, in_seconds
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 from rmr.vm.machine_events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
 from rmr_sim.checkers.scene import TICK, Scene
 
@@ -22,12 +22,12 @@ class Deadlines:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._due: list[tuple[Instant, int, int, int, Job]] = []
+        self._due: list[tuple[Instant, int, int, int, TimedJob]] = []
         """When the miss of a deadline must be known, a number, the robot, its life, the job."""
         self._number = 0
-        self._missed: OrderedDict[int, Job] = OrderedDict()
+        self._missed: OrderedDict[int, TimedJob] = OrderedDict()
         """By identity; while a job is remembered no other one has its."""
-        self._owed: dict[int, Job] = {}
+        self._owed: dict[int, TimedJob] = {}
         """By robot, the job whose violation action comes next."""
         self._paid: dict[int, ActionDerived] = {}
         """By robot, the violation action that was the last thing that happened."""
@@ -43,7 +43,7 @@ class Deadlines:
         if started.job.deadline < NEVER - TICK:
             self._await(started.job.deadline + TICK, robot, self._scene.life(robot), started.job)
 
-    def _await(self, at: Instant, robot: int, life: int, job: Job) -> None:
+    def _await(self, at: Instant, robot: int, life: int, job: TimedJob) -> None:
         self._number += 1
         heapq.heappush(self._due, (at, self._number, robot, life, job))
 
@@ -93,7 +93,7 @@ class Deadlines:
             _, _, robot, life, job = heapq.heappop(self._due)
             self._judge(now, robot, life, job)
 
-    def _judge(self, now: Instant, robot: int, life: int, job: Job) -> None:
+    def _judge(self, now: Instant, robot: int, life: int, job: TimedJob) -> None:
         """Complain if `job` is overdue and its robot, though awake, has not noticed."""
         scene = self._scene
         if job.missed or job.finish is not None or job.deadline + TICK >= now:
