@@ -73,7 +73,7 @@ class Generated(Running):
         plan, ranked = best[0 if textual else self._choices.below(len(best))]
         if ranked is None:
             single = plan.way is Way.SINGLE
-            entry = (getattr(self, f"m{plan.index}"),) if single else getattr(self, f"k{plan.index}")[-1]
+            entry = (getattr(self, plan.slots.match),) if single else getattr(self, plan.slots.kept)[-1]
             valued = self._derive(plan, entry, now)
         else:
             _, entry, valued = ranked
@@ -129,29 +129,27 @@ class Generated(Running):
     def _candidates(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
         if not plan.once:
             return self._each(plan, now)
-        if plan.way is Way.AGAIN or self.broken & plan.bit:
+        if plan.way is Way.REMATCH or self.broken & plan.bit:
             return self._matches(plan, now)
         return iter(self._kept(plan, everything=True, now=now))
 
     def _take(self, plan: RulePlan, entry: Entry) -> None:
         """Take a match out of what its rule keeps: it fires."""
-        r = plan.index
+        slots = plan.slots
         self.stale |= plan.bit
         self.touched |= plan.bit
         if not plan.once:
             return
-        if plan.way is Way.AGAIN or self.broken & plan.bit:
-            self.fired[r].fire(entry)
+        if plan.way is Way.REMATCH or self.broken & plan.bit:
+            self.fired[plan.index].fire(entry)
         elif plan.way is Way.SINGLE:
             fact = entry[0]
-            left = [
-                each for each in (getattr(self, f"m{r}"), *self._waiting(r)) if each is not None and each is not fact
-            ]
-            setattr(self, f"m{r}", left[0] if left else None)
-            setattr(self, f"q{r}", [0, *left[1:]] if left[1:] else None)
+            waiting = getattr(self, slots.match), *self._waiting(plan)
+            left = [each for each in waiting if each is not None and each is not fact]
+            setattr(self, slots.match, left[0] if left else None)
+            setattr(self, slots.queue, [0, *left[1:]] if left[1:] else None)
         else:
-            kept = getattr(self, f"k{r}")
-            kept.remove(entry)
+            getattr(self, slots.kept).remove(entry)
 
 
 def _machine_of(program: Program) -> type[Generated]:

@@ -29,9 +29,10 @@ from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.derive import Derived, DerivedKind
 from rmr.vm.doubts import doubts, settle
 from rmr.vm.generate.body import BoundSlots
+from rmr.vm.generate.builder import Builder
 from rmr.vm.generate.expression_source import narrowed
-from rmr.vm.generate.fact_tables import FactTable, column, tuple_of
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.fact_tables import FactTable
+from rmr.vm.generate.form import Assign, Call, Column, If, Raise, Variable, tuple_of
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
 
@@ -66,16 +67,16 @@ class WrittenItem:
         """Whether it may have no value."""
         return bool(self.doubts) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
 
-    def write(self, lines: Lines, pool: Pool) -> str:
+    def write(self, lines: Builder, pool: Pool) -> str:
         """Write what goes before and return the source of the `Derived`; raises NoValue where it has none."""
         owner, args = self.owner.text, tuple_of([each.text for each in self.args])
         if not self.surely_robot:
             robot, no_value = pool.helper("Robot", Robot), pool.helper("NoValue", NoValue)
-            lines(f"owner = {owner}")
-            lines(f"if type(owner) is not {robot}: raise {no_value}('an owner that is no robot')")
+            lines(Assign("owner", owner))
+            lines(If(f"type(owner) is not {robot}", (Raise(f"{no_value}('an owner that is no robot')"),)))
             owner = "owner"
         if self.doubts:
-            lines(f"args = {args}", f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)")
+            lines(Assign("args", args), Call(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
             args = "args"
         role = pool.helper(f"ROLE_{ROLES[type(self.item)].name}", ROLES[type(self.item)])
         return f"{pool.helper('Derived', Derived)}({role}, {self.item.predicate}, {owner}, {args})"
@@ -97,7 +98,7 @@ def written_items(
 
 
 def write_bindings(
-    lines: Lines, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
+    lines: Builder, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
 ) -> BoundSlots:
     """Write what gives the rule's variables their values again, given the match's facts by place; return them."""
     slots = BoundSlots()
@@ -105,13 +106,13 @@ def write_bindings(
     for place, conjunct in enumerate(rule.body):
         if isinstance(conjunct, Bind):
             source = slots.expression(conjunct.code, pool)
-            lines(f"b{conjunct.slot} = {source.text}")
-            slots.names[conjunct.slot] = f"b{conjunct.slot}"
+            lines(Assign(f"b{conjunct.slot}", source.text))
+            slots.names[conjunct.slot] = Variable(f"b{conjunct.slot}")
             slots.known[conjunct.slot] = source.known
         elif isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
             table, fact = tables[conjunct.predicate], facts[place]
             step = plan_atom(conjunct, predicates, slots.names)
-            slots.bind(step, table, lambda position, fact=fact: column(fact, position))  # type: ignore[misc]
+            slots.bind(step, table, lambda position, fact=fact: Column(fact, position))  # type: ignore[misc]
         elif isinstance(conjunct, Guard):
             slots.known.update(narrowed(conjunct.code, slots.known))
     return slots

@@ -12,9 +12,29 @@ from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue
 from rmr.vm import once
-from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, serial
+from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
+from rmr.vm.generate.builder import Builder
 from rmr.vm.generate.fact_tables import FactTable
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.form import (
+    HELD,
+    Assign,
+    AssignAll,
+    Block,
+    Break,
+    Call,
+    Continue,
+    Delete,
+    If,
+    Loop,
+    Return,
+    Statement,
+    Test,
+    Update,
+    While,
+    every,
+    held,
+    serial,
+)
 from rmr.vm.generate.plan import RulePlan, Way, order_from
 from rmr.vm.generate.source import Pool
 
@@ -40,7 +60,7 @@ def next_of(queue: list[Any]) -> list[Any] | None:
     while taken < last:
         taken += 1
         fact: list[Any] = queue[taken]
-        if fact[0]:
+        if fact[HELD]:
             if taken > TAKEN_MAX and taken + taken > last:
                 del queue[1 : taken + 1]
                 taken = 0
@@ -52,8 +72,8 @@ def next_of(queue: list[Any]) -> list[Any] | None:
 class FreshBody(Body):
     """A search that begins with a new fact of the atom at place `seed`."""
 
-    def __init__(self, lines: Lines, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
-        super().__init__(lines, pool, tables, BoundSlots(), "return")
+    def __init__(self, lines: Builder, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
+        super().__init__(lines, pool, tables, BoundSlots(), Return())
         self._top = top
         self._seed = seed
 
@@ -67,13 +87,16 @@ class FreshBody(Body):
 class SearchWriter:
     """Writes the search functions of one rule."""
 
-    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[FactTable]) -> None:
+    def __init__(self, plan: RulePlan, lines: Builder, pool: Pool, tables: Sequence[FactTable]) -> None:
         self._plan = plan
+        self._state = plan.state
+        self._functions = plan.functions
         self._lines = lines
         self._pool = pool
         self._tables = tables
-        self._r = plan.index
         self._places = [place for place, _ in plan.atoms]
+        self._satisfied = Update("vm.ready", "|", str(plan.bit))
+        self._unsatisfied: Block = (Update("vm.ready", "&", str(~plan.bit)), Return())
         pool.helper("next_of", next_of)
         pool.helper("NoValue", NoValue)
 
@@ -93,29 +116,36 @@ class SearchWriter:
     # One atom
 
     def _find_single(self) -> None:
-        lines, r, bit = self._lines, self._r, self._plan.bit
-        with lines.block(f"def find{r}(vm, now):"):
+        lines, state = self._lines, self._state
+        with lines.function(self._functions.find, "vm", "now"):
             self._if_broken()
-            lines(f"f = vm.m{r}", f"if f is None or not f[0]: vm.m{r} = f = vm.q{r} and next_of(vm.q{r})")
-            lines("if f is None:", f" vm.ready &= {~bit}", " return")
+            # The match may have gone: then the next fact of the queue that still holds takes its place.
+            following = AssignAll((state.match, "f"), f"{state.queue} and next_of({state.queue})")
+            lines(Assign("f", state.match), If(f"f is None or not {held('f')}", (following,)))
+            lines(If("f is None", self._unsatisfied))
             if self._plan.valued:
-                lines(f"vm.v{r} = v = value{r}(vm, now, f)", f"if v is None: return vm.break_off({r}, now)")
-            lines(f"vm.ready |= {bit}")
+                self._work_out("f")
+            lines(self._satisfied)
+
+    def _work_out(self, facts: str) -> None:
+        """Write that what the next match derives is worked out; if it has no value the rule is rematched."""
+        value = f"{self._functions.value}(vm, now, {facts})"
+        self._lines(AssignAll((self._state.valued, "v"), value), If("v is None", (self._break_off,)))
 
     # Several atoms
 
     def _from_top(self) -> None:
-        """Write the search below one top: the first match, or all of them if each fires once."""
-        lines, plan, r = self._lines, self._plan, self._r
-        parameters = f"vm, now, {plan.names()[0]}{', kept' if plan.once else ''}"
-        with lines.block(f"def below{r}({parameters}):"):
-            lines(f"{ME} = vm.robot")
+        """Write the search below one top: the first match, or all of them if each fires once (refraction)."""
+        lines, plan = self._lines, self._plan
+        kept = ["kept"] if plan.once else []
+        with lines.function(self._functions.below, "vm", "now", plan.names()[0], *kept):
+            lines(Assign(ME, "vm.robot"))
             mark = lines.mark()
-            body = Body(lines, self._pool, self._tables, BoundSlots(), "return")
-            self._below(body, f"kept.append({plan.entry()})" if plan.once else f"return {plan.entry()}")
+            body = self._body(Return())
+            self._below(body, self._keep if plan.once else Return(plan.entry()))
             lines.insert(mark, loads(body))
 
-    def _below(self, body: Body, *leaf: str) -> None:
+    def _below(self, body: Body, *leaf: Statement) -> None:
         """Write the search for the matches with a given top, and what is done with each of them."""
         plan = self._plan
         top, atom = plan.atoms[0]
@@ -127,175 +157,197 @@ class SearchWriter:
     def _fresh(self, seed: int) -> None:
         """Write the search for the matches in which the atom at place `seed` takes a new fact."""
         lines, plan = self._lines, self._plan
-        top = self._places[0]
         fact = plan.facts[seed]
-        with lines.block(f"def fresh{self._r}_{seed}(vm, now, {fact}, before, known, kept):"):
-            lines(f"{ME} = vm.robot")
+        with lines.function(self._functions.fresh(seed), "vm", "now", fact, "before", "known", "kept"):
+            lines(Assign(ME, "vm.robot"))
             mark = lines.mark()
-            body = FreshBody(lines, self._pool, self._tables, top, seed)
+            body = FreshBody(lines, self._pool, self._tables, self._places[0], seed)
             body.take(seed, dict(plan.atoms)[seed], fact)
-            body.seek(order_from(plan, seed), lambda: lines(f"kept.append({plan.entry()})"))
+            body.seek(order_from(plan, seed), lambda: lines(self._keep))
             lines.insert(mark, loads(body))
 
     def _find_lasting(self) -> None:
         """Write the search of a rule that fires once for facts that never go: nothing can undo what is kept."""
-        lines, plan, r = self._lines, self._plan, self._r
-        with lines.block(f"def find{r}(vm, now):"):
-            lines(self._begin(), f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
+        lines, plan, state = self._lines, self._plan, self._state
+        with lines.function(self._functions.find, "vm", "now"):
+            lines(*self._begin())
+            self._load_kept()
             for place in self._places[1:]:
                 self._join_new(place)
-            lines(f"vm.w{r} = vm.s")
-            with lines.block("if not kept:"):
-                lines(f"q = vm.q{r}", f"if q is None: vm.ready &= {~plan.bit}; return")
-                lines(f"{ME} = vm.robot", "taken = q[0]", "last = len(q) - 1")
+            lines(Assign(state.joined_up_to, "vm.s"))
+            with lines.when("not kept"):
+                lines(Assign("q", state.queue), If("q is None", self._unsatisfied))
+                lines(Assign(ME, "vm.robot"), Assign("taken", "q[0]"), Assign("last", "len(q) - 1"))
                 mark = lines.mark()
-                with lines.block("while taken < last:"):
-                    lines("taken += 1", f"{plan.names()[0]} = q[taken]")
-                    body = Body(lines, self._pool, self._tables, BoundSlots(), "continue")
-                    self._below(body, f"kept.append({plan.entry()})")
-                    lines(f"if len(kept) > {AT_ONCE_MAX}: break")
-                lines(f"vm.l{r} = q[taken][1]")
-                lines(f"if taken == last: vm.q{r} = None")
-                lines(f"elif taken > {TAKEN_MAX} and taken + taken > last: del q[1:taken + 1]; q[0] = 0")
-                lines("else: q[0] = taken", f"if not kept: vm.ready &= {~plan.bit}; return", "kept.reverse()")
+                with lines.repeat("taken < last"):
+                    lines(Update("taken", "+", "1"), Assign(plan.names()[0], "q[taken]"))
+                    body = self._body(Continue())
+                    self._below(body, self._keep)
+                    lines(If(f"len(kept) > {AT_ONCE_MAX}", (Break(),)))
+                lines(Assign(state.last_top, serial("q[taken]")), self._shorten_queue())
+                lines(If("not kept", self._unsatisfied), Call("kept.reverse()"))
                 lines.insert(mark, loads(body))
-            lines(f"vm.ready |= {plan.bit}")
+            lines(self._satisfied)
+
+    def _shorten_queue(self) -> If:
+        """Return the statement that notes how far a queue has been taken, and deletes what has been if it is the most.
+
+        Deleting costs time in proportion to what is left, so it waits until more has been taken than is left.
+        """
+        shorten: Block = (Delete("q[1:taken + 1]"), Assign("q[0]", "0"))
+        long = If(f"taken > {TAKEN_MAX} and taken + taken > last", shorten, (Assign("q[0]", "taken"),))
+        return If("taken == last", (Assign(self._state.queue, "None"),), (long,))
 
     def _find_join(self) -> None:
-        lines, plan, r = self._lines, self._plan, self._r
-        failing = bool(plan.failing)
-        with lines.block(f"def find{r}(vm, now):"):
+        lines, plan, state = self._lines, self._plan, self._state
+        with lines.function(self._functions.find, "vm", "now"):
             self._if_broken()
-            with lines.level():
-                if failing:
-                    lines("try:")
-                    lines.enter()
+            attempt = lines.attempt("NoValue", "", self._break_off) if plan.failing else lines.level()
+            with attempt:
                 if plan.once:
-                    lines(self._begin())
-                lines(f"kept = vm.k{r}", f"if kept is None: vm.k{r} = kept = []")
+                    lines(*self._begin())
+                self._load_kept()
                 for place in self._places[1:]:
                     self._join_new(place)
                 if plan.is_eager:
                     self._try_tops()
-                    lines("if len(kept) > 1: kept.sort(reverse=True)")
-                    lines(f"vm.w{r} = vm.s")
-                    self._drop_gone()
-                    with lines.block("else:"):
-                        lines(f"vm.ready &= {~plan.bit}", "return")
+                    lines(_SORT_KEPT)
+                    lines(Assign(state.joined_up_to, "vm.s"), self._drop_gone())
+                    with lines.otherwise():
+                        lines(*self._unsatisfied)
                 else:
-                    lines(f"vm.w{r} = vm.s")
-                    self._drop_gone()
-                    with lines.block("else:"):
+                    lines(Assign(state.joined_up_to, "vm.s"), self._drop_gone())
+                    with lines.otherwise():
                         self._try_tops()
-            if failing:
-                lines("except NoValue:", f" return vm.break_off({r}, now)")
             if plan.valued:
-                lines(f"vm.v{r} = v = value{r}(vm, now, *kept[-1])")
-                lines(f"if v is None: return vm.break_off({r}, now)")
-            lines(f"vm.ready |= {plan.bit}")
+                self._work_out("*kept[-1]")
+            lines(self._satisfied)
 
-    def _drop_gone(self) -> None:
-        """Write the loop that leaves at the end of what is kept a match that holds, or takes its else."""
-        lines = self._lines
-        with lines.block("while kept:"):
-            lines("e = kept[-1]")
-            held = " and ".join(f"e[{place}][0]" for place in range(len(self._places)))
-            lines(f"if {held}: break", "kept.pop()")
+    def _load_kept(self) -> None:
+        kept = self._state.kept
+        self._lines(Assign("kept", kept), If("kept is None", (AssignAll((kept, "kept"), "[]"),)))
+
+    def _drop_gone(self) -> While:
+        """Return the loop that leaves at the end of what is kept a match that holds, or takes its else."""
+        holds = " and ".join(held(f"e[{place}]") for place in range(len(self._places)))
+        return While("kept", (Assign("e", "kept[-1]"), If(holds, (Break(),)), Call("kept.pop()")))
 
     def _try_tops(self) -> None:
         """Write the search in the open top and then in the others, until there is a match."""
-        lines, plan, r = self._lines, self._plan, self._r
-        none = "break" if plan.is_eager else f"vm.ready &= {~plan.bit}; return"
+        lines, plan, state = self._lines, self._plan, self._state
+        none: Block = (Break(),) if plan.is_eager else self._unsatisfied
         if not plan.once:
-            lines(self._begin())
-        if not plan.once and len(self._places) > 1:
-            lines(f"f = vm.c{r}")
-            with lines.block("if f is not None:"):
-                lines(f"e = below{r}(vm, now, f) if f[0] else None")
-                lines("if e is not None: kept.append(e)", f"else: vm.c{r} = None")
-            with lines.level():
-                lines("if not kept:")
-                lines.enter()
-                self._tops(none)
+            lines(*self._begin())
+        if plan.once or len(self._places) == 1:
+            self._tops(none)
             return
-        self._tops(none)
+        with_top = f"{self._functions.below}(vm, now, f)"
+        lines(Assign("f", state.current_top))
+        with lines.when("f is not None"):
+            lines(Assign("e", f"{with_top} if {held('f')} else None"))
+            used_up = Assign(state.current_top, "None")
+            lines(If("e is not None", (Call("kept.append(e)"),), (used_up,)))
+        with lines.when("not kept"):
+            self._tops(none)
 
-    def _tops(self, none: str) -> None:
-        lines, plan, r = self._lines, self._plan, self._r
-        lines(f"q = vm.q{r}")
+    def _tops(self, none: Block) -> None:
+        """Write the search below one top after another; `none` is done when there is no top left."""
+        lines, plan, state = self._lines, self._plan, self._state
+        lines(Assign("q", state.queue))
         if not plan.once and not plan.valued:
             self._tops_in_line()
             return
-        with lines.block("while True:"):
-            lines("f = q and next_of(q)", "if not f:", f" vm.q{r} = None", *(f" {each}" for each in none.split("; ")))
-            lines(f"vm.l{r} = f[1]")
+        below = self._functions.below
+        with lines.repeat("True"):
+            lines(Assign("f", "q and next_of(q)"), If("not f", (Assign(state.queue, "None"), *none)))
+            lines(Assign(state.last_top, serial("f")))
             if plan.once:
-                lines(f"below{r}(vm, now, f, kept)")
+                lines(Call(f"{below}(vm, now, f, kept)"))
                 if not plan.is_eager:
-                    lines("if kept: kept.reverse(); break")
+                    lines(If("kept", (Call("kept.reverse()"), Break())))
             else:
-                lines(f"e = below{r}(vm, now, f)")
-                with lines.block("if e is not None:"):
-                    lines("kept.append(e)")
-                    if len(self._places) > 1:
-                        lines(f"vm.c{r} = f")
-                    lines("break")
+                lines(Assign("e", f"{below}(vm, now, f)"))
+                is_open = [Assign(state.current_top, "f")] if len(self._places) > 1 else []
+                lines(If("e is not None", (Call("kept.append(e)"), *is_open, Break())))
 
     def _tops_in_line(self) -> None:
         """Write the search below one top after another for the first match of a rule that consumes."""
-        lines, plan, r = self._lines, self._plan, self._r
+        lines, plan, state = self._lines, self._plan, self._state
         fact = plan.names()[0]
-        lines(f"{ME} = vm.robot")
-        body = Body(lines, self._pool, self._tables, BoundSlots(), "continue")
-        with lines.block("while True:"):
-            lines(f"if q is not None and (h := q[0] + 1) + h <= len(q) and ({fact} := q[h])[0]: q[0] = h")
-            lines(f"elif q is None or ({fact} := next_of(q)) is None:")
-            lines(f" vm.q{r} = None", f" vm.ready &= {~plan.bit}", " return")
-            lines(f"vm.l{r} = {fact}[1]")
+        lines(Assign(ME, "vm.robot"))
+        body = self._body(Continue())
+        with lines.repeat("True"):
+            # `next_of` in line for its usual case: the next fact still holds, and the queue need not be shortened.
+            usual = f"q is not None and (h := q[0] + 1) + h <= len(q) and {held(f'({fact} := q[h])')}"
+            none = If(f"q is None or ({fact} := next_of(q)) is None", (Assign(state.queue, "None"), *self._unsatisfied))
+            lines(If(usual, (Assign("q[0]", "h"),), (none,)), Assign(state.last_top, serial(fact)))
             mark = lines.mark()
-            is_open = [f"vm.c{r} = {fact}"] if len(self._places) > 1 else []
-            self._below(body, f"kept.append({plan.entry()})", *is_open, f"vm.ready |= {plan.bit}", "return")
+            is_open = [Assign(state.current_top, fact)] if len(self._places) > 1 else []
+            self._below(body, self._keep, *is_open, self._satisfied, Return())
             lines.insert(mark, loads(body))  # each time anew: the first top that is tried may have made them
 
     def _join_new(self, place: int) -> None:
         """Write what is done with the new facts of one atom that is not the first."""
-        lines, plan, r = self._lines, self._plan, self._r
-        with lines.block(f"if vm.n{r}_{place} is not None:"):
-            lines(f"new = vm.n{r}_{place}", f"vm.n{r}_{place} = None")
+        lines, plan, state = self._lines, self._plan, self._state
+        new = state.new(place)
+        with lines.when(f"{new} is not None"):
+            lines(Assign("new", new), Assign(new, "None"))
             if plan.once:
-                lines(f"before = vm.l{r} + 1")
+                lines(Assign("before", f"{state.last_top} + 1"))
             else:
-                lines(f"f = vm.c{r}", f"before = vm.l{r} + (f is None or not f[0])")
+                # The open top is joined with new facts later, when its search goes on.
+                lines(Assign("f", state.current_top))
+                lines(Assign("before", f"{state.last_top} + (f is None or not {held('f')})"))
                 if place != self._places[1]:
-                    lines("if f is not None and kept and kept[0][0] is f: del kept[0]")
-                lines(f"vm.looks = {FRESH_LOOKS_MAX} if len(new) <= {NEW_MAX} and len(kept) <= {KEPT_MAX} else -1")
-                lines("vm.looking = None", "if vm.looks < 0: new = ()")
-            with lines.block("for f in new:"):
-                lines(f"if f[0]: fresh{r}_{place}(vm, now, f, before, vm.w{r}, kept)")
+                    # A new fact of an inner atom may make an older match of the open top than the one kept.
+                    lines(If("f is not None and kept and kept[0][0] is f", (Delete("kept[0]"),)))
+                few = f"len(new) <= {NEW_MAX} and len(kept) <= {KEPT_MAX}"
+                lines(Assign("vm.looks", f"{FRESH_LOOKS_MAX} if {few} else -1"), Assign("vm.looking", "None"))
+                lines(If("vm.looks < 0", (Assign("new", "()"),)))
+            joined = Call(f"{self._functions.fresh(place)}(vm, now, f, before, {state.joined_up_to}, kept)")
+            lines(Loop("f", "new", (If(held("f"), (joined,)),)))
             if not plan.once:
-                lines(f"if vm.looks < 0: restart{r}(vm); kept = vm.k{r}")
-            lines("if len(kept) > 1: kept.sort(reverse=True)")
+                restart = Call(f"{self._functions.restart}(vm)")
+                lines(If("vm.looks < 0", (restart, Assign("kept", state.kept))))
+            lines(_SORT_KEPT)
             if plan.once:
-                lines(f"if len(kept) > {once.MATCHES_MAX}: vm.spill(kept, now)")
+                lines(If(f"len(kept) > {once.MATCHES_MAX}", (Call("vm.spill(kept, now)"),)))
 
-    def write_restart(self, top_gate: Sequence[str]) -> None:
+    def write_restart(self, top_gate: Sequence[Test]) -> None:
         """Write the function that lets all tops be tried again; `top_gate` are the conditions on a top ``f``."""
-        lines, plan, r = self._lines, self._plan, self._r
+        lines, plan, state = self._lines, self._plan, self._state
         if plan.way is not Way.JOIN or plan.once or len(self._places) < 2:
             return
         table = self._tables[plan.atoms[0][1].predicate]
-        tests = f" if {' and '.join(top_gate)}" if top_gate else ""
-        with lines.block(f"def restart{r}(vm):"):
-            lines(f"{ME} = vm.robot", f"vm.k{r} = []", f"vm.c{r} = None", f"vm.l{r} = 0")
-            lines(*[f"vm.n{r}_{place} = None" for place in self._places[1:]])
-            lines(f"vm.q{r} = [0, *[f for f in {table.name}.values(){tests}]]")
+        tests = f" if {every(top_gate)}" if top_gate else ""
+        with lines.function(self._functions.restart, "vm"):
+            lines(Assign(ME, "vm.robot"), Assign(state.kept, "[]"))
+            lines(Assign(state.current_top, "None"), Assign(state.last_top, "0"))
+            lines(*[Assign(state.new(place), "None") for place in self._places[1:]])
+            lines(Assign(state.queue, f"[0, *[f for f in {table.name}.values(){tests}]]"))
 
-    def _begin(self) -> str:
-        """Return the statement that begins to count the facts that a search looks at."""
+    def _body(self, leave: Statement) -> Body:
+        return Body(self._lines, self._pool, self._tables, BoundSlots(), leave)
+
+    @property
+    def _keep(self) -> Call:
+        return Call(f"kept.append({self._plan.entry()})")
+
+    @property
+    def _break_off(self) -> Return:
+        return Return(f"vm.break_off({self._plan.index}, now)")
+
+    def _begin(self) -> list[Statement]:
+        """Return the statements that begin to count the facts that a search looks at."""
         rule = self._plan.rule
-        return begun(self._pool, (self._r, len(rule.head), len(rule.body)))
+        return begun(self._pool, (self._plan.index, len(rule.head), len(rule.body)))
 
     def _if_broken(self) -> None:
         plan = self._plan
         if plan.may_break:
-            self._lines(f"if vm.broken & {plan.bit}: return vm.again({plan.index}, now)")
+            rematch = Return(f"vm.rematch({plan.index}, now)")
+            self._lines(If(f"vm.broken & {plan.bit}", (rematch,)))
+
+
+_SORT_KEPT = If("len(kept) > 1", (Call("kept.sort(reverse=True)"),))
+"""Puts the oldest match last, from where it is popped."""

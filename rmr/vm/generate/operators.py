@@ -9,6 +9,7 @@ from rmr.bytecode import arithmetic
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
+from rmr.vm.generate.form import Equality
 from rmr.vm.generate.known import (
     BOOL,
     FLOAT,
@@ -47,6 +48,9 @@ CLASSES: dict[Base, tuple[str, type]] = {
     Base.SYMBOL: ("Symbol", Symbol),
 }
 """Types whose values equal only values of the same type: their Python classes, by name."""
+
+DISTINCT = (int, Symbol, Robot)
+"""Types of constants of which an expression equals at most one."""
 
 
 def binary(op: Op, left: Source, right: Source, pool: Pool) -> Source:
@@ -195,10 +199,10 @@ def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | 
     if one is Base.OPEN and other is Base.OPEN:
         (first, again), (second, second_again) = pool.held(left), pool.held(right)
         return f"type({first}) is type({second}) is int", again, second_again
-    if (one, other) == (Base.OPEN, Base.INT) and pool.is_repeatable(right):
+    if (one, other) == (Base.OPEN, Base.INT) and right.repeatable:
         first, again = pool.held(left)
         return f"type({first}) is int", again, right.text
-    if (one, other) == (Base.INT, Base.OPEN) and pool.is_repeatable(left):
+    if (one, other) == (Base.INT, Base.OPEN) and left.repeatable:
         second, again = pool.held(right)
         return f"type({second}) is int", left.text, again
     return None
@@ -208,9 +212,10 @@ def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
     one, other = left.known.type or Type(Base.OPEN), right.known.type or Type(Base.OPEN)
     failing = fails(left, right)
     if comparable(one, other):
-        return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, failing)
+        equality = Equality(left.text, right.text) if op is Op.EQ and type(right.constant) in DISTINCT else None
+        return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, failing, equality=equality)
     if different(one, other) and not failing:
-        return Source(str(op is Op.NE), BOOL, False)
+        return Source(str(op is Op.NE), BOOL, False, repeatable=True)
     return Source(_same(op, left, right, pool), BOOL, failing)
 
 

@@ -1,4 +1,4 @@
-"""The search as the specification does it: all conjuncts in the order of the text, each failure told.
+"""The search as the specification does it: all conjuncts in the order of the text, each failure reported.
 
 ``each{rule}`` yields the matches one after another, the oldest facts first, conjunct by conjunct.
 """
@@ -7,32 +7,40 @@ from collections.abc import Sequence
 
 from rmr.bytecode.program import Atom
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
-from rmr.vm.generate.fact_tables import FactTable, tuple_of
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.fact_tables import FactTable
+from rmr.vm.generate.form import Assign, Call, Return, Yield, tuple_of
 from rmr.vm.generate.plan import RulePlan
 from rmr.vm.generate.source import Pool
 
 
-class TellingBody(Body):
-    """A search that tells what fails in it."""
+class ReportingBody(Body):
+    """A search that reports each failure of an expression."""
 
     def __init__(
-        self, lines: Lines, pool: Pool, tables: Sequence[FactTable], plan: RulePlan, *, may_index: bool, counted: bool
+        self,
+        lines: Builder,
+        pool: Pool,
+        tables: Sequence[FactTable],
+        plan: RulePlan,
+        *,
+        may_index: bool,
+        counted: bool,
     ) -> None:
-        super().__init__(lines, pool, tables, BoundSlots(), "return", may_index=may_index, counted=counted)
+        super().__init__(lines, pool, tables, BoundSlots(), Return(), may_index=may_index, counted=counted)
         self._plan = plan
 
-    def told(self, place: int) -> str:
-        """Return the call that tells of a failure."""
+    def told(self, place: int) -> Call:
+        """Return the call that reports a failure."""
         part = len(self._plan.rule.head)
-        return f"vm.failed(now, {self._plan.index}, {part}, {place}, {tuple_of(self.found)}, reason)"
+        return Call(f"vm.failed(now, {self._plan.index}, {part}, {place}, {tuple_of(self.found)}, reason)")
 
 
-class AgainWriter:
+class RematchWriter:
     """Writes ``each{rule}``."""
 
-    def __init__(self, plan: RulePlan, lines: Lines, pool: Pool, tables: Sequence[FactTable], *, index: bool) -> None:
-        """Use new indices only if `index` says that all are not laid out yet."""
+    def __init__(self, plan: RulePlan, lines: Builder, pool: Pool, tables: Sequence[FactTable], *, index: bool) -> None:
+        """Use new indices only if `index` says that the layout of the indices is still open."""
         self._plan = plan
         self._lines = lines
         self._pool = pool
@@ -42,14 +50,13 @@ class AgainWriter:
     def write(self) -> None:
         """Write the function."""
         lines, plan = self._lines, self._plan
-        with lines.block(f"def each{plan.index}(vm, now):"):
-            lines(f"{ME} = vm.robot")
+        with lines.function(plan.functions.each, "vm", "now"):
+            lines(Assign(ME, "vm.robot"))
             counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1
             if counted:
-                lines(begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body))))
+                lines(*begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body))))
             mark = lines.mark()
-            body = TellingBody(lines, self._pool, self._tables, plan, may_index=self._index, counted=counted)
+            body = ReportingBody(lines, self._pool, self._tables, plan, may_index=self._index, counted=counted)
             entry = plan.entry() if plan.atoms else "()"
-            body.seek(list(enumerate(plan.rule.body)), lambda: lines(f"yield {entry}"))
+            body.seek(list(enumerate(plan.rule.body)), lambda: lines(Yield(entry)))
             lines.insert(mark, loads(body))
-        lines("")
