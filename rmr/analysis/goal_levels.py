@@ -108,7 +108,8 @@ class Levels:
 
     def _deepen(self) -> None:
         """Work out the next level."""
-        frontier, self._frontier = self._frontier, []
+        frontier = self._frontier
+        self._frontier = []
         self._depth += 1
         for reached in frontier:
             for derivation in self._backwards.deriving(reached.predicate, reached.args):

@@ -101,14 +101,19 @@ class Block:
     def part(self, rows: slice) -> "Block":
         """Return some rows as a block of their own; what the two share is changed by both."""
         other = Block.__new__(Block)
-        other.follows, other.tick, other.live = self.follows, self.tick, list(self.live)
-        other.robots, other.streams, other.firings = self.robots[rows], self.streams[rows], self.firings[rows]
+        other.follows = self.follows
+        other.tick = self.tick
+        other.live = list(self.live)
+        other.robots = self.robots[rows]
+        other.streams = self.streams[rows]
+        other.firings = self.firings[rows]
         other.present = [each[rows] for each in self.present]
         other.args = [[each[rows] for each in columns] for columns in self.args]
         other.fired = {key: each[rows] for key, each in self.fired.items()}
         other.failed = {key: each[rows] for key, each in self.failed.items()}
         other.failures = None if self.failures is None else self.failures[rows]
-        other.busy, other.last = self.busy[rows], None if self.last is None else self.last[rows]
+        other.busy = self.busy[rows]
+        other.last = None if self.last is None else self.last[rows]
         other.open = [each[rows] for each in self.open]
         other.achieved_at = [each[rows] for each in self.achieved_at]
         other.achieved_as = [each[rows] for each in self.achieved_as]

@@ -42,7 +42,8 @@ class ColumnExpression:
 
 
 def _ready(operation: Operation, operations: Sequence[Operation], layout: ColumnLayout) -> _Step:
-    constant, slot = None, 0
+    constant = None
+    slot = 0
     if operation.name == CONST:
         assert operation.operand is not None
         constant = MaskedColumn(layout.single(operation.operand, operation.base))

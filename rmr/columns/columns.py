@@ -45,7 +45,8 @@ class Columns:
         self._goals = ColumnGoals(program, self._layout)
         follows = Follows(program, self._goals)
         self._rules = column_rules(program, self._layout, follows)
-        numbers, states = np.asarray(robots, np.uint16), np.array(streams, np.uint64)
+        numbers = np.asarray(robots, np.uint16)
+        states = np.array(streams, np.uint64)
         parts = [slice(start, start + rows) for start in range(0, len(numbers), rows)]
         self.blocks = [Block(program, self._layout, follows, numbers[each], states[each]) for each in parts]
         for block in self.blocks:
@@ -77,14 +78,17 @@ class Columns:
             return self._run(budget, tick, firings_max)
 
     def _run(self, budget: int, tick: int, firings_max: int | None) -> int:
-        done, fired = 0, 0
-        todo, self.blocks = self.blocks, []
+        done = 0
+        fired = 0
+        todo = self.blocks
+        self.blocks = []
         while todo:
             block, *todo = todo
             if firings_max is not None and fired + block.size * budget >= firings_max:
                 cut = self._cut(block, budget, tick, firings_max - fired)
                 if cut < block.size:
-                    before, after = block.part(slice(cut)), block.part(slice(cut, None))
+                    before = block.part(slice(cut))
+                    after = block.part(slice(cut, None))
                     self._fire(before, budget, tick)
                     self.blocks += [each for each in (before, after) if each.size] + todo
                     return done + cut

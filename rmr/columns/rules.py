@@ -66,7 +66,8 @@ class _Fact(_Step):
         return _Term(place, base, BASES[type(value)], layout.single(value, BASES[type(value)]))
 
     def narrow(self, block: Block, slots: Columns, rows: Array) -> Array:
-        args, holds = block.args[self._predicate], block.present[self._predicate]
+        args = block.args[self._predicate]
+        holds = block.present[self._predicate]
         for term in self._terms:
             other = slots[term.slot] if term.slot is not None else term.value
             if other is None:
@@ -181,7 +182,8 @@ class ColumnRule:
     ) -> Iterator[_Part]:
         """Yield the parts of a head."""
         for head in rule.head:
-            insertions, failing = [], False
+            insertions = []
+            failing = False
             for item in head.steps if isinstance(head, Steps) else (head,):
                 assert isinstance(item, DeriveFact)
                 lines = [straight(code, slots.bases) for code in item.args]

@@ -123,7 +123,8 @@ def evaluate(
     times = _times(action_times)
     where = program.source if isinstance(program, Compiled) else _program(program)
     _check_files_and_names(topology, edges, facts)
-    insert, fail = _texts("insert", insert), _texts("fail", fail)
+    insert = _texts("insert", insert)
+    fail = _texts("fail", fail)
     wanted = Wanted(where, None if facts is None else Path(facts), edges, insert, fail, tuple(times))
     shape = read_topology(topology, ids)
     conditions = Conditions(

@@ -125,7 +125,8 @@ class Hosted:
     def restart(self, now: Instant) -> None:
         """Begin a new life, with the facts of the beginning."""
         self.past.append(past_life(self))
-        self.alive, self.firings = True, 0
+        self.alive = True
+        self.firings = 0
         self._link = self._ensemble.ether.link(self.robot, self._alarm.set)
         self.node = self._ensemble.make_node(self.robot, self._link, epoch=len(self.past))
         self._ensemble.note_idle(self, False)

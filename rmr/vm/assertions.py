@@ -160,7 +160,9 @@ class Assertions:
         job = self._live.get(key)
         if job is None or job.missed:
             job = self._open(now, key, finish, bindings)
-        job.start, job.deadline, job.bindings = now, deadline, bindings
+        job.start = now
+        job.deadline = deadline
+        job.bindings = bindings
         self._pushed += 1
         self._undecided[job.serial] = self._pushed
         heappush(self._queue, (deadline, job.serial, self._pushed, job))

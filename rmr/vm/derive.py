@@ -174,7 +174,8 @@ class _Firing:
 
     def _aggregated(self, part: int, inner: Inner, aggregate: Aggregate) -> Env | None:
         """Return the slots for an aggregate's head, or None if it derives nothing."""
-        term, result = aggregate.term, aggregate.result
+        term = aggregate.term
+        result = aggregate.result
         values = self._each(part, inner, lambda env: evaluate(term, env, self._now) if term is not None else 1)
         if aggregate.operator in (Operator.MIN, Operator.MAX):
             best: Env | None = None

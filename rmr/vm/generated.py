@@ -1,8 +1,8 @@
 """The engine that robots run: Python made from the program (`rmr.vm.generate`), a state for each machine.
 
-It fires the same rules for the same facts with the same draws as the interpreter, which is the specification. Here is
-how it fires while each fact is heeded: while goals are open, whose ranks may hang on what a match derives, and while
-every change is traced.
+It fires the same rules for the same facts with the same draws as the interpreter, which is the specification. This
+module fires rules while each change is reported: while goals are open, because a rank may depend on what a match
+derives, and while changes are traced.
 """
 
 from collections.abc import Iterator
@@ -42,15 +42,19 @@ class Generated(Running):
         self.ranks = None
         if bool(self._any_goals and self._any_goals.open) != self.wanting:
             self.wanting = not self.wanting
-            self.heed = self._trace or self.wanting
+            self.observed = self._trace or self.wanting
             self.stale |= self.module.all_rules
 
-    def fire_heeded(self, now: Instant) -> bool:
-        """Fire a rule while each fact is heeded: one that comes nearest to an open goal; False if none is satisfied."""
-        stale, self.stale = self.stale, 0
-        touched, self.touched = self.touched, 0
-        lowest, best = UNRANKED, list[tuple[RulePlan, Ranked | None]]()
-        left, find = self.ready | stale, self.module.names["FIND"]
+    def fire_observed(self, now: Instant) -> bool:
+        """Fire the rule nearest to an open goal, while each change is reported; return False if none is satisfied."""
+        stale = self.stale
+        self.stale = 0
+        touched = self.touched
+        self.touched = 0
+        lowest = UNRANKED
+        best = list[tuple[RulePlan, Ranked | None]]()
+        left = self.ready | stale
+        find = self.module.names["FIND"]
         while left:
             bit = left & -left
             left ^= bit
@@ -117,11 +121,14 @@ class Generated(Running):
             rank = UNRANKED if rank is None else rank
             last = rotor.last(plan.index, plan.args_of(entry)) if turns and rank != UNRANKED else 0
             if best is None or rank < best[0]:
-                best, best_last, compared = (rank, entry, valued), last, 1
+                best = (rank, entry, valued)
+                best_last = last
+                compared = 1
             elif rank == best[0] and compared < ROTOR_MATCHES_MAX:
                 compared += 1
                 if last < best_last:
-                    best, best_last = (rank, entry, valued), last
+                    best = (rank, entry, valued)
+                    best_last = last
             if best[0] <= nearest and (not best_last or compared >= ROTOR_MATCHES_MAX):
                 break
         return best

@@ -226,7 +226,8 @@ class Search:
         linear = step.mode is not Mode.READ
         taken = self.taken if step.mode is Mode.CONSUME else None
         last = index + 1 == len(self.steps)
-        env, found = self.env, self.found
+        env = self.env
+        found = self.found
         for fact in self.facts(step):
             if linear and (fact in found or (taken and fact.serial in taken)):
                 continue
@@ -243,7 +244,8 @@ class Search:
 
     def spent(self) -> bool:
         """Tell whether a fact found before has been taken, so that nothing more can come of it."""
-        found, taken = self.found, self.taken
+        found = self.found
+        taken = self.taken
         return taken is not None and any(found[p].serial in taken for p in self.places if p < len(found))
 
     def facts(self, step: AtomStep) -> Iterator[Fact]:

@@ -114,7 +114,8 @@ class Growing(Once):
 
     def _refresh(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
         """Add the matches up to the horizon that have a new fact."""
-        since, self._newest = self._newest, self._store.newest
+        since = self._newest
+        self._newest = self._store.newest
         if since == self._newest or not (self._complete or self._horizon):
             return
         if not self._plans:

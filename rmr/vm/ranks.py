@@ -158,7 +158,8 @@ class Ranks:
         rank = self._known(rule)
         if rank != SEARCH:
             return rank
-        distances, brought = self._distances(), self._reading.backwards.brought[rule]
+        distances = self._distances()
+        brought = self._reading.backwards.brought[rule]
         return min([distances[each] for each in brought if each in distances], default=None)
 
     def is_settled(self, rule: int) -> bool:

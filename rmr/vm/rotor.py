@@ -125,7 +125,8 @@ class Rotor:
 
     def fire(self, now: Instant, rule: int, facts: Sequence[Args], achieved: int) -> None:
         """Note that `rule`, which consumes, fires for `facts`; `achieved` goals have been discharged so far."""
-        key, plan = self._key(rule, facts), self._plans[rule]
+        key = self._key(rule, facts)
+        plan = self._plans[rule]
         found = self._last.get(key)
         if found is None:
             found = self._last[key] = LastFiring()
@@ -136,7 +137,9 @@ class Rotor:
         if consumed == found.consumed and achieved == found.achieved:
             found.repeats += 1
         else:
-            found.consumed, found.achieved, found.repeats = consumed, achieved, 1
+            found.consumed = consumed
+            found.achieved = achieved
+            found.repeats = 1
         if len(self._last) > ROTOR_MEMORY_MAX:
             self._last.popitem(last=False)
             self._dropped.add("rotor", ROTOR_MEMORY_MAX, now)

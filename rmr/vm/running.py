@@ -34,12 +34,12 @@ class Running(Machine):
         "changed",
         "count",
         "fired",
-        "heed",
         "length",
         "looking",
         "looks",
+        "newest",
+        "observed",
         "ready",
-        "s",
         "stale",
         "touched",
         "wanting",
@@ -59,7 +59,7 @@ class Running(Machine):
         trace: bool = False,
     ) -> None:
         super().__init__(program, robot, choices, firing_budget=firing_budget, trace=trace)
-        self.s = 0
+        self.newest = 0
         """The serial of the fact that was inserted last."""
         self.count = 0
         """How many facts there are."""
@@ -79,8 +79,8 @@ class Running(Machine):
         """While goals are open: the rules that something has changed for."""
         self.wanting = False
         """Whether goals are open."""
-        self.heed = trace
-        """Whether somebody wants to know of each fact."""
+        self.observed = trace
+        """Whether each insertion and removal is reported: facts are traced or goals are open."""
         self.fired: dict[int, Unfired] = {}
         """Of the rules that are matched anew and consume nothing: which matches have fired."""
         self.busy = bool(self.module.plans)
@@ -128,19 +128,19 @@ class Running(Machine):
         return self._is_full(now, self.count, self.length)
 
     def concern(self, now: Instant, predicate: int, args: Args) -> None:
-        """Let the time assertions know of a new fact that may concern them, unless `came` does."""
-        if not self.heed:
+        """Let the time assertions know of a new fact that may concern them, unless `on_insert` does."""
+        if not self.observed:
             self._inserted(now, predicate, args)
 
-    def came(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
-        """Let all that heeds each fact know of a new one; it concerns the `rules`."""
+    def on_insert(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Report a new fact to the trace and the goals; it concerns the `rules` (a bit each)."""
         if self._trace:
             self._events.append(FactInserted(predicate, args, now))
         self.touched |= rules
         self._inserted(now, predicate, args)
 
-    def went(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
-        """Let all that heeds facts know that one has gone; it concerned the `rules`."""
+    def on_remove(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Report a removed fact to the trace and the goals; it concerned the `rules` (a bit each)."""
         if self._trace:
             self._events.append(FactRemoved(predicate, args, now))
         self.touched |= rules
@@ -196,8 +196,8 @@ class Running(Machine):
         self.module.slow(rule)
         if plan.once:
             unfired = set(map(key_of, self._kept(plan)))
-            known = getattr(self, plan.slots.joined_up_to) if plan.way is Way.JOIN else self.s
-            last = getattr(self, plan.slots.last_top) if plan.way is Way.JOIN else self.s
+            known = getattr(self, plan.slots.joined_up_to) if plan.way is Way.JOIN else self.newest
+            last = getattr(self, plan.slots.last_top) if plan.way is Way.JOIN else self.newest
             found = map(key_of, self._each(plan, now))
             fired = {key for key in found if key[0] <= last and max(key) <= known and key not in unfired}
             self.fired[rule] = Unfired(fired)

@@ -26,7 +26,7 @@ CHECKS = {
 """What makes sure that a value conforms (`rmr.bytecode.conform`); there is nothing as short for lists."""
 
 
-def write_methods(lines: Builder, jobs: bool, timed: int) -> None:
+def write_methods(build: Builder, jobs: bool, timed: int) -> None:
     """Write the machines' methods: `jobs` says that there are time assertions, `timed` which heads ask for the time."""
     due = "vm._any_jobs is not None and vm._any_jobs.due"
     begin: list[Statement] = [Assign("vm._now", "now")]
@@ -34,18 +34,18 @@ def write_methods(lines: Builder, jobs: bool, timed: int) -> None:
     if jobs:
         begin.append(If(f"{due} < now", (Call("vm._miss(now - 1)"),)))
         end.append(If(f"{due} <= now", (Call("vm._miss(now)"),)))
-    with lines.function("insert", "vm", "now", "predicate", "args"):
-        lines(*begin, Call("ARRIVE[predicate](vm, now, args)"))
-    with lines.function("run", "vm", "now"):
-        lines(*begin)
-        with lines.when("vm.busy"):
+    with build.function("insert", "vm", "now", "predicate", "args"):
+        build(*begin, Call("ARRIVE[predicate](vm, now, args)"))
+    with build.function("run", "vm", "now"):
+        build(*begin)
+        with build.when("vm.busy"):
             if timed:
-                lines(Update("vm.touched", "|", str(timed)))
-            lines(Call("vm._fire(now)"))
-        lines(*end)
+                build(Update("vm.touched", "|", str(timed)))
+            build(Call("vm._fire(now)"))
+        build(*end)
 
 
-def write_arrival(lines: Builder, table: FactTable, pool: Pool, gate: Gate, facts: FactWriter) -> str:
+def write_arrival(build: Builder, table: FactTable, pool: Pool, gate: Gate, facts: FactWriter) -> str:
     """Write the function for the facts of a predicate that is no action and return its name."""
     index = table.index
     name = table.functions.arrive
@@ -55,13 +55,13 @@ def write_arrival(lines: Builder, table: FactTable, pool: Pool, gate: Gate, fact
         pool.helper(helper, thing)
     checks = [CHECKS.get(kind.base, "").format(name) for kind, name in zip(table.predicate.types, names, strict=True)]
     each = tuple_of(names)
-    with lines.function(name, "vm", "now", "args"):
+    with build.function(name, "vm", "now", "args"):
         if not names:
-            lines(If("args", (Call(checked),)))
+            build(If("args", (Call(checked),)))
         elif all(checks):
-            lines(If(f"len(args) != {len(names)}", (Call(checked),)), Assign(each, "args"))
-            lines(If(f"not ({' and '.join(checks)})", (Assign(each, checked),)))
+            build(If(f"len(args) != {len(names)}", (Call(checked),)), Assign(each, "args"))
+            build(If(f"not ({' and '.join(checks)})", (Assign(each, checked),)))
         else:
-            lines(Assign(each, checked))
+            build(Assign(each, checked))
         facts.insertion(index, names)
     return name

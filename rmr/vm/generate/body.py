@@ -69,7 +69,7 @@ class Body:
 
     def __init__(
         self,
-        lines: Builder,
+        build: Builder,
         pool: Pool,
         tables: Sequence[FactTable],
         slots: BoundSlots,
@@ -84,7 +84,7 @@ class Body:
         Only if it `may_index` it uses indices that are not laid out yet. Facts looked at are `counted` unless there
         cannot be too many.
         """
-        self.lines = lines
+        self.build = build
         self.pool = pool
         self.tables = tables
         self.slots = slots
@@ -130,7 +130,7 @@ class Body:
 
     def seek(self, order: Sequence[Placed], leaf: Callable[[], None]) -> None:
         """Write the search for `order`; `leaf` writes what is done with each match."""
-        with self.lines.level():
+        with self.build.level():
             for place, conjunct in order:
                 if isinstance(conjunct, Guard):
                     self._guard(place, conjunct)
@@ -144,8 +144,8 @@ class Body:
             for depth, place in reversed(self._loops):
                 spent = self.spent(place)
                 if spent is not None:
-                    self.lines.close(depth)
-                    self.lines(If(spent, (Break(),)))
+                    self.build.close(depth)
+                    self.build(If(spent, (Break(),)))
 
     @property
     def found(self) -> list[str]:
@@ -180,46 +180,48 @@ class Body:
     def _trying(self, place: int, source: Source, statement: Statement) -> None:
         told = self.told(place) if source.fails else None
         if told is None:
-            self.lines(statement)
+            self.build(statement)
             return
         no_value = self.pool.helper("NoValue", NoValue)
-        self.lines(Try(no_value, "reason", (told, self._skip), (statement,)))
+        self.build(Try(no_value, "reason", (told, self._skip), (statement,)))
 
     def _atom(self, place: int, atom: Atom) -> None:
-        lines, table = self.lines, self.tables[atom.predicate]
+        build = self.build
+        table = self.tables[atom.predicate]
         step = plan_atom(atom, self._predicates, self.slots.names)
         fact = f"{self._fact}{place}"
         key = self._member(step, table)
         if key is not None:
-            lines(Assign(fact, f"{table.name}.get({key})"), If(f"{fact} is None", (self._skip,)))
+            build(Assign(fact, f"{table.name}.get({key})"), If(f"{fact} is None", (self._skip,)))
             stop = self.stop(place, fact)
             if stop is not None:
-                lines(If(stop, (self._skip,)))
+                build(If(stop, (self._skip,)))
         else:
             facts, sure = self._candidates(step, table)
-            lines.open(partial(Loop, fact, facts))
-            self._loops.append((lines.depth, place))
+            build.open(partial(Loop, fact, facts))
+            self._loops.append((build.depth, place))
             self._skip = Continue()
             stop = self.stop(place, fact)
             if stop is not None:
-                lines(If(stop, (Break(),)))
+                build(If(stop, (Break(),)))
             self._test(step, fact, self._others(atom, fact), sure)
         self._found(place, step, table, fact)
 
     def _absent(self, atom: Atom) -> None:
-        lines, table = self.lines, self.tables[atom.predicate]
+        build = self.build
+        table = self.tables[atom.predicate]
         step = plan_atom(atom, self._predicates, self.slots.names)
         key = self._member(step, table)
         if key is not None:
-            lines(If(f"{key} in {table.name}", (self._skip,)))
+            build(If(f"{key} in {table.name}", (self._skip,)))
             return
         facts, sure = self._candidates(step, table)
         tests = self._tests(step, "g", sure)
         passed_over = self.passed_over(atom, "g")
         if passed_over is not None:
             tests.append(passed_over)
-        lines(Loop("g", facts, (If(f"not ({' or '.join(tests)})", (Break(),)) if tests else Break(),)))
-        lines.open_otherwise()
+        build(Loop("g", facts, (If(f"not ({' or '.join(tests)})", (Break(),)) if tests else Break(),)))
+        build.open_otherwise()
 
     def _others(self, atom: Atom, fact: str) -> list[str]:
         """Return the conditions on which a fact is not taken although it matches."""
@@ -234,7 +236,7 @@ class Body:
     def _test(self, step: AtomStep, fact: str, others: Sequence[str] = (), sure: Positions = ()) -> None:
         tests = [*self._tests(step, fact, sure), *others]
         if tests:
-            self.lines(If(" or ".join(tests), (self._skip,)))
+            self.build(If(" or ".join(tests), (self._skip,)))
 
     def _tests(self, step: AtomStep, fact: str, sure: Positions = ()) -> list[str]:
         """Return the conditions on which a fact does not match; at the positions `sure` it does."""

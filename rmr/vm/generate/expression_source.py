@@ -59,7 +59,9 @@ class _Writer:
 
     def write(self, node: Tree, known: Mapping[int, Known]) -> Source:
         """Return the source of `node`; the depth of trees is bounded."""
-        op, operand, pool = node.op, node.operand, self._pool
+        op = node.op
+        operand = node.operand
+        pool = self._pool
         if op is Op.LOAD:
             assert isinstance(operand, int)
             reference = self._names[operand]

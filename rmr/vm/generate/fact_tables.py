@@ -14,7 +14,7 @@ from rmr.bytecode.wire import identity
 from rmr.vm.generate.builder import Builder
 from rmr.vm.generate.form import Assign, AssignAll, Block, Call, Delete, If, Return, column, serial, tuple_of
 from rmr.vm.generate.source import Pool
-from rmr.vm.generate.state_layout import VM, PredicateFunctions
+from rmr.vm.generate.state_layout import VM, PredicateFunctions, PredicateSlots
 from rmr.vm.store import LONG, is_open
 
 FEW = 8
@@ -39,7 +39,8 @@ class FactTable:
         self.concerned = concerned
         """Time assertions want to know of each new fact."""
         self.long = [place for place, kind in enumerate(predicate.types) if kind.base in LONG]
-        self.slot = f"t{index}"
+        self._slots = PredicateSlots(index)
+        self.slot = self._slots.table
         """The attribute of a machine that holds the table."""
         self.functions = PredicateFunctions(index)
         """Names of the generated functions of the predicate."""
@@ -69,7 +70,7 @@ class FactTable:
 
     def index_on(self, positions: Positions) -> str:
         """Return the name of the index on `positions`; from now on there is one."""
-        return self.indices.setdefault(positions, f"x{self.index}_{len(self.indices)}")
+        return self.indices.setdefault(positions, self._slots.index(len(self.indices)))
 
     def fact(self, serial_number: str, args: Sequence[str]) -> str:
         """Return a new fact."""
@@ -111,26 +112,26 @@ def _bucket(table: FactTable, index: str, key: str) -> str:
     return f"(b if type(b := {index}.get({key}, NONE)) is tuple else b.values())"
 
 
-def write_probes(lines: Builder, tables: Sequence[FactTable]) -> None:
+def write_probes(build: Builder, tables: Sequence[FactTable]) -> None:
     """Write for each index how it is probed before it is there: a small table needs none."""
     for table in tables:
         for positions, name in table.indices.items():
             key = index_key(positions, [column("f", position) for position in positions])
-            with lines.function(f"probe_{name}", "vm", "key"):
-                lines(Assign("x", f"vm.{name}"))
-                with lines.when("x is None"):
+            with build.function(f"probe_{name}", "vm", "key"):
+                build(Assign("x", f"vm.{name}"))
+                with build.when("x is None"):
                     matching = f"[f for f in {table.name}.values() if {key} == key]"
-                    lines(If(f"len({table.name}) < {FEW}", (Return(matching),)))
-                    lines(AssignAll((f"vm.{name}", "x"), "{}"))
-                    with lines.loop("f", f"{table.name}.values()"):
-                        lines(*_entry(table, positions, "f"))
-                lines(Return(_bucket(table, "x", "key")))
+                    build(If(f"len({table.name}) < {FEW}", (Return(matching),)))
+                    build(AssignAll((f"vm.{name}", "x"), "{}"))
+                    with build.loop("f", f"{table.name}.values()"):
+                        build(*_entry(table, positions, "f"))
+                build(Return(_bucket(table, "x", "key")))
 
 
-def write_indexing(lines: Builder, table: FactTable, fact: str) -> None:
+def write_indexing(build: Builder, table: FactTable, fact: str) -> None:
     """Write that a new fact gets into the indices that there are."""
     for positions, name in table.indices.items():
-        lines(If(f"(x := vm.{name}) is not None", _entry(table, positions, fact)))
+        build(If(f"(x := vm.{name}) is not None", _entry(table, positions, fact)))
 
 
 def _entry(table: FactTable, positions: Positions, fact: str) -> Block:
@@ -148,11 +149,11 @@ def _entry(table: FactTable, positions: Positions, fact: str) -> Block:
     return bucket, If("b is None", (Assign("x[k]", f"({fact},)"),), (second,))
 
 
-def write_forgetting(lines: Builder, table: FactTable, fact: str) -> None:
+def write_forgetting(build: Builder, table: FactTable, fact: str) -> None:
     """Write that a fact gets out of the indices that there are."""
     for positions, name in table.indices.items():
         key = index_key(positions, [column(fact, position) for position in positions])
         drop: Block = (Delete("x[k]"),)
         several: Block = (Delete(f"b[{serial(fact)}]"), If("not b", drop))
         inside: Block = (Assign("b", f"x[k := {key}]"), If("type(b) is tuple", drop, several))
-        lines(If(f"(x := vm.{name}) is not None", inside))
+        build(If(f"(x := vm.{name}) is not None", inside))

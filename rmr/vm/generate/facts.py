@@ -40,14 +40,14 @@ from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.generate.source import Pool
 from rmr.vm.match import plan_atom
 
-NEXT_SERIAL = AssignAll(("s", "vm.s"), "vm.s + 1")
+NEXT_SERIAL = AssignAll(("s", "vm.newest"), "vm.newest + 1")
 
 
 class FactWriter:
     """Writes ``add{predicate}`` and ``remove{predicate}``, and the same in line."""
 
-    def __init__(self, lines: Builder, pool: Pool, tables: Sequence[FactTable], plans: Sequence[RulePlan]) -> None:
-        self._lines = lines
+    def __init__(self, build: Builder, pool: Pool, tables: Sequence[FactTable], plans: Sequence[RulePlan]) -> None:
+        self._build = build
         self._pool = pool
         self._tables = tables
         self._plans = plans
@@ -56,58 +56,60 @@ class FactWriter:
 
     def functions(self, predicate: int) -> None:
         """Write the functions for the facts of a predicate."""
-        lines, table = self._lines, self._tables[predicate]
+        build = self._build
+        table = self._tables[predicate]
         args = [f"a{place}" for place in range(table.arity)]
-        with lines.function(table.functions.add, "vm", "now", *args):
+        with build.function(table.functions.add, "vm", "now", *args):
             self.insertion(predicate, args)
-        with lines.function(table.functions.remove, "vm", "now", "f"):
-            lines(Update("vm.count", "-", "1"))
+        with build.function(table.functions.remove, "vm", "now", "f"):
+            build(Update("vm.count", "-", "1"))
             if self.readers(predicate):
-                lines(Assign("vm.busy", "True"))
+                build(Assign("vm.busy", "True"))
             self.remove(predicate, "f")
             readers = mask(self.readers(predicate))
-            lines(If("vm.heed", (Call(f"vm.went(now, {predicate}, {table.args('f')}, {readers})"),)))
+            build(If("vm.observed", (Call(f"vm.on_remove(now, {predicate}, {table.args('f')}, {readers})"),)))
 
     def several(self, predicate: int) -> None:
         """Write the function that inserts facts of a predicate, given all their arguments."""
-        lines, table = self._lines, self._tables[predicate]
+        build = self._build
+        table = self._tables[predicate]
         args = [f"a{place}" for place in range(table.arity)]
         row = tuple_of(args) if args else "_"
-        with lines.function(table.functions.several, "vm", "now", "rows"):
-            lines(Assign(ME, "vm.robot"))
+        with build.function(table.functions.several, "vm", "now", "rows"):
+            build(Assign(ME, "vm.robot"))
             if self.readers(predicate):
-                lines(Assign("vm.busy", "True"))
+                build(Assign("vm.busy", "True"))
             if table.linear and not table.long and not table.concerned:
                 # Facts for which there is surely room, and which nobody has to be told of one by one.
-                with lines.when(f"not vm.heed and vm.count + len(rows) <= {machine.FACTS_MAX}"):
-                    lines(Update("vm.count", "+", "len(rows)"), Assign("s", "vm.s"))
-                    with lines.loop(row, "rows"):
+                with build.when(f"not vm.observed and vm.count + len(rows) <= {machine.FACTS_MAX}"):
+                    build(Update("vm.count", "+", "len(rows)"), Assign("s", "vm.newest"))
+                    with build.loop(row, "rows"):
                         self.add(predicate, args, "", next_serial=Update("s", "+", "1"))
-                    lines(Assign("vm.s", "s"), Return())
-            with lines.loop(row, "rows"):
-                lines(If(self._unwanted(predicate, args), (Continue(),)), Update("vm.count", "+", "1"))
+                    build(Assign("vm.newest", "s"), Return())
+            with build.loop(row, "rows"):
+                build(If(self._unwanted(predicate, args), (Continue(),)), Update("vm.count", "+", "1"))
                 self.add(predicate, args, "key")
-                lines(self._told(predicate, args))
+                build(self._told(predicate, args))
 
     def insertion(self, predicate: int, args: Sequence[str]) -> None:
         """Write the rest of a function, which inserts a fact."""
-        lines = self._lines
-        lines(Assign(ME, "vm.robot"))
-        lines(If(self._unwanted(predicate, args), (Return(),)), Update("vm.count", "+", "1"))
+        build = self._build
+        build(Assign(ME, "vm.robot"))
+        build(If(self._unwanted(predicate, args), (Return(),)), Update("vm.count", "+", "1"))
         if self.readers(predicate):
-            lines(Assign("vm.busy", "True"))
+            build(Assign("vm.busy", "True"))
         self.add(predicate, args, "key")
-        lines(self._told(predicate, args))
+        build(self._told(predicate, args))
 
     def _told(self, predicate: int, args: Sequence[str]) -> Statement:
         """Return the statement that reports an insertion while each change is traced or goals are open."""
         readers = mask(self.readers(predicate))
-        return If("vm.heed", (Call(f"vm.came(now, {predicate}, {tuple_of(args)}, {readers})"),))
+        return If("vm.observed", (Call(f"vm.on_insert(now, {predicate}, {tuple_of(args)}, {readers})"),))
 
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
         """Write that a fact is inserted, if there is room and it is not one of a set that holds already."""
-        with self._lines.when(f"not ({self._unwanted(predicate, args)})"):
-            self._lines(Update("vm.count", "+", "1"))
+        with self._build.when(f"not ({self._unwanted(predicate, args)})"):
+            self._build(Update("vm.count", "+", "1"))
             self.add(predicate, args, "key")
 
     def _unwanted(self, predicate: int, args: Sequence[str]) -> str:
@@ -124,41 +126,43 @@ class FactWriter:
 
         `next_serial` is the statement that assigns the next serial number to ``s``.
         """
-        lines, table = self._lines, self._tables[predicate]
-        lines(*[Update("vm.length", "+", f"length({args[place]})") for place in table.long])
-        lines(next_serial, Assign("f", table.fact("s", args)))
+        build = self._build
+        table = self._tables[predicate]
+        build(*[Update("vm.length", "+", f"length({args[place]})") for place in table.long])
+        build(next_serial, Assign("f", table.fact("s", args)))
         if not table.queued:
-            lines(Assign(f"{table.name}[{'s' if table.linear else key}]", "f"))
-        write_indexing(lines, table, "f")
+            build(Assign(f"{table.name}[{'s' if table.linear else key}]", "f"))
+        write_indexing(build, table, "f")
         self._show(predicate, args)
         if table.concerned:
-            lines(Call(f"vm.concern(now, {predicate}, {tuple_of(args)})"))
+            build(Call(f"vm.concern(now, {predicate}, {tuple_of(args)})"))
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
         """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""
-        lines, table = self._lines, self._tables[predicate]
-        lines(Assign(held(fact), "False"))
+        build = self._build
+        table = self._tables[predicate]
+        build(Assign(held(fact), "False"))
         if not table.queued:
-            lines(Delete(f"{table.name}[{table.fact_key(self._pool, fact)}]"))
-        lines(*[Update("vm.length", "-", f"length({column(fact, place)})") for place in table.long])
-        write_forgetting(lines, table, fact)
+            build(Delete(f"{table.name}[{table.fact_key(self._pool, fact)}]"))
+        build(*[Update("vm.length", "-", f"length({column(fact, place)})") for place in table.long])
+        write_forgetting(build, table, fact)
         self.removed(predicate, but)
         if table.dated:
-            lines(Call(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])"))
+            build(Call(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])"))
 
     def removed(self, predicate: int, but: int = 0) -> None:
         """Write which rules are looked at again, except those in the mask `but`."""
-        lines = self._lines
+        build = self._build
         again = [plan for plan in self._plans if plan.way is Way.REMATCH and predicate in plan.read()]
         free = mask([plan for plan in again if plan.once or predicate in (*plan.absent, *plan.inner)])
         if free:
-            lines(mark_stale(free), Update("vm.changed", "|", str(free)))
+            build(mark_stale(free), Update("vm.changed", "|", str(free)))
         if_ready = mask(self.readers(predicate)) & ~free & ~but
         if if_ready:
-            lines(mark_stale(f"vm.ready & {if_ready}"))
+            build(mark_stale(f"vm.ready & {if_ready}"))
         inner = mask([plan for plan in self.readers(predicate) if predicate in plan.inner]) & ~free
         if inner:
-            lines(If("vm.broken", (mark_stale(f"vm.broken & {inner}"),)))
+            build(If("vm.broken", (mark_stale(f"vm.broken & {inner}"),)))
 
     def readers(self, predicate: int) -> list[RulePlan]:
         """Return the rules that name a predicate in a body."""
@@ -166,8 +170,9 @@ class FactWriter:
 
     def is_queued(self, predicate: int) -> bool:
         """Tell whether the facts of a predicate need no table: one queue at most has each, and nobody else asks."""
-        table, readers = self._tables[predicate], self.readers(predicate)
-        gates = Gates(self._lines)
+        table = self._tables[predicate]
+        readers = self.readers(predicate)
+        gates = Gates(self._build)
         for plan in readers:
             if plan.way is not Way.SINGLE or plan.once or plan.may_break or predicate in plan.inner:
                 return False
@@ -176,12 +181,12 @@ class FactWriter:
 
     def _show(self, predicate: int, args: Sequence[str]) -> None:
         """Write what each rule makes of a new fact."""
-        lines = self._lines
+        build = self._build
         inner = 0
-        gates = Gates(lines)
+        gates = Gates(build)
         for plan in self.readers(predicate):
             if plan.way is Way.REMATCH:
-                lines(mark_stale(plan.bit), *([Update("vm.changed", "|", str(plan.bit))] if plan.once else []))
+                build(mark_stale(plan.bit), *([Update("vm.changed", "|", str(plan.bit))] if plan.once else []))
                 continue
             if predicate in plan.inner:
                 inner |= plan.bit
@@ -190,9 +195,9 @@ class FactWriter:
                     self._gate(plan, place, atom, args, gates)
             if plan.once and plan.may_break:
                 again = mark_stale(plan.bit), Update("vm.changed", "|", str(plan.bit))
-                lines(If(f"vm.broken & {plan.bit}", again))
+                build(If(f"vm.broken & {plan.bit}", again))
         if inner:
-            lines(mark_stale(f"(vm.ready | vm.broken) & {inner}"))
+            build(mark_stale(f"(vm.ready | vm.broken) & {inner}"))
         table = self._tables[predicate]
         gates.write((Call(f"{table.name}.append(f)"),) if table.queued else ())
 
@@ -289,8 +294,8 @@ class Gates:
     a rule's conditions is looked at only where it does.
     """
 
-    def __init__(self, lines: Builder) -> None:
-        self._lines = lines
+    def __init__(self, build: Builder) -> None:
+        self._build = build
         self._gates: list[Gate] = []
 
     def add(self, tests: Sequence[Test], taken: Block) -> None:
@@ -309,13 +314,13 @@ class Gates:
         """Write all that has been added, and `left` for a fact that meets no conditions, if they are exclusive."""
         done: set[int] = set()
         for subject, cases in self._cases().items():
-            self._lines(Assign("c", subject), self._choice(cases, left))
+            self._build(Assign("c", subject), self._choice(cases, left))
             done |= {number for _, number in cases}
         for number, gate in enumerate(self._gates):
             if number not in done:
-                self._lines(*_gated(*gate, left))
+                self._build(*_gated(*gate, left))
         if not self._gates:
-            self._lines(*left)
+            self._build(*left)
 
     def _cases(self) -> dict[str, list[tuple[Equality, int]]]:
         """Return the expressions that are compared with several constants: the comparisons, and numbers of gates."""

@@ -65,13 +65,13 @@ class HeadWriter:
     """Writes ``derive`` or ``value`` of one rule."""
 
     def __init__(
-        self, program: Program, rule: int, lines: Builder, pool: Pool, tables: Sequence[FactTable], *, calls: bool
+        self, program: Program, rule: int, build: Builder, pool: Pool, tables: Sequence[FactTable], *, calls: bool
     ) -> None:
         """`calls`: ``value``, which is written before the indices are laid out."""
         self.program = program
         self.number = rule
         self.rule = program.rules[rule]
-        self.lines = lines
+        self.build = build
         self.pool = pool
         self.tables = tables
         self.calls = calls
@@ -85,24 +85,25 @@ class HeadWriter:
 
     def write(self) -> None:
         """Write the function."""
-        lines, rule = self.lines, self.rule
+        build = self.build
+        rule = self.rule
         scope = Scope()
         scope.grow(rule.body, self.program.predicates)
         functions = RuleFunctions(self.number)
         name = functions.value if self.calls else functions.derive
-        with lines.function(name, "vm", "now", *self._facts.values()):
-            lines(Assign(ME, "vm.robot"))
-            slots = write_bindings(lines, self.pool, rule, self.tables, self._facts)
-            lines(Assign("consumed", f"[{', '.join(self._consumed)}]"), Assign("out", "[]"))
-            lines(AssignAll(("part", "matches"), "0"))
-            with lines.attempt("NoValue", "reason", self.failed(HEAD_PART, "part", ()), Return("None")):
+        with build.function(name, "vm", "now", *self._facts.values()):
+            build(Assign(ME, "vm.robot"))
+            slots = write_bindings(build, self.pool, rule, self.tables, self._facts)
+            build(Assign("consumed", f"[{', '.join(self._consumed)}]"), Assign("out", "[]"))
+            build(AssignAll(("part", "matches"), "0"))
+            with build.attempt("NoValue", "reason", self.failed(HEAD_PART, "part", ()), Return("None")):
                 for part, head in enumerate(rule.head):
-                    lines(Assign("part", str(part)))
+                    build(Assign("part", str(part)))
                     if isinstance(head, Inner):
                         InnerWriter(self, part, head, slots, scope).write()
                     else:
                         self.chain(head.steps if isinstance(head, Steps) else (head,), slots, scope)
-                lines(Return("consumed, out"))
+                build(Return("consumed, out"))
 
     def chain(self, steps: Sequence[Item], slots: BoundSlots, scope: Scope) -> None:
         """Write that what stands outside of comprehensions is derived."""
@@ -111,9 +112,9 @@ class HeadWriter:
         if call is None:
             names = [f"d{number}" for number in range(len(items))]
             for name, item in zip(names, items, strict=True):
-                self.lines(Assign(name, item.write(self.lines, self.pool)))
+                self.build(Assign(name, item.write(self.build, self.pool)))
             call = self.followed(tuple_of(names))
-        self.lines(Call(f"out.append({call})"))
+        self.build(Call(f"out.append({call})"))
 
     def item(self, item: Item, slots: BoundSlots, scope: Scope) -> WrittenItem:
         """Return an item of the head as source."""
@@ -158,8 +159,10 @@ class InnerBody(Body):
 
     def __init__(self, head: HeadWriter, part: int, inner: Inner, slots: BoundSlots) -> None:
         counted = sum(isinstance(each, Atom) for each in inner.body) > 1
-        lines, pool, tables = head.lines, head.pool, head.tables
-        super().__init__(lines, pool, tables, slots, Continue(), fact="g", may_index=head.calls, counted=counted)
+        build = head.build
+        pool = head.pool
+        tables = head.tables
+        super().__init__(build, pool, tables, slots, Continue(), fact="g", may_index=head.calls, counted=counted)
         self._head = head
         self._part = part
         self.taking = [(place, atom.predicate) for place, atom in positives(inner.body) if atom.mode is Mode.CONSUME]
@@ -186,7 +189,7 @@ class InnerWriter:
 
     def __init__(self, head: HeadWriter, part: int, inner: Inner, outer: BoundSlots, scope: Scope) -> None:
         self._head = head
-        self._lines = head.lines
+        self._build = head.build
         self._pool = head.pool
         self._part = part
         self._inner = inner
@@ -201,22 +204,24 @@ class InnerWriter:
 
     def write(self) -> None:
         """Write the search and what becomes of its matches."""
-        lines, inner, head = self._lines, self._inner, self._head
+        build = self._build
+        inner = self._inner
+        head = self._head
         atoms = [each for each in inner.body if isinstance(each, Atom)]
         if any(head.program.predicates[each.predicate].kind is Kind.TEMPORARY for each in atoms):
-            lines(Assign("gone", head.gone()), Assign("taken", "set()"))
+            build(Assign("gone", head.gone()), Assign("taken", "set()"))
         if isinstance(inner, Aggregate):
-            lines(Assign("values", "[]"), Assign("best", "None"))
+            build(Assign("values", "[]"), Assign("best", "None"))
         if len(atoms) > 1:
-            lines(*begun(self._pool, (head.number, self._part, len(inner.body)), head.found(())))
+            build(*begun(self._pool, (head.number, self._part, len(inner.body)), head.found(())))
         if self._at_end:
-            lines(Assign("before", "len(out)"))
-        mark = lines.mark()
-        with lines.loop("_", self._pool.helper("ONCE", (None,))):  # so that `continue` leaves the search
+            build(Assign("before", "len(out)"))
+        mark = build.mark()
+        with build.loop("_", self._pool.helper("ONCE", (None,))):  # so that `continue` leaves the search
             self._body.seek(list(enumerate(inner.body)), self._leaf)
-        lines.insert(mark, loads(self._body))
+        build.insert(mark, loads(self._body))
         if self._at_end:
-            lines(Update("matches", "+", "len(out) - before"), _limit())
+            build(Update("matches", "+", "len(out) - before"), _limit())
         if isinstance(inner, Aggregate):
             self._fold(inner)
 
@@ -230,20 +235,21 @@ class InnerWriter:
 
     def _leaf(self) -> None:
         """Write what is done with one match."""
-        lines, inner = self._lines, self._inner
+        build = self._build
+        inner = self._inner
         if not self._at_end:
             made = len(inner.head) if isinstance(inner, Comprehension) else 1
-            lines(Update("matches", "+", str(made or 1)), _limit())
+            build(Update("matches", "+", str(made or 1)), _limit())
         if isinstance(inner, Comprehension):
             items = [self._head.item(each, self._slots, self._scope) for each in inner.head]
             with self._trying(any(each.fails for each in items)):
                 names = [self._written(f"d{number}", item) for number, item in enumerate(items)]
             self._take()
-            lines(*[Call(f"out.append({name})") for name in names])
+            build(*[Call(f"out.append({name})") for name in names])
         else:
             term = self._slots.expression(inner.term, self._pool) if inner.term is not None else None
             with self._trying(term is not None and term.fails):
-                lines(Assign("value", "1" if term is None else term.text))
+                build(Assign("value", "1" if term is None else term.text))
             self._take()
             self._keep(inner)
 
@@ -251,45 +257,45 @@ class InnerWriter:
         """Report and skip a match for which the statements that are added meanwhile fail."""
         if not fails:
             return nullcontext()
-        return self._lines.attempt("NoValue", "reason", self._body.told(HEAD_PART), self._body.skip)
+        return self._build.attempt("NoValue", "reason", self._body.told(HEAD_PART), self._body.skip)
 
     def _written(self, name: str, item: WrittenItem) -> str:
         """Write that `name` is an item, and return how it is listed."""
         call = self._head.call(item)
-        self._lines(Assign(name, call or item.write(self._lines, self._pool)))
+        self._build(Assign(name, call or item.write(self._build, self._pool)))
         return name if call is not None else self._head.followed(f"({name},)")
 
     def _take(self) -> None:
         """Write that the match's temporary facts are taken."""
         for place, predicate in self._body.taking:
             fact = f"g{place}"
-            self._lines(Call(f"taken.add({serial(fact)})"))
-            self._lines(Call(f"consumed.append({self._head.removal(predicate, fact)})"))
+            self._build(Call(f"taken.add({serial(fact)})"))
+            self._build(Call(f"consumed.append({self._head.removal(predicate, fact)})"))
 
     def _keep(self, aggregate: Aggregate) -> None:
         """Write what an aggregate keeps of a match."""
-        lines = self._lines
+        build = self._build
         if aggregate.operator not in (Operator.MIN, Operator.MAX):
-            lines(Call("values.append(value)"))
+            build(Call("values.append(value)"))
             return
         operator = self._pool.helper(f"OPERATOR_{aggregate.operator.name}", aggregate.operator)
-        with lines.when(f"{self._pool.helper('better', better)}({operator}, value, best)"):
-            lines(Assign("best", "value"))
-            lines(*[Assign(f"w{slot}", self._slots.names[slot].text) for slot in self._new_slots()])
+        with build.when(f"{self._pool.helper('better', better)}({operator}, value, best)"):
+            build(Assign("best", "value"))
+            build(*[Assign(f"w{slot}", self._slots.names[slot].text) for slot in self._new_slots()])
 
     def _fold(self, aggregate: Aggregate) -> None:
         """Write what an aggregate derives of all its matches."""
         slots = BoundSlots(self._outer)
-        with self._lines.level():
+        with self._build.level():
             if aggregate.operator in (Operator.MIN, Operator.MAX):
                 for slot in self._new_slots():
                     slots.names[slot] = Variable(f"w{slot}")
                     slots.known[slot] = self._slots.known[slot]
                 slots.names[aggregate.result] = Variable("best")
-                self._lines.open(partial(If, "best is not None"))
+                self._build.open(partial(If, "best is not None"))
             else:
                 fold = self._pool.helper(f"FOLD_{aggregate.operator.name}", FOLDS[aggregate.operator])
-                self._lines(Assign("total", f"{fold}(values)"))
+                self._build(Assign("total", f"{fold}(values)"))
                 slots.names[aggregate.result] = Variable("total")
             slots.known[aggregate.result] = NOTHING
             self._head.chain((aggregate.head,), slots, self._scope)

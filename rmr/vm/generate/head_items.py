@@ -67,16 +67,18 @@ class WrittenItem:
         """Whether it may have no value."""
         return bool(self.doubts) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
 
-    def write(self, lines: Builder, pool: Pool) -> str:
+    def write(self, build: Builder, pool: Pool) -> str:
         """Write what goes before and return the source of the `Derived`; raises NoValue where it has none."""
-        owner, args = self.owner.text, tuple_of([each.text for each in self.args])
+        owner = self.owner.text
+        args = tuple_of([each.text for each in self.args])
         if not self.surely_robot:
-            robot, no_value = pool.helper("Robot", Robot), pool.helper("NoValue", NoValue)
-            lines(Assign("owner", owner))
-            lines(If(f"type(owner) is not {robot}", (Raise(f"{no_value}('an owner that is no robot')"),)))
+            robot = pool.helper("Robot", Robot)
+            no_value = pool.helper("NoValue", NoValue)
+            build(Assign("owner", owner))
+            build(If(f"type(owner) is not {robot}", (Raise(f"{no_value}('an owner that is no robot')"),)))
             owner = "owner"
         if self.doubts:
-            lines(Assign("args", args), Call(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
+            build(Assign("args", args), Call(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
             args = "args"
         role = pool.helper(f"ROLE_{ROLES[type(self.item)].name}", ROLES[type(self.item)])
         return f"{pool.helper('Derived', Derived)}({role}, {self.item.predicate}, {owner}, {args})"
@@ -98,7 +100,7 @@ def written_items(
 
 
 def write_bindings(
-    lines: Builder, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
+    build: Builder, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
 ) -> BoundSlots:
     """Write what gives the rule's variables their values again, given the match's facts by place; return them."""
     slots = BoundSlots()
@@ -106,11 +108,12 @@ def write_bindings(
     for place, conjunct in enumerate(rule.body):
         if isinstance(conjunct, Bind):
             source = slots.expression(conjunct.code, pool)
-            lines(Assign(f"b{conjunct.slot}", source.text))
+            build(Assign(f"b{conjunct.slot}", source.text))
             slots.names[conjunct.slot] = Variable(f"b{conjunct.slot}")
             slots.known[conjunct.slot] = source.known
         elif isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
-            table, fact = tables[conjunct.predicate], facts[place]
+            table = tables[conjunct.predicate]
+            fact = facts[place]
             step = plan_atom(conjunct, predicates, slots.names)
             slots.bind(step, table, lambda position, fact=fact: Column(fact, position))  # type: ignore[misc]
         elif isinstance(conjunct, Guard):

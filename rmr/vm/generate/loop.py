@@ -50,14 +50,14 @@ class LoopWriter:
     def __init__(
         self,
         program: Program,
-        lines: Builder,
+        build: Builder,
         pool: Pool,
         tables: Sequence[FactTable],
         plans: Sequence[RulePlan],
         facts: FactWriter,
     ) -> None:
         self._program = program
-        self._lines = lines
+        self._build = build
         self._pool = pool
         self._tables = tables
         self._plans = plans
@@ -67,30 +67,30 @@ class LoopWriter:
 
     def write(self) -> None:
         """Write the function."""
-        lines = self._lines
+        build = self._build
         timed = sum(plan.bit for plan in self._plans if plan.timed and plan.valued)
-        with lines.function("fire", "vm", "now"):
-            lines(Assign(ME, "vm.robot"), Assign("emit", "vm._events.append"))
+        with build.function("fire", "vm", "now"):
+            build(Assign(ME, "vm.robot"), Assign("emit", "vm._events.append"))
             if self.is_in_loop:
-                lines(*[Assign(f"e{plan.index}", "None") for plan in self._plans])
+                build(*[Assign(f"e{plan.index}", "None") for plan in self._plans])
             else:
-                lines(Assign("events", "{}"))
+                build(Assign("events", "{}"))
             if timed:
-                lines(mark_stale(f"vm.ready & {timed}"))
-            with lines.loop("_", "range(vm._budget)"):
-                lines(If("vm.heed", (If("vm.fire_heeded(now)", (Continue(),)), Return())))
-                lines(self._match_stale())
-                lines(Assign("ready", "vm.ready"))
+                build(mark_stale(f"vm.ready & {timed}"))
+            with build.loop("_", "range(vm._budget)"):
+                build(If("vm.observed", (If("vm.fire_observed(now)", (Continue(),)), Return())))
+                build(self._match_stale())
+                build(Assign("ready", "vm.ready"))
                 # More than one rule is satisfied: the strategy leaves one bit.
                 textual = self._program.strategy is Strategy.TEXTUAL
                 one: Block = (_OLDEST_RULE,) if textual else self._draw()
                 quiet = If("not ready", (Assign("vm.busy", "False"), Return()))
-                lines(If("ready & (ready - 1)", one, (quiet,)))
-                lines(Update("vm.firings", "+", "1"))
+                build(If("ready & (ready - 1)", one, (quiet,)))
+                build(Update("vm.firings", "+", "1"))
                 if not self.is_in_loop:
                     made = AssignAll(("events[ready]", "e"), "RuleFired(ready.bit_length() - 1, now)")
-                    lines(Assign("e", "events.get(ready)"), If("e is None", (made,)))
-                    lines(Call("emit(e)"), Call("FIRE[ready](vm, now, emit)"))
+                    build(Assign("e", "events.get(ready)"), If("e is None", (made,)))
+                    build(Call("emit(e)"), Call("FIRE[ready](vm, now, emit)"))
                 elif self._plans:
                     self._choose(0, len(self._plans))
 
@@ -107,8 +107,8 @@ class LoopWriter:
 
     def write_rule(self, plan: RulePlan) -> None:
         """Write the function in which one of many rules fires."""
-        with self._lines.function(plan.functions.fire, "vm", "now", "emit"):
-            self._lines(Assign(ME, "vm.robot"))
+        with self._build.function(plan.functions.fire, "vm", "now", "emit"):
+            self._build(Assign(ME, "vm.robot"))
             self._fire(plan)
 
     def _draw(self) -> Block:
@@ -130,13 +130,13 @@ class LoopWriter:
         """Write the firing of one of the rules from `first` up to before `end`."""
         if end - first == 1:
             event = f"e{first}"
-            self._lines(If(f"{event} is None", (Assign(event, f"RuleFired({first}, now)"),)), Call(f"emit({event})"))
+            self._build(If(f"{event} is None", (Assign(event, f"RuleFired({first}, now)"),)), Call(f"emit({event})"))
             self._fire(self._plans[first])
             return
         middle = (first + end) // 2
-        with self._lines.when(f"ready < {1 << middle}"):
+        with self._build.when(f"ready < {1 << middle}"):
             self._choose(first, middle)
-        with self._lines.otherwise():
+        with self._build.otherwise():
             self._choose(middle, end)
 
     def _fire(self, plan: RulePlan) -> None:
@@ -149,25 +149,25 @@ class LoopWriter:
 
     def _fire_valued(self, plan: RulePlan) -> None:
         """Write that what was worked out when the match was found (`value`) is consumed and derived."""
-        lines = self._lines
-        lines(Assign("consumed, out", plan.state.valued))
+        build = self._build
+        build(Assign("consumed, out", plan.state.valued))
         self._consume(plan, 0)
         if any(isinstance(head, Comprehension | Aggregate) for head in plan.rule.head):
-            lines(Loop("call, f", "consumed", (Call("call(vm, now, f)"),)))
+            build(Loop("call, f", "consumed", (Call("call(vm, now, f)"),)))
         rows = rows_of(plan.rule)
         if rows is None:
-            lines(Loop("call", "out", (Call("call[0](vm, now, *call[1:])"),)))
+            build(Loop("call", "out", (Call("call[0](vm, now, *call[1:])"),)))
             return
         names = [f"a{place}" for place in range(self._tables[rows].arity)]
-        with lines.loop(tuple_of(names), "out"):
+        with build.loop(tuple_of(names), "out"):
             if len(self._facts.readers(rows)) <= IN_LINE_MAX:
                 self._facts.add_if_new(rows, names)
             else:
-                lines(self._added(rows, names))
+                build(self._added(rows, names))
 
     def _fire_in_line(self, plan: RulePlan) -> None:
         """Write out what a head that cannot fail derives."""
-        slots = write_bindings(self._lines, self._pool, plan.rule, self._tables, plan.facts)
+        slots = write_bindings(self._build, self._pool, plan.rule, self._tables, plan.facts)
         chains = written_items(plan.rule, slots, self._program, self._pool, self._tables)
         assert chains is not None
         items = [item for chain in chains for item in chain]
@@ -181,7 +181,9 @@ class LoopWriter:
 
     def _take(self, plan: RulePlan) -> None:
         """Write what takes the match out of what the rule keeps."""
-        lines, r, names = self._lines, plan.index, plan.names()
+        build = self._build
+        r = plan.index
+        names = plan.names()
         stale = mark_stale(plan.bit)
         if plan.way is Way.SINGLE:
             self._take_single(plan)
@@ -190,27 +192,30 @@ class LoopWriter:
         targets = [tuple_of(names)] if names else []
         if noted or not names:
             targets.append("e")
-        lines(Assign("kept", plan.state.kept), AssignAll(tuple(targets), "kept.pop()"))
+        build(Assign("kept", plan.state.kept), AssignAll(tuple(targets), "kept.pop()"))
         if plan.once and plan.way is Way.REMATCH:
-            lines(Call(f"vm.fired[{r}].fire(e)"))
+            build(Call(f"vm.fired[{r}].fire(e)"))
         elif plan.once and plan.may_break:
-            lines(If(f"vm.broken & {plan.bit}", (Call(f"vm.fired[{r}].fire(e)"),)))
+            build(If(f"vm.broken & {plan.bit}", (Call(f"vm.fired[{r}].fire(e)"),)))
         if plan.lasting and not plan.may_break:
-            lines(If("not kept", (stale,)))
+            build(If("not kept", (stale,)))
         elif plan.way is Way.JOIN and plan.atoms[0][0] in plan.consumed and not plan.may_break:
             self._next_top(plan)
         else:
-            lines(stale)
+            build(stale)
 
     def _take_single(self, plan: RulePlan) -> None:
         """Write that a rule of one atom goes on to the next fact of its queue."""
-        lines, r, state, fact = self._lines, plan.index, plan.state, plan.names()[0]
+        build = self._build
+        r = plan.index
+        state = plan.state
+        fact = plan.names()[0]
         stale = mark_stale(plan.bit)
         unsatisfied = Update("vm.ready", "^", str(plan.bit))
-        lines(Assign(fact, state.match))
+        build(Assign(fact, state.match))
         if plan.may_break:
             noted: Block = (stale, Call(f"vm.fired[{r}].fire(({fact},))")) if plan.once else (stale,)
-            lines(If(f"vm.broken & {plan.bit}", noted))
+            build(If(f"vm.broken & {plan.bit}", noted))
         # A rule whose next match must be worked out first is matched again (stale); any other stays satisfied.
         gone: Block = (Assign(state.queue, "None"), unsatisfied)
         empty = If("f is None", gone, (stale,) if plan.valued else ())
@@ -219,13 +224,13 @@ class LoopWriter:
             # `next_of` in line for its usual case: the next fact still holds, and the queue need not be shortened.
             usual = f"(h := q[0] + 1) + h <= len(q) and {held('(f := q[h])')}"
             rest = (If(usual, (Assign("q[0]", "h"), Assign(state.match, "f")), rest),)
-        lines(Assign("q", state.queue), If("q is None", (Assign(state.match, "None"), unsatisfied), rest))
+        build(Assign("q", state.queue), If("q is None", (Assign(state.match, "None"), unsatisfied), rest))
 
     def _consume(self, plan: RulePlan, made: int) -> None:
         """Write that what the body consumes goes; so many facts will be `made` that are counted here."""
         change = made - len(plan.consumed)
         if change:
-            self._lines(Update("vm.count", "+" if change > 0 else "-", str(abs(change))))
+            self._build(Update("vm.count", "+" if change > 0 else "-", str(abs(change))))
         atoms = dict(plan.atoms)
         for place in plan.consumed:
             self._facts.remove(atoms[place].predicate, plan.facts[place], plan.bit)
@@ -236,7 +241,7 @@ class LoopWriter:
         left = ["kept", "(q and q[0] + 1 < len(q))", *[state.new(place) for place, _ in plan.atoms[1:]]]
         gone = (state.current_top, state.queue) if len(plan.atoms) > 1 else (state.queue,)
         nothing: Block = (AssignAll(gone, "None"), Update("vm.ready", "^", str(plan.bit)))
-        self._lines(Assign("q", state.queue), If(" or ".join(left), (mark_stale(plan.bit),), nothing))
+        self._build(Assign("q", state.queue), If(" or ".join(left), (mark_stale(plan.bit),), nothing))
 
     def _is_in_line(self, item: WrittenItem) -> bool:
         """Tell whether the insertion of a fact is written out."""
@@ -248,31 +253,32 @@ class LoopWriter:
         return table.linear and not table.long
 
     def _derive(self, chain: list[WrittenItem], in_line: bool, roomy: bool) -> None:
-        lines, pool = self._lines, self._pool
+        build = self._build
+        pool = self._pool
         item = chain[0]
         if len(chain) == 1 and isinstance(item.item, DeriveAction):
             action = f"now, {item.item.predicate}, {item.owner.text}, {tuple_of([each.text for each in item.args])}"
             mine = f"emit((vm._any_actions or vm._under_way).begin({action}))"
-            lines(Call(mine if item.mine else f"vm._act({action})"))
+            build(Call(mine if item.mine else f"vm._act({action})"))
             return
         if len(chain) > 1 or not isinstance(item.item, DeriveFact):
-            sources = [each.write(lines, pool) for each in chain]
-            lines(Call(f"vm._follow(now, {tuple_of(sources)})"))
+            sources = [each.write(build, pool) for each in chain]
+            build(Call(f"vm._follow(now, {tuple_of(sources)})"))
             return
         args = [each.text for each in item.args]
         predicate = item.item.predicate
         if item.mine and in_line:
             names = [f"a{place}" for place in range(len(args))]
-            lines(*[Assign(name, text) for name, text in zip(names, args, strict=True)])
+            build(*[Assign(name, text) for name, text in zip(names, args, strict=True)])
             if roomy:
                 self._facts.add(predicate, names, "")
             else:
                 self._facts.add_if_new(predicate, names)
         elif item.mine:
-            lines(self._added(predicate, args))
+            build(self._added(predicate, args))
         else:
             sent = Call(f"emit(FactSent(owner, {predicate}, {tuple_of(args)}))")
-            lines(If(f"(owner := {item.owner.text}) == {ME}", (self._added(predicate, args),), (sent,)))
+            build(If(f"(owner := {item.owner.text}) == {ME}", (self._added(predicate, args),), (sent,)))
 
     def _added(self, predicate: int, args: Sequence[str]) -> Statement:
         """Return the call that inserts a fact of this robot."""

@@ -56,7 +56,8 @@ KEPT_MAX = 4096
 
 def next_of(queue: list[Any]) -> list[Any] | None:
     """Take the oldest fact that holds out of a queue: its first item counts how many behind it have been taken."""
-    taken, last = queue[0], len(queue) - 1
+    taken = queue[0]
+    last = len(queue) - 1
     while taken < last:
         taken += 1
         fact: list[Any] = queue[taken]
@@ -72,8 +73,8 @@ def next_of(queue: list[Any]) -> list[Any] | None:
 class FreshBody(Body):
     """A search that begins with a new fact of the atom at place `seed`."""
 
-    def __init__(self, lines: Builder, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
-        super().__init__(lines, pool, tables, BoundSlots(), Return())
+    def __init__(self, build: Builder, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
+        super().__init__(build, pool, tables, BoundSlots(), Return())
         self._top = top
         self._seed = seed
 
@@ -87,11 +88,11 @@ class FreshBody(Body):
 class SearchWriter:
     """Writes the search functions of one rule."""
 
-    def __init__(self, plan: RulePlan, lines: Builder, pool: Pool, tables: Sequence[FactTable]) -> None:
+    def __init__(self, plan: RulePlan, build: Builder, pool: Pool, tables: Sequence[FactTable]) -> None:
         self._plan = plan
         self._state = plan.state
         self._functions = plan.functions
-        self._lines = lines
+        self._build = build
         self._pool = pool
         self._tables = tables
         self._places = [place for place, _ in plan.atoms]
@@ -116,34 +117,36 @@ class SearchWriter:
     # One atom
 
     def _find_single(self) -> None:
-        lines, state = self._lines, self._state
-        with lines.function(self._functions.find, "vm", "now"):
+        build = self._build
+        state = self._state
+        with build.function(self._functions.find, "vm", "now"):
             self._if_broken()
             # The match may have gone: then the next fact of the queue that still holds takes its place.
             following = AssignAll((state.match, "f"), f"{state.queue} and next_of({state.queue})")
-            lines(Assign("f", state.match), If(f"f is None or not {held('f')}", (following,)))
-            lines(If("f is None", self._unsatisfied))
+            build(Assign("f", state.match), If(f"f is None or not {held('f')}", (following,)))
+            build(If("f is None", self._unsatisfied))
             if self._plan.valued:
                 self._work_out("f")
-            lines(self._satisfied)
+            build(self._satisfied)
 
     def _work_out(self, facts: str) -> None:
         """Write that what the next match derives is worked out; if it has no value the rule is rematched."""
         value = f"{self._functions.value}(vm, now, {facts})"
-        self._lines(AssignAll((self._state.valued, "v"), value), If("v is None", (self._break_off,)))
+        self._build(AssignAll((self._state.valued, "v"), value), If("v is None", (self._break_off,)))
 
     # Several atoms
 
     def _from_top(self) -> None:
         """Write the search below one top: the first match, or all of them if each fires once (refraction)."""
-        lines, plan = self._lines, self._plan
+        build = self._build
+        plan = self._plan
         kept = ["kept"] if plan.once else []
-        with lines.function(self._functions.below, "vm", "now", plan.names()[0], *kept):
-            lines(Assign(ME, "vm.robot"))
-            mark = lines.mark()
+        with build.function(self._functions.below, "vm", "now", plan.names()[0], *kept):
+            build(Assign(ME, "vm.robot"))
+            mark = build.mark()
             body = self._body(Return())
             self._below(body, self._keep if plan.once else Return(plan.entry()))
-            lines.insert(mark, loads(body))
+            build.insert(mark, loads(body))
 
     def _below(self, body: Body, *leaf: Statement) -> None:
         """Write the search for the matches with a given top, and what is done with each of them."""
@@ -152,42 +155,45 @@ class SearchWriter:
         conjuncts = list(enumerate(plan.rule.body))
         body.seek(conjuncts[:top], lambda: None)
         body.take(top, atom, plan.facts[top])
-        body.seek(conjuncts[top + 1 :], lambda: self._lines(*leaf))
+        body.seek(conjuncts[top + 1 :], lambda: self._build(*leaf))
 
     def _fresh(self, seed: int) -> None:
         """Write the search for the matches in which the atom at place `seed` takes a new fact."""
-        lines, plan = self._lines, self._plan
+        build = self._build
+        plan = self._plan
         fact = plan.facts[seed]
-        with lines.function(self._functions.fresh(seed), "vm", "now", fact, "before", "known", "kept"):
-            lines(Assign(ME, "vm.robot"))
-            mark = lines.mark()
-            body = FreshBody(lines, self._pool, self._tables, self._places[0], seed)
+        with build.function(self._functions.fresh(seed), "vm", "now", fact, "before", "known", "kept"):
+            build(Assign(ME, "vm.robot"))
+            mark = build.mark()
+            body = FreshBody(build, self._pool, self._tables, self._places[0], seed)
             body.take(seed, dict(plan.atoms)[seed], fact)
-            body.seek(order_from(plan, seed), lambda: lines(self._keep))
-            lines.insert(mark, loads(body))
+            body.seek(order_from(plan, seed), lambda: build(self._keep))
+            build.insert(mark, loads(body))
 
     def _find_lasting(self) -> None:
         """Write the search of a rule that fires once for facts that never go: nothing can undo what is kept."""
-        lines, plan, state = self._lines, self._plan, self._state
-        with lines.function(self._functions.find, "vm", "now"):
-            lines(*self._begin())
+        build = self._build
+        plan = self._plan
+        state = self._state
+        with build.function(self._functions.find, "vm", "now"):
+            build(*self._begin())
             self._load_kept()
             for place in self._places[1:]:
                 self._join_new(place)
-            lines(Assign(state.joined_up_to, "vm.s"))
-            with lines.when("not kept"):
-                lines(Assign("q", state.queue), If("q is None", self._unsatisfied))
-                lines(Assign(ME, "vm.robot"), Assign("taken", "q[0]"), Assign("last", "len(q) - 1"))
-                mark = lines.mark()
-                with lines.repeat("taken < last"):
-                    lines(Update("taken", "+", "1"), Assign(plan.names()[0], "q[taken]"))
+            build(Assign(state.joined_up_to, "vm.newest"))
+            with build.when("not kept"):
+                build(Assign("q", state.queue), If("q is None", self._unsatisfied))
+                build(Assign(ME, "vm.robot"), Assign("taken", "q[0]"), Assign("last", "len(q) - 1"))
+                mark = build.mark()
+                with build.repeat("taken < last"):
+                    build(Update("taken", "+", "1"), Assign(plan.names()[0], "q[taken]"))
                     body = self._body(Continue())
                     self._below(body, self._keep)
-                    lines(If(f"len(kept) > {AT_ONCE_MAX}", (Break(),)))
-                lines(Assign(state.last_top, serial("q[taken]")), self._shorten_queue())
-                lines(If("not kept", self._unsatisfied), Call("kept.reverse()"))
-                lines.insert(mark, loads(body))
-            lines(self._satisfied)
+                    build(If(f"len(kept) > {AT_ONCE_MAX}", (Break(),)))
+                build(Assign(state.last_top, serial("q[taken]")), self._shorten_queue())
+                build(If("not kept", self._unsatisfied), Call("kept.reverse()"))
+                build.insert(mark, loads(body))
+            build(self._satisfied)
 
     def _shorten_queue(self) -> If:
         """Return the statement that notes how far a queue has been taken, and deletes what has been if it is the most.
@@ -199,33 +205,35 @@ class SearchWriter:
         return If("taken == last", (Assign(self._state.queue, "None"),), (long,))
 
     def _find_join(self) -> None:
-        lines, plan, state = self._lines, self._plan, self._state
-        with lines.function(self._functions.find, "vm", "now"):
+        build = self._build
+        plan = self._plan
+        state = self._state
+        with build.function(self._functions.find, "vm", "now"):
             self._if_broken()
-            attempt = lines.attempt("NoValue", "", self._break_off) if plan.failing else lines.level()
+            attempt = build.attempt("NoValue", "", self._break_off) if plan.failing else build.level()
             with attempt:
                 if plan.once:
-                    lines(*self._begin())
+                    build(*self._begin())
                 self._load_kept()
                 for place in self._places[1:]:
                     self._join_new(place)
                 if plan.is_eager:
                     self._try_tops()
-                    lines(_SORT_KEPT)
-                    lines(Assign(state.joined_up_to, "vm.s"), self._drop_gone())
-                    with lines.otherwise():
-                        lines(*self._unsatisfied)
+                    build(_SORT_KEPT)
+                    build(Assign(state.joined_up_to, "vm.newest"), self._drop_gone())
+                    with build.otherwise():
+                        build(*self._unsatisfied)
                 else:
-                    lines(Assign(state.joined_up_to, "vm.s"), self._drop_gone())
-                    with lines.otherwise():
+                    build(Assign(state.joined_up_to, "vm.newest"), self._drop_gone())
+                    with build.otherwise():
                         self._try_tops()
             if plan.valued:
                 self._work_out("*kept[-1]")
-            lines(self._satisfied)
+            build(self._satisfied)
 
     def _load_kept(self) -> None:
         kept = self._state.kept
-        self._lines(Assign("kept", kept), If("kept is None", (AssignAll((kept, "kept"), "[]"),)))
+        self._build(Assign("kept", kept), If("kept is None", (AssignAll((kept, "kept"), "[]"),)))
 
     def _drop_gone(self) -> While:
         """Return the loop that leaves at the end of what is kept a match that holds, or takes its else."""
@@ -234,100 +242,110 @@ class SearchWriter:
 
     def _try_tops(self) -> None:
         """Write the search in the open top and then in the others, until there is a match."""
-        lines, plan, state = self._lines, self._plan, self._state
+        build = self._build
+        plan = self._plan
+        state = self._state
         none: Block = (Break(),) if plan.is_eager else self._unsatisfied
         if not plan.once:
-            lines(*self._begin())
+            build(*self._begin())
         if plan.once or len(self._places) == 1:
             self._tops(none)
             return
         with_top = f"{self._functions.below}(vm, now, f)"
-        lines(Assign("f", state.current_top))
-        with lines.when("f is not None"):
-            lines(Assign("e", f"{with_top} if {held('f')} else None"))
+        build(Assign("f", state.current_top))
+        with build.when("f is not None"):
+            build(Assign("e", f"{with_top} if {held('f')} else None"))
             used_up = Assign(state.current_top, "None")
-            lines(If("e is not None", (Call("kept.append(e)"),), (used_up,)))
-        with lines.when("not kept"):
+            build(If("e is not None", (Call("kept.append(e)"),), (used_up,)))
+        with build.when("not kept"):
             self._tops(none)
 
     def _tops(self, none: Block) -> None:
         """Write the search below one top after another; `none` is done when there is no top left."""
-        lines, plan, state = self._lines, self._plan, self._state
-        lines(Assign("q", state.queue))
+        build = self._build
+        plan = self._plan
+        state = self._state
+        build(Assign("q", state.queue))
         if not plan.once and not plan.valued:
             self._tops_in_line()
             return
         below = self._functions.below
-        with lines.repeat("True"):
-            lines(Assign("f", "q and next_of(q)"), If("not f", (Assign(state.queue, "None"), *none)))
-            lines(Assign(state.last_top, serial("f")))
+        with build.repeat("True"):
+            build(Assign("f", "q and next_of(q)"), If("not f", (Assign(state.queue, "None"), *none)))
+            build(Assign(state.last_top, serial("f")))
             if plan.once:
-                lines(Call(f"{below}(vm, now, f, kept)"))
+                build(Call(f"{below}(vm, now, f, kept)"))
                 if not plan.is_eager:
-                    lines(If("kept", (Call("kept.reverse()"), Break())))
+                    build(If("kept", (Call("kept.reverse()"), Break())))
             else:
-                lines(Assign("e", f"{below}(vm, now, f)"))
+                build(Assign("e", f"{below}(vm, now, f)"))
                 is_open = [Assign(state.current_top, "f")] if len(self._places) > 1 else []
-                lines(If("e is not None", (Call("kept.append(e)"), *is_open, Break())))
+                build(If("e is not None", (Call("kept.append(e)"), *is_open, Break())))
 
     def _tops_in_line(self) -> None:
         """Write the search below one top after another for the first match of a rule that consumes."""
-        lines, plan, state = self._lines, self._plan, self._state
+        build = self._build
+        plan = self._plan
+        state = self._state
         fact = plan.names()[0]
-        lines(Assign(ME, "vm.robot"))
+        build(Assign(ME, "vm.robot"))
         body = self._body(Continue())
-        with lines.repeat("True"):
+        with build.repeat("True"):
             # `next_of` in line for its usual case: the next fact still holds, and the queue need not be shortened.
             usual = f"q is not None and (h := q[0] + 1) + h <= len(q) and {held(f'({fact} := q[h])')}"
             none = If(f"q is None or ({fact} := next_of(q)) is None", (Assign(state.queue, "None"), *self._unsatisfied))
-            lines(If(usual, (Assign("q[0]", "h"),), (none,)), Assign(state.last_top, serial(fact)))
-            mark = lines.mark()
+            build(If(usual, (Assign("q[0]", "h"),), (none,)), Assign(state.last_top, serial(fact)))
+            mark = build.mark()
             is_open = [Assign(state.current_top, fact)] if len(self._places) > 1 else []
             self._below(body, self._keep, *is_open, self._satisfied, Return())
-            lines.insert(mark, loads(body))  # each time anew: the first top that is tried may have made them
+            build.insert(mark, loads(body))  # each time anew: the first top that is tried may have made them
 
     def _join_new(self, place: int) -> None:
         """Write what is done with the new facts of one atom that is not the first."""
-        lines, plan, state = self._lines, self._plan, self._state
+        build = self._build
+        plan = self._plan
+        state = self._state
         new = state.new(place)
-        with lines.when(f"{new} is not None"):
-            lines(Assign("new", new), Assign(new, "None"))
+        with build.when(f"{new} is not None"):
+            build(Assign("new", new), Assign(new, "None"))
             if plan.once:
-                lines(Assign("before", f"{state.last_top} + 1"))
+                build(Assign("before", f"{state.last_top} + 1"))
             else:
                 # The open top is joined with new facts later, when its search goes on.
-                lines(Assign("f", state.current_top))
-                lines(Assign("before", f"{state.last_top} + (f is None or not {held('f')})"))
+                build(Assign("f", state.current_top))
+                build(Assign("before", f"{state.last_top} + (f is None or not {held('f')})"))
                 if place != self._places[1]:
                     # A new fact of an inner atom may make an older match of the open top than the one kept.
-                    lines(If("f is not None and kept and kept[0][0] is f", (Delete("kept[0]"),)))
+                    build(If("f is not None and kept and kept[0][0] is f", (Delete("kept[0]"),)))
                 few = f"len(new) <= {NEW_MAX} and len(kept) <= {KEPT_MAX}"
-                lines(Assign("vm.looks", f"{FRESH_LOOKS_MAX} if {few} else -1"), Assign("vm.looking", "None"))
-                lines(If("vm.looks < 0", (Assign("new", "()"),)))
+                build(Assign("vm.looks", f"{FRESH_LOOKS_MAX} if {few} else -1"), Assign("vm.looking", "None"))
+                build(If("vm.looks < 0", (Assign("new", "()"),)))
             joined = Call(f"{self._functions.fresh(place)}(vm, now, f, before, {state.joined_up_to}, kept)")
-            lines(Loop("f", "new", (If(held("f"), (joined,)),)))
+            build(Loop("f", "new", (If(held("f"), (joined,)),)))
             if not plan.once:
                 restart = Call(f"{self._functions.restart}(vm)")
-                lines(If("vm.looks < 0", (restart, Assign("kept", state.kept))))
-            lines(_SORT_KEPT)
+                build(If("vm.looks < 0", (restart, Assign("kept", state.kept))))
+            build(_SORT_KEPT)
             if plan.once:
-                lines(If(f"len(kept) > {once.MATCHES_MAX}", (Call("vm.spill(kept, now)"),)))
+                build(If(f"len(kept) > {once.MATCHES_MAX}", (Call("vm.spill(kept, now)"),)))
 
     def write_restart(self, top_gate: Sequence[Test]) -> None:
         """Write the function that lets all tops be tried again; `top_gate` are the conditions on a top ``f``."""
-        lines, plan, state = self._lines, self._plan, self._state
+        build = self._build
+        plan = self._plan
+        state = self._state
         if plan.way is not Way.JOIN or plan.once or len(self._places) < 2:
             return
         table = self._tables[plan.atoms[0][1].predicate]
         tests = f" if {every(top_gate)}" if top_gate else ""
-        with lines.function(self._functions.restart, "vm"):
-            lines(Assign(ME, "vm.robot"), Assign(state.kept, "[]"))
-            lines(Assign(state.current_top, "None"), Assign(state.last_top, "0"))
-            lines(*[Assign(state.new(place), "None") for place in self._places[1:]])
-            lines(Assign(state.queue, f"[0, *[f for f in {table.name}.values(){tests}]]"))
+        with build.function(self._functions.restart, "vm"):
+            build(Assign(ME, "vm.robot"), Assign(state.kept, "[]"))
+            build(Assign(state.current_top, "None"), Assign(state.last_top, "0"))
+            build(*[Assign(state.new(place), "None") for place in self._places[1:]])
+            build(Assign(state.queue, f"[0, *[f for f in {table.name}.values(){tests}]]"))
 
     def _body(self, leave: Statement) -> Body:
-        return Body(self._lines, self._pool, self._tables, BoundSlots(), leave)
+        return Body(self._build, self._pool, self._tables, BoundSlots(), leave)
 
     @property
     def _keep(self) -> Call:
@@ -346,7 +364,7 @@ class SearchWriter:
         plan = self._plan
         if plan.may_break:
             rematch = Return(f"vm.rematch({plan.index}, now)")
-            self._lines(If(f"vm.broken & {plan.bit}", (rematch,)))
+            self._build(If(f"vm.broken & {plan.bit}", (rematch,)))
 
 
 _SORT_KEPT = If("len(kept) > 1", (Call("kept.sort(reverse=True)"),))

@@ -81,11 +81,12 @@ class Module:
         """Make the functions that look for a rule's matches, and the one in which it fires, unless they are there."""
         waiting = self._waiting.pop(rule, None)
         if waiting is not None:
-            plan, lines = self.plans[rule], Builder()
-            loop = self._loop(lines)
+            plan = self.plans[rule]
+            build = Builder()
+            loop = self._loop(build)
             if not loop.is_in_loop:
                 loop.write_rule(plan)
-            self._compile((*waiting, *lines.statements))
+            self._compile((*waiting, *build.statements))
             self.names["FIND"][plan.bit] = self.names[plan.functions.find]
             self.names["FIRE"][plan.bit] = self.names[plan.functions.fire]
 
@@ -94,9 +95,9 @@ class Module:
         if predicate in self._changing:
             return
         self._changing.add(predicate)
-        lines = Builder()
-        self._facts(lines).functions(predicate)
-        self._compile(lines.statements)
+        build = Builder()
+        self._facts(build).functions(predicate)
+        self._compile(build.statements)
         functions = self.tables[predicate].functions
         self.add[predicate] = self.names[functions.add]
         self.remove[predicate] = self.names[functions.remove]
@@ -120,9 +121,9 @@ class Module:
         name = self.tables[predicate].functions.several
         if name not in self.names:
             self.change(predicate)
-            lines = Builder()
-            self._facts(lines).several(predicate)
-            self._compile(lines.statements)
+            build = Builder()
+            self._facts(build).several(predicate)
+            self._compile(build.statements)
         function: Callable[..., None] = self.names[name]
         return function
 
@@ -132,17 +133,17 @@ class Module:
             return
         self._slow.add(rule)
         self.search(rule)
-        lines = Builder()
+        build = Builder()
         if self.plans[rule].way is not Way.REMATCH:
-            RematchWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
-        HeadWriter(self.program, rule, lines, self.pool, self.tables, calls=False).write()
-        self._compile(lines.statements)
+            RematchWriter(self.plans[rule], build, self.pool, self.tables, index=False).write()
+        HeadWriter(self.program, rule, build, self.pool, self.tables, calls=False).write()
+        self._compile(build.statements)
 
     def arrival(self, table: FactTable, gate: Gate) -> Callable[[Any, Instant, Args], None]:
         """Return the function that checks and inserts facts from outside."""
-        lines = Builder()
-        name = write_arrival(lines, table, self.pool, gate, self._facts(lines))
-        self._compile(lines.statements)
+        build = Builder()
+        name = write_arrival(build, table, self.pool, gate, self._facts(build))
+        self._compile(build.statements)
         arrive: Callable[[Any, Instant, Args], None] = self.names[name]
         return arrive
 
@@ -162,58 +163,59 @@ class Module:
         self.names[name] = first
         return first
 
-    def _facts(self, lines: Builder) -> FactWriter:
-        return FactWriter(lines, self.pool, self.tables, self.plans)
+    def _facts(self, build: Builder) -> FactWriter:
+        return FactWriter(build, self.pool, self.tables, self.plans)
 
-    def _loop(self, lines: Builder) -> LoopWriter:
-        return LoopWriter(self.program, lines, self.pool, self.tables, self.plans, self._facts(lines))
+    def _loop(self, build: Builder) -> LoopWriter:
+        return LoopWriter(self.program, build, self.pool, self.tables, self.plans, self._facts(build))
 
     def _is_valued(self, plan: RulePlan) -> bool:
         if plan.way is Way.REMATCH:
             return True
-        lines, pool = Builder(), Pool()
-        slots = write_bindings(lines, pool, plan.rule, self.tables, plan.facts)
+        build = Builder()
+        pool = Pool()
+        slots = write_bindings(build, pool, plan.rule, self.tables, plan.facts)
         chains = written_items(plan.rule, slots, self.program, pool, self.tables)
         return chains is None or any(item.fails for chain in chains for item in chain)
 
     def _write(self) -> Block:
-        lines = Builder()
-        facts = self._facts(lines)
+        build = Builder()
+        facts = self._facts(build)
         for plan in self.plans:
             self._waiting[plan.index] = self._search(plan, facts)
-        self._loop(lines).write()
-        write_probes(lines, self.tables)
-        self._write_reset(lines)
+        self._loop(build).write()
+        write_probes(build, self.tables)
+        self._write_reset(build)
         timed = mask([plan for plan in self.plans if plan.timed])
-        write_methods(lines, bool(self.program.assertions), timed)
-        return lines.statements
+        write_methods(build, bool(self.program.assertions), timed)
+        return build.statements
 
     def _search(self, plan: RulePlan, facts: FactWriter) -> Block:
         """Return a rule's own functions; what indices they need is laid out with that."""
-        lines = Builder()
-        search = SearchWriter(plan, lines, self.pool, self.tables)
+        build = Builder()
+        search = SearchWriter(plan, build, self.pool, self.tables)
         search.write()
         if plan.way is Way.REMATCH:
-            RematchWriter(plan, lines, self.pool, self.tables, index=True).write()
-            lines(Function(plan.functions.find, ("vm", "now"), (Call(f"vm.rematch({plan.index}, now)"),)))
+            RematchWriter(plan, build, self.pool, self.tables, index=True).write()
+            build(Function(plan.functions.find, ("vm", "now"), (Call(f"vm.rematch({plan.index}, now)"),)))
         else:
             atom = plan.atoms[0][1]
             columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
             search.write_restart(facts.tests(atom, columns))
         if plan.valued:
-            HeadWriter(self.program, plan.index, lines, self.pool, self.tables, calls=True).write()
-        return lines.statements
+            HeadWriter(self.program, plan.index, build, self.pool, self.tables, calls=True).write()
+        return build.statements
 
-    def _write_reset(self, lines: Builder) -> None:
+    def _write_reset(self, build: Builder) -> None:
         nothing = [name for plan in self.plans for name in plan.empty_slots]
         nothing += [name for table in self.tables for name in table.indices.values()]
         zero = [name for plan in self.plans for name in plan.zero_slots]
         self._slots = [*nothing, *zero, *[table.slot for table in self.tables]]
-        with lines.function("reset", "vm"):
+        with build.function("reset", "vm"):
             for names, value in ((nothing, "None"), (zero, "0")):
                 if names:
-                    lines(AssignAll(tuple([f"{VM}{name}" for name in names]), value))
-            lines(*[Assign(table.name, "[]" if table.queued else "{}") for table in self.tables])
+                    build(AssignAll(tuple([f"{VM}{name}" for name in names]), value))
+            build(*[Assign(table.name, "[]" if table.queued else "{}") for table in self.tables])
 
 
 class Arrivals(dict[int, Callable[[Any, Instant, Args], None]]):

@@ -106,7 +106,8 @@ def in_range(text: str, kind: Type, bounds: Bounds, *operands: Source, pool: Poo
     """Return the number `text` of type `kind`, checked unless it is known to be in range."""
     known = within(kind, bounds)
     lowest, highest = (-FLOAT_MAX, FLOAT_MAX) if kind.base is Base.FLOAT else (INT_MIN, INT_MAX)
-    low, high = bounds[0] >= lowest, bounds[1] <= highest
+    low = bounds[0] >= lowest
+    high = bounds[1] <= highest
     if low and high:
         return Source(f"({text})", known, fails(*operands))
     name = pool.temporary()
@@ -164,7 +165,9 @@ def _division(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 
 def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> Source:
-    text, one, other = f"{left.text} {SIGNS[op]} {right.text}", left.known.bounds, right.known.bounds
+    text = f"{left.text} {SIGNS[op]} {right.text}"
+    one = left.known.bounds
+    other = right.known.bounds
     if op is Op.DIV:
         return in_range(text, FLOAT, quotient(one, other, whole=whole), left, right, pool=pool)
     kind = kind_of(left, right)
@@ -174,12 +177,14 @@ def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> So
 
 def _joined(left: Source, right: Source, pool: Pool) -> Source:
     """Return two lists as one; of items without inside only the number can be too large."""
-    one, other = left.known, right.known
+    one = left.known
+    other = right.known
     assert one.type is not None
     assert other.type is not None
     low, high = RESULTS[Op.ADD](one.bounds, other.bounds)
     known = within(common(one.type, other.type) or Type(Base.LIST), (low, high))
-    text, built = f"{left.text} + {right.text}", pool.helper("built", arithmetic.built)
+    text = f"{left.text} + {right.text}"
+    built = pool.helper("built", arithmetic.built)
     if not (_is_flat(one.element) and _is_flat(other.element)):
         return Source(f"{built}({text})", known, True)
     if high <= LENGTH_MAX:
@@ -195,7 +200,8 @@ def _is_flat(kind: Type | None) -> bool:
 
 def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | None:
     """Return a test whether operands of which nothing is known are ints, and the text of both behind the test."""
-    one, other = left.known.base, right.known.base
+    one = left.known.base
+    other = right.known.base
     if one is Base.OPEN and other is Base.OPEN:
         (first, again), (second, second_again) = pool.held(left), pool.held(right)
         return f"type({first}) is type({second}) is int", again, second_again
@@ -209,7 +215,8 @@ def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | 
 
 
 def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
-    one, other = left.known.type or Type(Base.OPEN), right.known.type or Type(Base.OPEN)
+    one = left.known.type or Type(Base.OPEN)
+    other = right.known.type or Type(Base.OPEN)
     failing = fails(left, right)
     if comparable(one, other):
         equality = Equality(left.text, right.text) if op is Op.EQ and type(right.constant) in DISTINCT else None
@@ -234,7 +241,8 @@ def _same(op: Op, left: Source, right: Source, pool: Pool) -> str:
 
 
 def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
-    one, other = left.known.base, right.known.base
+    one = left.known.base
+    other = right.known.base
     if (one in NUMBERS and other in NUMBERS) or one is other is Base.STRING:
         return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, fails(left, right))
     name = {Op.LT: "less", Op.LE: "at_most", Op.GT: "greater", Op.GE: "at_least"}[op]
@@ -248,7 +256,8 @@ def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 def _float(operand: Source, pool: Pool) -> Source:
     """Return a number as a float, a list with its items so."""
-    known, kind = operand.known, operand.known.type
+    known = operand.known
+    kind = operand.known.type
     if kind is not None and _innermost(kind).base is Base.FLOAT:
         return operand
     if known.base is Base.INT:

@@ -160,7 +160,9 @@ def alike(one: Type, other: Type) -> bool:
 
 def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
     """Return the places of a body's conjuncts that may have no value."""
-    slots, pool, places = BoundSlots(), Pool(), list[int]()
+    slots = BoundSlots()
+    pool = Pool()
+    places = list[int]()
     predicates = tuple(table.predicate for table in tables)
     for place, each in enumerate(rule.body):
         if isinstance(each, Guard):
@@ -169,7 +171,8 @@ def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
             slots.known.update(narrowed(each.code, slots.known))
         elif isinstance(each, Bind):
             source = expression(each.code, slots.names, slots.known, pool)
-            slots.names[each.slot], slots.known[each.slot] = Variable(f"b{each.slot}"), source.known
+            slots.names[each.slot] = Variable(f"b{each.slot}")
+            slots.known[each.slot] = source.known
             if source.fails:
                 places.append(place)
         elif each.mode is not Mode.ABSENT:

@@ -19,7 +19,7 @@ class ReportingBody(Body):
 
     def __init__(
         self,
-        lines: Builder,
+        build: Builder,
         pool: Pool,
         tables: Sequence[FactTable],
         plan: RulePlan,
@@ -27,7 +27,7 @@ class ReportingBody(Body):
         may_index: bool,
         counted: bool,
     ) -> None:
-        super().__init__(lines, pool, tables, BoundSlots(), Return(), may_index=may_index, counted=counted)
+        super().__init__(build, pool, tables, BoundSlots(), Return(), may_index=may_index, counted=counted)
         self._plan = plan
 
     def told(self, place: int) -> Call:
@@ -39,24 +39,25 @@ class ReportingBody(Body):
 class RematchWriter:
     """Writes ``each{rule}``."""
 
-    def __init__(self, plan: RulePlan, lines: Builder, pool: Pool, tables: Sequence[FactTable], *, index: bool) -> None:
+    def __init__(self, plan: RulePlan, build: Builder, pool: Pool, tables: Sequence[FactTable], *, index: bool) -> None:
         """Use new indices only if `index` says that the layout of the indices is still open."""
         self._plan = plan
-        self._lines = lines
+        self._build = build
         self._pool = pool
         self._tables = tables
         self._index = index
 
     def write(self) -> None:
         """Write the function."""
-        lines, plan = self._lines, self._plan
-        with lines.function(plan.functions.each, "vm", "now"):
-            lines(Assign(ME, "vm.robot"))
+        build = self._build
+        plan = self._plan
+        with build.function(plan.functions.each, "vm", "now"):
+            build(Assign(ME, "vm.robot"))
             counted = sum(isinstance(each, Atom) for each in plan.rule.body) > 1
             if counted:
-                lines(*begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body))))
-            mark = lines.mark()
-            body = ReportingBody(lines, self._pool, self._tables, plan, may_index=self._index, counted=counted)
+                build(*begun(self._pool, (plan.index, len(plan.rule.head), len(plan.rule.body))))
+            mark = build.mark()
+            body = ReportingBody(build, self._pool, self._tables, plan, may_index=self._index, counted=counted)
             entry = plan.entry() if plan.atoms else "()"
-            body.seek(list(enumerate(plan.rule.body)), lambda: lines(Yield(entry)))
-            lines.insert(mark, loads(body))
+            body.seek(list(enumerate(plan.rule.body)), lambda: build(Yield(entry)))
+            build.insert(mark, loads(body))

@@ -80,13 +80,15 @@ def _simple(statement: Statement) -> str:
 
 def _conditional(statement: If, margin: str) -> Iterator[str]:
     """Yield an ``if`` and the chain of ``elif`` that follows it."""
-    word, rest = "if", statement
+    word = "if"
+    rest = statement
     while True:
         yield f"{margin}{word} {rest.test}:"
         yield from _inside(rest.then, margin)
         if len(rest.otherwise) != 1 or not isinstance(rest.otherwise[0], If):
             break
-        word, rest = "elif", rest.otherwise[0]
+        word = "elif"
+        rest = rest.otherwise[0]
     yield from _else(rest.otherwise, margin)
 
 
