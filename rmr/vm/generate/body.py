@@ -1,8 +1,8 @@
-"""The search for the matches of a body, written as nested loops (paper III.D).
+"""The search for the matches of a body, generated as nested loops (paper III.D).
 
-The conjuncts stand one in another in a given order. Each positive atom is a loop over the facts among which all
-that match must be, oldest first: all of a predicate, or what an index has for the values that are bound. Conditions
-stand as soon as what they need is bound and leave out the rest of the turn.
+The conjuncts are nested in a given order. A positive atom becomes a loop over candidate facts, oldest first: all facts
+of the predicate, or an index bucket for the bound arguments. If all arguments of a set are bound, a look-up takes the
+place of the loop. A condition becomes a test that skips the rest of the iteration.
 """
 
 from collections.abc import Callable, Sequence
@@ -79,10 +79,11 @@ class Body:
         may_index: bool = True,
         counted: bool = True,
     ) -> None:
-        """`leave` leaves the function, or the loop, in which the search stands; `fact` begins the names of its facts.
+        """Begin a search in the block that `build` has open.
 
-        Only if it `may_index` it uses indices that are not laid out yet. Facts looked at are `counted` unless there
-        cannot be too many.
+        `leave` is the statement that leaves the function or loop around the search, `fact` the prefix of its fact
+        variables. With `may_index` the search may demand new indices. `counted`: facts that are examined count
+        against the budget of the search, which is needed unless one atom alone is searched.
         """
         self.build = build
         self.pool = pool
@@ -102,22 +103,22 @@ class Body:
         """Of the loops: how far in their insides stand, the atom's place."""
 
     def told(self, place: int) -> Call | None:
-        """Return the call that tells of ``reason``, the NoValue of the conjunct at `place`; None: let it rise."""
+        """Return the call that reports ``reason``, the NoValue of the conjunct at `place`; None: let it propagate."""
         del place
         return None
 
     def stop(self, place: int, fact: str) -> str | None:
-        """Return the condition on which neither `fact` nor any later one is of interest to the atom at `place`."""
+        """Return the condition on which the atom at `place` takes neither `fact` nor a later one."""
         del place, fact
         return None
 
     def passed_over(self, atom: Atom, fact: str) -> str | None:
-        """Return on which further condition an atom does not take a fact."""
+        """Return a condition, beside the match itself, on which an atom does not take a fact."""
         del atom, fact
         return None
 
     def spent(self, place: int) -> str | None:
-        """Return on which condition nothing more can come of the facts found before the atom at `place`."""
+        """Return the condition on which the facts found before the atom at `place` cannot lead to another match."""
         del place
         return None
 
@@ -221,12 +222,13 @@ class Body:
         if passed_over is not None:
             tests.append(passed_over)
         build(Loop("g", facts, (If(f"not ({' or '.join(tests)})", (Break(),)) if tests else Break(),)))
-        build.open_otherwise()
+        build.open_otherwise()  # reached if no fact refutes the ``not``: the rest of the search stands there
 
     def _others(self, atom: Atom, fact: str) -> list[str]:
         """Return the conditions on which a fact is not taken although it matches."""
         others: list[str] = []
         if atom.mode is not Mode.READ:
+            # Two conjuncts never take the same temporary fact.
             others += [f"{fact} is {self.facts[place]}" for place, other in self._places if other == atom.predicate]
         passed_over = self.passed_over(atom, fact)
         if passed_over is not None:
@@ -263,11 +265,12 @@ class Body:
         """Return the key of the one fact of a set that can match, if all is bound."""
         values = self._values(step)
         if table.linear or step.strict or len(values) < table.arity:
-            return None
+            return None  # temporary facts are a multiset; equal values of open types may be different ones
         return table.key(self.pool, [values[position] for position in range(table.arity)])
 
     def _candidates(self, step: AtomStep, table: FactTable) -> tuple[str, Positions]:
         """Return facts, oldest first, among them all that match, and at which positions they surely do."""
+        # An index on joined slots is selective and shared by rules; constants alone are indexed only without joins.
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
         if not positions or table.queued or not (self._may_index or positions in table.indices):
@@ -276,6 +279,7 @@ class Body:
         key = index_key(positions, [values[position] for position in positions])
         text = candidates(table, positions, key, counted=self._counted)
         self.uses.setdefault(table.indices[positions])
+        # A bucket holds what Python calls equal: with open types (strict) the columns must be compared all the same.
         return text, () if step.strict else positions
 
 

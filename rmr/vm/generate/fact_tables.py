@@ -18,7 +18,7 @@ from rmr.vm.generate.state_layout import VM, PredicateFunctions, PredicateSlots
 from rmr.vm.store import LONG, is_open
 
 FEW = 8
-"""Facts of a table up to which it is quicker to look at each than to probe an index."""
+"""Facts of a table up to which examining each is quicker than probing an index."""
 
 Positions = tuple[int, ...]
 
@@ -101,6 +101,7 @@ def candidates(table: FactTable, positions: Positions, key: str, *, counted: boo
     if table.lasting:
         bucket = f"(b if len(b := {name}.get({key}, NONE)) < 2 else counted(vm, b))"
         return f"({bucket} if {name} is not None else counted(vm, {probed}))"
+    # A tuple is the bucket of a single fact (see `_entry`).
     bucket = f"(b if type(b := {name}.get({key}, NONE)) is tuple else counted(vm, b.values()))"
     return f"({bucket} if {name} is not None else counted(vm, {probed}))"
 

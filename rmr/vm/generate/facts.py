@@ -1,8 +1,8 @@
-"""What happens when a fact comes or goes: the tables, and which rules it concerns.
+"""Insertion and removal of facts: tables, indices, and the rules that have to be matched again.
 
-A fact that comes is shown to each rule that has an atom for it. What the text alone demands of the fact (constants,
-a variable that stands twice, for a rule of one atom all its conditions) is tested here, so that most rules never hear
-of it.
+An inserted fact is offered to each rule with an atom for it. What the text alone demands of the fact (constants, a
+variable that occurs twice, for a rule of one atom all its conditions) is tested at insertion, as in the alpha network
+of a Rete, so that most rules are not affected.
 """
 
 from collections.abc import Sequence
@@ -154,6 +154,8 @@ class FactWriter:
         """Write which rules are looked at again, except those in the mask `but`."""
         build = self._build
         again = [plan for plan in self._plans if plan.way is Way.REMATCH and predicate in plan.read()]
+        # A rule that is rematched may gain a match by a removal (``not``, inner bodies): it is stale in any case. A
+        # rule that keeps its matches can only lose the one it has, so it is stale only if it is satisfied.
         free = mask([plan for plan in again if plan.once or predicate in (*plan.absent, *plan.inner)])
         if free:
             build(mark_stale(free), Update("vm.changed", "|", str(free)))
@@ -169,7 +171,10 @@ class FactWriter:
         return [plan for plan in self._plans if predicate in plan.read()]
 
     def is_queued(self, predicate: int) -> bool:
-        """Tell whether the facts of a predicate need no table: one queue at most has each, and nobody else asks."""
+        """Tell whether the facts of a predicate need no table: each is in one queue at most, and no search reads them.
+
+        This holds if only rules of one atom consume them and no two of these rules can want the same fact.
+        """
         table = self._tables[predicate]
         readers = self.readers(predicate)
         gates = Gates(self._build)
@@ -182,7 +187,7 @@ class FactWriter:
     def _show(self, predicate: int, args: Sequence[str]) -> None:
         """Write what each rule makes of a new fact."""
         build = self._build
-        inner = 0
+        inner = 0  # rules whose comprehensions or aggregates read the predicate: what they derive may change
         gates = Gates(build)
         for plan in self.readers(predicate):
             if plan.way is Way.REMATCH:
@@ -290,8 +295,8 @@ Gate = tuple[Sequence[Test], Block]
 class Gates:
     """The conditions on which rules take notice of a fact.
 
-    Where several rules demand that one expression equals different constants, it is worked out once, and the rest of
-    a rule's conditions is looked at only where it does.
+    Where several rules compare one expression with different constants, the expression is evaluated once and chooses
+    among them; the other conditions of a rule are tested in its branch.
     """
 
     def __init__(self, build: Builder) -> None:
@@ -365,7 +370,7 @@ def mark_stale(rules: int | str) -> Update:
 
 
 CASES_FROM = 3
-"""Constants with which one expression is compared from which on it is worked out once."""
+"""Different constants from which on the comparisons with one expression become a choice."""
 
 
 def mask(plans: Sequence[RulePlan]) -> int:

@@ -1,8 +1,8 @@
-"""The run loop: look again at the rules that something has changed for, choose one, fire it, until all is quiet.
+"""The run loop: match the stale rules again, choose a satisfied one, fire it, until no rule is satisfied.
 
-Of a program with few rules all fire in this function, found by halving; of more each has a function. A head that is
-nothing but facts, goals and actions that cannot fail is written out where the rule fires; what others derive is worked
-out when the match is found (`rmr.vm.generate.head_functions`).
+The rules of a small program fire in this function, found by binary search; those of a larger one have a function each.
+A head of facts, goals and actions that cannot fail is generated where the rule fires; what other heads derive is
+computed when the match is found (`rmr.vm.generate.head_functions`).
 """
 
 from collections.abc import Sequence
@@ -141,6 +141,7 @@ class LoopWriter:
 
     def _fire(self, plan: RulePlan) -> None:
         """Write the firing of one rule."""
+        # Atomic: the match leaves its rule, what it consumes goes, then what it derives comes (`Machine`).
         self._take(plan)
         if plan.valued:
             self._fire_valued(plan)
@@ -174,6 +175,7 @@ class LoopWriter:
         made = [item for item in items if isinstance(item.item, DeriveFact)]
         plain = all(len(chain) == 1 for chain in chains) and not any(isinstance(i.item, DeriveGoal) for i in items)
         in_line = plain and all(map(self._is_in_line, made))
+        # As many facts come as go, and none can be refused: one change of the count serves all of them.
         roomy = in_line and len(made) <= len(plan.consumed) and all(map(self._is_temporary, made))
         self._consume(plan, len(made) if roomy else 0)
         for chain in chains:
@@ -197,6 +199,7 @@ class LoopWriter:
             build(Call(f"vm.fired[{r}].fire(e)"))
         elif plan.once and plan.may_break:
             build(If(f"vm.broken & {plan.bit}", (Call(f"vm.fired[{r}].fire(e)"),)))
+        # A rule is stale after a firing unless the matches that it keeps are known to be complete and to hold.
         if plan.lasting and not plan.may_break:
             build(If("not kept", (stale,)))
         elif plan.way is Way.JOIN and plan.atoms[0][0] in plan.consumed and not plan.may_break:

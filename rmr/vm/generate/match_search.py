@@ -1,10 +1,11 @@
 """The functions that find the match with which a rule fires next: the oldest facts, conjunct by conjunct.
 
-``find{rule}`` is called when that match may have gone or an earlier one may have come, and leaves in the machine
-whether the rule is satisfied. Of a rule that joins atoms the machine keeps: the tops that have not been tried, the
-top that may have more matches than the one found, the serial of the last top tried, the new facts of the other atoms,
-and the matches found, the oldest last. What lies behind the top that is open is not looked at before it is needed.
-Matches are compared by their facts, and facts by their serials, but for those that are gone: they come to the end.
+``find{rule}`` is called when that match may have gone or an earlier one may have arisen, and sets the bit that says
+whether the rule is satisfied. A rule that joins atoms (JOIN) calls the facts of its first atom tops. Its state
+(`rmr.vm.generate.state_layout.RuleSlots`) is the queue of untried tops, the current top, which may have more matches
+than the one found, the serial number of the last top tried, the new facts of the other atoms, and the matches found,
+the oldest last. Later tops are tried only when the current one is used up. Matches compare by their facts and facts by
+their flag and serial number, so matches with removed facts sort to the end and are popped first.
 """
 
 from collections.abc import Sequence
@@ -39,23 +40,23 @@ from rmr.vm.generate.plan import RulePlan, Way, order_from
 from rmr.vm.generate.source import Pool
 
 NEW_MAX = 64
-"""New facts of one atom up to which each is joined with the tops; of more the tops are rather tried again."""
+"""New facts of one atom up to which each is joined with the tops tried so far; for more, all tops are tried again."""
 
 FRESH_LOOKS_MAX = 1 << 12
-"""Facts that may be looked at to join new facts with the tops before these are rather tried again."""
+"""Facts that may be examined to join new facts with the tops; beyond that, all tops are tried again."""
 
 TAKEN_MAX = 64
-"""Facts that have been taken out of a queue before it is made shorter, if they are the most of it."""
+"""Facts taken out of a queue before it is shortened, which also needs that they are more than half of it."""
 
 AT_ONCE_MAX = 32
-"""Matches of a rule that nothing undoes that are enough for a while."""
+"""Matches after which the search of a rule whose matches nothing undoes pauses until they have fired."""
 
 KEPT_MAX = 4096
-"""Matches that a rule that consumes keeps; with more the tops are rather tried again, one after another."""
+"""Matches that a consuming rule keeps; with more, they are discarded and all tops are tried again, one by one."""
 
 
 def next_of(queue: list[Any]) -> list[Any] | None:
-    """Take the oldest fact that holds out of a queue: its first item counts how many behind it have been taken."""
+    """Take the oldest fact that holds out of a queue, whose first item counts the facts taken; None if none holds."""
     taken = queue[0]
     last = len(queue) - 1
     while taken < last:
