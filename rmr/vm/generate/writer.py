@@ -1,6 +1,7 @@
 """Prints the intermediate form (`rmr.vm.generate.form`) as Python source: one statement a line, one space a level."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from rmr.vm.generate.form import (
     Assign,
@@ -25,82 +26,91 @@ from rmr.vm.generate.form import (
 
 def text_of(block: Iterable[Statement]) -> str:
     """Return the source of statements."""
-    return "".join(f"{line}\n" for statement in block for line in _lines(statement, ""))
+    lines: list[str] = []
+    _write(block, "", lines)
+    return "".join(lines)
 
 
-def _lines(statement: Statement, margin: str) -> Iterator[str]:
-    match statement:
-        case If():
-            yield from _conditional(statement, margin)
-        case Loop(target, items, body, otherwise):
-            yield f"{margin}for {target} in {items}:"
-            yield from _inside(body, margin)
-            yield from _else(otherwise, margin)
-        case While(test, body, otherwise):
-            yield f"{margin}while {test}:"
-            yield from _inside(body, margin)
-            yield from _else(otherwise, margin)
-        case Try(exception, name, handler, body):
-            yield f"{margin}try:"
-            yield from _inside(body, margin)
-            yield f"{margin}except {exception}{f' as {name}' if name else ''}:"
-            yield from _inside(handler, margin)
-        case Function(name, parameters, body):
-            yield f"{margin}def {name}({', '.join(parameters)}):"
-            yield from _inside(body, margin)
-        case _:
-            yield margin + _simple(statement)
-
-
-def _simple(statement: Statement) -> str:
-    """Return a statement that takes one line."""
-    match statement:
-        case Assign(target, value):
-            return f"{target} = {value}"
-        case AssignAll(targets, value):
-            return " = ".join([*targets, value])
-        case Update(target, operator, value):
-            return f"{target} {operator}= {value}"
-        case Delete(target):
-            return f"del {target}"
-        case Call(text):
-            return text
-        case Yield(value):
-            return f"yield {value}"
-        case Return(value):
-            return f"return {value}" if value else "return"
-        case Raise(value):
-            return f"raise {value}"
-        case Break():
-            return "break"
-        case Continue():
-            return "continue"
-    raise AssertionError(statement)
-
-
-def _conditional(statement: If, margin: str) -> Iterator[str]:
-    """Yield an ``if`` and the chain of ``elif`` that follows it."""
-    word = "if"
-    rest = statement
-    while True:
-        yield f"{margin}{word} {rest.test}:"
-        yield from _inside(rest.then, margin)
-        if len(rest.otherwise) != 1 or not isinstance(rest.otherwise[0], If):
-            break
-        word = "elif"
-        rest = rest.otherwise[0]
-    yield from _else(rest.otherwise, margin)
-
-
-def _else(block: Block, margin: str) -> Iterator[str]:
-    if block:
-        yield f"{margin}else:"
-        yield from _inside(block, margin)
-
-
-def _inside(block: Block, margin: str) -> Iterator[str]:
-    inner = margin + " "
-    if not block:
-        yield f"{inner}pass"
+def _write(block: Iterable[Statement], margin: str, lines: list[str]) -> None:
     for statement in block:
-        yield from _lines(statement, inner)
+        kind = type(statement)
+        if kind in _SIMPLE:
+            lines.append(f"{margin}{_SIMPLE[kind](statement)}\n")
+        else:
+            _COMPOUND[kind](statement, margin, lines)
+
+
+def _inside(block: Block, margin: str, lines: list[str]) -> None:
+    if block:
+        _write(block, margin + " ", lines)
+    else:
+        lines.append(f"{margin} pass\n")
+
+
+def _otherwise(block: Block, margin: str, lines: list[str]) -> None:
+    if block:
+        lines.append(f"{margin}else:\n")
+        _inside(block, margin, lines)
+
+
+def _if(statement: If, margin: str, lines: list[str]) -> None:
+    """Write an ``if`` and the chain of ``elif`` that follows it."""
+    word = "if"
+    while True:
+        lines.append(f"{margin}{word} {statement.test}:\n")
+        _inside(statement.then, margin, lines)
+        rest = statement.otherwise
+        if len(rest) != 1 or not isinstance(rest[0], If):
+            _otherwise(rest, margin, lines)
+            return
+        word = "elif"
+        statement = rest[0]
+
+
+def _loop(statement: Loop, margin: str, lines: list[str]) -> None:
+    lines.append(f"{margin}for {statement.target} in {statement.items}:\n")
+    _inside(statement.body, margin, lines)
+    _otherwise(statement.otherwise, margin, lines)
+
+
+def _while(statement: While, margin: str, lines: list[str]) -> None:
+    lines.append(f"{margin}while {statement.test}:\n")
+    _inside(statement.body, margin, lines)
+    _otherwise(statement.otherwise, margin, lines)
+
+
+def _try(statement: Try, margin: str, lines: list[str]) -> None:
+    lines.append(f"{margin}try:\n")
+    _inside(statement.body, margin, lines)
+    name = f" as {statement.name}" if statement.name else ""
+    lines.append(f"{margin}except {statement.exception}{name}:\n")
+    _inside(statement.handler, margin, lines)
+
+
+def _function(statement: Function, margin: str, lines: list[str]) -> None:
+    lines.append(f"{margin}def {statement.name}({', '.join(statement.parameters)}):\n")
+    _inside(statement.body, margin, lines)
+
+
+_SIMPLE: dict[type, Callable[[Any], str]] = {
+    Assign: lambda it: f"{it.target} = {it.value}",
+    AssignAll: lambda it: " = ".join([*it.targets, it.value]),
+    Update: lambda it: f"{it.target} {it.operator}= {it.value}",
+    Delete: lambda it: f"del {it.target}",
+    Call: lambda it: it.text,
+    Yield: lambda it: f"yield {it.value}",
+    Return: lambda it: f"return {it.value}" if it.value else "return",
+    Raise: lambda it: f"raise {it.value}",
+    Break: lambda _: "break",
+    Continue: lambda _: "continue",
+}
+"""Statements that take one line."""
+
+_COMPOUND: dict[type, Callable[[Any, str, list[str]], None]] = {
+    If: _if,
+    Loop: _loop,
+    While: _while,
+    Try: _try,
+    Function: _function,
+}
+"""Statements with blocks."""
