@@ -8,10 +8,10 @@ which looks more closely, converts, or refuses it.
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.program import Base
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.facts import FactWriter
-from rmr.vm.generate.form import Assign, Call, If, Statement, Update, tuple_of
+from rmr.vm.generate.form import Assign, Evaluate, If, Statement, Update, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.outside import Gate
 
@@ -26,26 +26,26 @@ CHECKS = {
 """What makes sure that a value conforms (`rmr.bytecode.conform`); there is nothing as short for lists."""
 
 
-def write_methods(build: Builder, jobs: bool, timed: int) -> None:
+def write_methods(build: FormBuilder, jobs: bool, timed: int) -> None:
     """Write the machines' methods: `jobs` says that there are time assertions, `timed` which heads ask for the time."""
     due = "vm._any_jobs is not None and vm._any_jobs.due"
     begin: list[Statement] = [Assign("vm._now", "now")]
     end: list[Statement] = []
     if jobs:
-        begin.append(If(f"{due} < now", (Call("vm._miss(now - 1)"),)))
-        end.append(If(f"{due} <= now", (Call("vm._miss(now)"),)))
+        begin.append(If(f"{due} < now", (Evaluate("vm._miss(now - 1)"),)))
+        end.append(If(f"{due} <= now", (Evaluate("vm._miss(now)"),)))
     with build.function("insert", "vm", "now", "predicate", "args"):
-        build(*begin, Call("ARRIVE[predicate](vm, now, args)"))
+        build(*begin, Evaluate("ARRIVE[predicate](vm, now, args)"))
     with build.function("run", "vm", "now"):
         build(*begin)
         with build.when("vm.busy"):
             if timed:
                 build(Update("vm.touched", "|", str(timed)))
-            build(Call("vm._fire(now)"))
+            build(Evaluate("vm._fire(now)"))
         build(*end)
 
 
-def write_arrival(build: Builder, table: FactTable, pool: Pool, gate: Gate, facts: FactWriter) -> str:
+def write_arrival(build: FormBuilder, table: FactTable, pool: Pool, gate: Gate, facts: FactWriter) -> str:
     """Write the function for the facts of a predicate that is no action and return its name."""
     index = table.index
     name = table.functions.arrive
@@ -57,9 +57,9 @@ def write_arrival(build: Builder, table: FactTable, pool: Pool, gate: Gate, fact
     each = tuple_of(names)
     with build.function(name, "vm", "now", "args"):
         if not names:
-            build(If("args", (Call(checked),)))
+            build(If("args", (Evaluate(checked),)))
         elif all(checks):
-            build(If(f"len(args) != {len(names)}", (Call(checked),)), Assign(each, "args"))
+            build(If(f"len(args) != {len(names)}", (Evaluate(checked),)), Assign(each, "args"))
             build(If(f"not ({' and '.join(checks)})", (Assign(each, checked),)))
         else:
             build(Assign(each, checked))

@@ -13,21 +13,21 @@ from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Predicate, Slot, Type
 from rmr.vm import match
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.expression_source import condition, expression, narrowed
 from rmr.vm.generate.fact_tables import FactTable, Positions, candidates, index_key
 from rmr.vm.generate.form import (
     Assign,
     Break,
-    Call,
     Column,
     Continue,
+    Evaluate,
     If,
+    Local,
     Loop,
     Reference,
     Statement,
     Try,
-    Variable,
     column,
 )
 from rmr.vm.generate.known import Known
@@ -46,7 +46,7 @@ class BoundSlots:
 
     def __init__(self, outer: "BoundSlots | None" = None) -> None:
         """Begin with the robot itself, or with all that is bound in `outer`."""
-        self.names: dict[int, Reference] = dict(outer.names) if outer else {SELF_SLOT: Variable(ME)}
+        self.names: dict[int, Reference] = dict(outer.names) if outer else {SELF_SLOT: Local(ME)}
         self.known: dict[int, Known] = dict(outer.known) if outer else {SELF_SLOT: Known(Type(Base.ROBOT))}
         """What is known of the values where the next conjunct stands, behind the conditions before it."""
         self.declared: dict[int, Known] = dict(self.known)
@@ -69,7 +69,7 @@ class Body:
 
     def __init__(
         self,
-        build: Builder,
+        build: FormBuilder,
         pool: Pool,
         tables: Sequence[FactTable],
         slots: BoundSlots,
@@ -102,7 +102,7 @@ class Body:
         self._loops: list[tuple[int, int]] = []
         """Of the loops: how far in their insides stand, the atom's place."""
 
-    def told(self, place: int) -> Call | None:
+    def told(self, place: int) -> Evaluate | None:
         """Return the call that reports ``reason``, the NoValue of the conjunct at `place`; None: let it propagate."""
         del place
         return None
@@ -175,7 +175,7 @@ class Body:
             return
         name = f"b{bind.slot}"
         self._trying(place, source, Assign(name, source.text))
-        self.slots.names[bind.slot] = Variable(name)
+        self.slots.names[bind.slot] = Local(name)
         self.slots.known[bind.slot] = source.known
 
     def _trying(self, place: int, source: Source, statement: Statement) -> None:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 
-from rmr.vm.generate.form import Block, Function, If, Loop, Statement, Try, While, with_otherwise
+from rmr.vm.generate.form import Block, Define, If, Loop, Statement, Try, While, with_otherwise
 
 Make = Callable[[Block], Statement]
 """Makes a compound statement of its inner block."""
 
 
-class Builder:
+class FormBuilder:
     """Collects the statements of a module."""
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Builder:
 
     def function(self, name: str, *parameters: str) -> AbstractContextManager[None]:
         """Add a function whose body is added meanwhile."""
-        return self.block(partial(Function, name, parameters))
+        return self.block(partial(Define, name, parameters))
 
     def when(self, test: str) -> AbstractContextManager[None]:
         """Add an If."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from rmr.bytecode.opcodes import FUNCTIONS, Op
 from rmr.bytecode.program import Code
 from rmr.vm.evaluate import evaluate
-from rmr.vm.generate.form import Reference, Variable
+from rmr.vm.generate.form import Local, Reference
 from rmr.vm.generate.functions import called
 from rmr.vm.generate.known import BOOL, NOTHING, Known, either, of_value
 from rmr.vm.generate.narrow import assumed
@@ -65,7 +65,7 @@ class _Writer:
         if op is Op.LOAD:
             assert isinstance(operand, int)
             reference = self._names[operand]
-            return Source(reference.text, known.get(operand, NOTHING), False, isinstance(reference, Variable))
+            return Source(reference.text, known.get(operand, NOTHING), False, isinstance(reference, Local))
         if op is Op.CONST or op is Op.INT:
             assert operand is not None
             return Source(pool.constant(operand), of_value(operand), False, type(operand) is not str, operand)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 from rmr.bytecode.program import Kind, Predicate, Program
 from rmr.bytecode.wire import identity
-from rmr.vm.generate.builder import Builder
-from rmr.vm.generate.form import Assign, AssignAll, Block, Call, Delete, If, Return, column, serial, tuple_of
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.form import Assign, AssignAll, Block, Delete, Evaluate, If, Return, column, serial, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.generate.state_layout import VM, PredicateFunctions, PredicateSlots
 from rmr.vm.store import LONG, is_open
@@ -113,7 +113,7 @@ def _bucket(table: FactTable, index: str, key: str) -> str:
     return f"(b if type(b := {index}.get({key}, NONE)) is tuple else b.values())"
 
 
-def write_probes(build: Builder, tables: Sequence[FactTable]) -> None:
+def write_probes(build: FormBuilder, tables: Sequence[FactTable]) -> None:
     """Write for each index how it is probed before it is there: a small table needs none."""
     for table in tables:
         for positions, name in table.indices.items():
@@ -129,7 +129,7 @@ def write_probes(build: Builder, tables: Sequence[FactTable]) -> None:
                 build(Return(_bucket(table, "x", "key")))
 
 
-def write_indexing(build: Builder, table: FactTable, fact: str) -> None:
+def write_indexing(build: FormBuilder, table: FactTable, fact: str) -> None:
     """Write that a new fact gets into the indices that there are."""
     for positions, name in table.indices.items():
         build(If(f"(x := vm.{name}) is not None", _entry(table, positions, fact)))
@@ -144,13 +144,13 @@ def _entry(table: FactTable, positions: Positions, fact: str) -> Block:
     key = index_key(positions, [column(fact, position) for position in positions])
     bucket = Assign("b", f"x.get(k := {key})")
     if table.lasting:
-        return bucket, If("b is None", (Assign("x[k]", f"[{fact}]"),), (Call(f"b.append({fact})"),))
+        return bucket, If("b is None", (Assign("x[k]", f"[{fact}]"),), (Evaluate(f"b.append({fact})"),))
     two = f"{{{serial('b[0]')}: b[0], {serial(fact)}: {fact}}}"
     second = If("type(b) is tuple", (Assign("x[k]", two),), (Assign(f"b[{serial(fact)}]", fact),))
     return bucket, If("b is None", (Assign("x[k]", f"({fact},)"),), (second,))
 
 
-def write_forgetting(build: Builder, table: FactTable, fact: str) -> None:
+def write_forgetting(build: FormBuilder, table: FactTable, fact: str) -> None:
     """Write that a fact gets out of the indices that there are."""
     for positions, name in table.indices.items():
         key = index_key(positions, [column(fact, position) for position in positions])

@@ -13,23 +13,23 @@ from rmr.bytecode.conform import length
 from rmr.bytecode.program import Atom, Bind, Guard
 from rmr.vm import machine
 from rmr.vm.generate.body import ME, BoundSlots, slots_of
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.expression_source import condition, narrowed
 from rmr.vm.generate.fact_tables import FactTable, write_forgetting, write_indexing
 from rmr.vm.generate.form import (
     Assign,
     AssignAll,
     Block,
-    Call,
     Continue,
     Delete,
     Equality,
+    Evaluate,
     If,
+    Local,
     Return,
     Statement,
     Test,
     Update,
-    Variable,
     column,
     every,
     held,
@@ -46,7 +46,7 @@ NEXT_SERIAL = AssignAll(("s", "vm.newest"), "vm.newest + 1")
 class FactWriter:
     """Writes ``add{predicate}`` and ``remove{predicate}``, and the same in line."""
 
-    def __init__(self, build: Builder, pool: Pool, tables: Sequence[FactTable], plans: Sequence[RulePlan]) -> None:
+    def __init__(self, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], plans: Sequence[RulePlan]) -> None:
         self._build = build
         self._pool = pool
         self._tables = tables
@@ -67,7 +67,7 @@ class FactWriter:
                 build(Assign("vm.busy", "True"))
             self.remove(predicate, "f")
             readers = mask(self.readers(predicate))
-            build(If("vm.observed", (Call(f"vm.on_remove(now, {predicate}, {table.args('f')}, {readers})"),)))
+            build(If("vm.observed", (Evaluate(f"vm.on_remove(now, {predicate}, {table.args('f')}, {readers})"),)))
 
     def several(self, predicate: int) -> None:
         """Write the function that inserts facts of a predicate, given all their arguments."""
@@ -104,7 +104,7 @@ class FactWriter:
     def _told(self, predicate: int, args: Sequence[str]) -> Statement:
         """Return the statement that reports an insertion while each change is traced or goals are open."""
         readers = mask(self.readers(predicate))
-        return If("vm.observed", (Call(f"vm.on_insert(now, {predicate}, {tuple_of(args)}, {readers})"),))
+        return If("vm.observed", (Evaluate(f"vm.on_insert(now, {predicate}, {tuple_of(args)}, {readers})"),))
 
     def add_if_new(self, predicate: int, args: Sequence[str]) -> None:
         """Write that a fact is inserted, if there is room and it is not one of a set that holds already."""
@@ -135,7 +135,7 @@ class FactWriter:
         write_indexing(build, table, "f")
         self._show(predicate, args)
         if table.concerned:
-            build(Call(f"vm.concern(now, {predicate}, {tuple_of(args)})"))
+            build(Evaluate(f"vm.concern(now, {predicate}, {tuple_of(args)})"))
 
     def remove(self, predicate: int, fact: str, but: int = 0) -> None:
         """Write that a fact that holds is removed, but for counting it; the rules `but` know of it."""
@@ -148,7 +148,7 @@ class FactWriter:
         write_forgetting(build, table, fact)
         self.removed(predicate, but)
         if table.dated:
-            build(Call(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])"))
+            build(Evaluate(f"vm._removed(now, {predicate}, {table.args(fact)}, {fact}[-1])"))
 
     def removed(self, predicate: int, but: int = 0) -> None:
         """Write which rules are looked at again, except those in the mask `but`."""
@@ -204,7 +204,7 @@ class FactWriter:
         if inner:
             build(mark_stale(f"(vm.ready | vm.broken) & {inner}"))
         table = self._tables[predicate]
-        gates.write((Call(f"{table.name}.append(f)"),) if table.queued else ())
+        gates.write((Evaluate(f"{table.name}.append(f)"),) if table.queued else ())
 
     def _gate(self, plan: RulePlan, place: int, atom: Atom, args: Sequence[str], gates: "Gates") -> None:
         """Add that a rule takes notice of a fact for one of its atoms."""
@@ -250,13 +250,13 @@ class FactWriter:
                 source = slots.expression(conjunct.code, self._pool)
                 name = f"c{plan.index}_{conjunct.slot}"  # the rule that derives the fact has variables of its own
                 tests.append(Test(f"(({name} := {source.text}), True)", binds=True))
-                slots.names[conjunct.slot] = Variable(name)
+                slots.names[conjunct.slot] = Local(name)
                 slots.known[conjunct.slot] = source.known
         return tests
 
     def _bind(self, atom: Atom, args: Sequence[str], slots: BoundSlots) -> None:
         step = plan_atom(atom, self._predicates, slots.names)
-        slots.bind(step, self._tables[atom.predicate], lambda position: Variable(args[position]))
+        slots.bind(step, self._tables[atom.predicate], lambda position: Local(args[position]))
 
     def _guard(self, guard: Guard, slots: BoundSlots) -> Test:
         """Return the test of a condition; behind it more is known of the slots.
@@ -299,7 +299,7 @@ class Gates:
     among them; the other conditions of a rule are tested in its branch.
     """
 
-    def __init__(self, build: Builder) -> None:
+    def __init__(self, build: FormBuilder) -> None:
         self._build = build
         self._gates: list[Gate] = []
 
@@ -361,7 +361,7 @@ def _gated(tests: Sequence[Test], taken: Block, left: Block) -> Block:
 
 def _queued(queue: str, first: str) -> If:
     """Return the statement that appends a fact to a queue; `first` is the queue with this fact alone."""
-    return If(f"{queue} is None", (Assign(queue, first),), (Call(f"{queue}.append(f)"),))
+    return If(f"{queue} is None", (Assign(queue, first),), (Evaluate(f"{queue}.append(f)"),))
 
 
 def mark_stale(rules: int | str) -> Update:

@@ -24,7 +24,7 @@ ARGS = 2
 
 
 @record
-class Variable:
+class Local:
     """A local variable."""
 
     text: str
@@ -43,7 +43,7 @@ class Column:
         return column(self.fact, self.position)
 
 
-Reference = Variable | Column
+Reference = Local | Column
 """The expression that holds the value of a rule's slot."""
 
 
@@ -127,7 +127,7 @@ class Delete:
 
 
 @record
-class Call:
+class Evaluate:
     """An expression that is evaluated for its effect."""
 
     text: str
@@ -203,7 +203,7 @@ class Try:
 
 
 @record
-class Function:
+class Define:
     """``def name(parameters): body``."""
 
     name: str
@@ -216,7 +216,7 @@ Statement = (
     | AssignAll
     | Update
     | Delete
-    | Call
+    | Evaluate
     | Yield
     | Return
     | Raise
@@ -226,7 +226,7 @@ Statement = (
     | Loop
     | While
     | Try
-    | Function
+    | Define
 )
 Block = tuple[Statement, ...]
 

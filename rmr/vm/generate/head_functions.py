@@ -30,19 +30,19 @@ from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.derive import HEAD_PART
 from rmr.vm.doubts import Doubts, doubts, settle
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, positives
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.form import (
     Assign,
     AssignAll,
-    Call,
     Continue,
+    Evaluate,
     If,
+    Local,
     Raise,
     Return,
     Statement,
     Update,
-    Variable,
     serial,
     tuple_of,
 )
@@ -65,7 +65,7 @@ class HeadWriter:
     """Writes ``derive`` or ``value`` of one rule."""
 
     def __init__(
-        self, program: Program, rule: int, build: Builder, pool: Pool, tables: Sequence[FactTable], *, calls: bool
+        self, program: Program, rule: int, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], *, calls: bool
     ) -> None:
         """`calls`: ``value``, which is written before the indices are laid out."""
         self.program = program
@@ -114,7 +114,7 @@ class HeadWriter:
             for name, item in zip(names, items, strict=True):
                 self.build(Assign(name, item.write(self.build, self.pool)))
             call = self.followed(tuple_of(names))
-        self.build(Call(f"out.append({call})"))
+        self.build(Evaluate(f"out.append({call})"))
 
     def item(self, item: Item, slots: BoundSlots, scope: Scope) -> WrittenItem:
         """Return an item of the head as source."""
@@ -149,9 +149,9 @@ class HeadWriter:
         """Return the facts found, those of an inner body behind the rule's own."""
         return tuple_of([*self._facts.values(), *inner])
 
-    def failed(self, part: int, step: int | str, inner: Sequence[str]) -> Call:
+    def failed(self, part: int, step: int | str, inner: Sequence[str]) -> Evaluate:
         """Return the call that reports ``reason``."""
-        return Call(f"vm.failed(now, {self.number}, {part}, {step}, {self.found(inner)}, reason)")
+        return Evaluate(f"vm.failed(now, {self.number}, {part}, {step}, {self.found(inner)}, reason)")
 
 
 class InnerBody(Body):
@@ -168,7 +168,7 @@ class InnerBody(Body):
         self.taking = [(place, atom.predicate) for place, atom in positives(inner.body) if atom.mode is Mode.CONSUME]
         """Place and predicate of the facts that are consumed."""
 
-    def told(self, place: int) -> Call:
+    def told(self, place: int) -> Evaluate:
         """Return the call that tells of a failure."""
         return self._head.failed(self._part, place, self.found)
 
@@ -245,7 +245,7 @@ class InnerWriter:
             with self._trying(any(each.fails for each in items)):
                 names = [self._written(f"d{number}", item) for number, item in enumerate(items)]
             self._take()
-            build(*[Call(f"out.append({name})") for name in names])
+            build(*[Evaluate(f"out.append({name})") for name in names])
         else:
             term = self._slots.expression(inner.term, self._pool) if inner.term is not None else None
             with self._trying(term is not None and term.fails):
@@ -269,14 +269,14 @@ class InnerWriter:
         """Write that the match's temporary facts are taken."""
         for place, predicate in self._body.taking:
             fact = f"g{place}"
-            self._build(Call(f"taken.add({serial(fact)})"))
-            self._build(Call(f"consumed.append({self._head.removal(predicate, fact)})"))
+            self._build(Evaluate(f"taken.add({serial(fact)})"))
+            self._build(Evaluate(f"consumed.append({self._head.removal(predicate, fact)})"))
 
     def _keep(self, aggregate: Aggregate) -> None:
         """Write what an aggregate keeps of a match."""
         build = self._build
         if aggregate.operator not in (Operator.MIN, Operator.MAX):
-            build(Call("values.append(value)"))
+            build(Evaluate("values.append(value)"))
             return
         operator = self._pool.helper(f"OPERATOR_{aggregate.operator.name}", aggregate.operator)
         with build.when(f"{self._pool.helper('better', better)}({operator}, value, best)"):
@@ -289,14 +289,14 @@ class InnerWriter:
         with self._build.level():
             if aggregate.operator in (Operator.MIN, Operator.MAX):
                 for slot in self._new_slots():
-                    slots.names[slot] = Variable(f"w{slot}")
+                    slots.names[slot] = Local(f"w{slot}")
                     slots.known[slot] = self._slots.known[slot]
-                slots.names[aggregate.result] = Variable("best")
+                slots.names[aggregate.result] = Local("best")
                 self._build.open(partial(If, "best is not None"))
             else:
                 fold = self._pool.helper(f"FOLD_{aggregate.operator.name}", FOLDS[aggregate.operator])
                 self._build(Assign("total", f"{fold}(values)"))
-                slots.names[aggregate.result] = Variable("total")
+                slots.names[aggregate.result] = Local("total")
             slots.known[aggregate.result] = NOTHING
             self._head.chain((aggregate.head,), slots, self._scope)
 

@@ -29,10 +29,10 @@ from rmr.bytecode.scope import UNKNOWN, Scope
 from rmr.vm.derive import Derived, DerivedKind
 from rmr.vm.doubts import doubts, settle
 from rmr.vm.generate.body import BoundSlots
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.expression_source import narrowed
 from rmr.vm.generate.fact_tables import FactTable
-from rmr.vm.generate.form import Assign, Call, Column, If, Raise, Variable, tuple_of
+from rmr.vm.generate.form import Assign, Column, Evaluate, If, Local, Raise, tuple_of
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
 
@@ -67,7 +67,7 @@ class WrittenItem:
         """Whether it may have no value."""
         return bool(self.doubts) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
 
-    def write(self, build: Builder, pool: Pool) -> str:
+    def write(self, build: FormBuilder, pool: Pool) -> str:
         """Write what goes before and return the source of the `Derived`; raises NoValue where it has none."""
         owner = self.owner.text
         args = tuple_of([each.text for each in self.args])
@@ -78,7 +78,7 @@ class WrittenItem:
             build(If(f"type(owner) is not {robot}", (Raise(f"{no_value}('an owner that is no robot')"),)))
             owner = "owner"
         if self.doubts:
-            build(Assign("args", args), Call(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
+            build(Assign("args", args), Evaluate(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
             args = "args"
         role = pool.helper(f"ROLE_{ROLES[type(self.item)].name}", ROLES[type(self.item)])
         return f"{pool.helper('Derived', Derived)}({role}, {self.item.predicate}, {owner}, {args})"
@@ -100,7 +100,7 @@ def written_items(
 
 
 def write_bindings(
-    build: Builder, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
+    build: FormBuilder, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
 ) -> BoundSlots:
     """Write what gives the rule's variables their values again, given the match's facts by place; return them."""
     slots = BoundSlots()
@@ -109,7 +109,7 @@ def write_bindings(
         if isinstance(conjunct, Bind):
             source = slots.expression(conjunct.code, pool)
             build(Assign(f"b{conjunct.slot}", source.text))
-            slots.names[conjunct.slot] = Variable(f"b{conjunct.slot}")
+            slots.names[conjunct.slot] = Local(f"b{conjunct.slot}")
             slots.known[conjunct.slot] = source.known
         elif isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
             table = tables[conjunct.predicate]

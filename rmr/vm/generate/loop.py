@@ -11,15 +11,15 @@ from rmr.base.streams import Choices
 from rmr.bytecode.program import Aggregate, Comprehension, DeriveAction, DeriveFact, DeriveGoal, Program, Strategy
 from rmr.vm.derive import Derived
 from rmr.vm.generate.body import ME
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.facts import FactWriter, mark_stale
 from rmr.vm.generate.form import (
     Assign,
     AssignAll,
     Block,
-    Call,
     Continue,
+    Evaluate,
     If,
     Loop,
     Return,
@@ -50,7 +50,7 @@ class LoopWriter:
     def __init__(
         self,
         program: Program,
-        build: Builder,
+        build: FormBuilder,
         pool: Pool,
         tables: Sequence[FactTable],
         plans: Sequence[RulePlan],
@@ -90,14 +90,14 @@ class LoopWriter:
                 if not self.is_in_loop:
                     made = AssignAll(("events[ready]", "e"), "RuleFired(ready.bit_length() - 1, now)")
                     build(Assign("e", "events.get(ready)"), If("e is None", (made,)))
-                    build(Call("emit(e)"), Call("FIRE[ready](vm, now, emit)"))
+                    build(Evaluate("emit(e)"), Evaluate("FIRE[ready](vm, now, emit)"))
                 elif self._plans:
                     self._choose(0, len(self._plans))
 
     def _match_stale(self) -> If:
         """Return the statement that finds the next match of each rule for which something has changed."""
         low = Assign("low", "stale & -stale")
-        find = While("stale", (low, Update("stale", "^", "low"), Call("FIND[low](vm, now)")))
+        find = While("stale", (low, Update("stale", "^", "low"), Evaluate("FIND[low](vm, now)")))
         return If("vm.stale", (Assign("stale", "vm.stale"), Assign("vm.stale", "0"), find))
 
     @property
@@ -130,7 +130,9 @@ class LoopWriter:
         """Write the firing of one of the rules from `first` up to before `end`."""
         if end - first == 1:
             event = f"e{first}"
-            self._build(If(f"{event} is None", (Assign(event, f"RuleFired({first}, now)"),)), Call(f"emit({event})"))
+            self._build(
+                If(f"{event} is None", (Assign(event, f"RuleFired({first}, now)"),)), Evaluate(f"emit({event})")
+            )
             self._fire(self._plans[first])
             return
         middle = (first + end) // 2
@@ -154,10 +156,10 @@ class LoopWriter:
         build(Assign("consumed, out", plan.state.valued))
         self._consume(plan, 0)
         if any(isinstance(head, Comprehension | Aggregate) for head in plan.rule.head):
-            build(Loop("call, f", "consumed", (Call("call(vm, now, f)"),)))
+            build(Loop("call, f", "consumed", (Evaluate("call(vm, now, f)"),)))
         rows = rows_of(plan.rule)
         if rows is None:
-            build(Loop("call", "out", (Call("call[0](vm, now, *call[1:])"),)))
+            build(Loop("call", "out", (Evaluate("call[0](vm, now, *call[1:])"),)))
             return
         names = [f"a{place}" for place in range(self._tables[rows].arity)]
         with build.loop(tuple_of(names), "out"):
@@ -196,9 +198,9 @@ class LoopWriter:
             targets.append("e")
         build(Assign("kept", plan.state.kept), AssignAll(tuple(targets), "kept.pop()"))
         if plan.once and plan.way is Way.REMATCH:
-            build(Call(f"vm.fired[{r}].fire(e)"))
+            build(Evaluate(f"vm.fired[{r}].fire(e)"))
         elif plan.once and plan.may_break:
-            build(If(f"vm.broken & {plan.bit}", (Call(f"vm.fired[{r}].fire(e)"),)))
+            build(If(f"vm.broken & {plan.bit}", (Evaluate(f"vm.fired[{r}].fire(e)"),)))
         # A rule is stale after a firing unless the matches that it keeps are known to be complete and to hold.
         if plan.lasting and not plan.may_break:
             build(If("not kept", (stale,)))
@@ -217,7 +219,7 @@ class LoopWriter:
         unsatisfied = Update("vm.ready", "^", str(plan.bit))
         build(Assign(fact, state.match))
         if plan.may_break:
-            noted: Block = (stale, Call(f"vm.fired[{r}].fire(({fact},))")) if plan.once else (stale,)
+            noted: Block = (stale, Evaluate(f"vm.fired[{r}].fire(({fact},))")) if plan.once else (stale,)
             build(If(f"vm.broken & {plan.bit}", noted))
         # A rule whose next match must be worked out first is matched again (stale); any other stays satisfied.
         gone: Block = (Assign(state.queue, "None"), unsatisfied)
@@ -262,11 +264,11 @@ class LoopWriter:
         if len(chain) == 1 and isinstance(item.item, DeriveAction):
             action = f"now, {item.item.predicate}, {item.owner.text}, {tuple_of([each.text for each in item.args])}"
             mine = f"emit((vm._any_actions or vm._under_way).begin({action}))"
-            build(Call(mine if item.mine else f"vm._act({action})"))
+            build(Evaluate(mine if item.mine else f"vm._act({action})"))
             return
         if len(chain) > 1 or not isinstance(item.item, DeriveFact):
             sources = [each.write(build, pool) for each in chain]
-            build(Call(f"vm._follow(now, {tuple_of(sources)})"))
+            build(Evaluate(f"vm._follow(now, {tuple_of(sources)})"))
             return
         args = [each.text for each in item.args]
         predicate = item.item.predicate
@@ -280,9 +282,9 @@ class LoopWriter:
         elif item.mine:
             build(self._added(predicate, args))
         else:
-            sent = Call(f"emit(FactSent(owner, {predicate}, {tuple_of(args)}))")
+            sent = Evaluate(f"emit(FactSent(owner, {predicate}, {tuple_of(args)}))")
             build(If(f"(owner := {item.owner.text}) == {ME}", (self._added(predicate, args),), (sent,)))
 
     def _added(self, predicate: int, args: Sequence[str]) -> Statement:
         """Return the call that inserts a fact of this robot."""
-        return Call(f"{self._tables[predicate].functions.add}({', '.join(['vm', 'now', *args])})")
+        return Evaluate(f"{self._tables[predicate].functions.add}({', '.join(['vm', 'now', *args])})")

@@ -14,7 +14,7 @@ from typing import Any
 from rmr.bytecode.arithmetic import NoValue
 from rmr.vm import once
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.form import (
     HELD,
@@ -22,9 +22,9 @@ from rmr.vm.generate.form import (
     AssignAll,
     Block,
     Break,
-    Call,
     Continue,
     Delete,
+    Evaluate,
     If,
     Loop,
     Return,
@@ -74,7 +74,7 @@ def next_of(queue: list[Any]) -> list[Any] | None:
 class FreshBody(Body):
     """A search that begins with a new fact of the atom at place `seed`."""
 
-    def __init__(self, build: Builder, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
+    def __init__(self, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], top: int, seed: int) -> None:
         super().__init__(build, pool, tables, BoundSlots(), Return())
         self._top = top
         self._seed = seed
@@ -89,7 +89,7 @@ class FreshBody(Body):
 class SearchWriter:
     """Writes the search functions of one rule."""
 
-    def __init__(self, plan: RulePlan, build: Builder, pool: Pool, tables: Sequence[FactTable]) -> None:
+    def __init__(self, plan: RulePlan, build: FormBuilder, pool: Pool, tables: Sequence[FactTable]) -> None:
         self._plan = plan
         self._state = plan.state
         self._functions = plan.functions
@@ -192,7 +192,7 @@ class SearchWriter:
                     self._below(body, self._keep)
                     build(If(f"len(kept) > {AT_ONCE_MAX}", (Break(),)))
                 build(Assign(state.last_top, serial("q[taken]")), self._shorten_queue())
-                build(If("not kept", self._unsatisfied), Call("kept.reverse()"))
+                build(If("not kept", self._unsatisfied), Evaluate("kept.reverse()"))
                 build.insert(mark, loads(body))
             build(self._satisfied)
 
@@ -239,7 +239,7 @@ class SearchWriter:
     def _drop_gone(self) -> While:
         """Return the loop that leaves at the end of what is kept a match that holds, or takes its else."""
         holds = " and ".join(held(f"e[{place}]") for place in range(len(self._places)))
-        return While("kept", (Assign("e", "kept[-1]"), If(holds, (Break(),)), Call("kept.pop()")))
+        return While("kept", (Assign("e", "kept[-1]"), If(holds, (Break(),)), Evaluate("kept.pop()")))
 
     def _try_tops(self) -> None:
         """Write the search in the open top and then in the others, until there is a match."""
@@ -257,7 +257,7 @@ class SearchWriter:
         with build.when("f is not None"):
             build(Assign("e", f"{with_top} if {held('f')} else None"))
             used_up = Assign(state.current_top, "None")
-            build(If("e is not None", (Call("kept.append(e)"),), (used_up,)))
+            build(If("e is not None", (Evaluate("kept.append(e)"),), (used_up,)))
         with build.when("not kept"):
             self._tops(none)
 
@@ -275,13 +275,13 @@ class SearchWriter:
             build(Assign("f", "q and next_of(q)"), If("not f", (Assign(state.queue, "None"), *none)))
             build(Assign(state.last_top, serial("f")))
             if plan.once:
-                build(Call(f"{below}(vm, now, f, kept)"))
+                build(Evaluate(f"{below}(vm, now, f, kept)"))
                 if not plan.is_eager:
-                    build(If("kept", (Call("kept.reverse()"), Break())))
+                    build(If("kept", (Evaluate("kept.reverse()"), Break())))
             else:
                 build(Assign("e", f"{below}(vm, now, f)"))
                 is_open = [Assign(state.current_top, "f")] if len(self._places) > 1 else []
-                build(If("e is not None", (Call("kept.append(e)"), *is_open, Break())))
+                build(If("e is not None", (Evaluate("kept.append(e)"), *is_open, Break())))
 
     def _tops_in_line(self) -> None:
         """Write the search below one top after another for the first match of a rule that consumes."""
@@ -321,14 +321,14 @@ class SearchWriter:
                 few = f"len(new) <= {NEW_MAX} and len(kept) <= {KEPT_MAX}"
                 build(Assign("vm.looks", f"{FRESH_LOOKS_MAX} if {few} else -1"), Assign("vm.looking", "None"))
                 build(If("vm.looks < 0", (Assign("new", "()"),)))
-            joined = Call(f"{self._functions.fresh(place)}(vm, now, f, before, {state.joined_up_to}, kept)")
+            joined = Evaluate(f"{self._functions.fresh(place)}(vm, now, f, before, {state.joined_up_to}, kept)")
             build(Loop("f", "new", (If(held("f"), (joined,)),)))
             if not plan.once:
-                restart = Call(f"{self._functions.restart}(vm)")
+                restart = Evaluate(f"{self._functions.restart}(vm)")
                 build(If("vm.looks < 0", (restart, Assign("kept", state.kept))))
             build(_SORT_KEPT)
             if plan.once:
-                build(If(f"len(kept) > {once.MATCHES_MAX}", (Call("vm.spill(kept, now)"),)))
+                build(If(f"len(kept) > {once.MATCHES_MAX}", (Evaluate("vm.spill(kept, now)"),)))
 
     def write_restart(self, top_gate: Sequence[Test]) -> None:
         """Write the function that lets all tops be tried again; `top_gate` are the conditions on a top ``f``."""
@@ -349,8 +349,8 @@ class SearchWriter:
         return Body(self._build, self._pool, self._tables, BoundSlots(), leave)
 
     @property
-    def _keep(self) -> Call:
-        return Call(f"kept.append({self._plan.entry()})")
+    def _keep(self) -> Evaluate:
+        return Evaluate(f"kept.append({self._plan.entry()})")
 
     @property
     def _break_off(self) -> Return:
@@ -368,5 +368,5 @@ class SearchWriter:
             self._build(If(f"vm.broken & {plan.bit}", (rematch,)))
 
 
-_SORT_KEPT = If("len(kept) > 1", (Call("kept.sort(reverse=True)"),))
+_SORT_KEPT = If("len(kept) > 1", (Evaluate("kept.sort(reverse=True)"),))
 """Puts the oldest match last, from where it is popped."""

@@ -11,10 +11,10 @@ from typing import Any
 from rmr.base.time import Instant
 from rmr.bytecode.program import Kind, Program
 from rmr.vm.generate.arrivals import write_arrival, write_methods
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable, tables_of, write_probes
 from rmr.vm.generate.facts import FactWriter, mask
-from rmr.vm.generate.form import Assign, AssignAll, Block, Call, Function, column
+from rmr.vm.generate.form import Assign, AssignAll, Block, Define, Evaluate, column
 from rmr.vm.generate.head_functions import HeadWriter
 from rmr.vm.generate.head_items import write_bindings, written_items
 from rmr.vm.generate.loop import LoopWriter
@@ -45,7 +45,7 @@ class Module:
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
             plan.valued = self._is_valued(plan)
-        facts = FactWriter(Builder(), self.pool, self.tables, self.plans)
+        facts = FactWriter(FormBuilder(), self.pool, self.tables, self.plans)
         for table in self.tables:
             table.queued = facts.is_queued(table.index)
         self.names: dict[str, Any] = self.pool.globals
@@ -82,7 +82,7 @@ class Module:
         waiting = self._waiting.pop(rule, None)
         if waiting is not None:
             plan = self.plans[rule]
-            build = Builder()
+            build = FormBuilder()
             loop = self._loop(build)
             if not loop.is_in_loop:
                 loop.write_rule(plan)
@@ -95,7 +95,7 @@ class Module:
         if predicate in self._changing:
             return
         self._changing.add(predicate)
-        build = Builder()
+        build = FormBuilder()
         self._facts(build).functions(predicate)
         self._compile(build.statements)
         functions = self.tables[predicate].functions
@@ -121,7 +121,7 @@ class Module:
         name = self.tables[predicate].functions.several
         if name not in self.names:
             self.change(predicate)
-            build = Builder()
+            build = FormBuilder()
             self._facts(build).several(predicate)
             self._compile(build.statements)
         function: Callable[..., None] = self.names[name]
@@ -133,7 +133,7 @@ class Module:
             return
         self._slow.add(rule)
         self.search(rule)
-        build = Builder()
+        build = FormBuilder()
         if self.plans[rule].way is not Way.REMATCH:
             RematchWriter(self.plans[rule], build, self.pool, self.tables, index=False).write()
         HeadWriter(self.program, rule, build, self.pool, self.tables, calls=False).write()
@@ -141,7 +141,7 @@ class Module:
 
     def arrival(self, table: FactTable, gate: Gate) -> Callable[[Any, Instant, Args], None]:
         """Return the function that checks and inserts facts from outside."""
-        build = Builder()
+        build = FormBuilder()
         name = write_arrival(build, table, self.pool, gate, self._facts(build))
         self._compile(build.statements)
         arrive: Callable[[Any, Instant, Args], None] = self.names[name]
@@ -163,23 +163,23 @@ class Module:
         self.names[name] = first
         return first
 
-    def _facts(self, build: Builder) -> FactWriter:
+    def _facts(self, build: FormBuilder) -> FactWriter:
         return FactWriter(build, self.pool, self.tables, self.plans)
 
-    def _loop(self, build: Builder) -> LoopWriter:
+    def _loop(self, build: FormBuilder) -> LoopWriter:
         return LoopWriter(self.program, build, self.pool, self.tables, self.plans, self._facts(build))
 
     def _is_valued(self, plan: RulePlan) -> bool:
         if plan.way is Way.REMATCH:
             return True
-        build = Builder()
+        build = FormBuilder()
         pool = Pool()
         slots = write_bindings(build, pool, plan.rule, self.tables, plan.facts)
         chains = written_items(plan.rule, slots, self.program, pool, self.tables)
         return chains is None or any(item.fails for chain in chains for item in chain)
 
     def _write(self) -> Block:
-        build = Builder()
+        build = FormBuilder()
         facts = self._facts(build)
         for plan in self.plans:
             self._waiting[plan.index] = self._search(plan, facts)
@@ -192,12 +192,12 @@ class Module:
 
     def _search(self, plan: RulePlan, facts: FactWriter) -> Block:
         """Return a rule's own functions; what indices they need is laid out with that."""
-        build = Builder()
+        build = FormBuilder()
         search = SearchWriter(plan, build, self.pool, self.tables)
         search.write()
         if plan.way is Way.REMATCH:
             RematchWriter(plan, build, self.pool, self.tables, index=True).write()
-            build(Function(plan.functions.find, ("vm", "now"), (Call(f"vm.rematch({plan.index}, now)"),)))
+            build(Define(plan.functions.find, ("vm", "now"), (Evaluate(f"vm.rematch({plan.index}, now)"),)))
         else:
             atom = plan.atoms[0][1]
             columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
@@ -206,7 +206,7 @@ class Module:
             HeadWriter(self.program, plan.index, build, self.pool, self.tables, calls=True).write()
         return build.statements
 
-    def _write_reset(self, build: Builder) -> None:
+    def _write_reset(self, build: FormBuilder) -> None:
         nothing = [name for plan in self.plans for name in plan.empty_slots]
         nothing += [name for table in self.tables for name in table.indices.values()]
         zero = [name for plan in self.plans for name in plan.zero_slots]

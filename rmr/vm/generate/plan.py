@@ -24,7 +24,7 @@ from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mo
 from rmr.vm.generate.body import BoundSlots, Placed, positives, slots_of
 from rmr.vm.generate.expression_source import condition, expression, narrowed
 from rmr.vm.generate.fact_tables import FactTable
-from rmr.vm.generate.form import ARGS, Column, Variable, tuple_of
+from rmr.vm.generate.form import ARGS, Column, Local, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.generate.state_layout import VM, RuleFunctions, RuleSlots
 from rmr.vm.interpreter import uses_now
@@ -171,7 +171,7 @@ def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
             slots.known.update(narrowed(each.code, slots.known))
         elif isinstance(each, Bind):
             source = expression(each.code, slots.names, slots.known, pool)
-            slots.names[each.slot] = Variable(f"b{each.slot}")
+            slots.names[each.slot] = Local(f"b{each.slot}")
             slots.known[each.slot] = source.known
             if source.fails:
                 places.append(place)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from rmr.bytecode.program import Atom
 from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.fact_tables import FactTable
-from rmr.vm.generate.form import Assign, Call, Return, Yield, tuple_of
+from rmr.vm.generate.form import Assign, Evaluate, Return, Yield, tuple_of
 from rmr.vm.generate.plan import RulePlan
 from rmr.vm.generate.source import Pool
 
@@ -19,7 +19,7 @@ class ReportingBody(Body):
 
     def __init__(
         self,
-        build: Builder,
+        build: FormBuilder,
         pool: Pool,
         tables: Sequence[FactTable],
         plan: RulePlan,
@@ -30,16 +30,18 @@ class ReportingBody(Body):
         super().__init__(build, pool, tables, BoundSlots(), Return(), may_index=may_index, counted=counted)
         self._plan = plan
 
-    def told(self, place: int) -> Call:
+    def told(self, place: int) -> Evaluate:
         """Return the call that reports a failure."""
         part = len(self._plan.rule.head)
-        return Call(f"vm.failed(now, {self._plan.index}, {part}, {place}, {tuple_of(self.found)}, reason)")
+        return Evaluate(f"vm.failed(now, {self._plan.index}, {part}, {place}, {tuple_of(self.found)}, reason)")
 
 
 class RematchWriter:
     """Writes ``each{rule}``."""
 
-    def __init__(self, plan: RulePlan, build: Builder, pool: Pool, tables: Sequence[FactTable], *, index: bool) -> None:
+    def __init__(
+        self, plan: RulePlan, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], *, index: bool
+    ) -> None:
         """Use new indices only if `index` says that the layout of the indices is still open."""
         self._plan = plan
         self._build = build

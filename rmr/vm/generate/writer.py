@@ -8,10 +8,10 @@ from rmr.vm.generate.form import (
     AssignAll,
     Block,
     Break,
-    Call,
     Continue,
+    Define,
     Delete,
-    Function,
+    Evaluate,
     If,
     Loop,
     Raise,
@@ -87,7 +87,7 @@ def _try(statement: Try, margin: str, lines: list[str]) -> None:
     _inside(statement.handler, margin, lines)
 
 
-def _function(statement: Function, margin: str, lines: list[str]) -> None:
+def _function(statement: Define, margin: str, lines: list[str]) -> None:
     lines.append(f"{margin}def {statement.name}({', '.join(statement.parameters)}):\n")
     _inside(statement.body, margin, lines)
 
@@ -97,7 +97,7 @@ _SIMPLE: dict[type, Callable[[Any], str]] = {
     AssignAll: lambda it: " = ".join([*it.targets, it.value]),
     Update: lambda it: f"{it.target} {it.operator}= {it.value}",
     Delete: lambda it: f"del {it.target}",
-    Call: lambda it: it.text,
+    Evaluate: lambda it: it.text,
     Yield: lambda it: f"yield {it.value}",
     Return: lambda it: f"return {it.value}" if it.value else "return",
     Raise: lambda it: f"raise {it.value}",
@@ -111,6 +111,6 @@ _COMPOUND: dict[type, Callable[[Any, str, list[str]], None]] = {
     Loop: _loop,
     While: _while,
     Try: _try,
-    Function: _function,
+    Define: _function,
 }
 """Statements with blocks."""

@@ -10,13 +10,13 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.generate.expression_source import condition, expression, narrowed
-from rmr.vm.generate.form import Variable
+from rmr.vm.generate.form import Local
 from rmr.vm.generate.known import Known
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.generate.trees import DEPTH_MAX
 
 VARIABLES = ("me", "n", "m", "x", "q", "text", "area", "flag", "any")
-NAMES = {slot: Variable(name) for slot, name in enumerate(VARIABLES)}
+NAMES = {slot: Local(name) for slot, name in enumerate(VARIABLES)}
 KNOWN = {
     0: Known(Type(Base.ROBOT)),
     1: Known(Type(Base.INT)),

@@ -8,15 +8,15 @@ import pytest
 from rmr.base.streams import Choices
 from rmr.lang.compiler import compile_source
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.generate.builder import Builder
+from rmr.vm.generate.builder import FormBuilder
 from rmr.vm.generate.form import (
     Assign,
     AssignAll,
     Break,
-    Call,
     Continue,
+    Define,
     Delete,
-    Function,
+    Evaluate,
     If,
     Loop,
     Raise,
@@ -31,7 +31,7 @@ from rmr.vm.generate.form import (
 from rmr.vm.generate.writer import text_of
 from rmr.vm.generated import machine_of
 
-A, B, C = Call("a()"), Call("b()"), Call("c()")
+A, B, C = Evaluate("a()"), Evaluate("b()"), Evaluate("c()")
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ A, B, C = Call("a()"), Call("b()"), Call("c()")
         (While("x", (Break(),), (A,)), "while x:\n break\nelse:\n a()"),
         (Try("E", "", (A,), (B,)), "try:\n b()\nexcept E:\n a()"),
         (Try("E", "e", (A,), (B,)), "try:\n b()\nexcept E as e:\n a()"),
-        (Function("f", ("x", "y"), (A,)), "def f(x, y):\n a()"),
+        (Define("f", ("x", "y"), (A,)), "def f(x, y):\n a()"),
     ],
 )
 def test_writer_prints_each_statement(statement: Statement, text: str) -> None:
@@ -62,7 +62,7 @@ def test_writer_prints_each_statement(statement: Statement, text: str) -> None:
 
 
 def test_builder_nests_open_blocks_until_the_level_ends() -> None:
-    build = Builder()
+    build = FormBuilder()
     with build.function("f"):
         mark = build.mark()
         with build.level():
@@ -72,11 +72,11 @@ def test_builder_nests_open_blocks_until_the_level_ends() -> None:
         build(B)
         build.insert(mark, [C])
     nested = Loop("x", "y", (If("x", (A,)),))
-    assert build.statements == (Function("f", (), (C, nested, B)),)
+    assert build.statements == (Define("f", (), (C, nested, B)),)
 
 
 def test_else_branch_belongs_to_the_last_elif() -> None:
-    build = Builder()
+    build = FormBuilder()
     build(If("x", (A,), (If("y", (B,)),)))
     with build.otherwise():
         build(C)
