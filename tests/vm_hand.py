@@ -42,8 +42,8 @@ from rmr.bytecode.program import (
     Type,
 )
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.events import ActionDerived, FactSent, RuleFired, VmEvent
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ActionDerived, FactSent, RuleFired, VmEvent
 
 AREA = Type(Base.SYMBOL, "area")
 ROBOT = Type(Base.ROBOT)

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rmr.bytecode.program import InitialFact, Kind, Program, Slot
-from rmr.columns.layout import Layout
+from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, write
 
 if TYPE_CHECKING:
-    from rmr.columns.goals import Goals
+    from rmr.columns.column_goals import ColumnGoals
 
 
 class Follows:
     """What insertions of each predicate have to be told to; the same for all blocks."""
 
-    def __init__(self, program: Program, goals: "Goals") -> None:
+    def __init__(self, program: Program, goals: "ColumnGoals") -> None:
         self.goals = goals
         self.fired: list[list[int]] = [[] for _ in program.predicates]
         """Rules that may fire again."""
@@ -34,7 +34,7 @@ class Follows:
 class Block:
     """Some robots, a row each."""
 
-    def __init__(self, program: Program, layout: Layout, follows: Follows, robots: Array, streams: Array) -> None:
+    def __init__(self, program: Program, layout: ColumnLayout, follows: Follows, robots: Array, streams: Array) -> None:
         size = len(robots)
         self.follows = follows
         self.robots = robots
@@ -101,14 +101,19 @@ class Block:
     def part(self, rows: slice) -> "Block":
         """Return some rows as a block of their own; what the two share is changed by both."""
         other = Block.__new__(Block)
-        other.follows, other.tick, other.live = self.follows, self.tick, list(self.live)
-        other.robots, other.streams, other.firings = self.robots[rows], self.streams[rows], self.firings[rows]
+        other.follows = self.follows
+        other.tick = self.tick
+        other.live = list(self.live)
+        other.robots = self.robots[rows]
+        other.streams = self.streams[rows]
+        other.firings = self.firings[rows]
         other.present = [each[rows] for each in self.present]
         other.args = [[each[rows] for each in columns] for columns in self.args]
         other.fired = {key: each[rows] for key, each in self.fired.items()}
         other.failed = {key: each[rows] for key, each in self.failed.items()}
         other.failures = None if self.failures is None else self.failures[rows]
-        other.busy, other.last = self.busy[rows], None if self.last is None else self.last[rows]
+        other.busy = self.busy[rows]
+        other.last = None if self.last is None else self.last[rows]
         other.open = [each[rows] for each in self.open]
         other.achieved_at = [each[rows] for each in self.achieved_at]
         other.achieved_as = [each[rows] for each in self.achieved_as]
@@ -128,7 +133,7 @@ class Block:
         return sum(each.nbytes for each in columns)
 
 
-def stated_values(fact: InitialFact, block: Block, program: Program, layout: Layout) -> list[Array]:
+def stated_values(fact: InitialFact, block: Block, program: Program, layout: ColumnLayout) -> list[Array]:
     """Return the columns of a stated fact."""
     types = program.predicates[fact.predicate].types
     return [

@@ -8,15 +8,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rmr.analysis.columnar import NUMBER, obstacles
+from rmr.analysis.column_obstacles import NUMBER, obstacles
 from rmr.base.values import Robot, format_fact
 from rmr.bytecode.program import InitialFact, Kind, Program, Strategy
 from rmr.columns.block import Block, Follows, owned, stated_values
 from rmr.columns.choices import below
-from rmr.columns.goals import Goals, Report
-from rmr.columns.layout import Layout
+from rmr.columns.column_goals import ColumnGoals, Report
+from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, unless
-from rmr.columns.rules import Match, column_rules
+from rmr.columns.rules import MatchedRows, column_rules
 
 ROWS = 1 << 14
 """Robots of a block: what one step looks at fits into a second-level cache, and numpy's calls cost little."""
@@ -35,17 +35,18 @@ class Columns:
     ) -> None:
         """Begin with the stated facts and goals, then the `given` facts; `streams` are what the robots draw from.
 
-        Raises ValueError if the program cannot be run as columns (`rmr.analysis.columnar.obstacles`).
+        Raises ValueError if the program cannot be run as columns (`rmr.analysis.column_obstacles.obstacles`).
         """
         found = obstacles(program, given)
         if found:
             raise ValueError(f"not a program for columns: {found[0].text}")
         self.program = program
-        self._layout = Layout(program, given)
-        self._goals = Goals(program, self._layout)
+        self._layout = ColumnLayout(program, given)
+        self._goals = ColumnGoals(program, self._layout)
         follows = Follows(program, self._goals)
         self._rules = column_rules(program, self._layout, follows)
-        numbers, states = np.asarray(robots, np.uint16), np.array(streams, np.uint64)
+        numbers = np.asarray(robots, np.uint16)
+        states = np.array(streams, np.uint64)
         parts = [slice(start, start + rows) for start in range(0, len(numbers), rows)]
         self.blocks = [Block(program, self._layout, follows, numbers[each], states[each]) for each in parts]
         for block in self.blocks:
@@ -77,14 +78,17 @@ class Columns:
             return self._run(budget, tick, firings_max)
 
     def _run(self, budget: int, tick: int, firings_max: int | None) -> int:
-        done, fired = 0, 0
-        todo, self.blocks = self.blocks, []
+        done = 0
+        fired = 0
+        todo = self.blocks
+        self.blocks = []
         while todo:
             block, *todo = todo
             if firings_max is not None and fired + block.size * budget >= firings_max:
                 cut = self._cut(block, budget, tick, firings_max - fired)
                 if cut < block.size:
-                    before, after = block.part(slice(cut)), block.part(slice(cut, None))
+                    before = block.part(slice(cut))
+                    after = block.part(slice(cut, None))
                     self._fire(before, budget, tick)
                     self.blocks += [each for each in (before, after) if each.size] + todo
                     return done + cut
@@ -128,13 +132,13 @@ class Columns:
         block.busy = fired
         block.last = block.last if chosen is None else chosen
 
-    def _nearest(self, block: Block, matches: list[Match]) -> list[Match]:
+    def _nearest(self, block: Block, matches: list[MatchedRows]) -> list[MatchedRows]:
         """Return the matches where they have the best rank."""
         ranks = [self._goals.ranks(block, match.rule.index) for match in matches]
         least = np.minimum.reduce([unless(each.rows) | rank for each, rank in zip(matches, ranks, strict=True)])
         return [each._replace(rows=each.rows & (rank == least)) for each, rank in zip(matches, ranks, strict=True)]
 
-    def _chosen(self, block: Block, matches: list[Match]) -> Iterator[tuple[Match, Array]]:
+    def _chosen(self, block: Block, matches: list[MatchedRows]) -> Iterator[tuple[MatchedRows, Array]]:
         """Yield the matches and where each is the one that fires."""
         if len(matches) < 2:
             yield from ((match, match.rows) for match in matches)
@@ -149,7 +153,7 @@ class Columns:
                 yield match, match.rows & (place == 0)
                 place -= match.rows
 
-    def _drawn(self, block: Block, matches: list[Match]) -> Array:
+    def _drawn(self, block: Block, matches: list[MatchedRows]) -> Array:
         """Return for each row which of its matches fires, counted from 0."""
         number = np.zeros(block.size, np.int32)
         for match in matches:

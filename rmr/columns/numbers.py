@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rmr.analysis.straight import work_out
+from rmr.analysis.straight_line import work_out
 from rmr.base.values import INT_MIN
 from rmr.bytecode.arithmetic import NoValue
 from rmr.bytecode.functions import FUNCTIONS
@@ -28,7 +28,7 @@ SURE = float((1 << 63) - 8192)
 BEYOND = float(1 << 63)
 
 
-class Held(NamedTuple):
+class MaskedColumn(NamedTuple):
     """A column of values."""
 
     value: Array
@@ -36,7 +36,7 @@ class Held(NamedTuple):
     """In which rows there is a value; None: in all."""
 
 
-Work = Callable[[list[Array], list[Base]], Held]
+Work = Callable[[list[Array], list[Base]], MaskedColumn]
 
 
 def also(one: Array | None, other: Array | None) -> Array | None:
@@ -69,7 +69,7 @@ def _floats(value: Array) -> Array:
     return value.astype(np.float64, copy=False)
 
 
-def _one_by_one(name: str, values: list[Array], rows: Array, found: Held) -> Held:
+def _one_by_one(name: str, values: list[Array], rows: Array, found: MaskedColumn) -> MaskedColumn:
     """Work out `rows` of a column as the interpreter does, into a column found already."""
     columns = np.broadcast_arrays(*map(np.atleast_1d, values))
     shape = columns[0].shape
@@ -82,7 +82,7 @@ def _one_by_one(name: str, values: list[Array], rows: Array, found: Held) -> Hel
             valid[place] = True
         except NoValue:
             valid[place] = False
-    return Held(value, valid)
+    return MaskedColumn(value, valid)
 
 
 def _large(value: Array, base: Base) -> Array | bool:
@@ -90,7 +90,7 @@ def _large(value: Array, base: Base) -> Array | bool:
     return (value > EXACT) | (value < -EXACT) if base is Base.INT else False
 
 
-def _mended(name: str, values: list[Array], bases: list[Base], found: Held) -> Held:
+def _mended(name: str, values: list[Array], bases: list[Base], found: MaskedColumn) -> MaskedColumn:
     """Return a column that was worked out with floats, made exact where integers are too large for that."""
     rows = _large(values[0], bases[0]) | _large(values[-1], bases[-1])
     return _one_by_one(name, values, np.asarray(rows), found) if np.any(rows) else found
@@ -99,88 +99,88 @@ def _mended(name: str, values: list[Array], bases: list[Base], found: Held) -> H
 # ---- arithmetic
 
 
-def _finite(value: Array) -> Held:
-    return Held(value, np.isfinite(value))
+def _finite(value: Array) -> MaskedColumn:
+    return MaskedColumn(value, np.isfinite(value))
 
 
-def _add(values: list[Array], bases: list[Base]) -> Held:
+def _add(values: list[Array], bases: list[Base]) -> MaskedColumn:
     one, other = values
     if Base.FLOAT in bases:
         return _finite(_floats(one) + _floats(other))
     total = one + other
-    return Held(total, ((one ^ total) & (other ^ total)) >= 0)
+    return MaskedColumn(total, ((one ^ total) & (other ^ total)) >= 0)
 
 
-def _sub(values: list[Array], bases: list[Base]) -> Held:
+def _sub(values: list[Array], bases: list[Base]) -> MaskedColumn:
     one, other = values
     if Base.FLOAT in bases:
         return _finite(_floats(one) - _floats(other))
     rest = one - other
-    return Held(rest, ((one ^ other) & (one ^ rest)) >= 0)
+    return MaskedColumn(rest, ((one ^ other) & (one ^ rest)) >= 0)
 
 
-def _mul(values: list[Array], bases: list[Base]) -> Held:
+def _mul(values: list[Array], bases: list[Base]) -> MaskedColumn:
     one, other = values
     about = _floats(one) * _floats(other)
     if Base.FLOAT in bases:
         return _finite(about)
     sure = np.abs(about) < SURE
-    found = Held(one * other, sure)
+    found = MaskedColumn(one * other, sure)
     return found if np.all(sure) else _one_by_one("mul", values, ~sure, found)
 
 
-def _div(values: list[Array], bases: list[Base]) -> Held:
+def _div(values: list[Array], bases: list[Base]) -> MaskedColumn:
     one, other = values
     share = _floats(one) / _floats(other)
-    found = Held(share, (other != 0) & np.isfinite(share))
+    found = MaskedColumn(share, (other != 0) & np.isfinite(share))
     return found if Base.FLOAT in bases else _mended("div", values, bases, found)
 
 
-def _mod(values: list[Array], bases: list[Base]) -> Held:
+def _mod(values: list[Array], bases: list[Base]) -> MaskedColumn:
     one, other = values
     if Base.FLOAT not in bases:
-        return Held(np.remainder(one, other), other != 0)
+        return MaskedColumn(np.remainder(one, other), other != 0)
     rest = np.remainder(_floats(one), _floats(other))
-    return Held(rest, (other != 0) & np.isfinite(rest))
+    return MaskedColumn(rest, (other != 0) & np.isfinite(rest))
 
 
-def _neg(values: list[Array], bases: list[Base]) -> Held:
+def _neg(values: list[Array], bases: list[Base]) -> MaskedColumn:
     [value] = values
-    return Held(-value, None if bases[0] is Base.FLOAT else value != INT_MIN)
+    return MaskedColumn(-value, None if bases[0] is Base.FLOAT else value != INT_MIN)
 
 
-def _abs(values: list[Array], bases: list[Base]) -> Held:
+def _abs(values: list[Array], bases: list[Base]) -> MaskedColumn:
     [value] = values
-    return Held(np.abs(value), None if bases[0] is Base.FLOAT else value != INT_MIN)
+    return MaskedColumn(np.abs(value), None if bases[0] is Base.FLOAT else value != INT_MIN)
 
 
-def _floor(values: list[Array], bases: list[Base]) -> Held:
+def _floor(values: list[Array], bases: list[Base]) -> MaskedColumn:
     [value] = values
     if bases[0] is Base.INT:
-        return Held(np.array(value))
+        return MaskedColumn(np.array(value))
     whole = np.floor(value)
-    return Held(whole.astype(np.int64), (whole >= -BEYOND) & (whole < BEYOND))
+    return MaskedColumn(whole.astype(np.int64), (whole >= -BEYOND) & (whole < BEYOND))
 
 
-def _sqrt(values: list[Array], _: list[Base]) -> Held:
+def _sqrt(values: list[Array], _: list[Base]) -> MaskedColumn:
     root = np.sqrt(_floats(values[0]))
-    return Held(root, values[0] >= 0)
+    return MaskedColumn(root, values[0] >= 0)
 
 
-def _float(values: list[Array], _: list[Base]) -> Held:
-    return Held(values[0].astype(np.float64))
+def _float(values: list[Array], _: list[Base]) -> MaskedColumn:
+    return MaskedColumn(values[0].astype(np.float64))
 
 
-def _id(values: list[Array], _: list[Base]) -> Held:
-    return Held(values[0].astype(np.int64))
+def _id(values: list[Array], _: list[Base]) -> MaskedColumn:
+    return MaskedColumn(values[0].astype(np.int64))
 
 
 def _single(name: str) -> Work:
     """Return what works a function out value by value."""
 
-    def work(values: list[Array], _: list[Base]) -> Held:
+    def work(values: list[Array], _: list[Base]) -> MaskedColumn:
         nothing = np.zeros(np.broadcast_shapes(*[each.shape for each in values]))
-        return _one_by_one(name, values, np.ones(nothing.shape, np.bool_), Held(nothing))
+        return _one_by_one(name, values, np.ones(nothing.shape, np.bool_), MaskedColumn(nothing))
 
     return work
 
@@ -201,11 +201,11 @@ _COMPARED: dict[str, Callable[[Array, Array], Array]] = {
 def _compare(name: str) -> Work:
     compared = _COMPARED[name]
 
-    def work(values: list[Array], bases: list[Base]) -> Held:
+    def work(values: list[Array], bases: list[Base]) -> MaskedColumn:
         if bases[0] is bases[1]:
-            return Held(compared(*values))
-        found = Held(compared(_floats(values[0]), _floats(values[1])))
-        return Held(_mended(name, values, bases, found).value)
+            return MaskedColumn(compared(*values))
+        found = MaskedColumn(compared(_floats(values[0]), _floats(values[1])))
+        return MaskedColumn(_mended(name, values, bases, found).value)
 
     return work
 
@@ -219,10 +219,10 @@ def _choose(comparison: str) -> Work:
     """Return what takes the smaller or larger of two; of equal ones (0.0 and -0.0) the first."""
     better = _compare(comparison)
 
-    def work(values: list[Array], bases: list[Base]) -> Held:
+    def work(values: list[Array], bases: list[Base]) -> MaskedColumn:
         second = better(values[::-1], bases[::-1]).value
         one, other = map(_floats, values) if Base.FLOAT in bases else values
-        return Held(np.where(second, other, one))
+        return MaskedColumn(np.where(second, other, one))
 
     return work
 
@@ -246,9 +246,9 @@ WORK: dict[str, Work] = {
     "mod": _mod,
     "neg": _neg,
     "float": _float,
-    "not": lambda values, _: Held(~values[0]),
-    "never": lambda values, _: Held(np.zeros_like(values[0], np.bool_)),
-    "always": lambda values, _: Held(np.ones_like(values[0], np.bool_)),
+    "not": lambda values, _: MaskedColumn(~values[0]),
+    "never": lambda values, _: MaskedColumn(np.zeros_like(values[0], np.bool_)),
+    "always": lambda values, _: MaskedColumn(np.ones_like(values[0], np.bool_)),
     **{each.name: FORMS[each.columns] if each.columns else _single(each.name) for each in FUNCTIONS},
 }
 """By operation: what it makes of columns that have a value in every row."""

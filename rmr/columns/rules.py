@@ -12,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rmr.analysis.columnar import Slots, fallible
-from rmr.analysis.straight import BASES, straight
+from rmr.analysis.column_obstacles import Slots, fallible
+from rmr.analysis.straight_line import BASES, straight
 from rmr.base.values import Value
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, DeriveFact, Guard, Mode, Program, Rule, Steps
 from rmr.columns.block import Block, Follows
-from rmr.columns.layout import Layout
-from rmr.columns.lines import Line
-from rmr.columns.numbers import Array, Held, also, same
+from rmr.columns.column_expressions import ColumnExpression
+from rmr.columns.column_layout import ColumnLayout
+from rmr.columns.numbers import Array, MaskedColumn, also, same
 from rmr.vm.match import plan_atom
 
 Columns = list[Array | None]
@@ -48,7 +48,7 @@ class _Term(NamedTuple):
 class _Fact(_Step):
     """A fact that holds, or none that does."""
 
-    def __init__(self, atom: Atom, program: Program, slots: Slots, layout: Layout, *, again: bool) -> None:
+    def __init__(self, atom: Atom, program: Program, slots: Slots, layout: ColumnLayout, *, again: bool) -> None:
         """`again`: another conjunct has taken the one temporary fact of the predicate that there can be."""
         step = plan_atom(atom, program.predicates, slots.bases)
         types = [kind.base for kind in program.predicates[atom.predicate].types]
@@ -62,11 +62,12 @@ class _Fact(_Step):
         slots.match(atom)
 
     @staticmethod
-    def _constant(place: int, base: Base, value: Value, layout: Layout) -> _Term:
+    def _constant(place: int, base: Base, value: Value, layout: ColumnLayout) -> _Term:
         return _Term(place, base, BASES[type(value)], layout.single(value, BASES[type(value)]))
 
     def narrow(self, block: Block, slots: Columns, rows: Array) -> Array:
-        args, holds = block.args[self._predicate], block.present[self._predicate]
+        args = block.args[self._predicate]
+        holds = block.present[self._predicate]
         for term in self._terms:
             other = slots[term.slot] if term.slot is not None else term.value
             if other is None:
@@ -82,7 +83,7 @@ class _Fact(_Step):
 class _Condition(_Step):
     """A condition, or a variable that an expression binds."""
 
-    def __init__(self, line: Line, place: int | None, slot: int | None = None) -> None:
+    def __init__(self, line: ColumnExpression, place: int | None, slot: int | None = None) -> None:
         self._line = line
         self._place = place
         self._slot = slot
@@ -111,7 +112,7 @@ class _Insertion(NamedTuple):
     """A fact of the head."""
 
     predicate: int
-    lines: list[Line]
+    lines: list[ColumnExpression]
 
 
 class _Part(NamedTuple):
@@ -121,18 +122,20 @@ class _Part(NamedTuple):
     place: int | None
 
 
-class Match(NamedTuple):
+class MatchedRows(NamedTuple):
     """Where a rule is satisfied, and what it would derive there."""
 
     rule: "ColumnRule"
     rows: Array
-    derived: list[tuple[_Insertion, list[Held]]]
+    derived: list[tuple[_Insertion, list[MaskedColumn]]]
 
 
 class ColumnRule:
     """One rule."""
 
-    def __init__(self, index: int, program: Program, layout: Layout, places: Iterator[int], follows: Follows) -> None:
+    def __init__(
+        self, index: int, program: Program, layout: ColumnLayout, places: Iterator[int], follows: Follows
+    ) -> None:
         """`places` numbers the places where expressions may fail; `follows` is told what concerns whom."""
         rule = program.rules[index]
         self.index = index
@@ -154,18 +157,20 @@ class ColumnRule:
 
     @staticmethod
     def _body(
-        rule: Rule, program: Program, slots: Slots, layout: Layout, places: Iterator[int], follows: Follows
+        rule: Rule, program: Program, slots: Slots, layout: ColumnLayout, places: Iterator[int], follows: Follows
     ) -> Iterator[_Step]:
         """Yield the steps of a body."""
         found: list[int] = []
         for conjunct in rule.body:
             if isinstance(conjunct, Guard):
                 operations = straight(conjunct.code, slots.bases)
-                yield _Condition(Line(operations, layout), _place(fallible(operations), found, places, follows))
+                yield _Condition(
+                    ColumnExpression(operations, layout), _place(fallible(operations), found, places, follows)
+                )
             elif isinstance(conjunct, Bind):
                 operations = slots.bind(conjunct)
                 place = _place(fallible(operations), found, places, follows)
-                yield _Condition(Line(operations, layout), place, conjunct.slot)
+                yield _Condition(ColumnExpression(operations, layout), place, conjunct.slot)
             else:
                 linear = conjunct.mode in (Mode.CONSUME, Mode.KEEP)
                 yield _Fact(conjunct, program, slots, layout, again=linear and conjunct.predicate in found)
@@ -173,19 +178,20 @@ class ColumnRule:
                     found.append(conjunct.predicate)
 
     def _parts(
-        self, rule: Rule, slots: Slots, layout: Layout, places: Iterator[int], follows: Follows
+        self, rule: Rule, slots: Slots, layout: ColumnLayout, places: Iterator[int], follows: Follows
     ) -> Iterator[_Part]:
         """Yield the parts of a head."""
         for head in rule.head:
-            insertions, failing = [], False
+            insertions = []
+            failing = False
             for item in head.steps if isinstance(head, Steps) else (head,):
                 assert isinstance(item, DeriveFact)
                 lines = [straight(code, slots.bases) for code in item.args]
                 failing |= any(map(fallible, lines))
-                insertions.append(_Insertion(item.predicate, [Line(each, layout) for each in lines]))
+                insertions.append(_Insertion(item.predicate, [ColumnExpression(each, layout) for each in lines]))
             yield _Part(insertions, _place(failing, self._matched, places, follows))
 
-    def match(self, block: Block) -> Match | None:
+    def match(self, block: Block) -> MatchedRows | None:
         """Return where the rule is satisfied; None if nowhere."""
         slots: Columns = [None] * self._slots
         slots[SELF_SLOT] = block.robots
@@ -197,7 +203,7 @@ class ColumnRule:
             rows = rows & ~fired
         if not rows.any():
             return None
-        derived: list[tuple[_Insertion, list[Held]]] = []
+        derived: list[tuple[_Insertion, list[MaskedColumn]]] = []
         for part in self._head:
             valid: Array | None = None
             for insertion in part.insertions:
@@ -206,7 +212,7 @@ class ColumnRule:
                 for each in values:
                     valid = also(valid, each.valid)
             rows = _valid(block, valid, part.place, rows)
-        return Match(self, rows, derived) if rows.any() else None
+        return MatchedRows(self, rows, derived) if rows.any() else None
 
     def _narrowed(self, block: Block, slots: Columns) -> Array:
         """Return where the body holds."""
@@ -217,7 +223,7 @@ class ColumnRule:
                 break
         return rows
 
-    def fire(self, block: Block, match: Match, rows: Array) -> None:
+    def fire(self, block: Block, match: MatchedRows, rows: Array) -> None:
         """Fire in `rows`: remove what is consumed, then insert what is derived."""
         if self.once:
             fired = block.fired.get(self.index)
@@ -230,7 +236,7 @@ class ColumnRule:
         for predicate, columns in values:
             block.insert(predicate, columns, rows)
 
-    def _kept(self, block: Block, insertion: _Insertion, values: Sequence[Held]) -> list[Array]:
+    def _kept(self, block: Block, insertion: _Insertion, values: Sequence[MaskedColumn]) -> list[Array]:
         """Return the columns to insert: copies of those that inserting changes, but for one that goes where it is."""
         if not self._copied:
             return [held.value for held in values]
@@ -251,7 +257,7 @@ def _place(failing: bool, found: Sequence[int], places: Iterator[int], follows: 
     return place
 
 
-def column_rules(program: Program, layout: Layout, follows: Follows) -> list[ColumnRule]:
+def column_rules(program: Program, layout: ColumnLayout, follows: Follows) -> list[ColumnRule]:
     """Return all rules of a program."""
     places = count()
     return [ColumnRule(index, program, layout, places, follows) for index in range(len(program.rules))]

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from rmr.bytecode.program import Program
     from rmr.eval.deaths import Death
     from rmr.eval.ensemble import Conditions, Sink
+    from rmr.eval.eval_report import Run
     from rmr.eval.given import Given, Wanted
-    from rmr.eval.report import Run
     from rmr.eval.topology import Topology
 
 PROGRESS_AFTER_S = 2.0
@@ -255,7 +255,7 @@ def _prepare(engine: str, program: "Program", given: "Given", conditions: "Condi
     from rmr.vm.engines import Engine
 
     if engine == COLUMNAR:
-        from rmr.eval.columnar import ColumnRun, hindrance
+        from rmr.eval.column_run import ColumnRun, hindrance
 
         found = hindrance(program, given, conditions, traced=sink is not None)
         if found is None:
@@ -318,7 +318,7 @@ class ProgressLine:
 
 def _conclude(run: "Run", until: int, interrupted: bool) -> None:
     """Print warnings on stderr, and the outstanding work of a run that did not become quiescent."""
-    from rmr.eval.report import reasons
+    from rmr.eval.eval_report import reasons
 
     for texts in run.warnings():
         _warn(texts)
@@ -338,8 +338,8 @@ def _conclude(run: "Run", until: int, interrupted: bool) -> None:
 
 
 def _print(run: "Run", one_line: bool) -> None:
-    from rmr.eval.layout import laid_out
-    from rmr.eval.report import report
+    from rmr.eval.eval_report import report
+    from rmr.eval.json_layout import laid_out
 
     told = report(run)
     print(json.dumps(told) if one_line else laid_out(told))

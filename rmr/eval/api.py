@@ -17,11 +17,11 @@ from rmr.base.time import Duration
 from rmr.bytecode.codec import BytecodeError, encode
 from rmr.bytecode.program import Program, Strategy
 from rmr.eval import options
-from rmr.eval.columnar import ColumnRun, hindrance
+from rmr.eval.column_run import ColumnRun, hindrance
 from rmr.eval.deaths import deaths
 from rmr.eval.ensemble import Conditions, Ensemble, Note, Sink
+from rmr.eval.eval_report import Run, reasons, report
 from rmr.eval.given import Given, InvalidBytecodeError, Wanted, check_size, read_given, strangers
-from rmr.eval.report import Run, reasons, report
 from rmr.eval.topology import read as read_topology
 from rmr.lang.compiler import Compilation, compile_file, compile_text
 from rmr.lang.diagnostics.render import render_text, to_json
@@ -123,7 +123,8 @@ def evaluate(
     times = _times(action_times)
     where = program.source if isinstance(program, Compiled) else _program(program)
     _check_files_and_names(topology, edges, facts)
-    insert, fail = _texts("insert", insert), _texts("fail", fail)
+    insert = _texts("insert", insert)
+    fail = _texts("fail", fail)
     wanted = Wanted(where, None if facts is None else Path(facts), edges, insert, fail, tuple(times))
     shape = read_topology(topology, ids)
     conditions = Conditions(

@@ -22,9 +22,8 @@ from rmr.base.values import Robot, Value
 from rmr.bytecode.program import InitialFact, Program
 from rmr.eval.acting import Acting
 from rmr.eval.deaths import Death
-from rmr.eval.ether import LATENCY, Ether, Messages, frame_text
-from rmr.eval.given import Given, Insertion, facts_by_owner, values
-from rmr.eval.report import (
+from rmr.eval.eval_ether import LATENCY, EvalEther, Messages, frame_text
+from rmr.eval.eval_report import (
     dropped,
     entry,
     omitted,
@@ -36,6 +35,7 @@ from rmr.eval.report import (
     unheard,
     unmatched,
 )
+from rmr.eval.given import Given, Insertion, facts_by_owner, values
 from rmr.eval.topology import Topology
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
@@ -125,7 +125,8 @@ class Hosted:
     def restart(self, now: Instant) -> None:
         """Begin a new life, with the facts of the beginning."""
         self.past.append(past_life(self))
-        self.alive, self.firings = True, 0
+        self.alive = True
+        self.firings = 0
         self._link = self._ensemble.ether.link(self.robot, self._alarm.set)
         self.node = self._ensemble.make_node(self.robot, self._link, epoch=len(self.past))
         self._ensemble.note_idle(self, False)
@@ -174,7 +175,7 @@ class Ensemble:
         """How often a robot has been killed or started again."""
         self._facts = facts_by_owner(given.facts)
         self._edges = None if given.edges is None else program.predicates[given.edges].name
-        self.ether = Ether(
+        self.ether = EvalEther(
             self.kernel,
             conditions.topology,
             stream(f"{conditions.seed}/ether"),

@@ -5,10 +5,10 @@ from typing import Any
 from rmr.base.time import Instant, in_seconds
 from rmr.node.crossing.turn import Phase
 from rmr.node.node import Node
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 
 
-def job_entry(job: Job) -> dict[str, Any]:
+def job_entry(job: TimedJob) -> dict[str, Any]:
     """Return a job as the report lists it; `met` is None while undecided, `cause` says why a miss is one."""
     met = None if job.finish is None and not job.missed else not job.missed
     return {

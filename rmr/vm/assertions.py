@@ -18,9 +18,9 @@ from rmr.base.values import Robot, format_value
 from rmr.bytecode.program import Assertion, Constant, Kind, Pattern, Program
 from rmr.vm.bounds import Dropped, remember
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.failures import Failures
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
+from rmr.vm.machine_events import FinishAwaited, JobFinished, JobStarted, VmEvent
 from rmr.vm.match import pattern_agrees
 from rmr.vm.patterns import Bindings, bind, instantiate, key_of, robot_of
 from rmr.vm.shared import Mine
@@ -35,7 +35,7 @@ LIVE_MAX = 256
 Key = tuple[int, Robot, object]
 """An assertion, its finish fact's robot and arguments."""
 
-Entry = tuple[Instant, int, int, Job]
+Entry = tuple[Instant, int, int, TimedJob]
 """Of the queue: deadline, the job's serial, the number of the entry, the job."""
 
 
@@ -67,7 +67,7 @@ class Assertions:
         failures: Failures,
         dropped: Dropped,
     ) -> None:
-        self.jobs: list[Job] = []
+        self.jobs: list[TimedJob] = []
         self.due: Instant = NEVER
         """The next deadline."""
         self._program = program
@@ -75,7 +75,7 @@ class Assertions:
         self._holdings = holdings
         self._failures = failures
         self._dropped = dropped
-        self._live: dict[Key, Job] = {}
+        self._live: dict[Key, TimedJob] = {}
         self._queue: list[Entry] = []
         self._serial = 0
         self._pushed = 0
@@ -102,7 +102,7 @@ class Assertions:
         """
         predicate = self._program.assertions[index].finish.predicate
 
-        def waited(job: Job) -> bool:
+        def waited(job: TimedJob) -> bool:
             wanted = job.assertion == index and job.finisher == source and job.finish is None and job.start <= at
             return wanted and self._ends(job, predicate, args)
 
@@ -115,7 +115,7 @@ class Assertions:
         missed.finish = at
         return [JobFinished(missed)]
 
-    def overdue(self, until: Instant) -> list[Job]:
+    def overdue(self, until: Instant) -> list[TimedJob]:
         """Return the jobs that miss a deadline at or before `until`, first due first, each once."""
         missed = []
         while self.due <= until:
@@ -126,19 +126,19 @@ class Assertions:
             self._settle()
         return missed
 
-    def serving(self, action: int, args: Args) -> list[Job]:
+    def serving(self, action: int, args: Args) -> list[TimedJob]:
         """Return the scheduled jobs that wait for their finish fact and that this action serves, first due first."""
         served = [job for job in self._live.values() if self._serves(job, action, args)]
         return sorted(served, key=lambda job: (job.deadline, job.serial))
 
-    def _serves(self, job: Job, action: int, args: Args) -> bool:
+    def _serves(self, job: TimedJob, action: int, args: Args) -> bool:
         assertion = self._program.assertions[job.assertion]
         return assertion.scheduled and any(
             serving.action == action and pattern_agrees(serving.args, args, job.bindings)
             for serving in assertion.serving
         )
 
-    def _ends(self, job: Job, predicate: int, args: Args) -> bool:
+    def _ends(self, job: TimedJob, predicate: int, args: Args) -> bool:
         """Tell whether a fact of the right robot is the one for which a job waits."""
         finish = self._program.assertions[job.assertion].finish
         return finish.predicate == predicate and pattern_agrees(finish.args, args, job.bindings)
@@ -160,7 +160,9 @@ class Assertions:
         job = self._live.get(key)
         if job is None or job.missed:
             job = self._open(now, key, finish, bindings)
-        job.start, job.deadline, job.bindings = now, deadline, bindings
+        job.start = now
+        job.deadline = deadline
+        job.bindings = bindings
         self._pushed += 1
         self._undecided[job.serial] = self._pushed
         heappush(self._queue, (deadline, job.serial, self._pushed, job))
@@ -171,14 +173,14 @@ class Assertions:
         elif self._holds(assertion, bindings):
             yield self._finish(now, key)
 
-    def _open(self, now: Instant, key: Key, finish: tuple[Pattern, ...], bindings: Bindings) -> Job:
+    def _open(self, now: Instant, key: Key, finish: tuple[Pattern, ...], bindings: Bindings) -> TimedJob:
         index, finisher, _ = key
         assertion = self._program.assertions[index]
         predicate = self._program.predicates[assertion.finish.predicate]
         mark = "!" if predicate.kind is Kind.PERSISTENT else ""
         texts = [pattern_text(pattern) for pattern in finish]
         self._serial += 1
-        job = Job(
+        job = TimedJob(
             serial=self._serial,
             assertion=index,
             name=assertion.name,

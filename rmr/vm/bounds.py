@@ -7,7 +7,7 @@ its memory or its pace. Each bound stands with what it bounds.
 from typing import TypeVar
 
 from rmr.base.time import Instant
-from rmr.vm.events import BoundReached, VmEvent
+from rmr.vm.machine_events import BoundReached, VmEvent
 
 T = TypeVar("T")
 

@@ -52,7 +52,7 @@ HEAD_PART = -1
 T = TypeVar("T")
 
 
-class Role(IntEnum):
+class DerivedKind(IntEnum):
     """What a derived item is."""
 
     FACT = 0
@@ -63,7 +63,7 @@ class Role(IntEnum):
 class Derived(NamedTuple):
     """One item of a head, evaluated."""
 
-    role: Role
+    role: DerivedKind
     predicate: int
     owner: Robot
     """The owner or executor."""
@@ -74,7 +74,7 @@ Chain = tuple[Derived, ...]
 """Items of which each is derived when the one before it is complete; mostly it is one."""
 
 
-class Derivation(NamedTuple):
+class FiringEffect(NamedTuple):
     """All that a firing does."""
 
     consumed: list[Fact]
@@ -82,11 +82,11 @@ class Derivation(NamedTuple):
     """In textual order; a comprehension's or aggregate's at its place."""
 
 
-_ROLES: dict[type, Role] = {
-    DeriveFact: Role.FACT,
-    DeriveGoal: Role.GOAL,
-    DeriveAction: Role.ACTION,
-    Effect: Role.FACT,
+_ROLES: dict[type, DerivedKind] = {
+    DeriveFact: DerivedKind.FACT,
+    DeriveGoal: DerivedKind.GOAL,
+    DeriveAction: DerivedKind.ACTION,
+    Effect: DerivedKind.FACT,
 }
 
 
@@ -133,7 +133,7 @@ class PlannedRule:
 
     def derive(
         self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure
-    ) -> Derivation | None:
+    ) -> FiringEffect | None:
         """Return what the match `found` with `env` derives; None if an expression of the head has no value."""
         firing = _Firing(store, env, found, now, on_failure, self.taken)
         for part, item in enumerate(self.head):
@@ -151,7 +151,7 @@ class _Firing:
     def __init__(
         self, store: Store, env: Env, found: Sequence[Fact], now: Instant, on_failure: OnFailure, taken: tuple[int, ...]
     ) -> None:
-        self.result = Derivation([found[place] for place in taken], [])
+        self.result = FiringEffect([found[place] for place in taken], [])
         self._store = store
         self._env = env
         self._found = found
@@ -174,7 +174,8 @@ class _Firing:
 
     def _aggregated(self, part: int, inner: Inner, aggregate: Aggregate) -> Env | None:
         """Return the slots for an aggregate's head, or None if it derives nothing."""
-        term, result = aggregate.term, aggregate.result
+        term = aggregate.term
+        result = aggregate.result
         values = self._each(part, inner, lambda env: evaluate(term, env, self._now) if term is not None else 1)
         if aggregate.operator in (Operator.MIN, Operator.MAX):
             best: Env | None = None

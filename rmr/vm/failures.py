@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
 from rmr.vm.bounds import Dropped
-from rmr.vm.events import ExpressionFailed, VmEvent
+from rmr.vm.machine_events import ExpressionFailed, VmEvent
 from rmr.vm.store import Fact
 
 FAILURES_MAX = 1024

@@ -1,8 +1,8 @@
 """The engine that robots run: Python made from the program (`rmr.vm.generate`), a state for each machine.
 
-It fires the same rules for the same facts with the same draws as the interpreter, which is the specification. Here is
-how it fires while each fact is heeded: while goals are open, whose ranks may hang on what a match derives, and while
-every change is traced.
+It fires the same rules for the same facts with the same draws as the interpreter, which is the specification. This
+module fires rules while each change is reported: while goals are open, because a rank may depend on what a match
+derives, and while changes are traced.
 """
 
 from collections.abc import Iterator
@@ -12,10 +12,10 @@ from rmr.base.identity import ByIdentity
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program, Strategy
-from rmr.vm.events import RuleFired
 from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.interpreter import UNRANKED
+from rmr.vm.machine_events import RuleFired
 from rmr.vm.rotor import ROTOR_MATCHES_MAX
 from rmr.vm.running import Running
 from rmr.vm.unfired import Entry, Valued
@@ -42,15 +42,19 @@ class Generated(Running):
         self.ranks = None
         if bool(self._any_goals and self._any_goals.open) != self.wanting:
             self.wanting = not self.wanting
-            self.heed = self._trace or self.wanting
+            self.observed = self._trace or self.wanting
             self.stale |= self.module.all_rules
 
-    def fire_heeded(self, now: Instant) -> bool:
-        """Fire a rule while each fact is heeded: one that comes nearest to an open goal; False if none is satisfied."""
-        stale, self.stale = self.stale, 0
-        touched, self.touched = self.touched, 0
-        lowest, best = UNRANKED, list[tuple[RulePlan, Ranked | None]]()
-        left, find = self.ready | stale, self.module.names["FIND"]
+    def fire_observed(self, now: Instant) -> bool:
+        """Fire the rule nearest to an open goal, while each change is reported; return False if none is satisfied."""
+        stale = self.stale
+        self.stale = 0
+        touched = self.touched
+        self.touched = 0
+        lowest = UNRANKED
+        best = list[tuple[RulePlan, Ranked | None]]()
+        left = self.ready | stale
+        find = self.module.names["FIND"]
         while left:
             bit = left & -left
             left ^= bit
@@ -73,7 +77,7 @@ class Generated(Running):
         plan, ranked = best[0 if textual else self._choices.below(len(best))]
         if ranked is None:
             single = plan.way is Way.SINGLE
-            entry = (getattr(self, f"m{plan.index}"),) if single else getattr(self, f"k{plan.index}")[-1]
+            entry = (getattr(self, plan.slots.match),) if single else getattr(self, plan.slots.kept)[-1]
             valued = self._derive(plan, entry, now)
         else:
             _, entry, valued = ranked
@@ -117,11 +121,14 @@ class Generated(Running):
             rank = UNRANKED if rank is None else rank
             last = rotor.last(plan.index, plan.args_of(entry)) if turns and rank != UNRANKED else 0
             if best is None or rank < best[0]:
-                best, best_last, compared = (rank, entry, valued), last, 1
+                best = (rank, entry, valued)
+                best_last = last
+                compared = 1
             elif rank == best[0] and compared < ROTOR_MATCHES_MAX:
                 compared += 1
                 if last < best_last:
-                    best, best_last = (rank, entry, valued), last
+                    best = (rank, entry, valued)
+                    best_last = last
             if best[0] <= nearest and (not best_last or compared >= ROTOR_MATCHES_MAX):
                 break
         return best
@@ -129,29 +136,27 @@ class Generated(Running):
     def _candidates(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
         if not plan.once:
             return self._each(plan, now)
-        if plan.way is Way.AGAIN or self.broken & plan.bit:
+        if plan.way is Way.REMATCH or self.broken & plan.bit:
             return self._matches(plan, now)
         return iter(self._kept(plan, everything=True, now=now))
 
     def _take(self, plan: RulePlan, entry: Entry) -> None:
         """Take a match out of what its rule keeps: it fires."""
-        r = plan.index
+        slots = plan.slots
         self.stale |= plan.bit
         self.touched |= plan.bit
         if not plan.once:
             return
-        if plan.way is Way.AGAIN or self.broken & plan.bit:
-            self.fired[r].fire(entry)
+        if plan.way is Way.REMATCH or self.broken & plan.bit:
+            self.fired[plan.index].fire(entry)
         elif plan.way is Way.SINGLE:
             fact = entry[0]
-            left = [
-                each for each in (getattr(self, f"m{r}"), *self._waiting(r)) if each is not None and each is not fact
-            ]
-            setattr(self, f"m{r}", left[0] if left else None)
-            setattr(self, f"q{r}", [0, *left[1:]] if left[1:] else None)
+            waiting = getattr(self, slots.match), *self._waiting(plan)
+            left = [each for each in waiting if each is not None and each is not fact]
+            setattr(self, slots.match, left[0] if left else None)
+            setattr(self, slots.queue, [0, *left[1:]] if left[1:] else None)
         else:
-            kept = getattr(self, f"k{r}")
-            kept.remove(entry)
+            getattr(self, slots.kept).remove(entry)
 
 
 def _machine_of(program: Program) -> type[Generated]:

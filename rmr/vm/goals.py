@@ -9,15 +9,15 @@ derives counts as its declared effects, as far as they are this robot's.
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from rmr.analysis.backwards import Patterns
+from rmr.analysis.backward_chaining import Patterns
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import ANY, Constant, Program
 from rmr.vm.assertions import goal_text
 from rmr.vm.bounds import Dropped, remember
-from rmr.vm.derive import Chain, Derived, Role
+from rmr.vm.derive import Chain, Derived, DerivedKind
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import GoalAchieved, VmEvent
+from rmr.vm.machine_events import GoalAchieved, VmEvent
 from rmr.vm.match import pattern_agrees
 from rmr.vm.ranks import GoalKey, Ranks, goal_key, here
 from rmr.vm.rotor import Rotor
@@ -126,9 +126,9 @@ class Goals:
 
     def _facts(self, item: Derived, now: Instant) -> Iterator[tuple[int, Args]]:
         """Yield the facts of this robot that an item of a head is or, being an action, brings about."""
-        if item.role is Role.FACT and item.owner == self._robot:
+        if item.role is DerivedKind.FACT and item.owner == self._robot:
             yield item.predicate, item.args
-        if item.role is not Role.ACTION:
+        if item.role is not DerivedKind.ACTION:
             return
         env: list[Value] = [item.owner, *item.args]
         for effect in self._program.predicates[item.predicate].effects:

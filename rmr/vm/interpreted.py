@@ -6,10 +6,10 @@ It takes the byte-code as it is and keeps nothing that could be wrong; whatever 
 from rmr.base.streams import Choices
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
-from rmr.vm.derive import Derivation
-from rmr.vm.events import FactInserted, FactRemoved, RuleFired
+from rmr.vm.derive import FiringEffect
 from rmr.vm.interpreter import Interpreter
 from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.machine_events import FactInserted, FactRemoved, RuleFired
 from rmr.vm.store import Args, Fact, Store
 
 
@@ -70,7 +70,7 @@ class Interpreted(Machine):
                 return
             self._apply(now, *firing)
 
-    def _apply(self, now: Instant, rule: int, derivation: Derivation) -> None:
+    def _apply(self, now: Instant, rule: int, derivation: FiringEffect) -> None:
         """Fire a rule: remove what it consumes, then add what it derives."""
         self.firings += 1
         self._events.append(RuleFired(rule, now))

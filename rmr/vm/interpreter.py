@@ -24,7 +24,7 @@ from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Atom, Code, Mode, Predicate, Program, Rule, Strategy
 from rmr.vm.bounds import Dropped
-from rmr.vm.derive import Derivation, PlannedRule
+from rmr.vm.derive import FiringEffect, PlannedRule
 from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
 from rmr.vm.match import Env, OnFailure, Search
@@ -50,7 +50,7 @@ class Candidate:
 
     __slots__ = ("derivation", "facts", "last", "rank")
 
-    def __init__(self, facts: tuple[Fact, ...], derivation: Derivation, rank: int, last: int) -> None:
+    def __init__(self, facts: tuple[Fact, ...], derivation: FiringEffect, rank: int, last: int) -> None:
         self.facts = facts
         self.derivation = derivation
         self.rank = rank
@@ -128,7 +128,7 @@ class Interpreter:
             if state.timed and state.candidate is not None:
                 self._mark(state)
 
-    def select(self, now: Instant) -> tuple[int, Derivation] | None:
+    def select(self, now: Instant) -> tuple[int, FiringEffect] | None:
         """Return the next firing (the rule's index, what it does), or None at quiescence."""
         for state in sorted(self._stale, key=attrgetter("index")):
             state.stale = False

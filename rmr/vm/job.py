@@ -8,7 +8,7 @@ from rmr.bytecode.program import SELF_SLOT
 
 
 @dataclass(slots=True, eq=False)
-class Job:
+class TimedJob:
     """One job; it changes while it runs and stands in the report afterwards."""
 
     serial: int

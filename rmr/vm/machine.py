@@ -19,14 +19,14 @@ from rmr.base.streams import Choices
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
-from rmr.vm.derive import Chain, Derived, Role, evaluated
+from rmr.vm.derive import Chain, Derived, DerivedKind, evaluated
 from rmr.vm.doubts import Doubts
 from rmr.vm.evaluate import NoValue
-from rmr.vm.events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
 from rmr.vm.goals import GoalArgs
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
+from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, VmEvent
+from rmr.vm.machine_parts import Parts
 from rmr.vm.match import pattern_agrees
-from rmr.vm.parts import Parts
 from rmr.vm.store import Args
 
 FACTS_MAX = 100_000
@@ -38,7 +38,8 @@ FACTS_LENGTH_MAX = 4_000_000
 FIRING_BUDGET = 500
 """Firings of one `run`, so that a program that never becomes quiet leaves the robot responsive."""
 
-_FACT, _ACTION = Role.FACT, Role.ACTION  # looking up a member of an enumeration takes longer than an insertion should
+_FACT = DerivedKind.FACT
+_ACTION = DerivedKind.ACTION  # looking up a member of an enumeration takes longer than an insertion should
 
 
 class Machine(Parts):
@@ -210,7 +211,7 @@ class Machine(Parts):
         return NEVER if self._any_jobs is None else self._any_jobs.due
 
     @property
-    def jobs(self) -> list[Job]:
+    def jobs(self) -> list[TimedJob]:
         """The jobs of all time assertions, in the order of their first start (the last `JOBS_MAX`)."""
         return [] if self._any_jobs is None else list(self._any_jobs.jobs)
 
@@ -245,7 +246,7 @@ class Machine(Parts):
         self._events.clear()
         return events
 
-    def serves(self, predicate: int, args: Args) -> list[Job]:
+    def serves(self, predicate: int, args: Args) -> list[TimedJob]:
         """Return the scheduled jobs without finish that this action of the robot serves, first due first."""
         return [] if self._any_jobs is None else self._any_jobs.serving(predicate, args)
 

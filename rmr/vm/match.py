@@ -1,14 +1,14 @@
-"""Finding the matches of a body.
+"""Depth-first search for the matches of a rule's body.
 
-The conjuncts are tried in their order, and for each atom the facts oldest first. So the matches come in the
-order in which the language wants them: conjunct by conjunct, the oldest facts go first (paper III.D gives
-the conjunction, figure 6 the choice). Two conjuncts never match the same temporary fact. Nothing changes
-while matches are being looked for; a comprehension looks at the facts as they will stand when the rule's
-own have been taken: `gone`. What its earlier matches have consumed is still there for ``not`` and ``$``, but no
-later match consumes it again: `taken`.
+The search tries the conjuncts in their textual order, and for each atom the facts oldest first. Matches therefore
+come in the order that the language defines: conjunct by conjunct, the oldest facts go first (paper III.D gives the
+conjunction, figure 6 the choice). Two conjuncts never match the same temporary fact. The facts do not change during a
+search. The search of a comprehension excludes the facts that the rule's own body consumes (`gone`). A fact that an
+earlier match of the comprehension has consumed (`taken`) still counts for ``not`` and ``$``, but no later match
+consumes it again.
 
-Which slots are bound when an atom is reached is known beforehand, so each atom is planned once: constants to
-test, bound slots to compare with, slots to bind.
+The slots that are bound at each atom are known from the text, so each atom is planned once: constants to test, bound
+slots to compare with, slots to bind.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -36,11 +36,11 @@ Args = tuple[Value, ...]
 Env = list[Value]
 Found = list[Fact]
 OnFailure = Callable[[int, Found, str], None]
-"""Told (step, facts matched so far, reason) when an expression of a body has no value."""
+"""Called with (step, facts matched so far, reason) when an expression of a body has no value."""
 
 
 LOOKS_MAX = 1 << 20
-"""Facts that one search may look at: a body may be true of nothing among the millions of ways to join what it names."""
+"""Facts that one search may examine. A body of several atoms may have millions of combinations and no match."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +147,7 @@ def agrees(step: AtomStep, args: Args, env: Env) -> bool:
 def candidates(step: AtomStep, store: Store, env: Env) -> Facts:
     """Return facts, oldest first, among them all that match the atom."""
     table = store.tables[step.predicate]
+    # One column is enough to narrow the facts; the first constant is as good a guess as any, and needs no binding.
     if step.tests:
         position, value = step.tests[0]
         return table.probe(position, value)
@@ -214,6 +215,7 @@ class Search:
         step = self.steps[index]
         if type(step) is AtomStep:
             if step.mode is Mode.ABSENT:
+                # One matching fact refutes a ``not``; it binds nothing, so the search goes on with the same slots.
                 if next(self.facts(step), None) is None:
                     yield from self.extend(index + 1)
                 return
@@ -223,27 +225,31 @@ class Search:
 
     def take(self, step: AtomStep, index: int) -> Iterator[Found]:
         """Yield the ways with each fact that the atom can take."""
-        linear = step.mode is not Mode.READ
+        linear = step.mode is not Mode.READ  # READ (``$``) may share a fact with another atom
         taken = self.taken if step.mode is Mode.CONSUME else None
         last = index + 1 == len(self.steps)
-        env, found = self.env, self.found
+        env = self.env
+        found = self.found
         for fact in self.facts(step):
             if linear and (fact in found or (taken and fact.serial in taken)):
                 continue
+            # Slots need no reset on backtracking: every step that reads a slot follows the one that binds it.
             for position, slot in step.binds:
                 env[slot] = fact.args[position]
             found.append(fact)
-            if last:
+            if last:  # spares one generator for each match
                 yield found
             else:
                 yield from self.extend(index + 1)
             found.pop()
+            # The match just yielded may have consumed a fact of an outer atom: nothing more can match with that fact.
             if self.taken and self.spent():
                 return
 
     def spent(self) -> bool:
         """Tell whether a fact found before has been taken, so that nothing more can come of it."""
-        found, taken = self.found, self.taken
+        found = self.found
+        taken = self.taken
         return taken is not None and any(found[p].serial in taken for p in self.places if p < len(found))
 
     def facts(self, step: AtomStep) -> Iterator[Fact]:
@@ -257,6 +263,8 @@ class Search:
         if self._looks_left < 0:
             return ()
         facts = candidates(step, self.store, self.env)
+        # Counted before they are examined: a search that would exceed its budget stops at once, at the same fact on
+        # every robot.
         self._looks_left -= len(facts)
         if self._looks_left < 0:
             self.on_failure(len(self.steps), [], f"the search for matches was given up after {LOOKS_MAX} facts")

@@ -1,13 +1,14 @@
-"""Rules that consume nothing fire once for each match: which matches of such a rule have not fired.
+"""Refraction: a rule that consumes nothing fires once for each match. Which of its matches have not fired.
 
-Serials grow, and a fact that comes back has a new one. So a match is named by the serials of its facts, its key,
-for ever, and the order in which matches go, conjunct by conjunct the oldest facts first, is the order of the keys.
+Serial numbers grow, and a fact that is inserted again has a new one. The tuple of its facts' serial numbers, the key,
+therefore identifies a match for ever, and the order of the matches (conjunct by conjunct, the oldest facts first) is
+the order of the keys.
 
-While a match can only come by an insertion it is enough to know up to which key the matches have been looked for,
-the horizon, and to keep those that have not fired (`Growing`). Beyond the horizon more are looked for when those
-are used up; when facts are inserted, the matches up to the horizon that have a new fact are added. No match is
-found twice, and what has fired need not be remembered. With ``not`` in the body, matches come and go by other
-ways too; they are looked for anew whenever something has changed (`Changing`).
+`Growing` serves bodies whose matches arise by insertions alone. It keeps the horizon, the key up to which all matches
+have been found, and the matches up to there that have not fired. When those are used up it searches beyond the horizon;
+when facts are inserted it adds the matches up to the horizon that have a new fact. No match is found twice, so fired
+matches need not be remembered. `Changing` serves bodies with ``not``, whose matches arise by removals too: it searches
+all matches anew after a change and remembers which have fired.
 """
 
 from abc import ABC, abstractmethod
@@ -24,10 +25,11 @@ from rmr.vm.partial import Behind, Fresh, FreshPlan, fresh_plans
 from rmr.vm.store import Fact, Store
 
 CHUNK = 512
-"""Matches looked for at a time: not many, for a firing may undo them; not few, for each look begins at the front."""
+"""Matches found by one search. Many would be wasted when a firing undoes them; few would repeat the search, which
+begins at the front each time."""
 
 MATCHES_MAX = 100_000
-"""Matches of one rule that are kept because they have not fired; of those that new facts bring, more are dropped."""
+"""Matches of one rule that are kept because they have not fired; beyond that, matches with new facts are dropped."""
 
 Key = tuple[int, ...]
 """The serials of a match's facts."""
@@ -110,14 +112,15 @@ class Growing(Once):
         """The serial of the newest fact that has been considered."""
 
     def touch(self) -> None:
-        """Note nothing: new facts are known by their serials, others by what they hold."""
+        """Do nothing: new facts are recognised by their serial numbers, removed ones by `Fact.held`."""
 
     def _refresh(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
         """Add the matches up to the horizon that have a new fact."""
-        since, self._newest = self._newest, self._store.newest
+        since = self._newest
+        self._newest = self._store.newest
         if since == self._newest or not (self._complete or self._horizon):
             return
-        if not self._plans:
+        if not self._plans:  # most rules never need them: planned with the first new fact behind the first search
             self._plans.extend(fresh_plans(self._body, self._predicates))
         for each in self._plans:
             if self._store.tables[each.predicate].newest > since:
@@ -140,7 +143,7 @@ class Growing(Once):
             return False
         search = Behind(self._steps, self._store, env, now, on_failure, self._horizon)
         found = list(islice(_matches(search), CHUNK))
-        self._complete = len(found) < CHUNK
+        self._complete = len(found) < CHUNK  # a search that ends before CHUNK has seen all
         if found:
             self._horizon = found[-1].key
         self._kept += found
@@ -180,6 +183,7 @@ class Changing(Once):
 
     def _look(self, env: Env, now: Instant, on_failure: OnFailure) -> None:
         """Look for all matches: forget the fired ones that are gone, keep the first others."""
+        # Fired matches that are not found again are gone; if they come back, they may fire again.
         found: set[Key] = set()
         self._kept.clear()
         self._complete = True

@@ -89,7 +89,8 @@ def _fits(types: Sequence[Type]) -> Callable[[Args], bool]:
     count = len(fits)
     if count == 0:
         return lambda args: not args
-    first, second = fits[0], fits[-1]
+    first = fits[0]
+    second = fits[-1]
     if count == 1:
         return lambda args: len(args) == 1 and first(args[0])
     if count == 2:

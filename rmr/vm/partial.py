@@ -1,12 +1,12 @@
-"""Finding a part of the matches of a body without ``not``: those behind a key, and those that have a new fact.
+"""Partial searches of a body without ``not``: the matches behind a key, and the matches with a new fact.
 
-A key is the serials of a match's facts; a search visits the keys in ascending order, so what does not lie behind
-a given one is passed over without looking deeper (`Behind`).
+The key of a match is the tuple of its facts' serial numbers. A search visits keys in ascending order, so `Behind`
+skips every prefix that cannot lead behind a given key.
 
-For new facts the search begins with them (`Fresh`): for each atom in turn, that atom takes the new facts, the
-atoms before it older ones, those behind it any. So each match is found by the first atom that takes a new fact,
-and what is found depends on the new facts and what they join with, not on all facts there are. A variable has the
-value that the first conjunct with it gives it, in whichever order they are tried.
+`Fresh` is semi-naive evaluation: for each atom in turn, that atom takes the new facts, the atoms before it take older
+facts, and the atoms behind it any. Each match is thus found exactly once, by the first atom that takes a new fact, and
+the cost depends on the new facts and their joins, not on all facts. Whatever the order of the search, a variable has
+the value that the textually first conjunct gives it.
 """
 
 from collections.abc import Iterator
@@ -32,6 +32,7 @@ class Behind(Search):
         """Yield the facts that match the atom alone and may lead behind the key, oldest first."""
         level = len(self.found)
         first = 0
+        # Only while the facts found are a prefix of the key does the key bound the next fact; the last one must differ.
         if self._after and all(self.found[i].serial == self._after[i] for i in range(level)):
             first = self._after[level] + (level + 1 == len(self._after))
         for fact in self.candidates(step):
@@ -100,11 +101,12 @@ class Fresh(Search):
     def facts(self, step: AtomStep) -> Iterator[Fact]:
         """Yield the facts that match the atom alone and are as new, or old, as it wants them."""
         level = len(self.found)
-        if level == 0:
+        if level == 0:  # the atom at the front of this plan: the one that takes a new fact
             for fact in self._newest(step):
                 if agrees(step, fact.args, self.env):
                     yield fact
             return
+        # Atoms that stand before the front atom in the text take older facts alone, or a match would be found twice.
         last = self._last(level) if level <= self._plan.level else None
         for fact in super().facts(step):
             if last is not None and fact.serial > last:
@@ -116,7 +118,7 @@ class Fresh(Search):
 
         The match stays within the bound only if it is before it there already: new facts are newer than all in it.
         """
-        before = level - 1
+        before = level - 1  # `found` begins with the new fact, which the key does not
         if not self._upto or any(self.found[1 + i].serial != self._upto[i] for i in range(before)):
             return self._since
         return self._upto[before] - (level == self._plan.level)
@@ -126,6 +128,7 @@ class Fresh(Search):
         newest: list[Fact] = []
         if self._upto and self._plan.level == 0:
             return newest  # it would lie behind the bound
+        # Candidates come oldest first, so the new ones are at the end.
         for fact in reversed(self.candidates(step)):
             if fact.serial <= self._since:
                 break
@@ -134,8 +137,10 @@ class Fresh(Search):
 
     def _in_order(self, found: Found) -> Found:
         level = self._plan.level
+        # The search puts the front atom's fact first; its place in the text is `level`.
         return [*found[1 : level + 1], *found[:1], *found[level + 1 :]]
 
     def _failed(self, step: int, found: Found, reason: str) -> None:
+        # A conjunct before the front atom has failed without the new fact already, and was reported then.
         if step > self._plan.place:
             self._tell(step, self._in_order(found), reason)

@@ -1,16 +1,16 @@
-"""Ranks: how many further firings lead from a firing to an open goal (paper III.B, figure 6).
+"""Ranks: the number of further firings that lead from a firing to an open goal (paper III.B, figure 6).
 
-The compiler has worked out, for the goals that the program states, which rules lead there and how far they are
-where every firing of a rule is equally far (`InitialGoal.leads`). While only such goals are open, a rule that
-is not among them has no rank, and one whose rank is known costs nothing. In every other case the facts that a
-firing brings about are looked for backwards from all open goals (levels.py), until the goals change. Both say
-the same: the compiler is silent where the search might be cut short.
+For each goal that the program states the compiler has computed which rules lead to it, and their distance where all
+firings of a rule have the same one (`InitialGoal.leads`). While only such goals are open, a known rank costs a look-up,
+and a rule without a lead has no rank. In every other case a backward search from all open goals (`goal_levels`) finds
+the level of the facts that a firing brings about; its result is kept until the goals change. Both ways agree: the
+compiler states no rank where the search could run out of its budget.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from rmr.analysis.backwards import HOME, Backwards, Patterns, Wanted
-from rmr.analysis.levels import Levels
+from rmr.analysis.backward_chaining import HOME, Backwards, Patterns, Wanted
+from rmr.analysis.goal_levels import Levels
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot
 from rmr.bytecode.octets import identity
@@ -22,7 +22,7 @@ RuleRanks = dict[int, int]
 """By rule: its rank, or SEARCH. A rule that is missing has none."""
 
 SEARCH = -1
-"""In the place of a rank: it depends on the firing."""
+"""Stands for a rank that differs between the firings of a rule."""
 
 
 class Leads:
@@ -112,6 +112,7 @@ def merged(leads: Iterable[RuleRanks]) -> RuleRanks:
 
 def nearer(one: int, other: int) -> int:
     """Return the nearer rank; nothing is nearer than 0."""
+    # SEARCH is -1: the minimum is SEARCH if either is, which is right unless the other one is 0, the best rank.
     return min(one, other) if SEARCH not in (one, other) or 0 not in (one, other) else 0
 
 
@@ -158,7 +159,8 @@ class Ranks:
         rank = self._known(rule)
         if rank != SEARCH:
             return rank
-        distances, brought = self._distances(), self._reading.backwards.brought[rule]
+        distances = self._distances()
+        brought = self._reading.backwards.brought[rule]
         return min([distances[each] for each in brought if each in distances], default=None)
 
     def is_settled(self, rule: int) -> bool:
@@ -170,6 +172,7 @@ class Ranks:
         rank = self._known(rule)
         if rank != SEARCH:
             return rank
+        # Distances by predicate are a cheap lower bound; facts that no goal can need are left out of the search.
         distances = self._distances()
         near = [fact for fact in facts if fact[0] in distances]
         if not near:
@@ -184,10 +187,12 @@ class Ranks:
     def _known(self, rule: int) -> int | None:
         """Return the rank of all firings of a rule, given the open goals; SEARCH if nobody has worked it out."""
         if self._stale:
+            # Computed on demand: between two questions goals may change many times.
             self._stale = False
             self._nearest = self._levels = None
             leads = [self._stated.ranks.get(key) for goals in self._goals.values() for key in goals]
             known = [each for each in leads if each is not None]
+            # One open goal without leads is enough to make the leads of the others useless.
             self._ranks = merged(known) if len(known) == len(leads) else None
         return SEARCH if self._ranks is None else self._ranks.get(rule)
 

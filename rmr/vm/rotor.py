@@ -12,7 +12,7 @@ Kept facts are the persistent, the sensed and the ``$`` ones. They are compared 
 as another one; a sensed float is a measurement, which hardly ever comes back, and is left out. Consumed facts are left
 out, too: they may count. Rules that consume nothing fire once for each match and starve none of them.
 
-The same memory tells of a program that goes in circles: a rule that has fired again and again for the same facts, the
+The same memory detects a program that goes in circles: a rule that has fired repeatedly for the same facts, the
 consumed ones included, while no goal was achieved.
 """
 
@@ -25,18 +25,18 @@ from rmr.base.time import Instant
 from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Atom, Base, Kind, Mode, Predicate, Program, Rule
 from rmr.vm.bounds import Dropped
-from rmr.vm.events import RuleRepeats, VmEvent
+from rmr.vm.machine_events import RuleRepeats, VmEvent
 from rmr.vm.store import Args, is_open
 
 ROTOR_MATCHES_MAX = 256
-"""Matches of the best rank that are compared, the oldest ones: more doors than a room has, and few enough to look at
-each at every firing."""
+"""Oldest matches of the best rank that are compared: more than a room has doors, and few enough to examine all of them
+at every firing."""
 
 ROTOR_MEMORY_MAX = 100_000
 """Combinations of kept facts whose last firing is remembered; the least recent one is forgotten."""
 
 REPEATS_TOLD = 20
-"""Firings for the same facts that are told: a walk through a building of some dozen rooms takes fewer."""
+"""Repeated firings for the same facts after which a rule is reported: a walk through some dozen rooms takes fewer."""
 
 Key = tuple[Hashable, ...]
 """The rule, then the values of each kept fact."""
@@ -125,22 +125,27 @@ class Rotor:
 
     def fire(self, now: Instant, rule: int, facts: Sequence[Args], achieved: int) -> None:
         """Note that `rule`, which consumes, fires for `facts`; `achieved` goals have been discharged so far."""
-        key, plan = self._key(rule, facts), self._plans[rule]
+        key = self._key(rule, facts)
+        plan = self._plans[rule]
+        # The memory is an LRU cache: a key that fires moves to the end, and the front is evicted.
         found = self._last.get(key)
         if found is None:
             found = self._last[key] = LastFiring()
         else:
             self._last.move_to_end(key)
         found.turn = self._turn = self._turn + 1
+        # A firing that consumes other values, or follows a goal achieved, is progress: the count begins again.
         consumed = [facts[place] for place in plan.consumed]
         if consumed == found.consumed and achieved == found.achieved:
             found.repeats += 1
         else:
-            found.consumed, found.achieved, found.repeats = consumed, achieved, 1
+            found.consumed = consumed
+            found.achieved = achieved
+            found.repeats = 1
         if len(self._last) > ROTOR_MEMORY_MAX:
             self._last.popitem(last=False)
             self._dropped.add("rotor", ROTOR_MEMORY_MAX, now)
-        if plan.kept:
+        if plan.kept:  # without kept facts all matches have one key, and there is nothing to take turns
             self._turning.add(rule)
         if found.repeats >= REPEATS_TOLD and rule not in self._told:
             self._told.add(rule)
@@ -152,5 +157,6 @@ class Rotor:
             args = facts[place]
             if positions is not None:
                 args = tuple([args[position] for position in positions])
+            # `identity` keeps 1 and 1.0 apart, which Python's equality does not.
             values.append(identity(args) if may_differ else args)
         return tuple(values)

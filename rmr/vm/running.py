@@ -13,11 +13,11 @@ from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Program
 from rmr.vm import match, once
 from rmr.vm.evaluate import NoValue
-from rmr.vm.events import FactInserted, FactRemoved
-from rmr.vm.generate.layout import ARGS, HELD, SERIAL
+from rmr.vm.generate.form import ARGS, HELD, SERIAL
 from rmr.vm.generate.module import Module
 from rmr.vm.generate.plan import RulePlan, Way
 from rmr.vm.machine import FIRING_BUDGET, Machine
+from rmr.vm.machine_events import FactInserted, FactRemoved
 from rmr.vm.store import Args
 from rmr.vm.unfired import Entry, HeldFact, SeenFact, Unfired, Valued, key_of
 
@@ -34,12 +34,12 @@ class Running(Machine):
         "changed",
         "count",
         "fired",
-        "heed",
         "length",
         "looking",
         "looks",
+        "newest",
+        "observed",
         "ready",
-        "s",
         "stale",
         "touched",
         "wanting",
@@ -59,7 +59,7 @@ class Running(Machine):
         trace: bool = False,
     ) -> None:
         super().__init__(program, robot, choices, firing_budget=firing_budget, trace=trace)
-        self.s = 0
+        self.newest = 0
         """The serial of the fact that was inserted last."""
         self.count = 0
         """How many facts there are."""
@@ -79,8 +79,8 @@ class Running(Machine):
         """While goals are open: the rules that something has changed for."""
         self.wanting = False
         """Whether goals are open."""
-        self.heed = trace
-        """Whether somebody wants to know of each fact."""
+        self.observed = trace
+        """Whether each insertion and removal is reported: facts are traced or goals are open."""
         self.fired: dict[int, Unfired] = {}
         """Of the rules that are matched anew and consume nothing: which matches have fired."""
         self.busy = bool(self.module.plans)
@@ -100,7 +100,7 @@ class Running(Machine):
         return [(tuple(fact[ARGS : ARGS + arity]), fact[-1]) for fact in self._table(predicate).values()]
 
     def _table(self, predicate: int) -> dict[Any, HeldFact]:
-        table: dict[Any, HeldFact] = getattr(self, f"t{predicate}")
+        table: dict[Any, HeldFact] = getattr(self, self.module.tables[predicate].slot)
         return table
 
     def _insert_all(self, now: Instant, facts: Iterable[tuple[int, Args]]) -> None:
@@ -128,28 +128,28 @@ class Running(Machine):
         return self._is_full(now, self.count, self.length)
 
     def concern(self, now: Instant, predicate: int, args: Args) -> None:
-        """Let the time assertions know of a new fact that may concern them, unless `came` does."""
-        if not self.heed:
+        """Let the time assertions know of a new fact that may concern them, unless `on_insert` does."""
+        if not self.observed:
             self._inserted(now, predicate, args)
 
-    def came(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
-        """Let all that heeds each fact know of a new one; it concerns the `rules`."""
+    def on_insert(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Report a new fact to the trace and the goals; it concerns the `rules` (a bit each)."""
         if self._trace:
             self._events.append(FactInserted(predicate, args, now))
         self.touched |= rules
         self._inserted(now, predicate, args)
 
-    def went(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
-        """Let all that heeds facts know that one has gone; it concerned the `rules`."""
+    def on_remove(self, now: Instant, predicate: int, args: Args, rules: int) -> None:
+        """Report a removed fact to the trace and the goals; it concerned the `rules` (a bit each)."""
         if self._trace:
             self._events.append(FactRemoved(predicate, args, now))
         self.touched |= rules
 
     def queued(self, predicate: int) -> list[HeldFact]:
         """Return the facts of a predicate that are in no table, oldest first."""
-        facts = list(getattr(self, f"t{predicate}"))
+        facts = list(getattr(self, self.module.tables[predicate].slot))
         for plan in self.module.readers[predicate]:
-            facts += [getattr(self, f"m{plan.index}"), *self._waiting(plan.index)]
+            facts += [getattr(self, plan.slots.match), *self._waiting(plan)]
         return sorted([fact for fact in facts if fact is not None and fact[HELD]])
 
     def give_up(self) -> None:
@@ -180,11 +180,11 @@ class Running(Machine):
         for chain in derived:
             self._follow(now, chain)
 
-    def again(self, rule: int, now: Instant) -> None:
+    def rematch(self, rule: int, now: Instant) -> None:
         """Look for the match with which a rule fires as the specification does."""
         plan = self.module.plans[rule]
         for entry in self._matches(plan, now):
-            valued = self._worked_out("value", plan, entry, now) if plan.valued else None
+            valued = self._worked_out(plan.functions.value, entry, now) if plan.valued else None
             if valued is not None or not plan.valued:
                 self._offer(plan, entry, valued)
                 return
@@ -196,30 +196,30 @@ class Running(Machine):
         self.module.slow(rule)
         if plan.once:
             unfired = set(map(key_of, self._kept(plan)))
-            known = getattr(self, f"w{rule}") if plan.way is Way.JOIN else self.s
-            last = getattr(self, f"l{rule}") if plan.way is Way.JOIN else self.s
+            known = getattr(self, plan.slots.joined_up_to) if plan.way is Way.JOIN else self.newest
+            last = getattr(self, plan.slots.last_top) if plan.way is Way.JOIN else self.newest
             found = map(key_of, self._each(plan, now))
             fired = {key for key in found if key[0] <= last and max(key) <= known and key not in unfired}
             self.fired[rule] = Unfired(fired)
         self.broken |= plan.bit
         self.changed |= plan.bit
-        self.again(rule, now)
+        self.rematch(rule, now)
 
     # Matching anew
 
     def _each(self, plan: RulePlan, now: Instant) -> Iterator[Entry]:
         """Yield all matches of a rule, fired or not, and tell what fails."""
-        each: Iterator[Entry] = self.module.names[f"each{plan.index}"](self, now)
+        each: Iterator[Entry] = self.module.names[plan.functions.each](self, now)
         return each
 
     def _derive(self, plan: RulePlan, entry: Entry, now: Instant) -> Valued | None:
         self.module.slow(plan.index)
-        return self._worked_out("derive", plan, entry, now)
+        return self._worked_out(plan.functions.derive, entry, now)
 
-    def _worked_out(self, function: str, plan: RulePlan, entry: Entry, now: Instant) -> Valued | None:
+    def _worked_out(self, function: str, entry: Entry, now: Instant) -> Valued | None:
         """Return what a match derives; the search that has found it goes on counting where it was."""
         before = self.looks, self.looking
-        valued: Valued | None = self.module.names[f"{function}{plan.index}"](self, now, *entry)
+        valued: Valued | None = self.module.names[function](self, now, *entry)
         self.looks, self.looking = before
         return valued
 
@@ -235,40 +235,40 @@ class Running(Machine):
 
     def _offer(self, plan: RulePlan, entry: Entry | None, valued: Valued | None) -> None:
         """Make a match, or none, the one with which a rule that is matched anew fires next."""
-        r = plan.index
+        slots = plan.slots
         if plan.way is Way.SINGLE:
-            setattr(self, f"m{r}", None if entry is None else entry[0])
-            setattr(self, f"q{r}", None)
+            setattr(self, slots.match, None if entry is None else entry[0])
+            setattr(self, slots.queue, None)
         else:
-            setattr(self, f"k{r}", [] if entry is None else [entry])
+            setattr(self, slots.kept, [] if entry is None else [entry])
         if plan.way is Way.JOIN:
-            for name in (f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]):
+            for name in (slots.queue, *plan.join_slots):
                 setattr(self, name, None)
-            setattr(self, f"l{r}", 1)  # facts that are not the first atom's count too
+            setattr(self, slots.last_top, 1)  # facts that are not the first atom's count too
         if plan.valued:
-            setattr(self, f"v{r}", valued)
+            setattr(self, slots.valued, valued)
         self.ready = self.ready & ~plan.bit if entry is None else self.ready | plan.bit
 
     def _kept(self, plan: RulePlan, *, everything: bool = False, now: Instant = 0) -> list[Entry]:
         """Return the matches that a rule keeps, the oldest first; `everything` tries the tops that are left before."""
-        r = plan.index
+        slots = plan.slots
         if plan.way is Way.SINGLE:
-            facts = [getattr(self, f"m{r}"), *self._waiting(r)]
+            facts = [getattr(self, slots.match), *self._waiting(plan)]
             return [(fact,) for fact in facts if fact is not None and fact[HELD]]
-        kept: list[Entry] = getattr(self, f"k{r}")
+        kept: list[Entry] = getattr(self, slots.kept)
         if everything:
-            tops = self._waiting(r)
+            tops = self._waiting(plan)
             self.looks = match.LOOKS_MAX
-            self.looking = (r, len(plan.rule.head), len(plan.rule.body)), ()
-            setattr(self, f"q{r}", None)
+            self.looking = (plan.index, len(plan.rule.head), len(plan.rule.body)), ()
+            setattr(self, slots.queue, None)
             for top in tops:
-                setattr(self, f"l{r}", top[SERIAL])
+                setattr(self, slots.last_top, top[SERIAL])
                 if top[HELD]:
-                    self.module.names[f"below{r}"](self, now, top, kept)
+                    self.module.names[plan.functions.below](self, now, top, kept)
             kept.sort(reverse=True)
         return sorted([entry for entry in kept if all(fact[HELD] for fact in entry)])
 
-    def _waiting(self, rule: int) -> list[HeldFact]:
+    def _waiting(self, plan: RulePlan) -> list[HeldFact]:
         """Return the facts in the queue of a rule."""
-        queue = getattr(self, f"q{rule}")
+        queue = getattr(self, plan.slots.queue)
         return [] if queue is None else queue[queue[0] + 1 :]

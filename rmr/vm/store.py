@@ -17,13 +17,13 @@ from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Base, Kind, Predicate, Type
 
 HOLES_MAX = 1024
-"""Facts that may go before a table is written anew: whoever looks for the oldest passes over their places."""
+"""Removals after which a table is rebuilt: a Python dict keeps the holes, and iteration from the front skips them."""
 
 LONG = (Base.STRING, Base.LIST, Base.OPEN)
 """Types of which a program can make ever longer values."""
 
 INDEX_FROM = 12
-"""Facts of a predicate from which on an index is cheaper than looking at each."""
+"""Facts of a predicate from which on probing an index is cheaper than examining each fact."""
 
 Args = tuple[Value, ...]
 
@@ -64,7 +64,7 @@ class Facts(Protocol):
     def __reversed__(self) -> Iterator[Fact]: ...
 
 
-class Table:
+class StoreTable:
     """The facts of one predicate in the order of insertion."""
 
     __slots__ = ("_holes", "_indices", "_known", "_long", "_open", "facts", "linear", "newest")
@@ -100,7 +100,7 @@ class Table:
     def remove(self, fact: Fact) -> None:
         """Drop `fact`."""
         del self.facts[fact.serial]
-        self._holes += 1
+        self._holes += 1  # see HOLES_MAX
         if self._holes > HOLES_MAX:
             self._holes = 0
             self.facts = {each.serial: each for each in self.facts.values()}
@@ -109,7 +109,7 @@ class Table:
         for position, index in self._indices.items():
             bucket = index[fact.args[position]]
             del bucket[fact.serial]
-            if not bucket:
+            if not bucket:  # or an index of ever new values would grow without bound
                 del index[fact.args[position]]
 
     def probe(self, position: int, value: Value) -> Facts:
@@ -121,6 +121,7 @@ class Table:
             index = self._indices[position] = {}
             for fact in self.facts.values():
                 index.setdefault(fact.args[position], {})[fact.serial] = fact
+        # Equal keys in Python (1, 1.0, True) share a bucket; the matcher compares strictly where that matters.
         bucket = index.get(value)
         return bucket.values() if bucket is not None else ()
 
@@ -131,7 +132,7 @@ class Store:
     __slots__ = ("count", "length", "newest", "tables")
 
     def __init__(self, predicates: Sequence[Predicate]) -> None:
-        self.tables = [Table(predicate) for predicate in predicates]
+        self.tables = [StoreTable(predicate) for predicate in predicates]
         self.count = 0
         """How many facts there are."""
         self.length = 0

@@ -12,7 +12,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.vm.bounds import Dropped
 from rmr.vm.derive import Chain
-from rmr.vm.events import ActionDerived, Args
+from rmr.vm.machine_events import ActionDerived, Args
 
 ACTIONS_MAX = 1024
 """Actions of which the end is awaited; beyond that the oldest are forgotten."""

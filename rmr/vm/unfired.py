@@ -8,10 +8,10 @@ from typing import Any
 
 from rmr.vm import once
 from rmr.vm.derive import Chain
-from rmr.vm.generate.layout import HELD, SERIAL
+from rmr.vm.generate.form import HELD, SERIAL
 
 HeldFact = list[Any]
-"""A fact: whether it holds, its serial, its arguments (`rmr.vm.generate.layout`)."""
+"""A fact: whether it holds, its serial, its arguments (`rmr.vm.generate.form`)."""
 
 Entry = tuple[HeldFact, ...]
 """The facts of a match."""

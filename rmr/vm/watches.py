@@ -14,7 +14,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Robot
 from rmr.bytecode.program import Assertion, Kind, Pattern, Program
 from rmr.vm.bounds import Dropped, remember
-from rmr.vm.events import FinishSeen
+from rmr.vm.machine_events import FinishSeen
 from rmr.vm.match import pattern_agrees
 from rmr.vm.patterns import bind, instantiate, key_of, robot_of
 from rmr.vm.shared import Shared
@@ -35,7 +35,7 @@ class Watch(NamedTuple):
     patterns: tuple[Pattern, ...]
 
 
-class Held(NamedTuple):
+class HeldInterval(NamedTuple):
     """A fact, and from when until when it held; a temporary one counts at its insertion alone."""
 
     args: Args
@@ -55,12 +55,12 @@ class Watches:
         self._shared = shared
         self._dropped = dropped
         self._watches: dict[object, Watch] = {}
-        self._recent: dict[int, list[Held]] = {}
+        self._recent: dict[int, list[HeldInterval]] = {}
 
     def inserted(self, now: Instant, predicate: int, args: Args) -> Iterator[FinishSeen]:
         """Yield the news of a fact for those who wait for it; each watch is over with the first."""
         if self._program.predicates[predicate].kind is Kind.TEMPORARY:
-            self._remember(predicate, Held(args, now, now))
+            self._remember(predicate, HeldInterval(args, now, now))
         for key, watch in list(self._watches.items()):
             finish = self._program.assertions[watch.assertion].finish
             if finish.predicate == predicate and pattern_agrees(watch.patterns, args):
@@ -70,7 +70,7 @@ class Watches:
     def removed(self, now: Instant, predicate: int, args: Args, since: Instant) -> None:
         """Remember a sensed fact that holds no longer: a request for the time when it did may be under way."""
         if self._program.predicates[predicate].kind is Kind.SENSED:
-            self._remember(predicate, Held(args, since, now))
+            self._remember(predicate, HeldInterval(args, since, now))
 
     def ask(self, now: Instant, watcher: int, index: int, args: Args, since: Instant) -> FinishSeen | None:
         """Watch for the finish fact of a job that a fact with `args` started at `since`, or return that it is there.
@@ -95,7 +95,7 @@ class Watches:
         self._watches[key] = Watch(Robot(watcher), index, patterns)
         return None
 
-    def _remember(self, predicate: int, fact: Held) -> None:
+    def _remember(self, predicate: int, fact: HeldInterval) -> None:
         remember(self._recent.setdefault(predicate, []), fact, RECENT_MAX)
 
     def _assertion(self, index: int, watcher: int) -> Assertion:
@@ -109,10 +109,10 @@ class Watches:
             raise ValueError(f"the finish fact of assertion {assertion.name} is no other robot's affair")
         return assertion
 
-    def _first(self, predicate: int, patterns: tuple[Pattern, ...], since: Instant) -> Held | None:
+    def _first(self, predicate: int, patterns: tuple[Pattern, ...], since: Instant) -> HeldInterval | None:
         """Return the fact that counted first, of those that hold or are remembered and match."""
         linear = self._program.predicates[predicate].kind is Kind.TEMPORARY
-        held = [] if linear else [Held(args, at, since) for args, at in self._holdings.dated(predicate)]
+        held = [] if linear else [HeldInterval(args, at, since) for args, at in self._holdings.dated(predicate)]
         fits = [
             each
             for each in (*self._recent.get(predicate, ()), *held)

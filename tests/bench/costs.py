@@ -20,8 +20,8 @@ from rmr.base.streams import Choices
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
 from rmr.vm.engines import new_machine
-from rmr.vm.events import ActionDerived
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ActionDerived
 
 KINDS = 10
 """Of things: three rules and five facts each."""

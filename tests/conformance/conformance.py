@@ -10,7 +10,9 @@ from rmr.lang.analyse.folding import Folder
 from rmr.lang.fact_text import read_fact
 from rmr.lang.read.syntax import Literal, Variable
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.events import (
+from rmr.vm.job import TimedJob
+from rmr.vm.machine import FIRING_BUDGET
+from rmr.vm.machine_events import (
     ActionDerived,
     BoundReached,
     ExpressionFailed,
@@ -28,8 +30,6 @@ from rmr.vm.events import (
     RuleRepeats,
     VmEvent,
 )
-from rmr.vm.job import Job
-from rmr.vm.machine import FIRING_BUDGET
 
 Line = dict[str, Any]
 """A line of a script or a trace: JSON."""
@@ -177,5 +177,5 @@ class Case:
         raise AssertionError(event)
 
 
-def _job(job: Job) -> str:
+def _job(job: TimedJob) -> str:
     return f"{job.serial} {job.name}: {job.text}"

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from rmr.eval import columnar, ensemble
+from rmr.eval import column_run, ensemble
 
 pytestmark = pytest.mark.medium
 
@@ -71,7 +71,7 @@ def test_given_facts_come_after_the_stated_goals(bench):
 @pytest.mark.parametrize("firings_max", [4000, 4500, 5999, 6000, 8123])
 def test_a_run_that_fires_without_end_ends_at_the_same_firing_of_the_same_robot(bench, monkeypatch, firings_max):
     monkeypatch.setattr(ensemble, "FIRINGS_MAX", firings_max)
-    monkeypatch.setattr(columnar, "FIRINGS_MAX", firings_max)
+    monkeypatch.setattr(column_run, "FIRINGS_MAX", firings_max)
     machines, columns = both(bench, ENDLESS)
     assert columns == machines
     assert "without an end in sight" in columns[2]
@@ -120,7 +120,7 @@ def columnar_run(program):
     from rmr.eval.topology import read
 
     given, robots = read_given(Wanted(Path(program))), dict.fromkeys((1, 2))
-    return columnar.ColumnRun(given.program, given, Conditions(robots, read("complete", robots)))
+    return column_run.ColumnRun(given.program, given, Conditions(robots, read("complete", robots)))
 
 
 @pytest.mark.parametrize("words", [["check", "--explain", "p.rmr"], ["eval", "p.rmr", "--json"]])

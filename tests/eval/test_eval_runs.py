@@ -6,7 +6,7 @@ import pytest
 from eval_command import actions, facts
 
 from rmr.eval import ensemble
-from rmr.eval.ether import HOPS_AT_ONCE_MAX
+from rmr.eval.eval_ether import HOPS_AT_ONCE_MAX
 
 COUNTERS = """
 type send(robot, int).  type tick(robot, int).  type counted(robot, int).

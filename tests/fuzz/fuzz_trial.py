@@ -19,8 +19,8 @@ from rmr.bytecode.conform import conforms
 from rmr.bytecode.disassemble import disassemble
 from rmr.bytecode.program import ANY, Base, Kind, Program, Type
 from rmr.vm.engines import new_machine
-from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, VmEvent
 from rmr.vm.machine import FACTS_MAX
+from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, VmEvent
 
 FIRINGS_MAX = 12
 """Firings of one run."""

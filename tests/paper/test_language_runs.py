@@ -11,8 +11,8 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode import codec
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_file, compile_source
-from rmr.vm.events import ActionDerived, FactSent, JobFinished, JobMissed, RuleFired, VmEvent
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ActionDerived, FactSent, JobFinished, JobMissed, RuleFired, VmEvent
 
 PROGRAMS = Path(__file__).parents[1] / "programs"
 SEEDS = range(300)

@@ -11,8 +11,8 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode import codec
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Effect, Program
-from rmr.vm.events import GoalAchieved, JobFinished, JobMissed
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import GoalAchieved, JobFinished, JobMissed
 
 SEEDS = 1000
 

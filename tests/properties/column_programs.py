@@ -2,7 +2,7 @@
 
 from random import Random
 
-from rmr.analysis.columnar import obstacles
+from rmr.analysis.column_obstacles import obstacles
 from rmr.base.streams import Choices
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source

@@ -19,7 +19,8 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.bytecode.scope import type_of_value
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.expression_source import condition, expression, narrowed
+from rmr.vm.generate.form import Local
 from rmr.vm.generate.known import LIMITS, Known, of_value
 from rmr.vm.generate.source import Pool, Source
 
@@ -317,7 +318,7 @@ def is_what_is_known(value: Value, known: Known) -> bool:
     return low <= measure <= high
 
 
-NAMES = {slot: f"x{slot}" for slot in range(SLOTS)}
+NAMES = {slot: Local(f"x{slot}") for slot in range(SLOTS)}
 
 
 def check_expression(case: Case) -> int:

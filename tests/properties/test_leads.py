@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from vm_hand import INT, ROBOT, Hand, V, actions, bind, code, guard, machine_of
 
-from rmr.analysis.backwards import Backwards
-from rmr.analysis.levels import Levels
+from rmr.analysis.backward_chaining import Backwards
+from rmr.analysis.goal_levels import Levels
 from rmr.base.values import Robot
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import (

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from vm_hand import Hand
 
-from rmr.analysis.single import several
+from rmr.analysis.at_most_one import several
 from rmr.base.streams import Choices
 from rmr.bytecode.program import Conjunct, Head, Kind, Program
 from rmr.vm.engines import Engine, new_machine

@@ -16,8 +16,8 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Conjunct, Derived, Head, Kind, Operator, Rule
 from rmr.vm import once
 from rmr.vm.engines import Engine
-from rmr.vm.events import FactInserted, FactRemoved
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import FactInserted, FactRemoved
 from rmr.vm.rotor import Rotor
 
 pytestmark = pytest.mark.medium

@@ -3,7 +3,7 @@
 An explanation is data (dataclasses that become JSON as they are); `show` renders it as text. The rules that lead to a
 goal come from `lower.goal_paths`, the actions that serve a time assertion from `lower.servers`: the same answers by
 which robots choose among rules and hold actions back. Whether the program can be run as columns comes from
-`rmr.analysis.columnar`.
+`rmr.analysis.column_obstacles`.
 """
 
 from dataclasses import dataclass

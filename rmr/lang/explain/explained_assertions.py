@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from rmr.analysis.backwards import term_of
+from rmr.analysis.backward_chaining import term_of
 from rmr.bytecode.heads import items
 from rmr.bytecode.program import Assertion, Constant, DeriveAction, Derived, Kind, Pattern, Program, Serving
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts

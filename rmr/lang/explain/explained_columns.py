@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rmr.analysis.columnar import Obstacle, obstacles
+from rmr.analysis.column_obstacles import Obstacle, obstacles
 from rmr.bytecode.program import Program
 from rmr.lang.explain.texts import Spot
 

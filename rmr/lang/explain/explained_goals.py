@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rmr.analysis.backwards import HOME, resolved
+from rmr.analysis.backward_chaining import HOME, resolved
 from rmr.bytecode.program import Constant, InitialFact, InitialGoal, Kind, Program, Slot
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts
 from rmr.lang.lower.goal_paths import GoalPaths, LeadingRank, TooMuch, agrees

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rmr.analysis.backwards import Patterns
+from rmr.analysis.backward_chaining import Patterns
 from rmr.base.values import format_value
 from rmr.bytecode.program import SELF_SLOT, Constant, Pattern, Predicate, Slot
 from rmr.lang.format import one_line

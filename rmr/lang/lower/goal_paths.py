@@ -1,8 +1,8 @@
 """Which rules lead to which goals, and how far they are (paper III.B): worked out before the program runs.
 
 The rank of a firing is the lowest level at which one of the facts that it brings about is wanted
-(`rmr.analysis.levels`). Here the facts are not known, only the rule's patterns, and neither is the robot. So two levels
-are looked for: the lowest at which something that the rule may bring about is possibly wanted, and the lowest at
+(`rmr.analysis.goal_levels`). Here the facts are not known, only the rule's patterns, and neither is the robot. So two
+levels are looked for: the lowest at which something that the rule may bring about is possibly wanted, and the lowest at
 which something that every firing brings about is wanted for certain, on every robot that has the goal. If they
 are the same, it is the rank of every firing; if there is none of the first kind, the rule never leads there; in
 all other cases it depends on the firing, and the robot works it out.
@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from rmr.analysis.backwards import (
+from rmr.analysis.backward_chaining import (
     HOME,
     Backwards,
     Brought,
@@ -27,7 +27,7 @@ from rmr.analysis.backwards import (
     unifier,
     value_key,
 )
-from rmr.analysis.levels import STEPS_MAX, Levels, Reached
+from rmr.analysis.goal_levels import STEPS_MAX, Levels, Reached
 from rmr.base.values import Robot
 from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from rmr.analysis.backwards import (
+from rmr.analysis.backward_chaining import (
     HOME,
     Backwards,
     Derivation,

@@ -20,7 +20,7 @@ from rmr.node.actions.dispatcher import Running
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob as Job
 
 if TYPE_CHECKING:
     from rmr.node.driver import Driver

@@ -50,7 +50,7 @@ from rmr.node.crossing.turn import (
     passage_of,
 )
 from rmr.node.motion.navigator import Navigator
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob as Job
 
 if TYPE_CHECKING:
     from rmr.node.node import Node

@@ -17,7 +17,7 @@ from rmr.node.logic.exchange import Exchange, News, Outcome
 from rmr.node.logic.symbols import symbols_of
 from rmr.node.trace import Level, fact_text
 from rmr.node.wire import Delivery, Role, WireError
-from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
+from rmr.vm.machine_events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
 
 if TYPE_CHECKING:
     from rmr.node.node import Node

@@ -14,7 +14,7 @@ from rmr.node.actions.dispatcher import Running
 from rmr.node.crossing.turn import Turn
 from rmr.node.trace import Level, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.events import (
+from rmr.vm.machine_events import (
     ActionDerived,
     BoundReached,
     ExpressionFailed,

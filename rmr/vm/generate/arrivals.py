@@ -8,9 +8,10 @@ which looks more closely, converts, or refuses it.
 from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.program import Base
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.fact_tables import FactTable
 from rmr.vm.generate.facts import FactWriter
-from rmr.vm.generate.layout import Table
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.form import Assign, Evaluate, If, Statement, Update, tuple_of
 from rmr.vm.generate.source import Pool
 from rmr.vm.outside import Gate
 
@@ -25,34 +26,42 @@ CHECKS = {
 """What makes sure that a value conforms (`rmr.bytecode.conform`); there is nothing as short for lists."""
 
 
-def write_methods(lines: Lines, jobs: bool, timed: int) -> None:
+def write_methods(build: FormBuilder, jobs: bool, timed: int) -> None:
     """Write the machines' methods: `jobs` says that there are time assertions, `timed` which heads ask for the time."""
-    due = "if vm._any_jobs is not None and vm._any_jobs.due"
-    with lines.block("def insert(vm, now, predicate, args):"):
-        lines("vm._now = now", *([f"{due} < now: vm._miss(now - 1)"] if jobs else ()))
-        lines("ARRIVE[predicate](vm, now, args)")
-    with lines.block("def run(vm, now):"):
-        lines("vm._now = now", *([f"{due} < now: vm._miss(now - 1)"] if jobs else ()))
-        with lines.block("if vm.busy:"):
-            lines(*([f"vm.touched |= {timed}"] if timed else ()), "vm._fire(now)")
-        lines(*([f"{due} <= now: vm._miss(now)"] if jobs else ()))
+    due = "vm._any_jobs is not None and vm._any_jobs.due"
+    begin: list[Statement] = [Assign("vm._now", "now")]
+    end: list[Statement] = []
+    if jobs:
+        begin.append(If(f"{due} < now", (Evaluate("vm._miss(now - 1)"),)))
+        end.append(If(f"{due} <= now", (Evaluate("vm._miss(now)"),)))
+    with build.function("insert", "vm", "now", "predicate", "args"):
+        build(*begin, Evaluate("ARRIVE[predicate](vm, now, args)"))
+    with build.function("run", "vm", "now"):
+        build(*begin)
+        with build.when("vm.busy"):
+            if timed:
+                build(Update("vm.touched", "|", str(timed)))
+            build(Evaluate("vm._fire(now)"))
+        build(*end)
 
 
-def write_arrival(lines: Lines, table: Table, pool: Pool, gate: Gate, facts: FactWriter) -> str:
+def write_arrival(build: FormBuilder, table: FactTable, pool: Pool, gate: Gate, facts: FactWriter) -> str:
     """Write the function for the facts of a predicate that is no action and return its name."""
-    index, name = table.index, f"arrive{table.index}"
+    index = table.index
+    name = table.functions.arrive
     names = [f"a{place}" for place in range(table.arity)]
     checked = f"{pool.helper('gate', gate)}.fact({index}, args)"
     for helper, thing in (("Robot", Robot), ("Symbol", Symbol)):
         pool.helper(helper, thing)
     checks = [CHECKS.get(kind.base, "").format(name) for kind, name in zip(table.predicate.types, names, strict=True)]
-    with lines.block(f"def {name}(vm, now, args):"):
+    each = tuple_of(names)
+    with build.function(name, "vm", "now", "args"):
         if not names:
-            lines(f"if args: {checked}")
+            build(If("args", (Evaluate(checked),)))
         elif all(checks):
-            lines(f"if len(args) != {len(names)}: {checked}", f"{', '.join(names)}, = args")
-            lines(f"if not ({' and '.join(checks)}): {', '.join(names)}, = {checked}")
+            build(If(f"len(args) != {len(names)}", (Evaluate(checked),)), Assign(each, "args"))
+            build(If(f"not ({' and '.join(checks)})", (Assign(each, checked),)))
         else:
-            lines(f"{', '.join(names)}, = {checked}")
+            build(Assign(each, checked))
         facts.insertion(index, names)
     return name

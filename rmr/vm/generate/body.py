@@ -1,21 +1,36 @@
-"""The search for the matches of a body, written as nested loops (paper III.D).
+"""The search for the matches of a body, generated as nested loops (paper III.D).
 
-The conjuncts stand one in another in a given order. Each positive atom is a loop over the facts among which all
-that match must be, oldest first: all of a predicate, or what an index has for the values that are bound. Conditions
-stand as soon as what they need is bound and leave out the rest of the turn.
+The conjuncts are nested in a given order. A positive atom becomes a loop over candidate facts, oldest first: all facts
+of the predicate, or an index bucket for the bound arguments. If all arguments of a set are bound, a look-up takes the
+place of the loop. A condition becomes a test that skips the rest of the iteration.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from rmr.bytecode.arithmetic import NoValue, same
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import SELF_SLOT, Atom, Base, Bind, Code, Conjunct, Guard, Mode, Predicate, Slot, Type
 from rmr.vm import match
-from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.expression_source import condition, expression, narrowed
+from rmr.vm.generate.fact_tables import FactTable, Positions, candidates, index_key
+from rmr.vm.generate.form import (
+    Assign,
+    Break,
+    Column,
+    Continue,
+    Evaluate,
+    If,
+    Local,
+    Loop,
+    Reference,
+    Statement,
+    Try,
+    column,
+)
 from rmr.vm.generate.known import Known
-from rmr.vm.generate.layout import SERIAL, Positions, Table, candidates, column, index_key
-from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import AtomStep, plan_atom
 
@@ -26,24 +41,27 @@ Placed = tuple[int, Conjunct]
 """A conjunct and its place in the body's text."""
 
 
-class Slots:
+class BoundSlots:
     """What a generated function has in a rule's slots."""
 
-    def __init__(self, outer: "Slots | None" = None) -> None:
+    def __init__(self, outer: "BoundSlots | None" = None) -> None:
         """Begin with the robot itself, or with all that is bound in `outer`."""
-        self.names: dict[int, str] = dict(outer.names) if outer else {SELF_SLOT: ME}
+        self.names: dict[int, Reference] = dict(outer.names) if outer else {SELF_SLOT: Local(ME)}
         self.known: dict[int, Known] = dict(outer.known) if outer else {SELF_SLOT: Known(Type(Base.ROBOT))}
+        """What is known of the values where the next conjunct stands, behind the conditions before it."""
+        self.declared: dict[int, Known] = dict(self.known)
+        """What is known of the values that atoms bind by the declarations alone."""
 
     def expression(self, code: Code, pool: Pool) -> Source:
         """Return the source of an expression."""
         return expression(code, self.names, self.known, pool)
 
-    def bind(self, step: AtomStep, table: Table, text: Callable[[int], str]) -> None:
-        """Bind what an atom binds; `text` returns where the argument at a position stands."""
+    def bind(self, step: AtomStep, table: FactTable, argument: Callable[[int], Reference]) -> None:
+        """Bind the slots that an atom binds; `argument` returns the expression of the argument at a position."""
         for position, slot in step.binds:
             kind = table.predicate.types[position]
-            self.names[slot] = text(position)
-            self.known[slot] = Known(None if kind.base is Base.OPEN else kind)
+            self.names[slot] = argument(position)
+            self.known[slot] = self.declared[slot] = Known(None if kind.base is Base.OPEN else kind)
 
 
 class Body:
@@ -51,22 +69,23 @@ class Body:
 
     def __init__(
         self,
-        lines: Lines,
+        build: FormBuilder,
         pool: Pool,
-        tables: Sequence[Table],
-        slots: Slots,
-        leave: str,
+        tables: Sequence[FactTable],
+        slots: BoundSlots,
+        leave: Statement,
         *,
         fact: str = "f",
         may_index: bool = True,
         counted: bool = True,
     ) -> None:
-        """`leave` leaves the function, or the loop, in which the search stands; `fact` begins the names of its facts.
+        """Begin a search in the block that `build` has open.
 
-        Only if it `may_index` it uses indices that are not laid out yet. Facts looked at are `counted` unless there
-        cannot be too many.
+        `leave` is the statement that leaves the function or loop around the search, `fact` the prefix of its fact
+        variables. With `may_index` the search may demand new indices. `counted`: facts that are examined count
+        against the budget of the search, which is needed unless one atom alone is searched.
         """
-        self.lines = lines
+        self.build = build
         self.pool = pool
         self.tables = tables
         self.slots = slots
@@ -83,23 +102,23 @@ class Body:
         self._loops: list[tuple[int, int]] = []
         """Of the loops: how far in their insides stand, the atom's place."""
 
-    def told(self, place: int) -> str | None:
-        """Return the call that tells of ``reason``, the NoValue of the conjunct at `place`; None: let it rise."""
+    def told(self, place: int) -> Evaluate | None:
+        """Return the call that reports ``reason``, the NoValue of the conjunct at `place`; None: let it propagate."""
         del place
         return None
 
     def stop(self, place: int, fact: str) -> str | None:
-        """Return the condition on which neither `fact` nor any later one is of interest to the atom at `place`."""
+        """Return the condition on which the atom at `place` takes neither `fact` nor a later one."""
         del place, fact
         return None
 
     def passed_over(self, atom: Atom, fact: str) -> str | None:
-        """Return on which further condition an atom does not take a fact."""
+        """Return a condition, beside the match itself, on which an atom does not take a fact."""
         del atom, fact
         return None
 
     def spent(self, place: int) -> str | None:
-        """Return on which condition nothing more can come of the facts found before the atom at `place`."""
+        """Return the condition on which the facts found before the atom at `place` cannot lead to another match."""
         del place
         return None
 
@@ -112,7 +131,7 @@ class Body:
 
     def seek(self, order: Sequence[Placed], leaf: Callable[[], None]) -> None:
         """Write the search for `order`; `leaf` writes what is done with each match."""
-        with self.lines.level():
+        with self.build.level():
             for place, conjunct in order:
                 if isinstance(conjunct, Guard):
                     self._guard(place, conjunct)
@@ -123,13 +142,11 @@ class Body:
                 else:
                     self._atom(place, conjunct)
             leaf()
-            if self.lines.is_open:
-                self.lines("pass")
             for depth, place in reversed(self._loops):
                 spent = self.spent(place)
                 if spent is not None:
-                    self.lines.depth = depth
-                    self.lines(f"if {spent}: break")
+                    self.build.close(depth)
+                    self.build(If(spent, (Break(),)))
 
     @property
     def found(self) -> list[str]:
@@ -137,7 +154,7 @@ class Body:
         return [self.facts[place] for place in sorted(self.facts)]
 
     @property
-    def skip(self) -> str:
+    def skip(self) -> Statement:
         """The statement that leaves out the rest of the turn."""
         return self._skip
 
@@ -147,71 +164,71 @@ class Body:
 
     def _guard(self, place: int, guard: Guard) -> None:
         source = condition(guard.code, self.slots.names, self.slots.known, self.pool)
-        self._trying(place, source, f"if not {source.text}: {self._skip}")
+        self._trying(place, source, If(f"not {source.text}", (self._skip,)))
         self.slots.known.update(narrowed(guard.code, self.slots.known))
 
     def _bind(self, place: int, bind: Bind) -> None:
         source = self.slots.expression(bind.code, self.pool)
         if bind.slot in self.slots.names:
-            equal = f"{self.pool.helper('same', same)}({self.slots.names[bind.slot]}, {source.text})"
-            self._trying(place, source, f"if not {equal}: {self._skip}")
+            equal = f"{self.pool.helper('same', same)}({self.slots.names[bind.slot].text}, {source.text})"
+            self._trying(place, source, If(f"not {equal}", (self._skip,)))
             return
         name = f"b{bind.slot}"
-        self._trying(place, source, f"{name} = {source.text}")
-        self.slots.names[bind.slot] = name
+        self._trying(place, source, Assign(name, source.text))
+        self.slots.names[bind.slot] = Local(name)
         self.slots.known[bind.slot] = source.known
 
-    def _trying(self, place: int, source: Source, line: str) -> None:
+    def _trying(self, place: int, source: Source, statement: Statement) -> None:
         told = self.told(place) if source.fails else None
         if told is None:
-            self.lines(line)
+            self.build(statement)
             return
         no_value = self.pool.helper("NoValue", NoValue)
-        self.lines("try:", f" {line}", f"except {no_value} as reason:", f" {told}", f" {self._skip}")
+        self.build(Try(no_value, "reason", (told, self._skip), (statement,)))
 
     def _atom(self, place: int, atom: Atom) -> None:
-        lines, table = self.lines, self.tables[atom.predicate]
+        build = self.build
+        table = self.tables[atom.predicate]
         step = plan_atom(atom, self._predicates, self.slots.names)
         fact = f"{self._fact}{place}"
         key = self._member(step, table)
         if key is not None:
-            lines(f"{fact} = {table.name}.get({key})", f"if {fact} is None: {self._skip}")
+            build(Assign(fact, f"{table.name}.get({key})"), If(f"{fact} is None", (self._skip,)))
             stop = self.stop(place, fact)
             if stop is not None:
-                lines(f"if {stop}: {self._skip}")
+                build(If(stop, (self._skip,)))
         else:
             facts, sure = self._candidates(step, table)
-            lines(f"for {fact} in {facts}:")
-            lines.enter()
-            self._loops.append((lines.depth, place))
-            self._skip = "continue"
+            build.open(partial(Loop, fact, facts))
+            self._loops.append((build.depth, place))
+            self._skip = Continue()
             stop = self.stop(place, fact)
             if stop is not None:
-                lines(f"if {stop}: break")
+                build(If(stop, (Break(),)))
             self._test(step, fact, self._others(atom, fact), sure)
         self._found(place, step, table, fact)
 
     def _absent(self, atom: Atom) -> None:
-        lines, table = self.lines, self.tables[atom.predicate]
+        build = self.build
+        table = self.tables[atom.predicate]
         step = plan_atom(atom, self._predicates, self.slots.names)
         key = self._member(step, table)
         if key is not None:
-            lines(f"if {key} in {table.name}: {self._skip}")
+            build(If(f"{key} in {table.name}", (self._skip,)))
             return
         facts, sure = self._candidates(step, table)
         tests = self._tests(step, "g", sure)
         passed_over = self.passed_over(atom, "g")
         if passed_over is not None:
             tests.append(passed_over)
-        with lines.block(f"for g in {facts}:"):
-            lines(f"if not ({' or '.join(tests)}): break" if tests else "break")
-        lines("else:")
-        lines.enter()
+        build(Loop("g", facts, (If(f"not ({' or '.join(tests)})", (Break(),)) if tests else Break(),)))
+        build.open_otherwise()  # reached if no fact refutes the ``not``: the rest of the search stands there
 
     def _others(self, atom: Atom, fact: str) -> list[str]:
         """Return the conditions on which a fact is not taken although it matches."""
         others: list[str] = []
         if atom.mode is not Mode.READ:
+            # Two conjuncts never take the same temporary fact.
             others += [f"{fact} is {self.facts[place]}" for place, other in self._places if other == atom.predicate]
         passed_over = self.passed_over(atom, fact)
         if passed_over is not None:
@@ -221,38 +238,39 @@ class Body:
     def _test(self, step: AtomStep, fact: str, others: Sequence[str] = (), sure: Positions = ()) -> None:
         tests = [*self._tests(step, fact, sure), *others]
         if tests:
-            self.lines(f"if {' or '.join(tests)}: {self._skip}")
+            self.build(If(" or ".join(tests), (self._skip,)))
 
     def _tests(self, step: AtomStep, fact: str, sure: Positions = ()) -> list[str]:
         """Return the conditions on which a fact does not match; at the positions `sure` it does."""
         bound = [(position, self.pool.constant(value)) for position, value in step.tests]
-        bound += [(position, self.slots.names[slot]) for position, slot in step.joins]
+        bound += [(position, self.slots.names[slot].text) for position, slot in step.joins]
         pairs = [(column(fact, position), text) for position, text in bound if position not in sure]
         pairs += [(column(fact, position), column(fact, other)) for position, other in step.twins]
         if step.strict:
             return [f"not {self.pool.helper('same', same)}({one}, {other})" for one, other in pairs]
         return [f"{one} != {other}" for one, other in pairs]
 
-    def _found(self, place: int, step: AtomStep, table: Table, fact: str) -> None:
+    def _found(self, place: int, step: AtomStep, table: FactTable, fact: str) -> None:
         self.facts[place] = fact
         self._places.append((place, step.predicate))
-        self.slots.bind(step, table, lambda position: column(fact, position))
+        self.slots.bind(step, table, lambda position: Column(fact, position))
 
     def _values(self, step: AtomStep) -> dict[int, str]:
         """Return the texts of the arguments that are bound, by position."""
         values = {position: self.pool.constant(value) for position, value in step.tests}
-        values.update({position: self.slots.names[slot] for position, slot in step.joins})
+        values.update({position: self.slots.names[slot].text for position, slot in step.joins})
         return values
 
-    def _member(self, step: AtomStep, table: Table) -> str | None:
+    def _member(self, step: AtomStep, table: FactTable) -> str | None:
         """Return the key of the one fact of a set that can match, if all is bound."""
         values = self._values(step)
         if table.linear or step.strict or len(values) < table.arity:
-            return None
+            return None  # temporary facts are a multiset; equal values of open types may be different ones
         return table.key(self.pool, [values[position] for position in range(table.arity)])
 
-    def _candidates(self, step: AtomStep, table: Table) -> tuple[str, Positions]:
+    def _candidates(self, step: AtomStep, table: FactTable) -> tuple[str, Positions]:
         """Return facts, oldest first, among them all that match, and at which positions they surely do."""
+        # An index on joined slots is selective and shared by rules; constants alone are indexed only without joins.
         joins = [position for position, _ in step.joins]
         positions = tuple(sorted(joins or [position for position, _ in step.tests]))
         if not positions or table.queued or not (self._may_index or positions in table.indices):
@@ -261,6 +279,7 @@ class Body:
         key = index_key(positions, [values[position] for position in positions])
         text = candidates(table, positions, key, counted=self._counted)
         self.uses.setdefault(table.indices[positions])
+        # A bucket holds what Python calls equal: with open types (strict) the columns must be compared all the same.
         return text, () if step.strict else positions
 
 
@@ -269,19 +288,19 @@ def positives(body: Sequence[Conjunct]) -> list[tuple[int, Atom]]:
     return [(i, each) for i, each in enumerate(body) if isinstance(each, Atom) and each.mode is not Mode.ABSENT]
 
 
-def loads(body: Body) -> list[str]:
-    """Return what puts the indices that a search probes into variables."""
-    return [f"{name} = vm.{name}" for name in body.uses]
+def loads(body: Body) -> list[Statement]:
+    """Return the statements that load the indices that a search probes into variables."""
+    return [Assign(name, f"vm.{name}") for name in body.uses]
 
 
-def begun(pool: Pool, part: tuple[int, int, int], facts: str | None = None) -> str:
-    """Return the statement before a search.
+def begun(pool: Pool, part: tuple[int, int, int], facts: str | None = None) -> list[Statement]:
+    """Return the statements before a search, which begin to count the facts that it looks at.
 
     `part` is the rule, the part of it and the step that the end of a body stands for, `facts` those found before.
     """
     pool.globals["counted"] = counted
     looking = pool.object((part, ())) if facts is None else f"({pool.object(part)}, {facts})"
-    return f"vm.looks = {match.LOOKS_MAX}; vm.looking = {looking}"
+    return [Assign("vm.looks", str(match.LOOKS_MAX)), Assign("vm.looking", looking)]
 
 
 def counted(vm: Any, facts: Any) -> Any:
@@ -293,11 +312,6 @@ def counted(vm: Any, facts: Any) -> Any:
         vm.give_up()
         return ()
     return facts
-
-
-def serial(fact: str) -> str:
-    """Return where a fact has its serial."""
-    return f"{fact}[{SERIAL}]"
 
 
 def slots_of(conjunct: Conjunct) -> set[int]:

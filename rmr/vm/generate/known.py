@@ -65,7 +65,8 @@ FLOAT = Type(Base.FLOAT)
 def within(kind: Type, bounds: Bounds) -> Known:
     """Return what is known of a value of `kind` within `bounds`, as far as they say more than the type."""
     least, most = LIMITS[kind.base]
-    low, high = max(bounds[0], least), min(bounds[1], most)
+    low = max(bounds[0], least)
+    high = min(bounds[1], most)
     if low > high or (low, high) == (least, most):
         return Known(kind)
     return Known(kind, float(low), float(high)) if kind.base is Base.FLOAT else Known(kind, low, high)

@@ -10,17 +10,20 @@ from typing import Any
 
 from rmr.base.time import Instant
 from rmr.bytecode.program import Kind, Program
-from rmr.vm.generate.again import AgainWriter
 from rmr.vm.generate.arrivals import write_arrival, write_methods
-from rmr.vm.generate.derive import HeadWriter
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.fact_tables import FactTable, tables_of, write_probes
 from rmr.vm.generate.facts import FactWriter, mask
-from rmr.vm.generate.heads import write_bindings, written_items
-from rmr.vm.generate.layout import Table, column, tables_of, write_probes
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.form import Assign, AssignAll, Block, Define, Evaluate, column
+from rmr.vm.generate.head_functions import HeadWriter
+from rmr.vm.generate.head_items import write_bindings, written_items
 from rmr.vm.generate.loop import LoopWriter
+from rmr.vm.generate.match_search import SearchWriter
 from rmr.vm.generate.plan import RulePlan, Way
-from rmr.vm.generate.search import SearchWriter
+from rmr.vm.generate.rematch import RematchWriter
 from rmr.vm.generate.source import Pool
+from rmr.vm.generate.state_layout import VM
+from rmr.vm.generate.writer import text_of
 from rmr.vm.outside import Gate
 from rmr.vm.shared import shared_of
 from rmr.vm.store import Args
@@ -42,23 +45,22 @@ class Module:
         self.plans = [RulePlan(program, index, self.tables) for index in range(len(program.rules))]
         for plan in self.plans:
             plan.valued = self._is_valued(plan)
-        facts = FactWriter(Lines(), self.pool, self.tables, self.plans)
+        facts = FactWriter(FormBuilder(), self.pool, self.tables, self.plans)
         for table in self.tables:
             table.queued = facts.is_queued(table.index)
         self.names: dict[str, Any] = self.pool.globals
         self.sources: list[str] = []
         """What Python has made functions of so far: for who wants to read it."""
-        self._waiting: dict[int, str] = {}
-        """By rule, the source of its own functions, until it is needed."""
+        self._waiting: dict[int, Block] = {}
+        """By rule, its own functions, until they are needed."""
         self.names["FIND"] = {
-            plan.bit: self._first(self.search, plan.index, f"find{plan.index}") for plan in self.plans
+            plan.bit: self._first(self.search, plan.index, plan.functions.find) for plan in self.plans
         }
         self.names["FIRE"] = {
-            plan.bit: self._first(self.search, plan.index, f"fire{plan.index}") for plan in self.plans
+            plan.bit: self._first(self.search, plan.index, plan.functions.fire) for plan in self.plans
         }
-        predicates = range(len(program.predicates))
-        self.add = [self._first(self.change, predicate, f"add{predicate}") for predicate in predicates]
-        self.remove = [self._first(self.change, predicate, f"remove{predicate}") for predicate in predicates]
+        self.add = [self._first(self.change, table.index, table.functions.add) for table in self.tables]
+        self.remove = [self._first(self.change, table.index, table.functions.remove) for table in self.tables]
         self._changing: set[int] = set()
         self.names["ARRIVE"] = Arrivals(self, shared_of(program).gate)
         self._compile(self._write())
@@ -67,7 +69,7 @@ class Module:
         self.reset = self.names["reset"]
         self.readers = [facts.readers(predicate) for predicate in range(len(program.predicates))]
         """By predicate: the rules that name it in a body."""
-        self.at_first = mask([plan for plan in self.plans if plan.way is Way.AGAIN])
+        self.at_first = mask([plan for plan in self.plans if plan.way is Way.REMATCH])
         """The rules that may be satisfied though no fact has come."""
         self.all_rules = mask(self.plans)
         self.slots: list[str] = self._slots
@@ -77,26 +79,28 @@ class Module:
 
     def search(self, rule: int) -> None:
         """Make the functions that look for a rule's matches, and the one in which it fires, unless they are there."""
-        source = self._waiting.pop(rule, None)
-        if source is not None:
-            plan, lines = self.plans[rule], Lines()
-            loop = self._loop(lines)
+        waiting = self._waiting.pop(rule, None)
+        if waiting is not None:
+            plan = self.plans[rule]
+            build = FormBuilder()
+            loop = self._loop(build)
             if not loop.is_in_loop:
                 loop.write_rule(plan)
-            self._compile(source + lines.text)
-            self.names["FIND"][plan.bit] = self.names[f"find{rule}"]
-            self.names["FIRE"][plan.bit] = self.names[f"fire{rule}"]
+            self._compile((*waiting, *build.statements))
+            self.names["FIND"][plan.bit] = self.names[plan.functions.find]
+            self.names["FIRE"][plan.bit] = self.names[plan.functions.fire]
 
     def change(self, predicate: int) -> None:
         """Make the functions that insert and remove facts of a predicate, unless they are there."""
         if predicate in self._changing:
             return
         self._changing.add(predicate)
-        lines = Lines()
-        self._facts(lines).functions(predicate)
-        self._compile(lines.text)
-        self.add[predicate] = self.names[f"add{predicate}"]
-        self.remove[predicate] = self.names[f"remove{predicate}"]
+        build = FormBuilder()
+        self._facts(build).functions(predicate)
+        self._compile(build.statements)
+        functions = self.tables[predicate].functions
+        self.add[predicate] = self.names[functions.add]
+        self.remove[predicate] = self.names[functions.remove]
 
     def rows(self, facts: Iterable[tuple[int, Args]]) -> list[tuple[int, list[Args]]]:
         """Return `facts` in their order, those of one predicate that stand together in one list."""
@@ -114,12 +118,12 @@ class Module:
 
     def several(self, predicate: int) -> Callable[..., None]:
         """Return the function that inserts many facts of a predicate."""
-        name = f"several{predicate}"
+        name = self.tables[predicate].functions.several
         if name not in self.names:
             self.change(predicate)
-            lines = Lines()
-            self._facts(lines).several(predicate)
-            self._compile(lines.text)
+            build = FormBuilder()
+            self._facts(build).several(predicate)
+            self._compile(build.statements)
         function: Callable[..., None] = self.names[name]
         return function
 
@@ -129,22 +133,23 @@ class Module:
             return
         self._slow.add(rule)
         self.search(rule)
-        lines = Lines()
-        if self.plans[rule].way is not Way.AGAIN:
-            AgainWriter(self.plans[rule], lines, self.pool, self.tables, index=False).write()
-        HeadWriter(self.program, rule, lines, self.pool, self.tables, calls=False).write()
-        self._compile(lines.text)
+        build = FormBuilder()
+        if self.plans[rule].way is not Way.REMATCH:
+            RematchWriter(self.plans[rule], build, self.pool, self.tables, index=False).write()
+        HeadWriter(self.program, rule, build, self.pool, self.tables, calls=False).write()
+        self._compile(build.statements)
 
-    def arrival(self, table: Table, gate: Gate) -> Callable[[Any, Instant, Args], None]:
+    def arrival(self, table: FactTable, gate: Gate) -> Callable[[Any, Instant, Args], None]:
         """Return the function that checks and inserts facts from outside."""
-        lines = Lines()
-        name = write_arrival(lines, table, self.pool, gate, self._facts(lines))
-        self._compile(lines.text)
+        build = FormBuilder()
+        name = write_arrival(build, table, self.pool, gate, self._facts(build))
+        self._compile(build.statements)
         arrive: Callable[[Any, Instant, Args], None] = self.names[name]
         return arrive
 
-    def _compile(self, source: str) -> None:
-        """Let Python make functions of `source`."""
+    def _compile(self, functions: Block) -> None:
+        """Let Python make functions of the form."""
+        source = text_of(functions)
         self.sources.append(source)
         exec(compile(source, "<rules>", "exec"), self.names)
 
@@ -158,68 +163,59 @@ class Module:
         self.names[name] = first
         return first
 
-    def _facts(self, lines: Lines) -> FactWriter:
-        return FactWriter(lines, self.pool, self.tables, self.plans)
+    def _facts(self, build: FormBuilder) -> FactWriter:
+        return FactWriter(build, self.pool, self.tables, self.plans)
 
-    def _loop(self, lines: Lines) -> LoopWriter:
-        return LoopWriter(self.program, lines, self.pool, self.tables, self.plans, self._facts(lines))
+    def _loop(self, build: FormBuilder) -> LoopWriter:
+        return LoopWriter(self.program, build, self.pool, self.tables, self.plans, self._facts(build))
 
     def _is_valued(self, plan: RulePlan) -> bool:
-        if plan.way is Way.AGAIN:
+        if plan.way is Way.REMATCH:
             return True
-        lines, pool = Lines(), Pool()
-        slots = write_bindings(lines, pool, plan.rule, self.tables, plan.facts)
+        build = FormBuilder()
+        pool = Pool()
+        slots = write_bindings(build, pool, plan.rule, self.tables, plan.facts)
         chains = written_items(plan.rule, slots, self.program, pool, self.tables)
         return chains is None or any(item.fails for chain in chains for item in chain)
 
-    def _write(self) -> str:
-        lines = Lines()
-        facts = self._facts(lines)
+    def _write(self) -> Block:
+        build = FormBuilder()
+        facts = self._facts(build)
         for plan in self.plans:
             self._waiting[plan.index] = self._search(plan, facts)
-        self._loop(lines).write()
-        write_probes(lines, self.tables)
-        self._write_reset(lines)
+        self._loop(build).write()
+        write_probes(build, self.tables)
+        self._write_reset(build)
         timed = mask([plan for plan in self.plans if plan.timed])
-        write_methods(lines, bool(self.program.assertions), timed)
-        return lines.text
+        write_methods(build, bool(self.program.assertions), timed)
+        return build.statements
 
-    def _search(self, plan: RulePlan, facts: FactWriter) -> str:
-        """Return the source of a rule's own functions; what indices they need is laid out with that."""
-        lines = Lines()
-        search = SearchWriter(plan, lines, self.pool, self.tables)
+    def _search(self, plan: RulePlan, facts: FactWriter) -> Block:
+        """Return a rule's own functions; what indices they need is laid out with that."""
+        build = FormBuilder()
+        search = SearchWriter(plan, build, self.pool, self.tables)
         search.write()
-        if plan.way is Way.AGAIN:
-            AgainWriter(plan, lines, self.pool, self.tables, index=True).write()
-            lines(f"def find{plan.index}(vm, now): vm.again({plan.index}, now)")
+        if plan.way is Way.REMATCH:
+            RematchWriter(plan, build, self.pool, self.tables, index=True).write()
+            build(Define(plan.functions.find, ("vm", "now"), (Evaluate(f"vm.rematch({plan.index}, now)"),)))
         else:
             atom = plan.atoms[0][1]
             columns = [column("f", i) for i in range(self.tables[atom.predicate].arity)]
             search.write_restart(facts.tests(atom, columns))
         if plan.valued:
-            HeadWriter(self.program, plan.index, lines, self.pool, self.tables, calls=True).write()
-        return lines.text
+            HeadWriter(self.program, plan.index, build, self.pool, self.tables, calls=True).write()
+        return build.statements
 
-    def _write_reset(self, lines: Lines) -> None:
-        nothing: list[str] = []
-        zero = []
-        for plan in self.plans:
-            r = plan.index
-            if plan.way is Way.SINGLE:
-                nothing += [f"m{r}", f"q{r}"]
-            else:
-                nothing.append(f"k{r}")
-            if plan.valued:
-                nothing.append(f"v{r}")
-            if plan.way is Way.JOIN:
-                nothing += [f"q{r}", f"c{r}", *[f"n{r}_{place}" for place, _ in plan.atoms[1:]]]
-                zero += [f"l{r}", f"w{r}"]
+    def _write_reset(self, build: FormBuilder) -> None:
+        nothing = [name for plan in self.plans for name in plan.empty_slots]
         nothing += [name for table in self.tables for name in table.indices.values()]
-        self._slots = [*nothing, *zero, *[f"t{table.index}" for table in self.tables]]
-        with lines.block("def reset(vm):"):
-            lines("".join([f"vm.{name} = " for name in nothing]) + "None")
-            lines("".join([f"vm.{name} = " for name in zero]) + "0")
-            lines(*[f"{table.name} = {'[]' if table.queued else '{}'}" for table in self.tables])
+        zero = [name for plan in self.plans for name in plan.zero_slots]
+        self._slots = [*nothing, *zero, *[table.slot for table in self.tables]]
+        with build.function("reset", "vm"):
+            for names, value in ((nothing, "None"), (zero, "0")):
+                if names:
+                    build(AssignAll(tuple([f"{VM}{name}" for name in names]), value))
+            build(*[Assign(table.name, "[]" if table.queued else "{}") for table in self.tables])
 
 
 class Arrivals(dict[int, Callable[[Any, Instant, Args], None]]):

@@ -85,7 +85,8 @@ def _narrow(known: dict[int, Known], node: Tree, op: Op, other: Bounds | None) -
     measure = _measure(node)
     if measure is None or known.get(measure.slot, NOTHING).base not in measure.bases:
         return
-    slot, offset = measure.slot, measure.offset
+    slot = measure.slot
+    offset = measure.offset
     if offset:
         known[slot] = at_least(at_most(known[slot], INT_MAX - offset), INT_MIN - offset)
     if other is None or (offset and not all(type(bound) is int for bound in other)):

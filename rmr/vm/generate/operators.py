@@ -9,6 +9,7 @@ from rmr.bytecode import arithmetic
 from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Type
+from rmr.vm.generate.form import Equality
 from rmr.vm.generate.known import (
     BOOL,
     FLOAT,
@@ -47,6 +48,9 @@ CLASSES: dict[Base, tuple[str, type]] = {
     Base.SYMBOL: ("Symbol", Symbol),
 }
 """Types whose values equal only values of the same type: their Python classes, by name."""
+
+DISTINCT = (int, Symbol, Robot)
+"""Types of constants of which an expression equals at most one."""
 
 
 def binary(op: Op, left: Source, right: Source, pool: Pool) -> Source:
@@ -102,7 +106,8 @@ def in_range(text: str, kind: Type, bounds: Bounds, *operands: Source, pool: Poo
     """Return the number `text` of type `kind`, checked unless it is known to be in range."""
     known = within(kind, bounds)
     lowest, highest = (-FLOAT_MAX, FLOAT_MAX) if kind.base is Base.FLOAT else (INT_MIN, INT_MAX)
-    low, high = bounds[0] >= lowest, bounds[1] <= highest
+    low = bounds[0] >= lowest
+    high = bounds[1] <= highest
     if low and high:
         return Source(f"({text})", known, fails(*operands))
     name = pool.temporary()
@@ -160,7 +165,9 @@ def _division(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 
 def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> Source:
-    text, one, other = f"{left.text} {SIGNS[op]} {right.text}", left.known.bounds, right.known.bounds
+    text = f"{left.text} {SIGNS[op]} {right.text}"
+    one = left.known.bounds
+    other = right.known.bounds
     if op is Op.DIV:
         return in_range(text, FLOAT, quotient(one, other, whole=whole), left, right, pool=pool)
     kind = kind_of(left, right)
@@ -170,12 +177,14 @@ def _divided(op: Op, left: Source, right: Source, whole: bool, pool: Pool) -> So
 
 def _joined(left: Source, right: Source, pool: Pool) -> Source:
     """Return two lists as one; of items without inside only the number can be too large."""
-    one, other = left.known, right.known
+    one = left.known
+    other = right.known
     assert one.type is not None
     assert other.type is not None
     low, high = RESULTS[Op.ADD](one.bounds, other.bounds)
     known = within(common(one.type, other.type) or Type(Base.LIST), (low, high))
-    text, built = f"{left.text} + {right.text}", pool.helper("built", arithmetic.built)
+    text = f"{left.text} + {right.text}"
+    built = pool.helper("built", arithmetic.built)
     if not (_is_flat(one.element) and _is_flat(other.element)):
         return Source(f"{built}({text})", known, True)
     if high <= LENGTH_MAX:
@@ -191,26 +200,29 @@ def _is_flat(kind: Type | None) -> bool:
 
 def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | None:
     """Return a test whether operands of which nothing is known are ints, and the text of both behind the test."""
-    one, other = left.known.base, right.known.base
+    one = left.known.base
+    other = right.known.base
     if one is Base.OPEN and other is Base.OPEN:
         (first, again), (second, second_again) = pool.held(left), pool.held(right)
         return f"type({first}) is type({second}) is int", again, second_again
-    if (one, other) == (Base.OPEN, Base.INT) and pool.is_repeatable(right):
+    if (one, other) == (Base.OPEN, Base.INT) and right.repeatable:
         first, again = pool.held(left)
         return f"type({first}) is int", again, right.text
-    if (one, other) == (Base.INT, Base.OPEN) and pool.is_repeatable(left):
+    if (one, other) == (Base.INT, Base.OPEN) and left.repeatable:
         second, again = pool.held(right)
         return f"type({second}) is int", left.text, again
     return None
 
 
 def _equal(op: Op, left: Source, right: Source, pool: Pool) -> Source:
-    one, other = left.known.type or Type(Base.OPEN), right.known.type or Type(Base.OPEN)
+    one = left.known.type or Type(Base.OPEN)
+    other = right.known.type or Type(Base.OPEN)
     failing = fails(left, right)
     if comparable(one, other):
-        return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, failing)
+        equality = Equality(left.text, right.text) if op is Op.EQ and type(right.constant) in DISTINCT else None
+        return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, failing, equality=equality)
     if different(one, other) and not failing:
-        return Source(str(op is Op.NE), BOOL, False)
+        return Source(str(op is Op.NE), BOOL, False, repeatable=True)
     return Source(_same(op, left, right, pool), BOOL, failing)
 
 
@@ -229,7 +241,8 @@ def _same(op: Op, left: Source, right: Source, pool: Pool) -> str:
 
 
 def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
-    one, other = left.known.base, right.known.base
+    one = left.known.base
+    other = right.known.base
     if (one in NUMBERS and other in NUMBERS) or one is other is Base.STRING:
         return Source(f"({left.text} {SIGNS[op]} {right.text})", BOOL, fails(left, right))
     name = {Op.LT: "less", Op.LE: "at_most", Op.GT: "greater", Op.GE: "at_least"}[op]
@@ -243,7 +256,8 @@ def _ordered(op: Op, left: Source, right: Source, pool: Pool) -> Source:
 
 def _float(operand: Source, pool: Pool) -> Source:
     """Return a number as a float, a list with its items so."""
-    known, kind = operand.known, operand.known.type
+    known = operand.known
+    kind = operand.known.type
     if kind is not None and _innermost(kind).base is Base.FLOAT:
         return operand
     if known.base is Base.INT:

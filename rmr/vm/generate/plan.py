@@ -1,13 +1,17 @@
-"""What is known of a rule before any fact is there: how its matches are found, and what may go wrong.
+"""The plan of a rule, made before any fact is there: how its matches are found, and which expressions may fail.
 
-A rule of one atom keeps a queue of the facts that it can take (SINGLE). One of several atoms, the tops, tries the
-facts of its first atom one after another, joins each with what there is, and joins each new fact of the other atoms
-with the tops that have been tried (JOIN). In both a combination of facts is seldom looked at twice: only where there
-are so many new facts that the tops are rather tried again. What these ways do not cover is looked for anew whenever
-something has changed, as the specification does it (AGAIN): bodies with ``not``, without an atom, or with an expression
-before it that may have no value; those that ask for the time; variables whose value hangs on which conjunct binds them;
-and every rule from the moment on when an expression of it has had no value: which failures are told, and in which
-order, is part of the result.
+There are three ways to find matches:
+
+- SINGLE: a rule of one atom keeps a queue of the facts that it can take.
+- JOIN: a rule of several atoms tries the facts of its first atom, the tops, one after another, joins each with the
+  facts of the other atoms, and joins each new fact of the other atoms with the tops tried so far. A combination of
+  facts is rarely examined twice: only if there are so many new facts that trying all tops again is cheaper.
+- REMATCH: all matches are searched anew whenever something has changed, as the specification does it.
+
+REMATCH is the way of a body with ``not``, without an atom, or with an expression before the first atom that may have
+no value; of a body that asks for the time; and of a rule in which a variable's value depends on the conjunct that binds
+it. Every other rule is rematched, too, once an expression of it has had no value: which failures are reported, and in
+which order, is part of the result.
 """
 
 from collections.abc import Iterable
@@ -17,10 +21,12 @@ from typing import Any
 from rmr.bytecode.conform import fits
 from rmr.bytecode.heads import bodies, codes
 from rmr.bytecode.program import Aggregate, Atom, Bind, Comprehension, Guard, Mode, Program, Rule, Slot, Type
-from rmr.vm.generate.body import Placed, Slots, positives, slots_of
-from rmr.vm.generate.expressions import condition, expression, narrowed
-from rmr.vm.generate.layout import ARGS, Table, column, tuple_of
+from rmr.vm.generate.body import BoundSlots, Placed, positives, slots_of
+from rmr.vm.generate.expression_source import condition, expression, narrowed
+from rmr.vm.generate.fact_tables import FactTable
+from rmr.vm.generate.form import ARGS, Column, Local, tuple_of
 from rmr.vm.generate.source import Pool
+from rmr.vm.generate.state_layout import VM, RuleFunctions, RuleSlots
 from rmr.vm.interpreter import uses_now
 from rmr.vm.match import plan_atom
 from rmr.vm.store import Args, is_open
@@ -34,16 +40,22 @@ class Way(Enum):
 
     SINGLE = 1
     JOIN = 2
-    AGAIN = 3
+    REMATCH = 3
 
 
 class RulePlan:
     """What is known of one rule."""
 
-    def __init__(self, program: Program, index: int, tables: list[Table]) -> None:
+    def __init__(self, program: Program, index: int, tables: list[FactTable]) -> None:
         rule = self.rule = program.rules[index]
         self.index = index
         self.bit = 1 << index
+        self.slots = RuleSlots(index)
+        """Names of the machine's attributes that hold its matches."""
+        self.state = RuleSlots(index, VM)
+        """The same attributes as expressions of generated code."""
+        self.functions = RuleFunctions(index)
+        """Names of its generated functions."""
         self.atoms = positives(rule.body)
         """The atoms that take a fact, with their places."""
         self.facts = {place: f"f{place}" for place, _ in self.atoms}
@@ -77,6 +89,27 @@ class RulePlan:
         """Whether an expression may have no value, so that the rule is matched anew from then on."""
         return bool(self.failing) or self.valued
 
+    @property
+    def empty_slots(self) -> list[str]:
+        """The names of the machine's attributes that hold no match before the first search: None."""
+        slots = self.slots
+        names = [slots.match, slots.queue] if self.way is Way.SINGLE else [slots.kept]
+        if self.valued:
+            names.append(slots.valued)
+        if self.way is Way.JOIN:
+            names += [slots.queue, *self.join_slots]
+        return names
+
+    @property
+    def join_slots(self) -> list[str]:
+        """The names of the attributes of a JOIN that hold what is to be searched further, beside the queue."""
+        return [self.slots.current_top, *[self.slots.new(place) for place, _ in self.atoms[1:]]]
+
+    @property
+    def zero_slots(self) -> list[str]:
+        """The names of the machine's attributes that hold serial numbers up to which a JOIN has searched."""
+        return [self.slots.last_top, self.slots.joined_up_to] if self.way is Way.JOIN else []
+
     def args_of(self, entry: Iterable[list[Any]]) -> list[Args]:
         """Return the arguments of each fact of a match."""
         return [tuple(fact[args]) for fact, args in zip(entry, self._args, strict=True)]
@@ -93,20 +126,20 @@ class RulePlan:
         """The predicates on which it depends whether the rule is satisfied and what it does."""
         return self._read
 
-    def _way(self, tables: list[Table]) -> Way:
+    def _way(self, tables: list[FactTable]) -> Way:
         timed = any(
             uses_now(each.code) for body in bodies(self.rule) for each in body if isinstance(each, Guard | Bind)
         )
         if self.absent or not self.atoms or timed:
-            return Way.AGAIN
+            return Way.REMATCH
         if len(self.atoms) == 1 and not self.failing:
             return Way.SINGLE
         if any(place < self.atoms[0][0] for place in self.failing):
-            return Way.AGAIN  # it fails though there is no fact
-        return Way.JOIN if is_settled(self.rule, tables) else Way.AGAIN
+            return Way.REMATCH  # it fails though there is no fact
+        return Way.JOIN if is_settled(self.rule, tables) else Way.REMATCH
 
 
-def is_settled(rule: Rule, tables: list[Table]) -> bool:
+def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
     """Tell whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
     kinds: dict[int, Type] = {}
     bound = {each.slot for each in rule.body if isinstance(each, Bind)}
@@ -125,9 +158,11 @@ def alike(one: Type, other: Type) -> bool:
     return fits(one, other) and fits(other, one)
 
 
-def failing(rule: Rule, tables: list[Table]) -> list[int]:
+def failing(rule: Rule, tables: list[FactTable]) -> list[int]:
     """Return the places of a body's conjuncts that may have no value."""
-    slots, pool, places = Slots(), Pool(), list[int]()
+    slots = BoundSlots()
+    pool = Pool()
+    places = list[int]()
     predicates = tuple(table.predicate for table in tables)
     for place, each in enumerate(rule.body):
         if isinstance(each, Guard):
@@ -136,12 +171,13 @@ def failing(rule: Rule, tables: list[Table]) -> list[int]:
             slots.known.update(narrowed(each.code, slots.known))
         elif isinstance(each, Bind):
             source = expression(each.code, slots.names, slots.known, pool)
-            slots.names[each.slot], slots.known[each.slot] = f"b{each.slot}", source.known
+            slots.names[each.slot] = Local(f"b{each.slot}")
+            slots.known[each.slot] = source.known
             if source.fails:
                 places.append(place)
         elif each.mode is not Mode.ABSENT:
             step = plan_atom(each, predicates, slots.names)
-            slots.bind(step, tables[each.predicate], lambda position, place=place: column(f"f{place}", position))  # type: ignore[misc]
+            slots.bind(step, tables[each.predicate], lambda position, place=place: Column(f"f{place}", position))  # type: ignore[misc]
     return places
 
 

@@ -42,7 +42,8 @@ def quotient(one: Bounds, other: Bounds, *, whole: bool) -> Bounds:
 
 def remainder(one: Bounds, other: Bounds, *, whole: bool) -> Bounds:
     """Return the bounds of a remainder, which has the divisor's sign; `whole`: of an int by an int."""
-    low, high = min(0, other[0]), max(0, other[1])
+    low = min(0, other[0])
+    high = max(0, other[1])
     if not whole:
         return low, high
     if low == 0 and one[0] >= 0:

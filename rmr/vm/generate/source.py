@@ -5,14 +5,13 @@ that keeps the order of the operands fails where the byte-code fails and with th
 other effect: the order of operands matters only when more than one of them may have no value.
 """
 
-import re
+from math import copysign
 from typing import Any
 
 from rmr.base.record import record
 from rmr.base.values import Robot, Symbol, Value
+from rmr.vm.generate.form import Equality
 from rmr.vm.generate.known import Known
-
-_REPEATABLE = re.compile(r"[\w.]+|\(-[\w.]+\)")
 
 
 @record
@@ -24,6 +23,12 @@ class Source:
     """What is known of its value."""
     fails: bool
     """Whether it may raise NoValue; nothing else is ever raised."""
+    repeatable: bool = False
+    """Whether it is a variable, a number or a global constant, which costs nothing to evaluate again."""
+    constant: Value | None = None
+    """Its value, if it is a constant."""
+    equality: Equality | None = None
+    """The same as a comparison with a constant, if it is one."""
 
 
 class Pool:
@@ -42,9 +47,10 @@ class Pool:
 
     def constant(self, value: Value) -> str:
         """Return the text that stands for `value`, with its type: a literal if there is one, else a global."""
-        if type(value) in (bool, int, float, str):
-            text = repr(value)
-            return f"({text})" if text.startswith("-") else text
+        if type(value) is int or type(value) is float:
+            return f"({value!r})" if copysign(1, value) < 0 else repr(value)
+        if type(value) in (bool, str):
+            return repr(value)
         if type(value) is tuple:
             return self.object(value)
         assert isinstance(value, Symbol | Robot)
@@ -64,14 +70,9 @@ class Pool:
         assert self.globals.setdefault(name, thing) is thing, f"{name} is taken"
         return name
 
-    @staticmethod
-    def is_repeatable(source: Source) -> bool:
-        """Tell whether `source` is a name or literal, which costs nothing to use again."""
-        return _REPEATABLE.fullmatch(source.text) is not None
-
     def held(self, source: Source) -> tuple[str, str]:
         """Return the text for the first use of a value that is needed again, and the text for each later use."""
-        if self.is_repeatable(source):
+        if source.repeatable:
             return source.text, source.text
         name = self.temporary()
         return f"({name} := {source.text})", name

@@ -62,7 +62,8 @@ def _stretch(code: Code, start: int, stop: int, nesting: int) -> Tree:
     index = start
     while index < stop:
         instruction = code[index]
-        op, operand = instruction.op, instruction.operand
+        op = instruction.op
+        operand = instruction.operand
         index += 1
         if op is Op.JUMP:
             raise _Unstructured

@@ -2,9 +2,9 @@
 
 import pytest
 
-from rmr.analysis import columnar
-from rmr.analysis.columnar import obstacles
-from rmr.analysis.straight import Unsuitable, straight
+from rmr.analysis import column_obstacles
+from rmr.analysis.column_obstacles import obstacles
+from rmr.analysis.straight_line import Unsuitable, straight
 from rmr.base.values import Symbol
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, InitialFact, Instruction, Program, Type
@@ -95,8 +95,8 @@ def test_a_fact_that_is_given_beside_the_stated_ones_counts() -> None:
 
 
 def test_too_many_goals_and_places_that_may_fail_are_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(columnar, "GOALS_MAX", 1)
-    monkeypatch.setattr(columnar, "FALLIBLE_MAX", 1)
+    monkeypatch.setattr(column_obstacles, "GOALS_MAX", 1)
+    monkeypatch.setattr(column_obstacles, "FALLIBLE_MAX", 1)
     assert texts("?b(R). ?c(R). type a(robot, int). a(R, 1). a(R, X), X + 1 < 9 -o a(R, X * 2).")[:2] == [
         "expressions may fail at 2 places, at most 1 are possible",
         "2 goals are stated, at most 1 are possible",

@@ -2,8 +2,8 @@
 
 import pytest
 
-from rmr.analysis import single
-from rmr.analysis.single import several
+from rmr.analysis import at_most_one
+from rmr.analysis.at_most_one import several
 from rmr.lang.compiler import compile_source
 
 SINGLE = {
@@ -60,5 +60,5 @@ def test_a_program_of_very_many_predicates_is_looked_at_in_a_bounded_number_of_s
     chain = " ".join(f"p{i}(R), q{i}(R), r{i}(R) -o p{i + 1}(R), q{i + 1}(R), r{i + 1}(R)." for i in range(40))
     text = f"p0(R). q0(R). r0(R). {chain} p40(R), q40(R), r40(R) -o p0(R), p0(R), q0(R)."
     assert "p0" in names(text)
-    monkeypatch.setattr(single, "STEPS_MAX", 0)
+    monkeypatch.setattr(at_most_one, "STEPS_MAX", 0)
     assert len(names(text)) == 122

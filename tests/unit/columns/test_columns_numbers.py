@@ -7,7 +7,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from rmr.analysis.straight import work_out
+from rmr.analysis.straight_line import work_out
 from rmr.base.streams import Choices
 from rmr.base.values import INT_MAX, INT_MIN
 from rmr.bytecode.arithmetic import NoValue

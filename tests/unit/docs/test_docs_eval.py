@@ -8,7 +8,7 @@ from doc_pages import codes, page, table
 from rmr.commands.eval_command import command
 from rmr.commands.subcommands import command as main
 from rmr.eval.ensemble import FIRINGS_MAX, FRAMES_MAX, RANGE_M
-from rmr.eval.ether import HOPS_AT_ONCE_MAX, LATENCY
+from rmr.eval.eval_ether import HOPS_AT_ONCE_MAX, LATENCY
 from rmr.eval.given import EDGE_FACTS_MAX
 from rmr.eval.topology import NAMES
 from rmr.vm.machine import FIRING_BUDGET

@@ -5,7 +5,7 @@ import pytest
 from rmr.base.kernel import Kernel
 from rmr.base.streams import stream
 from rmr.base.time import milliseconds, seconds
-from rmr.eval.ether import HOPS_AT_ONCE_MAX, LATENCY, Ether
+from rmr.eval.eval_ether import HOPS_AT_ONCE_MAX, LATENCY, EvalEther
 from rmr.eval.topology import named
 from rmr.node import wire
 
@@ -20,7 +20,7 @@ class Air:
     def __init__(self, shape="line", **conditions):
         self.kernel = Kernel()
         self.lost = []
-        self.ether = Ether(
+        self.ether = EvalEther(
             self.kernel,
             named(shape, ROBOTS),
             stream("0/ether"),

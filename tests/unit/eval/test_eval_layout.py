@@ -5,7 +5,7 @@ import json
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmr.eval.layout import WIDTH, laid_out
+from rmr.eval.json_layout import WIDTH, laid_out
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),

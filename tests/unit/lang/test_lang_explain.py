@@ -10,7 +10,7 @@ import pytest
 from command_runner import Result, invoke
 from lang_source import compiled
 
-from rmr.analysis import levels
+from rmr.analysis import goal_levels
 from rmr.base.values import Robot, Symbol
 from rmr.commands.subcommands import command as main
 from rmr.lang.analyse import fact_size as sizes
@@ -130,7 +130,7 @@ def test_the_keys_of_the_json_are_those_of_the_page() -> None:
 def test_the_limits_of_the_page_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "explain.md").read_text("utf-8").partition("\n## Limits\n")[2].replace("10 000", "10000")
     limits = [RULES_SHOWN_MAX, STEPS_SHOWN_MAX, told_goals.WAYS_MAX]
-    limits += [OBSTACLES_SHOWN_MAX, told_columns.OBSTACLES_MAX, levels.STEPS_MAX, servers.STEPS_MAX]
+    limits += [OBSTACLES_SHOWN_MAX, told_columns.OBSTACLES_MAX, goal_levels.STEPS_MAX, servers.STEPS_MAX]
     assert told_assertions.STEPS_MAX == told_goals.WAYS_MAX
     assert [int(number) for number in re.findall(r"\d+", page)] == limits
 

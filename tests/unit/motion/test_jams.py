@@ -16,7 +16,7 @@ from rmr.node.motion.avoid import ENDURED, StandOff
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 
 ARENA = Arena(
     3.0,
@@ -82,7 +82,7 @@ def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within
     assert passed
     assert navigator.aside is walks
     assert navigator.passed_gate is not walks
-    job = Job(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
+    job = TimedJob(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
     inside = Turn(job, b"e", 0, None, phase=Phase.INSIDE, entered_at=now)
     assert gets_nowhere(now, inside, navigator) is walks, "others wait for a turn that is not used"
 

@@ -24,14 +24,14 @@ from rmr.node.crossing.turn import (
 )
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 from rmr_world.lab_file import load_lab
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
 
 
 def turn(deadline_s=20.0):
-    job = Job(1, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(deadline_s), (), Robot(1))
+    job = TimedJob(1, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(deadline_s), (), Robot(1))
     return Turn(job, b"e", 0, None, phase=Phase.SLOTTED, approach=seconds(2), after=seconds(3))
 
 

@@ -9,12 +9,14 @@ from rmr.base.values import INT_MAX, INT_MIN, Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction, Type
 from rmr.vm.evaluate import NoValue, evaluate
-from rmr.vm.generate.expressions import condition, expression, narrowed
+from rmr.vm.generate.expression_source import condition, expression, narrowed
+from rmr.vm.generate.form import Local
 from rmr.vm.generate.known import Known
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.generate.trees import DEPTH_MAX
 
-NAMES = {0: "me", 1: "n", 2: "m", 3: "x", 4: "q", 5: "text", 6: "area", 7: "flag", 8: "any"}
+VARIABLES = ("me", "n", "m", "x", "q", "text", "area", "flag", "any")
+NAMES = {slot: Local(name) for slot, name in enumerate(VARIABLES)}
 KNOWN = {
     0: Known(Type(Base.ROBOT)),
     1: Known(Type(Base.INT)),
@@ -37,7 +39,7 @@ def written(*parts: object, known: dict[int, Known] = KNOWN) -> Source:
 def value(expr: Code, known: dict[int, Known] = KNOWN) -> Value:
     pool = Pool()
     source = expression(expr, NAMES, known, pool)
-    given = dict(zip(NAMES.values(), ENV, strict=True)) | {"now": 0}
+    given = dict(zip(VARIABLES, ENV, strict=True)) | {"now": 0}
     result: Value = eval(source.text, pool.globals | given)
     return result
 
@@ -160,7 +162,7 @@ def test_a_guard_that_is_no_boolean_says_so() -> None:
     assert source.fails
     with pytest.raises(NoValue, match="a condition that is neither true nor false"):
         eval(source.text, pool.globals | {"any": 1})
-    assert condition(code(FLAG), NAMES, KNOWN, Pool()) == Source("flag", KNOWN[7], False)
+    assert condition(code(FLAG), NAMES, KNOWN, Pool()) == Source("flag", KNOWN[7], False, repeatable=True)
 
 
 @pytest.mark.parametrize("constant", [Robot(1), 1, True, 1.0, Symbol("a"), "a", -0.0, -5, (), (True, Symbol("true"))])

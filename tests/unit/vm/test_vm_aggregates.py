@@ -9,8 +9,8 @@ from rmr.bytecode.conform import LENGTH_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Operator, Type
 from rmr.vm.evaluate import same
-from rmr.vm.events import ExpressionFailed
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ExpressionFailed
 
 pytestmark = pytest.mark.usefixtures("each_engine")
 

@@ -9,8 +9,8 @@ from rmr.bytecode.limits import CONJUNCTS_MAX
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Debug, Operator, Place, Type
 from rmr.vm import derive, failures, goals, machine, match, once
-from rmr.vm.events import BoundReached, ExpressionFailed, VmEvent
 from rmr.vm.failures import rule_place
+from rmr.vm.machine_events import BoundReached, ExpressionFailed, VmEvent
 
 pytestmark = pytest.mark.usefixtures("each_engine")
 

@@ -8,7 +8,7 @@ from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Aggregate, Base, Effect, Operator, Type
 from rmr.bytecode.scope import Scope
 from rmr.vm.doubts import doubts
-from rmr.vm.events import ExpressionFailed
+from rmr.vm.machine_events import ExpressionFailed
 
 
 def reasons(events):

@@ -8,7 +8,7 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Base, Constant, Effect, Kind, Serving, Slot, Type
 from rmr.vm.assertions import LIVE_MAX
-from rmr.vm.events import JobFinished, JobMissed, JobStarted
+from rmr.vm.machine_events import JobFinished, JobMissed, JobStarted
 
 pytestmark = pytest.mark.usefixtures("each_engine")
 

@@ -3,9 +3,9 @@
 import pytest
 from vm_hand import INT, Hand, V, actions, code, fired, guard, machine_of, started
 
-from rmr.analysis import levels
-from rmr.analysis.backwards import Backwards
-from rmr.analysis.levels import Levels
+from rmr.analysis import goal_levels
+from rmr.analysis.backward_chaining import Backwards
+from rmr.analysis.goal_levels import Levels
 from rmr.base.values import Robot, Symbol
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import ANY, Constant, Lead, Program
@@ -303,7 +303,7 @@ def test_the_way_through_a_grid_of_rules_is_the_shortest() -> None:
 
 
 def test_how_far_is_looked_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(levels, "STEPS_MAX", 20)
+    monkeypatch.setattr(goal_levels, "STEPS_MAX", 20)
     text = "?p(R, 9, 9). " + " ".join(f"p(R, {n}, X) -o p(R, {n + 1}, X)." for n in range(30))
     assert level(text, "p", 8, 9) == 1
     text = text.replace("?p(R, 9, 9)", "?p(R, 30, 9)")

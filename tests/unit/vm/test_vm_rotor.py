@@ -10,8 +10,8 @@ from vm_hand import actions, machine_of
 from rmr.base.values import Symbol
 from rmr.lang.compiler import compile_source
 from rmr.vm import rotor
-from rmr.vm.events import BoundReached, FactInserted, RuleFired, RuleRepeats
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import BoundReached, FactInserted, RuleFired, RuleRepeats
 
 pytestmark = pytest.mark.usefixtures("each_engine")
 

@@ -6,8 +6,8 @@ from vm_hand import AREA, FLOAT, INT, OPEN, ROBOT, Hand, V, _, actions, bind, co
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Effect
-from rmr.vm.events import ExpressionFailed, FactInserted, FactRemoved, GoalSent
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ExpressionFailed, FactInserted, FactRemoved, GoalSent
 from rmr.vm.store import INDEX_FROM
 
 pytestmark = pytest.mark.usefixtures("each_engine")

@@ -9,7 +9,7 @@ from rmr.base.streams import Choices
 from rmr.lang.compiler import compile_source
 from rmr.vm import match
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.events import VmEvent
+from rmr.vm.machine_events import VmEvent
 
 PROGRAM = """
 type !p(robot, int). type a(robot, int). type b(robot, int). type z(robot). type q(robot, int).

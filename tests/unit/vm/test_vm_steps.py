@@ -8,8 +8,8 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Derived, Effect
 from rmr.vm import underway
-from rmr.vm.events import ActionDerived, BoundReached, GoalSent
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ActionDerived, BoundReached, GoalSent
 
 pytestmark = pytest.mark.usefixtures("each_engine")
 

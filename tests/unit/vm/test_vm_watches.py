@@ -9,8 +9,8 @@ from rmr.base.time import NEVER, seconds
 from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Kind
 from rmr.vm import watches
-from rmr.vm.events import BoundReached, FinishAwaited, FinishSeen, JobFinished, JobMissed, JobStarted, VmEvent
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import BoundReached, FinishAwaited, FinishSeen, JobFinished, JobMissed, JobStarted, VmEvent
 
 pytestmark = pytest.mark.usefixtures("each_engine")
 

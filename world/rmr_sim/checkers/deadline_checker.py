@@ -8,8 +8,8 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import NEVER, Instant, in_seconds
-from rmr.vm.events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
+from rmr.vm.machine_events import ActionDerived, ExpressionFailed, JobFinished, JobMissed, JobStarted, RuleFired
 from rmr_sim.checkers.run_view import TICK, RunView
 
 CHECK = "deadline"
@@ -22,12 +22,12 @@ class DeadlineChecker:
 
     def __init__(self, view: RunView) -> None:
         self._view = view
-        self._due: list[tuple[Instant, int, int, int, Job]] = []
+        self._due: list[tuple[Instant, int, int, int, TimedJob]] = []
         """Heap of jobs: instant at which a miss must be known, sequence number, robot, incarnation, job."""
         self._number = 0
-        self._missed: OrderedDict[int, Job] = OrderedDict()
+        self._missed: OrderedDict[int, TimedJob] = OrderedDict()
         """Missed jobs by identity, which is unique as long as the job is kept here."""
-        self._owed: dict[int, Job] = {}
+        self._owed: dict[int, TimedJob] = {}
         """By robot, the missed job whose violation action must come next."""
         self._paid: dict[int, ActionDerived] = {}
         """By robot, the violation action just derived, if nothing has happened since."""
@@ -43,7 +43,7 @@ class DeadlineChecker:
         if started.job.deadline < NEVER - TICK:
             self._await(started.job.deadline + TICK, robot, self._view.life(robot), started.job)
 
-    def _await(self, at: Instant, robot: int, life: int, job: Job) -> None:
+    def _await(self, at: Instant, robot: int, life: int, job: TimedJob) -> None:
         self._number += 1
         heapq.heappush(self._due, (at, self._number, robot, life, job))
 
@@ -92,7 +92,7 @@ class DeadlineChecker:
             _, _, robot, life, job = heapq.heappop(self._due)
             self._check(now, robot, life, job)
 
-    def _check(self, now: Instant, robot: int, life: int, job: Job) -> None:
+    def _check(self, now: Instant, robot: int, life: int, job: TimedJob) -> None:
         """Report a violation if `job` is overdue and its robot, though called, has not noticed."""
         view = self._view
         if job.missed or job.finish is not None or job.deadline + TICK >= now:

@@ -14,7 +14,7 @@ from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, second
 from rmr.coord.events import Entered
 from rmr.node.crossing.turn import Phase
 from rmr.node.motion.barred import closest_solid, robots_named
-from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
+from rmr.vm.machine_events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
 

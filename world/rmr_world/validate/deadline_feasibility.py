@@ -14,7 +14,7 @@ from rmr.base.geometry import Point
 from rmr.base.time import in_seconds
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 from rmr_world.bound import approachable, bound_s, destinations
 from rmr_world.fact_syntax import TermError, parse_fact
 from rmr_world.finding import Finding
@@ -66,7 +66,7 @@ def _deadlines_of(
             yield lab.warning(_deadline_path(lab, start.id, deadline_s), message)
 
 
-def _goal_of(lab: Lab, job: Job, destination: Area | None) -> Area | None:
+def _goal_of(lab: Lab, job: TimedJob, destination: Area | None) -> Area | None:
     """Return where a job ends: the area in its finish fact or, if that fact is the lab's, `destination`."""
     try:
         fact = parse_fact(job.text)

@@ -11,8 +11,8 @@ from rmr.base.streams import Choices
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Program
 from rmr.vm.engines import Engine, new_machine
-from rmr.vm.events import ActionDerived
 from rmr.vm.machine import Machine
+from rmr.vm.machine_events import ActionDerived
 from rmr_world.bound import destinations
 from rmr_world.lab import Lab
 from rmr_world.random_facts import Range, StatedFact

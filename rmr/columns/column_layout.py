@@ -13,7 +13,7 @@ from rmr.bytecode.program import Atom, Base, Code, Constant, InitialFact, Progra
 from rmr.columns.numbers import Array
 
 
-class Layout:
+class ColumnLayout:
     """The types of columns, and what symbols are in them."""
 
     def __init__(self, program: Program, given: Iterable[InitialFact]) -> None:

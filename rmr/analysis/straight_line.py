@@ -16,9 +16,14 @@ from rmr.bytecode.functions import FUNCTIONS, Function, Gives, Takes, call
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Base, Code, Instruction
 
-LOAD, CONST, NOTHING, IF = "load", "const", "nothing", "if"
-AND, OR = "and", "or"
-NEVER, ALWAYS = "never", "always"
+LOAD = "load"
+CONST = "const"
+NOTHING = "nothing"
+IF = "if"
+AND = "and"
+OR = "or"
+NEVER = "never"
+ALWAYS = "always"
 """``eq`` and ``ne`` of values of different kinds, which are never the same."""
 
 JUMPS = "jumps that are none of `if`, `and` and `or`"
@@ -103,7 +108,8 @@ class _Line:
 
     def add(self, index: int, instruction: Instruction) -> None:
         """Add what one instruction does."""
-        op, operand = instruction.op, instruction.operand
+        op = instruction.op
+        operand = instruction.operand
         if op in (Op.CONST, Op.INT):
             assert operand is not None
             self._constant(operand)
@@ -188,7 +194,8 @@ def _base(name: str, bases: list[Base]) -> Base:
             raise Unsuitable(f"`{name}` of what is none of {' and '.join(each.name.lower() for each in taken)}")
         return given or (Base.FLOAT if Base.FLOAT in bases else Base.INT)
     if name in (AND, OR, IF):
-        first, last = bases[-2], bases[-1]
+        first = bases[-2]
+        last = bases[-1]
         if first is not last:
             raise Unsuitable(f"`{name}` of values of two types, {first.name.lower()} and {last.name.lower()}")
         return last

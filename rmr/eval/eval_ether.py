@@ -27,8 +27,10 @@ LATENCY: Duration = milliseconds(5)
 """The usual latency, also the least one once the robots have answered each other without end."""
 REPEATS_KNOWN = 16
 """Frames without a number that are remembered per robot: such repeats follow each other within half a second."""
-RSSI_DBM, LQI = -40.0, 255
-"""How a frame of the ideal air is received."""
+RSSI_DBM = -40.0
+"""Signal strength of every reception, in dBm; the emulated links have no path loss."""
+LQI = 255
+"""Link quality of every reception: the best value of IEEE 802.15.4."""
 
 COORDINATION_LAST = 0x0F
 """First octets up to this belong to coordination (`rmr.node.wire`)."""
@@ -55,7 +57,7 @@ class EtherLink:
 
     payload_max = wire.PAYLOAD_OCTETS_MAX
 
-    def __init__(self, ether: "Ether", robot: int, wake: Callable[[Instant], None]) -> None:
+    def __init__(self, ether: "EvalEther", robot: int, wake: Callable[[Instant], None]) -> None:
         self.robot = robot
         self.wake = wake
         self._ether = ether
@@ -75,13 +77,15 @@ class EtherLink:
 
     def receive(self) -> list[Received]:
         """Return what has arrived since the last call."""
-        received, self._received = self._received, []
+        received = self._received
+        self._received = []
         self._ether.taken(received)
         return received
 
     def confirmations(self) -> list[Confirmed]:
         """Return the outcomes that have become known."""
-        confirmed, self._confirmed = self._confirmed, []
+        confirmed = self._confirmed
+        self._confirmed = []
         return confirmed
 
     def hops(self, now: Instant) -> int:
@@ -123,7 +127,7 @@ class EtherLink:
         return False
 
 
-class Ether:
+class EvalEther:
     """Carries frames between the links of all robots."""
 
     def __init__(
@@ -202,7 +206,8 @@ class Ether:
         now = self._kernel.now
         hops = 0 if self._latency else 1 + self._links[source].hops(now)
         if hops > HOPS_AT_ONCE_MAX:
-            self.slowed_at, self._latency = now, LATENCY
+            self.slowed_at = now
+            self._latency = LATENCY
         if _awaited(payload):
             self.pending += len(arriving)
             self.carried += len(arriving)

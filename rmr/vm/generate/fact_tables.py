@@ -11,26 +11,19 @@ from collections.abc import Sequence
 
 from rmr.bytecode.octets import identity
 from rmr.bytecode.program import Kind, Predicate, Program
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.form import Assign, AssignAll, Block, Delete, Evaluate, If, Return, column, serial, tuple_of
 from rmr.vm.generate.source import Pool
+from rmr.vm.generate.state_layout import VM, PredicateFunctions, PredicateSlots
 from rmr.vm.store import LONG, is_open
 
-HELD = 0
-"""Where a fact says whether it holds."""
-
-SERIAL = 1
-"""Where a fact has its serial."""
-
-ARGS = 2
-"""Where a fact's arguments begin."""
-
 FEW = 8
-"""Facts of a table up to which it is quicker to look at each than to probe an index."""
+"""Facts of a table up to which examining each is quicker than probing an index."""
 
 Positions = tuple[int, ...]
 
 
-class Table:
+class FactTable:
     """How the facts of one predicate are kept."""
 
     def __init__(self, index: int, predicate: Predicate, dated: bool, concerned: bool) -> None:
@@ -46,7 +39,13 @@ class Table:
         self.concerned = concerned
         """Time assertions want to know of each new fact."""
         self.long = [place for place, kind in enumerate(predicate.types) if kind.base in LONG]
-        self.name = f"vm.t{index}"
+        self._slots = PredicateSlots(index)
+        self.slot = self._slots.table
+        """The attribute of a machine that holds the table."""
+        self.functions = PredicateFunctions(index)
+        """Names of the generated functions of the predicate."""
+        self.name = f"{VM}{self.slot}"
+        """The same, as an expression."""
         self.queued = False
         """It is a list of the facts that no rule wants; each of the others is in the queue of one rule."""
         self.indices: dict[Positions, str] = {}
@@ -58,7 +57,7 @@ class Table:
 
     def fact_key(self, pool: Pool, fact: str) -> str:
         """Return where `fact` stands in the table."""
-        return f"{fact}[{SERIAL}]" if self.linear else self.key(pool, [column(fact, i) for i in range(self.arity)])
+        return serial(fact) if self.linear else self.key(pool, [column(fact, i) for i in range(self.arity)])
 
     def args(self, fact: str) -> str:
         """Return the arguments of `fact` as a tuple."""
@@ -71,28 +70,18 @@ class Table:
 
     def index_on(self, positions: Positions) -> str:
         """Return the name of the index on `positions`; from now on there is one."""
-        return self.indices.setdefault(positions, f"x{self.index}_{len(self.indices)}")
+        return self.indices.setdefault(positions, self._slots.index(len(self.indices)))
 
-    def fact(self, serial: str, args: Sequence[str]) -> str:
+    def fact(self, serial_number: str, args: Sequence[str]) -> str:
         """Return a new fact."""
-        return f"[True, {', '.join([serial, *args, *(['now'] if self.dated else [])])}]"
+        return f"[True, {', '.join([serial_number, *args, *(['now'] if self.dated else [])])}]"
 
 
-def tables_of(program: Program) -> list[Table]:
+def tables_of(program: Program) -> list[FactTable]:
     """Return the tables of a program."""
     asked = {assertion.finish.predicate for assertion in program.assertions}
     starting = {assertion.start.predicate for assertion in program.assertions}
-    return [Table(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
-
-
-def column(fact: str, position: int) -> str:
-    """Return an argument of `fact`."""
-    return f"{fact}[{ARGS + position}]"
-
-
-def tuple_of(texts: Sequence[str]) -> str:
-    """Return a tuple."""
-    return f"({', '.join(texts)}{',' if len(texts) == 1 else ''})"
+    return [FactTable(i, each, i in asked, i in asked | starting) for i, each in enumerate(program.predicates)]
 
 
 def index_key(positions: Positions, texts: Sequence[str]) -> str:
@@ -100,7 +89,7 @@ def index_key(positions: Positions, texts: Sequence[str]) -> str:
     return texts[0] if len(positions) == 1 else tuple_of(texts)
 
 
-def candidates(table: Table, positions: Positions, key: str, *, counted: bool) -> str:
+def candidates(table: FactTable, positions: Positions, key: str, *, counted: bool) -> str:
     """Return the facts, oldest first, that have the values of `key` at `positions`; the index is in a variable.
 
     If they are to be `counted`, a single fact is not: it costs no more than what led to it.
@@ -112,55 +101,60 @@ def candidates(table: Table, positions: Positions, key: str, *, counted: bool) -
     if table.lasting:
         bucket = f"(b if len(b := {name}.get({key}, NONE)) < 2 else counted(vm, b))"
         return f"({bucket} if {name} is not None else counted(vm, {probed}))"
+    # A tuple is the bucket of a single fact (see `_entry`).
     bucket = f"(b if type(b := {name}.get({key}, NONE)) is tuple else counted(vm, b.values()))"
     return f"({bucket} if {name} is not None else counted(vm, {probed}))"
 
 
-def _bucket(table: Table, index: str, key: str) -> str:
+def _bucket(table: FactTable, index: str, key: str) -> str:
     """Return what an index has for a key."""
     if table.lasting:
         return f"{index}.get({key}, NONE)"
     return f"(b if type(b := {index}.get({key}, NONE)) is tuple else b.values())"
 
 
-def write_probes(lines: Lines, tables: Sequence[Table]) -> None:
+def write_probes(build: FormBuilder, tables: Sequence[FactTable]) -> None:
     """Write for each index how it is probed before it is there: a small table needs none."""
     for table in tables:
         for positions, name in table.indices.items():
             key = index_key(positions, [column("f", position) for position in positions])
-            with lines.block(f"def probe_{name}(vm, key):"):
-                lines(f"x = vm.{name}")
-                with lines.block("if x is None:"):
-                    with lines.block(f"if len({table.name}) < {FEW}:"):
-                        lines(f"return [f for f in {table.name}.values() if {key} == key]")
-                    lines(f"vm.{name} = x = {{}}")
-                    with lines.block(f"for f in {table.name}.values():"):
-                        _write_entry(lines, table, positions, "f")
-                lines(f"return {_bucket(table, 'x', 'key')}")
+            with build.function(f"probe_{name}", "vm", "key"):
+                build(Assign("x", f"vm.{name}"))
+                with build.when("x is None"):
+                    matching = f"[f for f in {table.name}.values() if {key} == key]"
+                    build(If(f"len({table.name}) < {FEW}", (Return(matching),)))
+                    build(AssignAll((f"vm.{name}", "x"), "{}"))
+                    with build.loop("f", f"{table.name}.values()"):
+                        build(*_entry(table, positions, "f"))
+                build(Return(_bucket(table, "x", "key")))
 
 
-def write_indexing(lines: Lines, table: Table, fact: str) -> None:
+def write_indexing(build: FormBuilder, table: FactTable, fact: str) -> None:
     """Write that a new fact gets into the indices that there are."""
     for positions, name in table.indices.items():
-        with lines.block(f"if (x := vm.{name}) is not None:"):
-            _write_entry(lines, table, positions, fact)
+        build(If(f"(x := vm.{name}) is not None", _entry(table, positions, fact)))
 
 
-def _write_entry(lines: Lines, table: Table, positions: Positions, fact: str) -> None:
+def _entry(table: FactTable, positions: Positions, fact: str) -> Block:
+    """Return the statements that enter a fact into the index ``x``.
+
+    A bucket begins as the tuple of one fact, for most keys have one; the second fact turns it into a dict by serial
+    number, from which a fact can be removed at once. Facts that are never removed are kept in a list.
+    """
     key = index_key(positions, [column(fact, position) for position in positions])
+    bucket = Assign("b", f"x.get(k := {key})")
     if table.lasting:
-        lines(f"b = x.get(k := {key})", f"if b is None: x[k] = [{fact}]", f"else: b.append({fact})")
-    else:
-        lines(f"b = x.get(k := {key})", f"if b is None: x[k] = ({fact},)")
-        lines(f"elif type(b) is tuple: x[k] = {{b[0][{SERIAL}]: b[0], {fact}[{SERIAL}]: {fact}}}")
-        lines(f"else: b[{fact}[{SERIAL}]] = {fact}")
+        return bucket, If("b is None", (Assign("x[k]", f"[{fact}]"),), (Evaluate(f"b.append({fact})"),))
+    two = f"{{{serial('b[0]')}: b[0], {serial(fact)}: {fact}}}"
+    second = If("type(b) is tuple", (Assign("x[k]", two),), (Assign(f"b[{serial(fact)}]", fact),))
+    return bucket, If("b is None", (Assign("x[k]", f"({fact},)"),), (second,))
 
 
-def write_forgetting(lines: Lines, table: Table, fact: str) -> None:
+def write_forgetting(build: FormBuilder, table: FactTable, fact: str) -> None:
     """Write that a fact gets out of the indices that there are."""
     for positions, name in table.indices.items():
         key = index_key(positions, [column(fact, position) for position in positions])
-        with lines.block(f"if (x := vm.{name}) is not None:"):
-            lines(f"b = x[k := {key}]", "if type(b) is tuple: del x[k]")
-            with lines.block("else:"):
-                lines(f"del b[{fact}[{SERIAL}]]", "if not b: del x[k]")
+        drop: Block = (Delete("x[k]"),)
+        several: Block = (Delete(f"b[{serial(fact)}]"), If("not b", drop))
+        inside: Block = (Assign("b", f"x[k := {key}]"), If("type(b) is tuple", drop, several))
+        build(If(f"(x := vm.{name}) is not None", inside))

@@ -11,6 +11,7 @@ from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.opcodes import Op
 from rmr.bytecode.program import Code
 from rmr.vm.evaluate import evaluate
+from rmr.vm.generate.form import Local, Reference
 from rmr.vm.generate.function_source import called
 from rmr.vm.generate.known import BOOL, NOTHING, Known, either, of_value
 from rmr.vm.generate.narrow import assumed
@@ -19,7 +20,7 @@ from rmr.vm.generate.source import Pool, Source, fails
 from rmr.vm.generate.trees import Tree, tree
 
 
-def expression(code: Code, names: Mapping[int, str], known: Mapping[int, Known], pool: Pool) -> Source:
+def expression(code: Code, names: Mapping[int, Reference], known: Mapping[int, Known], pool: Pool) -> Source:
     """Return the source of verified `code`.
 
     `names` are the variables that hold the slots, `known` what is known of them. The source expects the instant in
@@ -31,7 +32,7 @@ def expression(code: Code, names: Mapping[int, str], known: Mapping[int, Known],
     return _Writer(names, pool).write(structure, known)
 
 
-def condition(code: Code, names: Mapping[int, str], known: Mapping[int, Known], pool: Pool) -> Source:
+def condition(code: Code, names: Mapping[int, Reference], known: Mapping[int, Known], pool: Pool) -> Source:
     """Return the source of a guard: it is a Boolean, or raises NoValue."""
     return truth(expression(code, names, known, pool), pool)
 
@@ -42,10 +43,10 @@ def narrowed(code: Code, known: Mapping[int, Known]) -> dict[int, Known]:
     return dict(known) if structure is None else assumed(structure, True, known)
 
 
-def _interpreted(code: Code, names: Mapping[int, str], pool: Pool) -> Source:
+def _interpreted(code: Code, names: Mapping[int, Reference], pool: Pool) -> Source:
     """Return a call of the interpreter."""
     used = {each.operand: True for each in code if each.op is Op.LOAD and isinstance(each.operand, int)}
-    slots = "".join(f"{names[slot] if slot in used else None}, " for slot in range(max(used, default=-1) + 1))
+    slots = "".join(f"{names[slot].text if slot in used else None}, " for slot in range(max(used, default=-1) + 1))
     text = f"{pool.helper('evaluate', evaluate)}({pool.object(code)}, ({slots.rstrip()}), now)"
     return Source(text, NOTHING, True)
 
@@ -53,19 +54,22 @@ def _interpreted(code: Code, names: Mapping[int, str], pool: Pool) -> Source:
 class _Writer:
     """Writes trees with the same names; what is known differs from branch to branch."""
 
-    def __init__(self, names: Mapping[int, str], pool: Pool) -> None:
+    def __init__(self, names: Mapping[int, Reference], pool: Pool) -> None:
         self._names = names
         self._pool = pool
 
     def write(self, node: Tree, known: Mapping[int, Known]) -> Source:
         """Return the source of `node`; the depth of trees is bounded."""
-        op, operand, pool = node.op, node.operand, self._pool
+        op = node.op
+        operand = node.operand
+        pool = self._pool
         if op is Op.LOAD:
             assert isinstance(operand, int)
-            return Source(self._names[operand], known.get(operand, NOTHING), False)
+            reference = self._names[operand]
+            return Source(reference.text, known.get(operand, NOTHING), False, isinstance(reference, Local))
         if op is Op.CONST or op is Op.INT:
             assert operand is not None
-            return Source(pool.constant(operand), of_value(operand), False)
+            return Source(pool.constant(operand), of_value(operand), False, type(operand) is not str, operand)
         if op in (Op.AND, Op.OR, Op.JUMP_IF_FALSE):
             return self._branch(node, known)
         parts = [self.write(part, known) for part in node.parts]

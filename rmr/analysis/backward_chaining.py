@@ -174,7 +174,8 @@ def _of_head(head: Head, body: tuple[Conjunct, ...], known: Unifier, program: Pr
 
 def _of_item(item: DeriveFact | DeriveAction, program: Program) -> Iterator[Brought]:
     """Yield the fact that an item is, or the effects of the action that it is."""
-    owner, args = term_of(item.owner), tuple([term_of(code) for code in item.args])
+    owner = term_of(item.owner)
+    args = tuple([term_of(code) for code in item.args])
     if isinstance(item, DeriveFact):
         yield Brought(item.predicate, owner, args, None, True, (), {})
         return
@@ -200,9 +201,11 @@ def equations(body: Iterable[Conjunct], known: Unifier) -> Unifier | None:
     one: Pattern
     for conjunct in body:
         if isinstance(conjunct, Bind):
-            one, other = Slot(conjunct.slot), term_of(conjunct.code)
+            one = Slot(conjunct.slot)
+            other = term_of(conjunct.code)
         elif isinstance(conjunct, Guard) and len(conjunct.code) == 3 and conjunct.code[2].op is Op.EQ:
-            one, other = term_of(conjunct.code[:1]), term_of(conjunct.code[1:2])
+            one = term_of(conjunct.code[:1])
+            other = term_of(conjunct.code[1:2])
         else:
             continue
         if not unified(one, other, known):
@@ -233,7 +236,8 @@ def resolved(term: Pattern, known: Unifier) -> Pattern:
 
 def unified(one: Pattern, other: Pattern, known: Unifier, sure: bool = False) -> bool:
     """Add to `known` that the two are equal; False if they cannot be, or if `sure` and they need not be."""
-    one, other = resolved(one, known), resolved(other, known)
+    one = resolved(one, known)
+    other = resolved(other, known)
     if isinstance(one, Anything) or isinstance(other, Anything):
         return True
     if isinstance(one, Constant) and isinstance(other, Constant):

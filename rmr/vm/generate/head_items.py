@@ -26,23 +26,28 @@ from rmr.bytecode.program import (
 )
 from rmr.bytecode.program import Derived as Item
 from rmr.bytecode.scope import UNKNOWN, Scope
-from rmr.vm.derive import Derived, Role
+from rmr.vm.derive import Derived, DerivedKind
 from rmr.vm.doubts import doubts, settle
-from rmr.vm.generate.body import Slots
-from rmr.vm.generate.expressions import narrowed
-from rmr.vm.generate.layout import Table, column, tuple_of
-from rmr.vm.generate.lines import Lines
+from rmr.vm.generate.body import BoundSlots
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.expression_source import narrowed
+from rmr.vm.generate.fact_tables import FactTable
+from rmr.vm.generate.form import Assign, Column, Evaluate, If, Local, Raise, tuple_of
 from rmr.vm.generate.source import Pool, Source
 from rmr.vm.match import plan_atom
 
-ROLES: dict[type, Role] = {DeriveFact: Role.FACT, DeriveGoal: Role.GOAL, DeriveAction: Role.ACTION}
+ROLES: dict[type, DerivedKind] = {
+    DeriveFact: DerivedKind.FACT,
+    DeriveGoal: DerivedKind.GOAL,
+    DeriveAction: DerivedKind.ACTION,
+}
 """What an item is to the machine (`rmr.vm.derive`)."""
 
 
 class WrittenItem:
     """One item of a head as source."""
 
-    def __init__(self, item: Item, slots: Slots, scope: Scope, pool: Pool, tables: Sequence[Table]) -> None:
+    def __init__(self, item: Item, slots: BoundSlots, scope: Scope, pool: Pool, tables: Sequence[FactTable]) -> None:
         predicates = [table.predicate for table in tables]
         self.item = item
         self.mine = item.owner == SELF
@@ -62,23 +67,25 @@ class WrittenItem:
         """Whether it may have no value."""
         return bool(self.doubts) or not self.surely_robot or any(each.fails for each in (self.owner, *self.args))
 
-    def write(self, lines: Lines, pool: Pool) -> str:
+    def write(self, build: FormBuilder, pool: Pool) -> str:
         """Write what goes before and return the source of the `Derived`; raises NoValue where it has none."""
-        owner, args = self.owner.text, tuple_of([each.text for each in self.args])
+        owner = self.owner.text
+        args = tuple_of([each.text for each in self.args])
         if not self.surely_robot:
-            robot, no_value = pool.helper("Robot", Robot), pool.helper("NoValue", NoValue)
-            lines(f"owner = {owner}")
-            lines(f"if type(owner) is not {robot}: raise {no_value}('an owner that is no robot')")
+            robot = pool.helper("Robot", Robot)
+            no_value = pool.helper("NoValue", NoValue)
+            build(Assign("owner", owner))
+            build(If(f"type(owner) is not {robot}", (Raise(f"{no_value}('an owner that is no robot')"),)))
             owner = "owner"
         if self.doubts:
-            lines(f"args = {args}", f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)")
+            build(Assign("args", args), Evaluate(f"{pool.helper('settle', settle)}({pool.object(self.doubts)}, args)"))
             args = "args"
         role = pool.helper(f"ROLE_{ROLES[type(self.item)].name}", ROLES[type(self.item)])
         return f"{pool.helper('Derived', Derived)}({role}, {self.item.predicate}, {owner}, {args})"
 
 
 def written_items(
-    rule: Rule, slots: Slots, program: Program, pool: Pool, tables: Sequence[Table]
+    rule: Rule, slots: BoundSlots, program: Program, pool: Pool, tables: Sequence[FactTable]
 ) -> list[list[WrittenItem]] | None:
     """Return the chains of a head, or None if it has comprehensions or aggregates."""
     scope = Scope()
@@ -92,20 +99,23 @@ def written_items(
     return chains
 
 
-def write_bindings(lines: Lines, pool: Pool, rule: Rule, tables: Sequence[Table], facts: dict[int, str]) -> Slots:
+def write_bindings(
+    build: FormBuilder, pool: Pool, rule: Rule, tables: Sequence[FactTable], facts: dict[int, str]
+) -> BoundSlots:
     """Write what gives the rule's variables their values again, given the match's facts by place; return them."""
-    slots = Slots()
+    slots = BoundSlots()
     predicates = tuple(table.predicate for table in tables)
     for place, conjunct in enumerate(rule.body):
         if isinstance(conjunct, Bind):
             source = slots.expression(conjunct.code, pool)
-            lines(f"b{conjunct.slot} = {source.text}")
-            slots.names[conjunct.slot] = f"b{conjunct.slot}"
+            build(Assign(f"b{conjunct.slot}", source.text))
+            slots.names[conjunct.slot] = Local(f"b{conjunct.slot}")
             slots.known[conjunct.slot] = source.known
         elif isinstance(conjunct, Atom) and conjunct.mode is not Mode.ABSENT:
-            table, fact = tables[conjunct.predicate], facts[place]
+            table = tables[conjunct.predicate]
+            fact = facts[place]
             step = plan_atom(conjunct, predicates, slots.names)
-            slots.bind(step, table, lambda position, fact=fact: column(fact, position))  # type: ignore[misc]
+            slots.bind(step, table, lambda position, fact=fact: Column(fact, position))  # type: ignore[misc]
         elif isinstance(conjunct, Guard):
             slots.known.update(narrowed(conjunct.code, slots.known))
     return slots

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
 from rmr.eval.deaths import Death
-from rmr.eval.ether import LATENCY, Messages
+from rmr.eval.eval_ether import LATENCY, Messages
 from rmr.eval.given import Insertion
 from rmr.node.report import job_entry
 
@@ -215,5 +215,6 @@ def unmatched(ensemble: "Ensemble") -> Iterator[str]:
 def slowed(ensemble: "Ensemble") -> Iterator[str]:
     """Yield that frames had to be slowed down, if they had."""
     if ensemble.ether.slowed_at is not None:
-        since, least = in_seconds(ensemble.ether.slowed_at), LATENCY / 1e6
+        since = in_seconds(ensemble.ether.slowed_at)
+        least = LATENCY / 1e6
         yield f"robots answer each other without end; from {since:g} s on every frame takes {least:g} ms"

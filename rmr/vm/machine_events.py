@@ -7,7 +7,7 @@ operator leaves it as one of these events (the paper's NEW_ACTION and NEW_FACT, 
 from rmr.base.record import record
 from rmr.base.time import Instant
 from rmr.base.values import Value
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 
 Args = tuple[Value, ...]
 
@@ -62,21 +62,21 @@ class ActionDerived:
 class JobStarted:
     """A fact that starts a time assertion's job was inserted; a job that ran already has started anew."""
 
-    job: Job
+    job: TimedJob
 
 
 @record
 class JobFinished:
     """The finish fact was inserted, in time or (``job.missed``) late."""
 
-    job: Job
+    job: TimedJob
 
 
 @record
 class JobMissed:
     """A deadline passed without the finish fact; the violation action was derived."""
 
-    job: Job
+    job: TimedJob
 
 
 @record

@@ -7,16 +7,16 @@ on in every frame in which they have rules left over from the budget of the fram
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rmr.analysis.columnar import Obstacle, obstacles
+from rmr.analysis.column_obstacles import Obstacle, obstacles
 from rmr.base.time import Instant, tick_start
 from rmr.bytecode.program import Program
 from rmr.columns.choices import streams
 from rmr.columns.columns import Columns
 from rmr.eval.deaths import Death
 from rmr.eval.ensemble import FIRINGS_MAX, Conditions, most
-from rmr.eval.ether import Messages
+from rmr.eval.eval_ether import Messages
+from rmr.eval.eval_report import satisfied
 from rmr.eval.given import Given, Insertion
-from rmr.eval.report import satisfied
 from rmr.node.trace import rule_text
 from rmr.vm.machine import FIRING_BUDGET
 
@@ -83,9 +83,11 @@ class ColumnRun:
     def _frame(self, now: Instant) -> None:
         """Let each robot fire as much as it may in one call."""
         self.now = now
-        columns, before = self._columns, (self.firings, self._failed)
+        columns = self._columns
+        before = (self.firings, self._failed)
         columns.run(FIRING_BUDGET, self._tick, self._firings_max - self.firings)
-        self.firings, self._failed = int(columns.firings.sum()), columns.failed
+        self.firings = int(columns.firings.sum())
+        self._failed = columns.failed
         self.busy = int(columns.busy.sum())
         if (self.firings, self._failed) != before:
             self.happened = now
@@ -110,7 +112,8 @@ class ColumnRun:
 
     def unfinished(self) -> Iterator[tuple[int, Iterator[str]]]:
         """Yield the robots that are not idle, with what each has yet to do."""
-        busy, firings = self._columns.busy, self._columns.firings
+        busy = self._columns.busy
+        firings = self._columns.firings
         for place in busy.nonzero()[0].tolist():
             last = self._columns.last(place)
             text = None if last is None else rule_text(self._program, last)

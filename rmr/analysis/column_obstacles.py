@@ -1,15 +1,15 @@
-"""Whether a program can be run as columns: all robots at once, an array for each argument of each predicate.
+"""Obstacles to running a program as columns: all robots at once, an array for each argument of each predicate.
 
-It can if every robot by itself holds at most one fact of each predicate (single.py), so that a robot is one row, and
-if each rule looks at nothing but its own row and changes nothing else: no facts for other robots, no actions, no time,
-no values without a fixed size. What stands in the way is told with its place and in words that say what to change.
+A program has none if every robot by itself holds at most one fact of each predicate (`at_most_one`), so that a robot
+is one row, and if each rule reads and changes nothing but its own row: no facts for other robots, no actions, no time,
+no values without a fixed size. Each obstacle has its place in the source and words that say what to change.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rmr.analysis.single import Several, several
-from rmr.analysis.straight import BASES, NUMBERS, Operation, Unsuitable, straight
+from rmr.analysis.at_most_one import Several, several
+from rmr.analysis.straight_line import BASES, NUMBERS, Operation, Unsuitable, straight
 from rmr.bytecode.functions import FUNCTIONS
 from rmr.bytecode.program import (
     SELF,

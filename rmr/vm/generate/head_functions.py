@@ -5,8 +5,9 @@ not fire. ``value{rule}`` is the same for nobody but the run loop, which consume
 returns are calls, or, where a rule derives nothing but facts of one predicate by one comprehension, their arguments.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 
 from rmr.base.values import Value
 from rmr.bytecode.arithmetic import NoValue
@@ -28,12 +29,27 @@ from rmr.vm import derive as limits
 from rmr.vm.aggregate import FOLDS, better
 from rmr.vm.derive import HEAD_PART
 from rmr.vm.doubts import Doubts, doubts, settle
-from rmr.vm.generate.body import ME, Body, Slots, begun, loads, positives, serial
-from rmr.vm.generate.heads import WrittenItem, rows_of, write_bindings
+from rmr.vm.generate.body import ME, Body, BoundSlots, begun, loads, positives
+from rmr.vm.generate.builder import FormBuilder
+from rmr.vm.generate.fact_tables import FactTable
+from rmr.vm.generate.form import (
+    Assign,
+    AssignAll,
+    Continue,
+    Evaluate,
+    If,
+    Local,
+    Raise,
+    Return,
+    Statement,
+    Update,
+    serial,
+    tuple_of,
+)
+from rmr.vm.generate.head_items import WrittenItem, rows_of, write_bindings
 from rmr.vm.generate.known import NOTHING
-from rmr.vm.generate.layout import Table, tuple_of
-from rmr.vm.generate.lines import Lines
 from rmr.vm.generate.source import Pool
+from rmr.vm.generate.state_layout import RuleFunctions
 
 Inner = Comprehension | Aggregate
 """A part of a head with a body of its own."""
@@ -49,13 +65,13 @@ class HeadWriter:
     """Writes ``derive`` or ``value`` of one rule."""
 
     def __init__(
-        self, program: Program, rule: int, lines: Lines, pool: Pool, tables: Sequence[Table], *, calls: bool
+        self, program: Program, rule: int, build: FormBuilder, pool: Pool, tables: Sequence[FactTable], *, calls: bool
     ) -> None:
         """`calls`: ``value``, which is written before the indices are laid out."""
         self.program = program
         self.number = rule
         self.rule = program.rules[rule]
-        self.lines = lines
+        self.build = build
         self.pool = pool
         self.tables = tables
         self.calls = calls
@@ -69,37 +85,38 @@ class HeadWriter:
 
     def write(self) -> None:
         """Write the function."""
-        lines, rule = self.lines, self.rule
+        build = self.build
+        rule = self.rule
         scope = Scope()
         scope.grow(rule.body, self.program.predicates)
-        parameters = ", ".join(["vm", "now", *self._facts.values()])
-        with lines.block(f"def {'value' if self.calls else 'derive'}{self.number}({parameters}):"):
-            lines(f"{ME} = vm.robot")
-            slots = write_bindings(lines, self.pool, rule, self.tables, self._facts)
-            lines(f"consumed = [{', '.join(self._consumed)}]", "out = []", "part = matches = 0")
-            with lines.block("try:"):
+        functions = RuleFunctions(self.number)
+        name = functions.value if self.calls else functions.derive
+        with build.function(name, "vm", "now", *self._facts.values()):
+            build(Assign(ME, "vm.robot"))
+            slots = write_bindings(build, self.pool, rule, self.tables, self._facts)
+            build(Assign("consumed", f"[{', '.join(self._consumed)}]"), Assign("out", "[]"))
+            build(AssignAll(("part", "matches"), "0"))
+            with build.attempt("NoValue", "reason", self.failed(HEAD_PART, "part", ()), Return("None")):
                 for part, head in enumerate(rule.head):
-                    lines(f"part = {part}")
+                    build(Assign("part", str(part)))
                     if isinstance(head, Inner):
                         InnerWriter(self, part, head, slots, scope).write()
                     else:
                         self.chain(head.steps if isinstance(head, Steps) else (head,), slots, scope)
-                lines("return consumed, out")
-            with lines.block("except NoValue as reason:"):
-                lines(self.failed(HEAD_PART, "part", ()), "return None")
+                build(Return("consumed, out"))
 
-    def chain(self, steps: Sequence[Item], slots: Slots, scope: Scope) -> None:
+    def chain(self, steps: Sequence[Item], slots: BoundSlots, scope: Scope) -> None:
         """Write that what stands outside of comprehensions is derived."""
         items = [self.item(each, slots, scope) for each in steps]
         call = self.call(items[0]) if len(items) == 1 else None
         if call is None:
             names = [f"d{number}" for number in range(len(items))]
             for name, item in zip(names, items, strict=True):
-                self.lines(f"{name} = {item.write(self.lines, self.pool)}")
+                self.build(Assign(name, item.write(self.build, self.pool)))
             call = self.followed(tuple_of(names))
-        self.lines(f"out.append({call})")
+        self.build(Evaluate(f"out.append({call})"))
 
-    def item(self, item: Item, slots: Slots, scope: Scope) -> WrittenItem:
+    def item(self, item: Item, slots: BoundSlots, scope: Scope) -> WrittenItem:
         """Return an item of the head as source."""
         return WrittenItem(item, slots, scope, self.pool, self.tables)
 
@@ -109,7 +126,7 @@ class HeadWriter:
             return None
         args = [each.text for each in item.args]
         if rows_of(self.rule) is None:
-            return None if item.doubts else tuple_of([f"add{item.item.predicate}", *args])
+            return None if item.doubts else tuple_of([self.tables[item.item.predicate].functions.add, *args])
         if not item.doubts:
             return tuple_of(args)
         settled = self.pool.helper("settled_args", settled_args)
@@ -121,34 +138,37 @@ class HeadWriter:
 
     def removal(self, predicate: int, fact: str) -> str:
         """Return how a fact that is consumed is listed."""
-        return f"({f'remove{predicate}' if self.calls else predicate}, {fact})"
+        return f"({self.tables[predicate].functions.remove if self.calls else predicate}, {fact})"
 
     def gone(self) -> str:
         """Return the set of what has been consumed so far."""
-        return f"{{{', '.join([*self._gone, '*[f[1] for _, f in consumed]'])}}}"
+        consumed = f"*[{serial('f')} for _, f in consumed]"
+        return f"{{{', '.join([*self._gone, consumed])}}}"
 
     def found(self, inner: Sequence[str]) -> str:
         """Return the facts found, those of an inner body behind the rule's own."""
         return tuple_of([*self._facts.values(), *inner])
 
-    def failed(self, part: int, step: int | str, inner: Sequence[str]) -> str:
-        """Return the call that tells of ``reason``."""
-        return f"vm.failed(now, {self.number}, {part}, {step}, {self.found(inner)}, reason)"
+    def failed(self, part: int, step: int | str, inner: Sequence[str]) -> Evaluate:
+        """Return the call that reports ``reason``."""
+        return Evaluate(f"vm.failed(now, {self.number}, {part}, {step}, {self.found(inner)}, reason)")
 
 
 class InnerBody(Body):
     """The search for the matches of a comprehension or aggregate: each takes temporary facts, which serve no other."""
 
-    def __init__(self, head: HeadWriter, part: int, inner: Inner, slots: Slots) -> None:
+    def __init__(self, head: HeadWriter, part: int, inner: Inner, slots: BoundSlots) -> None:
         counted = sum(isinstance(each, Atom) for each in inner.body) > 1
-        lines, pool, tables = head.lines, head.pool, head.tables
-        super().__init__(lines, pool, tables, slots, "continue", fact="g", may_index=head.calls, counted=counted)
+        build = head.build
+        pool = head.pool
+        tables = head.tables
+        super().__init__(build, pool, tables, slots, Continue(), fact="g", may_index=head.calls, counted=counted)
         self._head = head
         self._part = part
         self.taking = [(place, atom.predicate) for place, atom in positives(inner.body) if atom.mode is Mode.CONSUME]
         """Place and predicate of the facts that are consumed."""
 
-    def told(self, place: int) -> str:
+    def told(self, place: int) -> Evaluate:
         """Return the call that tells of a failure."""
         return self._head.failed(self._part, place, self.found)
 
@@ -167,14 +187,14 @@ class InnerBody(Body):
 class InnerWriter:
     """Writes one comprehension or aggregate."""
 
-    def __init__(self, head: HeadWriter, part: int, inner: Inner, outer: Slots, scope: Scope) -> None:
+    def __init__(self, head: HeadWriter, part: int, inner: Inner, outer: BoundSlots, scope: Scope) -> None:
         self._head = head
-        self._lines = head.lines
+        self._build = head.build
         self._pool = head.pool
         self._part = part
         self._inner = inner
         self._outer = outer
-        self._slots = Slots(outer)
+        self._slots = BoundSlots(outer)
         self._scope = Scope(scope)
         self._scope.grow(inner.body, head.program.predicates)
         self._body = InnerBody(head, part, inner, self._slots)
@@ -184,22 +204,24 @@ class InnerWriter:
 
     def write(self) -> None:
         """Write the search and what becomes of its matches."""
-        lines, inner, head = self._lines, self._inner, self._head
+        build = self._build
+        inner = self._inner
+        head = self._head
         atoms = [each for each in inner.body if isinstance(each, Atom)]
         if any(head.program.predicates[each.predicate].kind is Kind.TEMPORARY for each in atoms):
-            lines(f"gone = {head.gone()}", "taken = set()")
+            build(Assign("gone", head.gone()), Assign("taken", "set()"))
         if isinstance(inner, Aggregate):
-            lines("values = []", "best = None")
+            build(Assign("values", "[]"), Assign("best", "None"))
         if len(atoms) > 1:
-            lines(begun(self._pool, (head.number, self._part, len(inner.body)), head.found(())))
+            build(*begun(self._pool, (head.number, self._part, len(inner.body)), head.found(())))
         if self._at_end:
-            lines("before = len(out)")
-        mark = lines.mark()
-        with lines.block(f"for _ in {self._pool.helper('ONCE', (None,))}:"):
+            build(Assign("before", "len(out)"))
+        mark = build.mark()
+        with build.loop("_", self._pool.helper("ONCE", (None,))):  # so that `continue` leaves the search
             self._body.seek(list(enumerate(inner.body)), self._leaf)
-        lines.insert(mark, loads(self._body))
+        build.insert(mark, loads(self._body))
         if self._at_end:
-            lines("matches += len(out) - before", _limit())
+            build(Update("matches", "+", "len(out) - before"), _limit())
         if isinstance(inner, Aggregate):
             self._fold(inner)
 
@@ -213,70 +235,68 @@ class InnerWriter:
 
     def _leaf(self) -> None:
         """Write what is done with one match."""
-        lines, inner = self._lines, self._inner
+        build = self._build
+        inner = self._inner
         if not self._at_end:
             made = len(inner.head) if isinstance(inner, Comprehension) else 1
-            lines(f"matches += {made or 1}", _limit())
+            build(Update("matches", "+", str(made or 1)), _limit())
         if isinstance(inner, Comprehension):
             items = [self._head.item(each, self._slots, self._scope) for each in inner.head]
             with self._trying(any(each.fails for each in items)):
                 names = [self._written(f"d{number}", item) for number, item in enumerate(items)]
             self._take()
-            lines(*[f"out.append({name})" for name in names])
+            build(*[Evaluate(f"out.append({name})") for name in names])
         else:
             term = self._slots.expression(inner.term, self._pool) if inner.term is not None else None
             with self._trying(term is not None and term.fails):
-                lines(f"value = {1 if term is None else term.text}")
+                build(Assign("value", "1" if term is None else term.text))
             self._take()
             self._keep(inner)
 
-    @contextmanager
-    def _trying(self, fails: bool) -> Iterator[None]:
-        """Leave out a match for which what is written meanwhile fails."""
-        lines = self._lines
+    def _trying(self, fails: bool) -> AbstractContextManager[None]:
+        """Report and skip a match for which the statements that are added meanwhile fail."""
         if not fails:
-            yield
-            return
-        with lines.block("try:"):
-            yield
-        lines("except NoValue as reason:", f" {self._body.told(HEAD_PART)}", f" {self._body.skip}")
+            return nullcontext()
+        return self._build.attempt("NoValue", "reason", self._body.told(HEAD_PART), self._body.skip)
 
     def _written(self, name: str, item: WrittenItem) -> str:
         """Write that `name` is an item, and return how it is listed."""
         call = self._head.call(item)
-        self._lines(f"{name} = {call or item.write(self._lines, self._pool)}")
+        self._build(Assign(name, call or item.write(self._build, self._pool)))
         return name if call is not None else self._head.followed(f"({name},)")
 
     def _take(self) -> None:
         """Write that the match's temporary facts are taken."""
         for place, predicate in self._body.taking:
             fact = f"g{place}"
-            self._lines(f"taken.add({serial(fact)})", f"consumed.append({self._head.removal(predicate, fact)})")
+            self._build(Evaluate(f"taken.add({serial(fact)})"))
+            self._build(Evaluate(f"consumed.append({self._head.removal(predicate, fact)})"))
 
     def _keep(self, aggregate: Aggregate) -> None:
         """Write what an aggregate keeps of a match."""
-        lines = self._lines
+        build = self._build
         if aggregate.operator not in (Operator.MIN, Operator.MAX):
-            lines("values.append(value)")
+            build(Evaluate("values.append(value)"))
             return
         operator = self._pool.helper(f"OPERATOR_{aggregate.operator.name}", aggregate.operator)
-        with lines.block(f"if {self._pool.helper('better', better)}({operator}, value, best):"):
-            lines("best = value", *[f"w{slot} = {self._slots.names[slot]}" for slot in self._new_slots()])
+        with build.when(f"{self._pool.helper('better', better)}({operator}, value, best)"):
+            build(Assign("best", "value"))
+            build(*[Assign(f"w{slot}", self._slots.names[slot].text) for slot in self._new_slots()])
 
     def _fold(self, aggregate: Aggregate) -> None:
         """Write what an aggregate derives of all its matches."""
-        slots = Slots(self._outer)
-        with self._lines.level():
+        slots = BoundSlots(self._outer)
+        with self._build.level():
             if aggregate.operator in (Operator.MIN, Operator.MAX):
                 for slot in self._new_slots():
-                    slots.names[slot], slots.known[slot] = f"w{slot}", self._slots.known[slot]
-                slots.names[aggregate.result] = "best"
-                self._lines("if best is not None:")
-                self._lines.enter()
+                    slots.names[slot] = Local(f"w{slot}")
+                    slots.known[slot] = self._slots.known[slot]
+                slots.names[aggregate.result] = Local("best")
+                self._build.open(partial(If, "best is not None"))
             else:
                 fold = self._pool.helper(f"FOLD_{aggregate.operator.name}", FOLDS[aggregate.operator])
-                self._lines(f"total = {fold}(values)")
-                slots.names[aggregate.result] = "total"
+                self._build(Assign("total", f"{fold}(values)"))
+                slots.names[aggregate.result] = Local("total")
             slots.known[aggregate.result] = NOTHING
             self._head.chain((aggregate.head,), slots, self._scope)
 
@@ -285,7 +305,7 @@ class InnerWriter:
         return sorted(self._slots.names.keys() - self._outer.names.keys())
 
 
-def _limit() -> str:
+def _limit() -> Statement:
     """Return the statement that gives up a firing with too many matches."""
     text = f"more than {limits.MATCHES_MAX} matches in one firing"
-    return f"if matches > {limits.MATCHES_MAX}: raise NoValue({text!r})"
+    return If(f"matches > {limits.MATCHES_MAX}", (Raise(f"NoValue({text!r})"),))

@@ -12,7 +12,7 @@ machine); who does not looks at all that is wanted (the compiler).
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from rmr.analysis.backwards import (
+from rmr.analysis.backward_chaining import (
     HOME,
     Backwards,
     Derivation,
@@ -108,7 +108,8 @@ class Levels:
 
     def _deepen(self) -> None:
         """Work out the next level."""
-        frontier, self._frontier = self._frontier, []
+        frontier = self._frontier
+        self._frontier = []
         self._depth += 1
         for reached in frontier:
             for derivation in self._backwards.deriving(reached.predicate, reached.args):

@@ -12,9 +12,9 @@ from rmr.base.values import Robot
 from rmr.bytecode.program import Program
 from rmr.vm.assertions import Assertions
 from rmr.vm.bounds import Dropped
-from rmr.vm.events import VmEvent
 from rmr.vm.failures import Failures
 from rmr.vm.goals import Goals
+from rmr.vm.machine_events import VmEvent
 from rmr.vm.shared import shared_of
 from rmr.vm.store import Args
 from rmr.vm.underway import UnderWay

@@ -12,7 +12,7 @@ import numpy as np
 from rmr.base.time import in_seconds, tick_start
 from rmr.base.values import Robot
 from rmr.bytecode.program import Constant, InitialGoal, Program, Slot
-from rmr.columns.layout import Layout
+from rmr.columns.column_layout import ColumnLayout
 from rmr.columns.numbers import Array, same, unless
 from rmr.vm.assertions import goal_text
 from rmr.vm.ranks import here
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 Report = dict[str, list[list[object]] | list[str]]
 
 
-class Goals:
+class ColumnGoals:
     """The goals of one program; the same for all blocks."""
 
-    def __init__(self, program: Program, layout: Layout) -> None:
+    def __init__(self, program: Program, layout: ColumnLayout) -> None:
         self._program = program
         self._layout = layout
         self._of: list[list[int]] = [[] for _ in program.predicates]
