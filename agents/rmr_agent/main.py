@@ -14,7 +14,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _command(arguments: Sequence[str] | None) -> int:
-    from rmr_agent.options import parser  # noqa: PLC0415 - see rmr.entry
+    from rmr_agent.agent_options import parser  # noqa: PLC0415 - see rmr.entry
 
     options = parser().parse_args(arguments)
     try:

@@ -26,21 +26,21 @@ from rmr.bus.secret import Secret, SecretError, read_secret
 from rmr.entry.files import unreadable
 from rmr.radio.key_file import KeyFileError, read_key
 from rmr_agent.bytecode import RefusedError, check_actions, load_handlers, load_program
-from rmr_agent.crew import live
-from rmr_agent.robot import Carried
+from rmr_agent.robot import RobotSetup
+from rmr_agent.robot_process import live
 
 
-def _load(options: argparse.Namespace) -> Carried:
+def _load(options: argparse.Namespace) -> RobotSetup:
     loaded = load_program(options.program)
     check_actions(loaded.program, load_handlers(options.actions))
     try:
         key = None if options.radio_key is None else read_key(options.radio_key)
     except KeyFileError as error:
         raise RefusedError(str(error)) from None
-    return Carried(loaded, partial(load_handlers, options.actions), key)
+    return RobotSetup(loaded, partial(load_handlers, options.actions), key)
 
 
-async def _live(options: argparse.Namespace, carried: Carried, secret: Secret | None, ending: Ending) -> None:
+async def _live(options: argparse.Namespace, carried: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
     await live(options.id, options.connect, options.lab, carried, ending, secret)

@@ -25,12 +25,12 @@ from rmr.bus.process import EXIT_FAILED, EXIT_INVALID, EXIT_USAGE, Ending, LogFi
 from rmr.bus.session import Bus
 from rmr.node.actions.dispatcher import STOPPED, TAKEN_OVER, Handler
 from rmr.node.report import progress, robot_report
-from rmr_agent.air import LocalAir
 from rmr_agent.bytecode import Loaded, RefusedError
 from rmr_agent.clock import LabClock
-from rmr_agent.life import Life, Sender, floor_grid, make_station, node_config, phase_of
-from rmr_agent.secured import make_security
-from rmr_agent.telling import Telling
+from rmr_agent.incarnation import Incarnation, Outlets, floor_grid, make_station, node_config, phase_of
+from rmr_agent.local_air import LocalAir
+from rmr_agent.radio_security import make_security
+from rmr_agent.status_publisher import StatusPublisher
 
 SAY_AGAIN_S = 5.0
 """How often a waiting robot says that it waits."""
@@ -66,7 +66,7 @@ FAILURES_MAX = 20
 log = logging.getLogger("rmr")
 
 
-class Carried(NamedTuple):
+class RobotSetup(NamedTuple):
     """What a robot brings along: all else it is told by its world."""
 
     loaded: Loaded
@@ -80,7 +80,7 @@ class HostedRobot:
     """One robot of the process, with a seat of its own on the bus."""
 
     def __init__(
-        self, robot: int, first: int, bus: Bus, connect: str, lab: str | None, carried: Carried, ending: Ending
+        self, robot: int, first: int, bus: Bus, connect: str, lab: str | None, carried: RobotSetup, ending: Ending
     ) -> None:
         """`first` is the first robot of the process."""
         self._robot = robot
@@ -98,12 +98,12 @@ class HostedRobot:
         self._waiting = Seldom(self._say_waiting, SAY_AGAIN_S)
         self._lost = False
         self._restarts = 0
-        self._life: Life | None = None
+        self._life: Incarnation | None = None
         self._told: tuple[Any, ...] = ()
         self._told_s = 0.0
         self._failures: list[str] = []
         self._bus = bus
-        self._telling = Telling(bus, self._say_failure)
+        self._telling = StatusPublisher(bus, self._say_failure)
 
     def _say_waiting(self) -> None:
         whose = "the" if self._keys.lab == ANY_LAB else f"lab {self._keys.lab}'s"
@@ -201,11 +201,11 @@ class HostedRobot:
             config = node_config(self._robot, known, loaded.program, known.lives, phase)
             security = make_security(self._robot, known, envelope.run, key)
             station = make_station(config, known.radio, security)
-            send = Sender(
+            send = Outlets(
                 LocalAir(self._bus, self._keys, floor_grid(config), self._on_air),
                 lambda body: self._bus.publish(self._keys.act(self._robot), body),
             )
-            self._life = Life(config, loaded, fresh(), station, self._clock, send, self._ending.break_down)
+            self._life = Incarnation(config, loaded, fresh(), station, self._clock, send, self._ending.break_down)
         except RefusedError as error:
             self._ending.ask(f"lab {known.lab}: {error}", EXIT_INVALID)
             return
@@ -303,7 +303,7 @@ class HostedRobot:
         status = wire.Status(state, news[1], finished, final, now, {})
         await self._telling.tell(self._keys.status(self._robot), status, lambda: self._report(life))
 
-    def _report(self, life: Life) -> dict[str, Any]:
+    def _report(self, life: Incarnation) -> dict[str, Any]:
         losses = self._bus.losses
         bus = {"lost": losses.lost, "malformed": losses.malformed + life.link.malformed}
         host = {"bus": bus} | ({"log_cut_short": LogFile.failure} if LogFile.failure else {})
@@ -321,7 +321,7 @@ class HostedRobot:
             return "ready"
         return "finished" if finished else "running"
 
-    def _log_trace(self, life: Life) -> None:
+    def _log_trace(self, life: Incarnation) -> None:
         """Write what the node has noted since the last time into the log."""
         if life.link.station.mute:
             self._say_failure("the radio's frame counter is used up: the robot sends nothing more; start it again")

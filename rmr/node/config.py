@@ -11,7 +11,7 @@ from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.values import Values
 from rmr.node.crossing.turn import UNKNOWN_INSIDE
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
 
@@ -50,7 +50,7 @@ class NodeConfig:
     """How often the robot was started before; tells its messages from those of an earlier life."""
     phase: Duration = 0
     """How much later than the lab's its frames begin: hosts that share a machine spread theirs."""
-    trace: Level = Level.NOTES
+    trace: TraceLevel = TraceLevel.NOTES
     """How much the robot notes for whoever watches it."""
     engine: Engine = Engine.GENERATED
     """What runs the program; all engines do the same."""

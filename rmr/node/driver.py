@@ -21,9 +21,9 @@ from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
+from rmr.node.payloads import Hello
 from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
-from rmr.node.ports import Body, SeenBody
-from rmr.node.wire import Hello
+from rmr.node.ports import BodyPort, SeenBody
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
 """A moving robot repeats its wheel command at least this often, every other frame: the body brakes 0.1 s after the last
@@ -49,7 +49,7 @@ NO_RANK: Final = 1 << 16
 class Driver:
     """One robot's wheels and senses."""
 
-    def __init__(self, config: NodeConfig, body: Body) -> None:
+    def __init__(self, config: NodeConfig, body: BodyPort) -> None:
         self.arena = arena = config.arena
         self.localiser = Localiser(arena)
         self.navigator = Navigator(arena, config.robot, len(config.roster))

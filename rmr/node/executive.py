@@ -20,7 +20,7 @@ FRAME_BUDGET: Final[Duration] = NS_PER_S // TICK_HZ
 
 
 @dataclass(slots=True)
-class Task:
+class ExecutiveTask:
     """One entry of the executive's table, highest priority first."""
 
     name: str
@@ -33,7 +33,7 @@ class Task:
 class Executive:
     """Runs a table of tasks frame by frame."""
 
-    def __init__(self, tasks: list[Task], spent: Callable[[], Duration] | None, phase: Duration = 0) -> None:
+    def __init__(self, tasks: list[ExecutiveTask], spent: Callable[[], Duration] | None, phase: Duration = 0) -> None:
         """`spent` is None in virtual time, which no task uses up; each frame begins `phase` after the lab's."""
         self.tasks = tasks
         self._between = [task for task in tasks if not task.periodic]

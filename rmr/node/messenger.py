@@ -13,23 +13,23 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stream
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol, Value
-from rmr.node import wire
+from rmr.node import payloads
 from rmr.node.crossing.destination import bound_for, redirect
 from rmr.node.crossing.turn import Phase, Turn
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
+from rmr.node.payloads import Hello, PayloadKind, WireError
 from rmr.node.peers.hello import STAYS, STAYS_SPARE, HelloClock
 from rmr.node.peers.perception import driving_of
 from rmr.node.ports import Received
-from rmr.node.wire import Hello, Kind, WireError
 from rmr.radio.phy import LOSS_AT_1_M_DB
 
 if TYPE_CHECKING:
     from rmr.node.node import Node
 
-_hello_in = lru_cache(maxsize=256)(wire.decode_hello)
+_hello_in = lru_cache(maxsize=256)(payloads.decode_hello)
 """`decode_hello`, remembered: in virtual time many robots hear the same octets."""
 
 
@@ -66,7 +66,7 @@ UNNAMED_FAILURE: Final = "broadcast"
 """The event of a failure broadcast that no missed deadline derived."""
 
 
-class Talk:
+class Messenger:
     """One robot's conversation."""
 
     def __init__(self, node: "Node", exchange: Exchange, digest: int) -> None:
@@ -149,7 +149,7 @@ class Talk:
             if stays and node.driver is not None:
                 node.driver.stays_until = now + STAYS + STAYS_SPARE
             hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, bound_for(node), self.digest, stays)
-            node.transmit(wire.encode_hello(hello), None)
+            node.transmit(payloads.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:
         """Handle a frame of another robot."""
@@ -165,16 +165,16 @@ class Talk:
 
     def _dispatch(self, now: Instant, frame: Received) -> None:
         match frame.payload[0]:
-            case Kind.HELLO:
+            case PayloadKind.HELLO:
                 self._met(now, frame, _hello_in(frame.payload))
-            case Kind.FACT | Kind.FRAGMENT:
+            case PayloadKind.FACT | PayloadKind.FRAGMENT:
                 body = self.exchange.received(frame.payload, frame.source)
                 if body is not None:
                     self._node.stir()
                     self.deliveries.arrived(now, body, frame.source)
-            case Kind.FACT_ACK:
+            case PayloadKind.FACT_ACK:
                 self.exchange.acknowledged(now, frame.payload, frame.source)
-            case Kind.FAILURE:
+            case PayloadKind.FAILURE:
                 self._failure(now, frame)
             case kind:
                 raise WireError(f"a frame of the unknown kind {kind:#04x}")
@@ -182,7 +182,7 @@ class Talk:
     def overhear(self, now: Instant, frame: Received) -> bool:
         """Take in `frame` if it is a hello that says only where a robot is that is known; else return False."""
         payload, source = frame.payload, frame.source
-        if not payload or payload[0] != Kind.HELLO:
+        if not payload or payload[0] != PayloadKind.HELLO:
             return False
         peers = self._node.peers
         peer = peers.known.get(source)
@@ -246,7 +246,7 @@ class Talk:
             node.driver.navigator.update_parked(parked)
 
     def _failure(self, now: Instant, frame: Received) -> None:
-        digest, assertion = wire.decode_failure(frame.payload)
+        digest, assertion = payloads.decode_failure(frame.payload)
         assertions = self._node.program.assertions
         if digest != self.digest or (assertion is not None and assertion >= len(assertions)):
             return

@@ -18,24 +18,24 @@ from rmr.base.values import Robot, Symbol, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent
-from rmr.node import wire
+from rmr.node import payloads
 from rmr.node.actions.action_log import ActionLog
 from rmr.node.actions.built_in import PROVIDED, NodeHandle
-from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Running, check_handlers
+from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, RunningAction, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.crossing.turn import Phase, Turn
 from rmr.node.crossing.turns import Turns
 from rmr.node.driver import Driver
-from rmr.node.executive import Executive, Task
+from rmr.node.executive import Executive, ExecutiveTask
 from rmr.node.logic.exchange import Exchange
-from rmr.node.logic.machine_runner import Mind
+from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.logic.sensed_facts import SensedFacts
-from rmr.node.messenger import Talk
+from rmr.node.messenger import Messenger
 from rmr.node.motion.navigator import Navigator
 from rmr.node.peers.perception import Peers, Percept
 from rmr.node.ports import Confirmed, Ports, Received, Spoken
-from rmr.node.trace import Level, Trace
+from rmr.node.trace import Trace, TraceLevel
 from rmr.vm.engines import new_machine
 
 ROUNDS_MAX: Final = 64
@@ -63,7 +63,7 @@ class Node:
         self._handlers = handlers
         check_handlers(program, {**PROVIDED, **handlers})
         name = f"{config.seed}/robot{config.robot}"
-        choices, traced = Choices(f"{name}/vm"), config.trace is Level.FACTS
+        choices, traced = Choices(f"{name}/vm"), config.trace is TraceLevel.FACTS
         self.machine = new_machine(program, config.robot, choices, engine=config.engine, trace=traced)
         self.senses = SensedFacts(program, self.machine)
         self.peers = Peers()
@@ -79,15 +79,15 @@ class Node:
         self._coordination = CoordLink(core, self.transmit, self._coordinated)
         exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), ports.link.payload_max)
         exchange.tell = self.tell
-        self.talk = Talk(self, exchange, digest)
+        self.talk = Messenger(self, exchange, digest)
         self.actions = Dispatcher(self)
-        self.mind = Mind(self)
+        self.mind = MachineRunner(self)
         tasks = [
-            Task("motor", self._motor, periodic=True),
-            Task("radio", self._radio, periodic=False),
-            Task("localisation", self._localise, periodic=False),
-            Task("runtime", self._runtime, periodic=False),
-            Task("telemetry", self._telemetry, periodic=True),
+            ExecutiveTask("motor", self._motor, periodic=True),
+            ExecutiveTask("radio", self._radio, periodic=False),
+            ExecutiveTask("localisation", self._localise, periodic=False),
+            ExecutiveTask("runtime", self._runtime, periodic=False),
+            ExecutiveTask("telemetry", self._telemetry, periodic=True),
         ]
         self.executive = Executive(tasks, ports.spent, config.phase)
         self._started = False
@@ -204,9 +204,9 @@ class Node:
         if not frame.payload:
             self.talk.drop(now, frame.source, "a frame without content")
             return
-        if frame.payload[0] != wire.Kind.HELLO:
+        if frame.payload[0] != payloads.PayloadKind.HELLO:
             self._rewake = True
-        if frame.payload[0] < wire.Kind.FACT:
+        if frame.payload[0] < payloads.PayloadKind.FACT:
             self._coordination.receive(now, frame.payload, frame.source)
         else:
             self.talk.receive(now, frame)
@@ -285,13 +285,13 @@ class Node:
 
     # -- what actions ask -------------------------------------------------------------------------------------
 
-    def handle(self, running: Running) -> NodeHandle:
+    def handle(self, running: RunningAction) -> NodeHandle:
         """Return the handle of a starting action, which is noted in the report."""
         self.action_log.begin(self.now, running.text(self.robot))
         self.trace(self.now, "action", action=running.text(self.robot))
         return NodeHandle(self, running)
 
-    def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
+    def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Handle the end of an action."""
         self.mind.ended(now, running, failure)
 
@@ -359,7 +359,7 @@ class Node:
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
-        self.transmit(wire.encode_failure(self.talk.digest, assertion), None)
+        self.transmit(payloads.encode_failure(self.talk.digest, assertion), None)
 
     # -- what hosts ask ---------------------------------------------------------------------------------------
 

@@ -6,9 +6,9 @@ import pytest
 from lab_maker import small_lab, traced
 
 from rmr.base.time import seconds
-from rmr.node import wire
+from rmr.node import payloads
+from rmr.node.payloads import Hello
 from rmr.node.ports import Received
-from rmr.node.wire import Hello
 from rmr_sim.main import main
 from rmr_sim.run import prepare
 from rmr_sim.simulation import Simulation
@@ -71,7 +71,7 @@ def test_an_action_that_has_the_wheels_after_a_moveto_keeps_them_when_the_place_
         if driving is not None and driving.name == "face":
             x, y = node.driver.place
             hello = Hello(x, y, 0.0, 0.0, True, 0, None, node.talk.digest, False)
-            node.talk.receive(now, Received(wire.encode_hello(hello), 2, False, -50.0, 255, now))
+            node.talk.receive(now, Received(payloads.encode_hello(hello), 2, False, -50.0, 255, now))
             goals.append(node.driver.navigator.goal)
 
     simulation.checkers.append(dispute)

@@ -8,8 +8,8 @@ from lab_maker import small_lab, traced
 
 from rmr.base.geometry import distance
 from rmr.base.time import seconds
+from rmr.node.payloads import Hello, encode_ack, encode_hello
 from rmr.node.ports import Confirmed, Received
-from rmr.node.wire import Hello, encode_ack, encode_hello
 from rmr_sim.run import prepare
 from rmr_world.program import ProgramError
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from rmr.base.time import Duration
 from rmr.coord.values import Order, Values
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.watch import watch
 from rmr_sim.event import Event
@@ -61,7 +61,7 @@ class Loaded:
     key: bytes | None = field(repr=False)
     """The radio's, where that is secured."""
 
-    def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
+    def simulation(self, seed: int | None = None, trace: TraceLevel = TraceLevel.NOTES) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
         lab, program = self.lab, self.program
         handlers = load_handlers(program.program, lab.actions)
@@ -99,7 +99,7 @@ def prepare(
     path: Path,
     *,
     seed: int | None = None,
-    trace: Level = Level.NOTES,
+    trace: TraceLevel = TraceLevel.NOTES,
     events: Iterable[Event] = (),
     warn: Callable[[str], None] = lambda _: None,
     **options: Any,

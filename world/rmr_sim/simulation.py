@@ -19,7 +19,7 @@ from rmr.coord.values import Values
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr.radio.ether import Ether
 from rmr.radio.links import Disturbance
 from rmr.radio.security import LEVELS, Security, run_key
@@ -51,7 +51,7 @@ class Simulation:
         digest: int,
         seed: int,
         handlers: Mapping[str, Handler] | None = None,
-        trace: Level = Level.NOTES,
+        trace: TraceLevel = TraceLevel.NOTES,
         key: bytes | None = None,
         values: Values | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
@@ -119,7 +119,7 @@ class Simulation:
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
-    def _config(self, trace: Level, values: Values) -> NodeConfig:
+    def _config(self, trace: TraceLevel, values: Values) -> NodeConfig:
         """Return what all robots are told, as the first one is."""
         lab = replace(self.lab, seed=self.seed)
         facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)

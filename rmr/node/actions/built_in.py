@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
-from rmr.node.actions.dispatcher import Handler, Running
+from rmr.node.actions.dispatcher import Handler, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
 from rmr.node.crossing.turn import Turn
 from rmr.node.motion.barred import robots_near, solid_between, what_bars
@@ -39,7 +39,7 @@ class NodeHandle(RobotHandle):
 
     __slots__ = ()
 
-    def __init__(self, node: "Node", running: Running) -> None:
+    def __init__(self, node: "Node", running: RunningAction) -> None:
         super().__init__(lambda: node.now, node, running)
 
     @property

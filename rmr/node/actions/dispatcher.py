@@ -22,7 +22,7 @@ from rmr.base.values import Robot, Value, format_fact
 from rmr.bytecode.program import Kind, Program
 from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandle
 
-__all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "Running", "action"]
+__all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "RunningAction", "action"]
 
 RUNNING_MAX: Final = 1024
 """Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
@@ -104,7 +104,7 @@ def registered() -> dict[str, Handler]:
     return dict(_registered)
 
 
-class Turn(Protocol):
+class ActionPermit(Protocol):
     """What an action needs to know of the turn that it waits for."""
 
     def released(self, now: Instant) -> bool:
@@ -112,7 +112,7 @@ class Turn(Protocol):
 
 
 @dataclass(slots=True, eq=False)
-class Running:
+class RunningAction:
     """One derived action, waiting or under way."""
 
     serial: int
@@ -141,10 +141,10 @@ class Running:
 class Host(Protocol):
     """What the dispatcher asks of its node."""
 
-    def action_ended(self, now: Instant, running: Running, failure: str | None) -> None:
+    def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Handle the end of an action; `failure` is the reason, None when it completed."""
 
-    def handle(self, running: Running) -> Any:
+    def handle(self, running: RunningAction) -> Any:
         """Return the handle that the action's coroutine gets."""
 
     def halt(self) -> None:
@@ -156,11 +156,11 @@ class Dispatcher:
 
     def __init__(self, host: Host) -> None:
         self._host = host
-        self.held: list[Running] = []
+        self.held: list[RunningAction] = []
         """Waiting for their turn."""
-        self.queue: deque[Running] = deque()
+        self.queue: deque[RunningAction] = deque()
         """Waiting for the wheels."""
-        self.running: list[Running] = []
+        self.running: list[RunningAction] = []
         self.refused = 0
 
     @property
@@ -178,7 +178,7 @@ class Dispatcher:
         return len([running for running in self.running if running.pause.condition is not None]) > 0
 
     @property
-    def driving(self) -> Running | None:
+    def driving(self) -> RunningAction | None:
         """The action that has the wheels."""
         for running in self.running:
             if running.handler.wheels:
@@ -194,7 +194,7 @@ class Dispatcher:
             wake = until if until < wake else wake
         return wake
 
-    def derive(self, now: Instant, running: Running) -> None:
+    def derive(self, now: Instant, running: RunningAction) -> None:
         """Take on an action: hold it, queue it, or start it."""
         if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
             self.refused += 1
@@ -204,7 +204,7 @@ class Dispatcher:
         else:
             self._admit(now, running)
 
-    def _admit(self, now: Instant, running: Running) -> None:
+    def _admit(self, now: Instant, running: RunningAction) -> None:
         if running.handler.at_once:
             self._interrupt(now)
         elif running.handler.wheels and (self.queue or self.driving):
@@ -221,7 +221,7 @@ class Dispatcher:
             self._end(now, driving, STOPPED)
         self._host.halt()
 
-    def _start(self, now: Instant, running: Running) -> None:
+    def _start(self, now: Instant, running: RunningAction) -> None:
         running.started = now
         handle = self._host.handle(running)
         self.running.append(running)
@@ -237,7 +237,7 @@ class Dispatcher:
             return
         self._resume(now, running)
 
-    def _resume(self, now: Instant, running: Running) -> None:
+    def _resume(self, now: Instant, running: RunningAction) -> None:
         """Go on with an action whose pause is over.
 
         Whatever a handler raises, its conditions and its way out too, fails the action and not the robot.
@@ -268,7 +268,7 @@ class Dispatcher:
             else:
                 self._end(now, running, NOT_ASYNCIO.format(_kind_of(pause)))
 
-    def _fail(self, now: Instant, running: Running, error: BaseException) -> None:
+    def _fail(self, now: Instant, running: RunningAction, error: BaseException) -> None:
         """End an action by what its handler has raised; all but ActionFailed is a mistake, told with its place."""
         if isinstance(error, ActionFailed):
             self._end(now, running, str(error) or "failed")
@@ -281,7 +281,7 @@ class Dispatcher:
         where = place_in(error, file)
         self._end(now, running, f"{words(error)} ({where})" if where else words(error))
 
-    def _end(self, now: Instant, running: Running, failure: str | None) -> None:
+    def _end(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         self.running.remove(running)
         running.over = True
         coroutine, running.coroutine = running.coroutine, None

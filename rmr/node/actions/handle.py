@@ -16,7 +16,7 @@ from rmr.base.time import NEVER, NS_PER_MS, Instant, in_seconds, seconds
 from rmr.base.values import Value
 
 if TYPE_CHECKING:
-    from rmr.node.actions.dispatcher import Running
+    from rmr.node.actions.dispatcher import RunningAction
     from rmr.node.peers.perception import Percept
 
 SLEEP_MIN = NS_PER_MS
@@ -51,7 +51,7 @@ class RobotHandle:
 
     __slots__ = ("_node", "_now", "_running")
 
-    def __init__(self, now: Callable[[], Instant], node: Any, running: "Running") -> None:
+    def __init__(self, now: Callable[[], Instant], node: Any, running: "RunningAction") -> None:
         self._now = now
         self._node = node
         self._running = running

@@ -16,7 +16,7 @@ from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
-from rmr.node.actions.dispatcher import Running
+from rmr.node.actions.dispatcher import RunningAction
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route
@@ -113,7 +113,7 @@ class Turn:
     """How long before its end the turn is extended; none where its length is known, as it is without a drive."""
     passage: Route | None = None
     """The way by which the robot entered the bottleneck."""
-    serving: list[Running] = field(default_factory=list)
+    serving: list[RunningAction] = field(default_factory=list)
     """The actions that go by this turn and have not ended; rarely more than one."""
     hindered: int = 0
     """Slots in a row that were of no use, for the robot could not get to the gate."""
@@ -135,7 +135,7 @@ class Turn:
     """Since when it goes behind those that are due by then, for it has been hindered too often."""
 
     @property
-    def action(self) -> Running | None:
+    def action(self) -> RunningAction | None:
         """The action that serves the job, the one under way before those that wait."""
         for running in self.serving:
             if running.started is not None:

@@ -23,8 +23,8 @@ from random import Random
 from typing import Final, NamedTuple
 
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
-from rmr.node import wire
-from rmr.node.wire import Delivery, WireError
+from rmr.node import payloads
+from rmr.node.payloads import Delivery, WireError
 
 RETRY_FIRST: Final[Duration] = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
@@ -130,7 +130,7 @@ class Stage(Enum):
 _STAGES: Final = {Outcome.DELIVERED: Stage.ACKNOWLEDGED, Outcome.UNDELIVERED: Stage.GIVEN_UP}
 
 
-class Progress(NamedTuple):
+class DeliveryProgress(NamedTuple):
     """A delivery has come further, for whoever checks a run."""
 
     stage: Stage
@@ -144,7 +144,7 @@ class Progress(NamedTuple):
 class Exchange:
     """Reliable, unordered delivery of facts to other robots over a lossy link."""
 
-    def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = wire.PAYLOAD_OCTETS_MAX) -> None:
+    def __init__(self, digest: int, epoch: int, rng: Random, payload_max: int = payloads.PAYLOAD_OCTETS_MAX) -> None:
         self._payload_max = payload_max
         self._digest = digest & 0xFFFF
         self._epoch = epoch & 0xFF
@@ -165,7 +165,7 @@ class Exchange:
         """Deliveries sent again."""
         self.octets = 0
         """Payload octets handed to the link, acknowledgements too."""
-        self.tell: Callable[[Progress], None] = lambda _: None
+        self.tell: Callable[[DeliveryProgress], None] = lambda _: None
         self.duplicates = 0
         self.late = 0
         """Frames of a sender's earlier life, dropped."""
@@ -183,10 +183,10 @@ class Exchange:
         if len(peer.waiting) >= WAITING_MAX:
             raise WireError(f"{WAITING_MAX} facts wait for robot {destination} already")
         sequence = peer.next_sequence
-        frames = wire.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
+        frames = payloads.encode_fact_frames(self._digest, self._epoch, sequence, body, self._payload_max)
         peer.next_sequence = (sequence + 1) & 0xFFFF
         peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
-        self.tell(Progress(Stage.BEGUN, destination, self._epoch, sequence))
+        self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence))
         self.sent += 1
         self._fill(now, peer)
 
@@ -207,7 +207,7 @@ class Exchange:
         self.news.append(News(outcome, outgoing.destination, outgoing.delivery))
         stage = _STAGES.get(outcome)
         if stage is not None:
-            self.tell(Progress(stage, outgoing.destination, self._epoch, outgoing.sequence))
+            self.tell(DeliveryProgress(stage, outgoing.destination, self._epoch, outgoing.sequence))
 
     def _put(self, payload: bytes, destination: int) -> None:
         self.outbox.append((payload, destination))
@@ -240,7 +240,7 @@ class Exchange:
 
     def acknowledged(self, now: Instant, payload: bytes, source: int) -> None:
         """Handle an acknowledgement from `source`. Raises WireError."""
-        epoch, sequence = wire.decode_ack(payload)
+        epoch, sequence = payloads.decode_ack(payload)
         peer = self._peers.get(source)
         if peer is None or epoch != self._epoch or sequence not in peer.in_flight:
             return
@@ -252,7 +252,7 @@ class Exchange:
 
     def received(self, payload: bytes, source: int) -> bytes | None:
         """Handle a fact frame; return the body when a delivery is complete and new. Raises WireError."""
-        frame = wire.decode_fact_frame(payload)
+        frame = payloads.decode_fact_frame(payload)
         if frame.digest != self._digest:
             self.foreign += 1
             return None
@@ -262,22 +262,22 @@ class Exchange:
             return None
         if self._is_repeat(source, frame):
             self.duplicates += 1
-            self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
+            self._put(payloads.encode_ack(frame.epoch, frame.sequence), source)
             return None
         body = frame.piece if frame.parts == 1 else self._join(source, frame)
         if body is None:
             return None
         self._remember(source, frame)
         self.delivered += 1
-        self.tell(Progress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
-        self._put(wire.encode_ack(frame.epoch, frame.sequence), source)
+        self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
+        self._put(payloads.encode_ack(frame.epoch, frame.sequence), source)
         return body
 
-    def _is_repeat(self, source: int, frame: wire.FactFrame) -> bool:
+    def _is_repeat(self, source: int, frame: payloads.FactFrame) -> bool:
         seen = self._seen.get(source)
         return seen is not None and seen.epoch == frame.epoch and seen.holds(frame.sequence)
 
-    def _remember(self, source: int, frame: wire.FactFrame) -> None:
+    def _remember(self, source: int, frame: payloads.FactFrame) -> None:
         seen = self._seen.get(source)
         if seen is None or seen.epoch != frame.epoch:
             seen = self._seen[source] = _Seen(frame.epoch, frame.sequence)
@@ -285,7 +285,7 @@ class Exchange:
         if len(self._seen) > SENDERS_MAX:
             self._seen.popitem(last=False)
 
-    def _join(self, source: int, frame: wire.FactFrame) -> bytes | None:
+    def _join(self, source: int, frame: payloads.FactFrame) -> bytes | None:
         key = (source, frame.epoch, frame.sequence, frame.parts)
         parts = self._partial.setdefault(key, {})
         parts[frame.part] = frame.piece

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
-from rmr.node.actions.dispatcher import Running
+from rmr.node.actions.dispatcher import RunningAction
 from rmr.node.crossing.turn import Turn
-from rmr.node.trace import Level, fact_text, goal_text, rule_text
+from rmr.node.trace import TraceLevel, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
     ActionDerived,
@@ -41,7 +41,7 @@ RESTLESS_CALLS: Final = 60
 """Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
 
 
-class Mind:
+class MachineRunner:
     """One robot's reasoning and acting."""
 
     def __init__(self, node: "Node") -> None:
@@ -108,7 +108,7 @@ class Mind:
         node = self._node
         match event:
             case RuleFired(rule=rule):
-                if not self._restless or node.notes.level >= Level.FIRINGS:
+                if not self._restless or node.notes.level >= TraceLevel.FIRINGS:
                     node.trace(now, "fired", rule=rule_text(node.program, rule))
             case FactSent() | GoalSent() | FinishAwaited() | FinishSeen():
                 node.talk.deliveries.send(now, event)
@@ -150,14 +150,14 @@ class Mind:
         jobs = self._machine.serves(event.predicate, event.args)
         turn = node.turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = node.handler(name)
-        running = Running(event.serial, name, event.args, handler, turn, now, missed, event.origin)
+        running = RunningAction(event.serial, name, event.args, handler, turn, now, missed, event.origin)
         if turn is not None:
             turn.serving.append(running)
         node.actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
 
-    def ended(self, now: Instant, running: Running, failure: str | None) -> None:
+    def ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Let an action's end have its effects, and tell those who wait for it."""
         node = self._node
         action = node.program.index(running.name)
@@ -178,7 +178,7 @@ class Mind:
         if running.origin is not None:
             node.talk.deliveries.report_end(now, running.origin, action, ok=failure is None)
 
-    def _handlers_effect(self, now: Instant, running: Running, action: int) -> str | None:
+    def _handlers_effect(self, now: Instant, running: RunningAction, action: int) -> str | None:
         """Insert the effect that the handler names if the program declares none; return why it does not fit.
 
         As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.

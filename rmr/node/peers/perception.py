@@ -17,9 +17,9 @@ from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
 from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
 from rmr.node.motion.priority import Heard
+from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
 from rmr.node.ports import SeenBody, Sensed
-from rmr.node.wire import Hello
 
 AT_LEAVE_M: Final = 0.08
 """A robot that is at a place (`AT_ENTER_M`) is so until it is this far: localisation noise does not make it flicker."""

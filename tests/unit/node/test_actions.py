@@ -14,7 +14,7 @@ from rmr.node.actions.dispatcher import (
     Handler,
     Pause,
     RobotHandle,
-    Running,
+    RunningAction,
 )
 from rmr.node.actions.handle import wait
 
@@ -52,7 +52,7 @@ class FakeNode:
     def derive(self, name: str, *args, turn=None) -> None:
         self.serial += 1
         handler = self.handlers[name]
-        self.running = Running(self.serial, name, args, handler, turn)
+        self.running = RunningAction(self.serial, name, args, handler, turn)
         self.dispatcher.derive(self.now, self.running)
 
     def step(self, at_s: float) -> None:

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node import wire
+from rmr.node import payloads
 from rmr.node.logic.exchange import TIME_TO_LIVE, Outcome
+from rmr.node.payloads import Delivery, DeliveryRole, PayloadKind
 from rmr.node.ports import Received
-from rmr.node.wire import Delivery, Kind, Role
 
 ERRAND = """
     type action fetch(R: robot, B: robot) -o has(R, B) else lost(R).
@@ -38,8 +38,8 @@ def errand(executor: str = "@2", **options: object) -> Flock:
 def tell(flock: Flock, robot: int, delivery: Delivery, source: int, sequence: int = 900) -> None:
     """Let `robot` hear a delivery as if `source` had sent it."""
     node = flock.node(robot)
-    body = wire.encode_delivery(delivery, {})
-    for payload in wire.encode_fact_frames(node.talk.digest, 0, sequence, body):
+    body = payloads.encode_delivery(delivery, {})
+    for payload in payloads.encode_fact_frames(node.talk.digest, 0, sequence, body):
         node.talk.receive(flock.kernel.now, Received(payload, source, True, -50.0, 255, flock.kernel.now))
     flock.robots[robot].alarm.set(flock.kernel.now)
     flock.busy[robot] = True
@@ -92,13 +92,13 @@ def test_an_action_that_does_not_fit_is_refused_and_its_sender_told():
     flock = errand().run()
     fetch = flock.program.index("fetch")
     assert fetch is not None
-    tell(flock, 2, Delivery(Role.ACTION, fetch, (3,), 77), source=1)
+    tell(flock, 2, Delivery(DeliveryRole.ACTION, fetch, (3,), 77), source=1)
     heard = []
     flock.passes = lambda now, source, destination, payload: heard.append(payload) is None
     flock.run()
-    frames = [wire.decode_fact_frame(payload) for payload in heard if payload[0] == Kind.FACT]
-    told = [wire.decode_delivery(frame.piece, ()) for frame in frames]
-    assert told == [Delivery(Role.FAILED, fetch, (), 77)]
+    frames = [payloads.decode_fact_frame(payload) for payload in heard if payload[0] == PayloadKind.FACT]
+    told = [payloads.decode_delivery(frame.piece, ()) for frame in frames]
+    assert told == [Delivery(DeliveryRole.FAILED, fetch, (), 77)]
     assert flock.node(2).talk.malformed == 1
 
 
@@ -113,10 +113,10 @@ def test_nobody_but_the_executor_ends_an_action(source):
     flock.wait(1)
     fetch = flock.program.index("fetch")
     assert fetch is not None
-    tell(flock, 1, Delivery(Role.COMPLETED, fetch, (), 1), source)
+    tell(flock, 1, Delivery(DeliveryRole.COMPLETED, fetch, (), 1), source)
     flock.wait(2)
     assert flock.facts(1) == []
-    tell(flock, 1, Delivery(Role.COMPLETED, fetch, (), 1), source=2)
+    tell(flock, 1, Delivery(DeliveryRole.COMPLETED, fetch, (), 1), source=2)
     flock.wait(3)
     assert flock.facts(1) == ["done(@1)"]
 
@@ -126,7 +126,7 @@ def test_a_report_for_an_earlier_life_of_the_robot_ends_nothing():
     flock.wait(1)
     fetch = flock.program.index("fetch")
     assert fetch is not None
-    tell(flock, 1, Delivery(Role.COMPLETED, fetch, (), 1), source=2)
+    tell(flock, 1, Delivery(DeliveryRole.COMPLETED, fetch, (), 1), source=2)
     flock.wait(2)
     assert flock.facts(1) == []
     flock.run()
@@ -136,16 +136,16 @@ def test_a_report_for_an_earlier_life_of_the_robot_ends_nothing():
 @pytest.mark.parametrize(
     "delivery",
     [
-        Delivery(Role.FACT, 999, ()),
-        Delivery(Role.FACT, 0, (1, 2, 3)),
-        Delivery(Role.GOAL, 999, ()),
-        Delivery(Role.ACTION, 999, (), 5),
-        Delivery(Role.ACTION, 0, ("x",), 5),
-        Delivery(Role.COMPLETED, 999, (), 1),
-        Delivery(Role.FINISH_AWAITED, 999, (), 0),
-        Delivery(Role.FINISH_AWAITED, 0, ("x",), 0),
-        Delivery(Role.FINISH_SEEN, 999, (), 0),
-        Delivery(Role.FINISH_SEEN, 0, ("x", 1), 0),
+        Delivery(DeliveryRole.FACT, 999, ()),
+        Delivery(DeliveryRole.FACT, 0, (1, 2, 3)),
+        Delivery(DeliveryRole.GOAL, 999, ()),
+        Delivery(DeliveryRole.ACTION, 999, (), 5),
+        Delivery(DeliveryRole.ACTION, 0, ("x",), 5),
+        Delivery(DeliveryRole.COMPLETED, 999, (), 1),
+        Delivery(DeliveryRole.FINISH_AWAITED, 999, (), 0),
+        Delivery(DeliveryRole.FINISH_AWAITED, 0, ("x",), 0),
+        Delivery(DeliveryRole.FINISH_SEEN, 999, (), 0),
+        Delivery(DeliveryRole.FINISH_SEEN, 0, ("x", 1), 0),
     ],
 )
 def test_a_delivery_that_no_robot_of_the_program_sends_is_counted_and_dropped(delivery):
@@ -170,7 +170,7 @@ def test_garbage_in_a_delivery_is_counted_and_dropped(octets):
     node = garbaged().node(1)
     before = (node.talk.malformed, node.talk.exchange.delivered)
     sequence = node.talk.exchange.delivered & 0xFFFF
-    for payload in wire.encode_fact_frames(node.talk.digest, 0, sequence, octets):
+    for payload in payloads.encode_fact_frames(node.talk.digest, 0, sequence, octets):
         node.talk.receive(0, Received(payload, 2, True, -50.0, 255, 0))
     assert node.talk.exchange.delivered == before[1] + 1
     assert node.talk.malformed in (before[0], before[0] + 1)

@@ -14,10 +14,10 @@ from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
 from rmr.node.node import ROUNDS_MAX, Node
+from rmr.node.payloads import PAYLOAD_OCTETS_MAX
 from rmr.node.ports import Ports
 from rmr.node.report import robot_report
-from rmr.node.trace import ENTRIES_MAX, EVENTS, Level
-from rmr.node.wire import PAYLOAD_OCTETS_MAX
+from rmr.node.trace import ENTRIES_MAX, EVENTS, TraceLevel
 
 NODE_OCTETS_MAX = 60_000
 """Of a robot with three rules, so that 10,000 of them fit in 600 MB."""
@@ -73,7 +73,7 @@ def test_a_robot_with_three_rules_takes_little_memory_however_many_others_there_
     roster = dict.fromkeys(range(1, robots + 1))
 
     def run(robot: int) -> Node:
-        config = NodeConfig(robot, roster, NOWHERE, 0, trace=Level.NOTHING)
+        config = NodeConfig(robot, roster, NOWHERE, 0, trace=TraceLevel.NOTHING)
         node = Node(config, program, Ports(Silence(), None), {}, 1)
         node.start(0)
         node.tick(0)
@@ -262,7 +262,8 @@ def test_an_expression_without_value_is_noted_and_counted_in_the_report():
 
 
 @pytest.mark.parametrize(
-    ("level", "noted"), [(Level.NOTHING, set()), (Level.NOTES, {"fired"}), (Level.FACTS, {"fired", "inserted"})]
+    ("level", "noted"),
+    [(TraceLevel.NOTHING, set()), (TraceLevel.NOTES, {"fired"}), (TraceLevel.FACTS, {"fired", "inserted"})],
 )
 def test_a_robot_notes_as_much_as_it_is_told(level, noted):
     flock = alone("go(R). $go(R), not done(R) -o done(R).", trace=level).run()

@@ -15,9 +15,9 @@ from rmr.node.config import NodeConfig
 from rmr.node.driver import STALE, UNWATCHED, Driver
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.node import Node
+from rmr.node.payloads import PAYLOAD_OCTETS_MAX, Hello, encode_hello
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import Ports, Received, Sensed
-from rmr.node.wire import PAYLOAD_OCTETS_MAX, Hello, encode_hello
 from rmr_world.lab import Lab, load_lab
 from rmr_world.physics import World
 

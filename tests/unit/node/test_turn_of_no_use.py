@@ -8,7 +8,7 @@ import pytest
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.actions.dispatcher import Running
+from rmr.node.actions.dispatcher import RunningAction
 from rmr.node.crossing.turn import (
     APPROACHES,
     HINDERED_MAX,
@@ -57,7 +57,7 @@ def test_who_is_hindered_again_goes_behind_all_that_are_due_and_waits_longer_eac
 def under_way(start_s: float, approach_s: float = 2.0) -> Turn:
     """Return a turn by which the robot has set out, with a slot at `start_s`."""
     one = turn()
-    running = Running(0, "moveto", (), lambda _: iter(()))
+    running = RunningAction(0, "moveto", (), lambda _: iter(()))
     running.started = 0
     one.serving.append(running)
     one.start, one.approach = seconds(start_s), seconds(approach_s)

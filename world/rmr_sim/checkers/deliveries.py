@@ -9,7 +9,7 @@ import heapq
 from collections import OrderedDict
 
 from rmr.base.time import Duration, Instant
-from rmr.node.logic.exchange import TIME_TO_LIVE, Progress, Stage
+from rmr.node.logic.exchange import TIME_TO_LIVE, DeliveryProgress, Stage
 from rmr_sim.checkers.scene import Scene
 
 CHECK = "delivery"
@@ -32,9 +32,9 @@ class Deliveries:
         self._accepted: OrderedDict[tuple[Name, int], None] = OrderedDict()
         """With the life of the receiver."""
         self._look: list[tuple[Instant, Name]] = []
-        scene.hear(Progress, self._progressed)
+        scene.hear(DeliveryProgress, self._progressed)
 
-    def _progressed(self, robot: int, now: Instant, progress: Progress) -> None:
+    def _progressed(self, robot: int, now: Instant, progress: DeliveryProgress) -> None:
         peer, epoch, sequence = progress.peer, progress.epoch, progress.sequence
         if progress.stage is Stage.ACCEPTED:
             self._accept(now, (peer, epoch, robot, sequence))

@@ -24,7 +24,7 @@ EMPTY: dict[str, Any] = {"goals": {"achieved": [], "open": []}}
 """What stands in place of a field that is no list."""
 
 
-class Telling:
+class StatusPublisher:
     """Tells one robot's statuses."""
 
     def __init__(self, bus: Bus, warn: Callable[[str], None]) -> None:

@@ -13,7 +13,7 @@ from rmr.bus.endpoint import host_problem
 from rmr.bus.process import Ending, Seldom
 from rmr.bus.secret import Secret
 from rmr.bus.session import open_when_there, watch_admission
-from rmr_agent.robot import SAY_AGAIN_S, Carried, HostedRobot
+from rmr_agent.robot import SAY_AGAIN_S, HostedRobot, RobotSetup
 
 log = logging.getLogger("rmr")
 
@@ -22,7 +22,7 @@ async def live(
     robots: Sequence[int],
     connect: str,
     lab: str | None,
-    carried: Carried,
+    carried: RobotSetup,
     ending: Ending,
     secret: Secret | None = None,
 ) -> None:
