@@ -70,14 +70,6 @@ NUMBERED: Final = frozenset(
         DeliveryRole.FINISH_SEEN,
     }
 )
-    {
-        DeliveryRole.ACTION,
-        DeliveryRole.COMPLETED,
-        DeliveryRole.FAILED,
-        DeliveryRole.FINISH_AWAITED,
-        DeliveryRole.FINISH_SEEN,
-    }
-)
 """Roles that carry a number."""
 
 
