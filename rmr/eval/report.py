@@ -141,9 +141,9 @@ def _life(hosted: "Hosted") -> dict[str, Any]:
     return {
         "facts": node.machine.facts(),
         "goals": node.machine.goals(),
-        "actions": [[at, text] for at, text in node.action_log],
+        "actions": [[at, text] for at, text in node.services.action_log],
         "assertions": [job_entry(job) for job in node.machine.jobs],
-        "undelivered": node.talk.deliveries.undelivered,
+        "undelivered": node.messenger.deliveries.undelivered,
         "expression_failures": node.machine.expression_failures,
     }
 
@@ -160,7 +160,7 @@ def outstanding(hosted: "Hosted") -> Iterator[str]:
     for job in node.machine.jobs:
         if job.finish is None and not job.missed:
             yield f"the deadline of {job.name}, {job.text}, is at {in_seconds(job.deadline):g} s"
-    if not node.talk.exchange.idle:
+    if not node.messenger.exchange.idle:
         yield "a fact for another robot is not acknowledged yet"
 
 
@@ -174,7 +174,7 @@ def dropped(ensemble: "Ensemble") -> Iterator[str]:
 def omitted(ensemble: "Ensemble") -> Iterator[str]:
     """Yield whose oldest actions the report leaves out."""
     for identity, robot in ensemble.robots.items():
-        count = robot.node.action_log.omitted
+        count = robot.node.services.action_log.omitted
         if count:
             yield f"robot {identity}: the report leaves out its {count} oldest actions (`--trace` has all)"
 

@@ -10,15 +10,17 @@ from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.values import Values
-from rmr.node.crossing.turn import UNKNOWN_INSIDE
 from rmr.node.trace import TraceLevel
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
 
 GivenFact = tuple[str, int | None, tuple[Value, ...]]
 """Predicate, owner (None: every robot), arguments without the owner."""
+FinishPattern = tuple[str, tuple[Anything | Constant, ...]]
+"""Predicate and patterns, without the owner, of the fact that ends the robot's part."""
 
-
+UNKNOWN_INSIDE: Final[Duration] = seconds(1)
+"""Expected length of a turn whose action is not a drive; the turn is extended while the action lasts longer."""
 LISTEN: Final[Duration] = milliseconds(1200)
 """A robot that was started again listens for so long before it drives: two hellos of each that is parked."""
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)
@@ -44,8 +46,8 @@ class NodeConfig:
     """Power and path loss, by which distances are told from signal strength."""
     facts: tuple[GivenFact, ...] = ()
     """Facts of the lab beside the program's; those of other robots are ignored."""
-    finish: tuple[str, tuple[Anything | Constant, ...]] | None = None
-    """Predicate and patterns (without the owner) of the fact that ends the robot's part."""
+    finish: FinishPattern | None = None
+    """The fact that ends the robot's part; None: nothing does."""
     epoch: int = 0
     """How often the robot was started before; tells its messages from those of an earlier life."""
     phase: Duration = 0

@@ -85,7 +85,7 @@ class Trace:
     __slots__ = ("_robot", "entries", "level")
 
     def __init__(self, robot: int, level: TraceLevel) -> None:
-        self.level = level
+        self.level: Final = level
         self.entries: list[dict[str, Any]] = []
         self._robot = robot
 

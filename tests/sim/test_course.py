@@ -29,8 +29,8 @@ def redirected(phases: tuple[Phase, ...]) -> tuple[list[Instant], int]:
             return
         goal: Point = turn.goal.places[frames % 2]
         frames += 1
-        redirect(node, now, goal, turn)
-        assert bound_for(node) == goal
+        redirect(node.services, now, goal, turn)
+        assert bound_for(node.services) == goal
         planned[turn.planned_at] = None
         if frames == FRAMES:
             simulation.stop()

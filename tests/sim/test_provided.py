@@ -124,7 +124,7 @@ def test_a_robot_that_drives_away_gives_up_its_slot(tmp_path):
         lab="finish: away(R)\n",
     )
     assert simulation.run()
-    assert bound_for(simulation.robots[0].node) is None
+    assert bound_for(simulation.robots[0].node.services) is None
 
 
 def test_a_drive_of_a_robot_that_never_finds_itself_fails(tmp_path):
@@ -251,8 +251,8 @@ def test_a_handler_drives_by_the_provided_actions_step_by_step(tmp_path):
     (peek, fetch) = traced(simulation, "action_ended")
     assert peek["failure"] == 'robot.moveto drives: declare the handler with @action("peek", wheels=True)'
     assert fetch["failure"] is None
-    assert node.percept().pose.x == pytest.approx(0.3, abs=0.05)
-    assert bound_for(node) is None, "it has given up the place in the box"
+    assert node.services.percept().pose.x == pytest.approx(0.3, abs=0.05)
+    assert bound_for(node.services) is None, "it has given up the place in the box"
 
 
 def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_the_place(tmp_path):
@@ -272,7 +272,7 @@ def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_
     def look(_now):
         driving = node.actions.driving
         if driving is not None and driving.name == "face":
-            claims.add(bound_for(node))
+            claims.add(bound_for(node.services))
 
     simulation.checkers.append(look)
     simulation.run()

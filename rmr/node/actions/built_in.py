@@ -5,20 +5,17 @@ Like `rmr.node.actions.handle` this module is never compiled.
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
-from rmr.node.actions.dispatcher import Handler, RunningAction
+from rmr.node.actions.dispatcher import ActionPermit, Handler, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
-from rmr.node.crossing.turn import Turn
 from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.node.parts import ActionHost
 
 FAILURE_REPEATS: Final = 3
 """A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
@@ -37,31 +34,32 @@ CLOSE_M: Final = 0.01
 class NodeHandle(RobotHandle):
     """What rmr's own actions may do beyond a user's."""
 
-    __slots__ = ()
+    __slots__ = ("_action",)
 
-    def __init__(self, node: "Node", running: RunningAction) -> None:
-        super().__init__(lambda: node.now, node, running)
+    def __init__(self, node: ActionHost, action: RunningAction) -> None:
+        super().__init__(lambda: node.now, node, action)
+        self._action = action
 
     @property
-    def node(self) -> "Node":
-        """The robot's node."""
-        node: Node = self._node
+    def node(self) -> ActionHost:
+        """The robot."""
+        node: ActionHost = self._node
         return node
 
     def needless(self) -> bool:
-        """Return whether the robot has no reason to line up: it has had a turn since, let one pass, or is beyond."""
+        """Return whether the robot has no reason to line up: it has had a turn since, wasted a slot, or is beyond."""
         turns = self.node.turns
-        return turns.hindered or turns.beyond or turns.entered_since(self._running.derived)
+        return turns.hindered or turns.beyond or turns.entered_since(self._action.derived)
 
     @property
-    def turn(self) -> Turn | None:
+    def turn(self) -> ActionPermit | None:
         """The turn that the action serves."""
-        return self._running.turn if isinstance(self._running.turn, Turn) else None
+        return self._action.turn
 
     @property
     def missed(self) -> int | None:
         """The assertion whose missed deadline derived the action."""
-        return self._running.missed
+        return self._action.missed
 
 
 async def _drive(
@@ -91,7 +89,7 @@ async def _drive(
 async def _under_way(
     robot: NodeHandle,
     goal: Point,
-    turn: Turn | None,
+    turn: ActionPermit | None,
     taken: Callable[[], bool] | None,
     idle: Callable[[], bool] | None,
 ) -> None:
@@ -120,7 +118,7 @@ async def _under_way(
         await looks
 
 
-def _no_way(node: "Node", goal: Point) -> str:
+def _no_way(node: ActionHost, goal: Point) -> str:
     """Return why a drive to `goal` has failed, with who or what is in the way."""
     pose = node.percept().pose
     bars = "" if pose is None else what_bars(node.arena, Point(pose.x, pose.y), goal, node.peers.standing(node.now))

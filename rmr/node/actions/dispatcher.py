@@ -15,6 +15,7 @@ from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
+from rmr.base.geometry import Point
 from rmr.base.mistake import frames, place_in, words
 from rmr.base.printable import one_line
 from rmr.base.time import NEVER, Instant
@@ -105,7 +106,18 @@ def registered() -> dict[str, Handler]:
 
 
 class ActionPermit(Protocol):
-    """What an action needs to know of the turn that it waits for."""
+    """What is known, of the turn by which an action goes, to those who know nothing of crossings."""
+
+    rank: int
+    """The robot's place in the schedule, 0 without one."""
+    place: int
+    """The robot is the place-th of those that go its way; 0: not known."""
+    bound: Point | None
+    """The place that the robot has taken while under way, until it has planned its way there."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether the robot may not enter yet."""
 
     def released(self, now: Instant) -> bool:
         """Return whether the action may begin."""
@@ -119,7 +131,8 @@ class RunningAction:
     name: str
     args: tuple[Value, ...]
     handler: Handler
-    turn: Any = None
+    turn: ActionPermit | None = None
+    """None: it goes by no turn and need not wait for one."""
     derived: Instant = 0
     missed: int | None = None
     """The assertion whose missed deadline derived it."""
@@ -132,6 +145,15 @@ class RunningAction:
     over: bool = False
     raised: tuple[str, ...] = ()
     """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
+
+    def released(self, now: Instant) -> bool:
+        """Return whether it may begin as far as its turn goes."""
+        return self.turn is None or self.turn.released(now)
+
+    @property
+    def uses_wheels(self) -> bool:
+        """Whether it drives."""
+        return self.handler.wheels
 
     def text(self, robot: int) -> str:
         """Return the action in program syntax."""
@@ -170,7 +192,7 @@ class Dispatcher:
 
     def released(self, now: Instant) -> bool:
         """Return whether an action that waited for its turn may begin."""
-        return bool(self.held) and any(running.turn.released(now) for running in self.held)
+        return any([running.released(now) for running in self.held])
 
     @property
     def polling(self) -> bool:
@@ -199,7 +221,7 @@ class Dispatcher:
         if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
             self.refused += 1
             self._host.action_ended(now, running, f"more than {RUNNING_MAX} actions under way")
-        elif running.turn is not None and not running.turn.released(now):
+        elif not running.released(now):
             self.held.append(running)
         else:
             self._admit(now, running)
@@ -296,11 +318,11 @@ class Dispatcher:
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
         if self.queue:
-            for running in [one for one in self.queue if one.turn is not None and not one.turn.released(now)]:
+            for running in [one for one in self.queue if not one.released(now)]:
                 self.queue.remove(running)
                 self.held.append(running)
         if self.held:
-            for running in [held for held in self.held if held.turn.released(now)]:
+            for running in [one for one in self.held if one.released(now)]:
                 self.held.remove(running)
                 self._admit(now, running)
         self.resume(now)

@@ -5,15 +5,13 @@ planned when the slot nears, once a second at most: in a crowd one robot that is
 it, and a plan costs milliseconds.
 """
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.geometry import Point
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
 from rmr.node.crossing.turn import Phase, Turn
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.node.parts import CrossingHost
 
 REPLAN_EVERY: Final[Duration] = seconds(1)
 """Nothing is lost by a way that leads to another place for so long: a slot stands for longer before it begins, and with
@@ -22,7 +20,7 @@ NEARS: Final[Duration] = seconds(3)
 """Earlier before its slot the robot keeps the way that it has: to the gate it is the same, and ranks change still."""
 
 
-def bound_for(node: "Node") -> Point | None:
+def bound_for(node: CrossingHost) -> Point | None:
     """Return where the robot is going, or the slot on which it stands."""
     if node.driver is None:
         return None
@@ -35,7 +33,7 @@ def bound_for(node: "Node") -> Point | None:
     return node.driver.navigator.goal or node.driver.place  # an action that has the wheels may stand or turn there
 
 
-def rank_changed(node: "Node", now: Instant, turn: Turn) -> None:
+def rank_changed(node: CrossingHost, now: Instant, turn: Turn) -> None:
     """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
     name = Symbol(turn.job.name)
     others = [args for args in node.senses.of("turn") if args[0] != name]
@@ -49,17 +47,17 @@ def rank_changed(node: "Node", now: Instant, turn: Turn) -> None:
         redirect(node, now, node.take_place(turn.goal, turn), turn)
 
 
-def redirect(node: "Node", now: Instant, goal: Point, turn: Turn) -> None:
+def redirect(node: CrossingHost, now: Instant, goal: Point, turn: Turn) -> None:
     """Go to `goal` instead of the place for which the robot is under way by `turn`."""
     assert node.driver is not None
     if goal == bound_for(node) and node.driver.navigator.status == "moving":
         return
     turn.bound = goal
-    node.talk.hello_soon(now)
+    node.presence.hello_soon(now)
     keep_course(node, now, turn)
 
 
-def keep_course(node: "Node", now: Instant, turn: Turn) -> None:
+def keep_course(node: CrossingHost, now: Instant, turn: Turn) -> None:
     """Plan the way to the place that the robot has taken while under way, once it passes the gate or may plan again."""
     running = node.actions.driving
     if turn.bound is None or running is None or running.turn is not turn:

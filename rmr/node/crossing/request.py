@@ -4,18 +4,14 @@ Through the bottleneck these are the way to the gate's line, the time inside and
 no passage of the bottleneck excludes all others for as long as it takes.
 """
 
-from typing import TYPE_CHECKING
-
 from rmr.base.time import Instant
 from rmr.coord.events import JobRequest
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.crossing.turn import Turn, stands_in_way, stands_within
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.node.parts import CrossingHost
 
 
-def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
+def estimate(node: CrossingHost, now: Instant, turn: Turn) -> bool:
     """Work out approach, inside and way of `turn`; False while the robot does not know where it is, or has to stand."""
     driver = node.driver
     if driver is None:
@@ -45,12 +41,12 @@ def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
     return True
 
 
-def _has_to_listen(node: "Node", now: Instant) -> bool:
+def _has_to_listen(node: CrossingHost, now: Instant) -> bool:
     """Return whether the robot stands until it has heard where all others are: few have heard each other sooner."""
     return node.config.crowded and node.driver is not None and node.driver.listens(now, node.peers)
 
 
-def finds_itself_within(node: "Node", turn: Turn, slack_m: float = 0.0) -> bool:
+def finds_itself_within(node: CrossingHost, turn: Turn, slack_m: float = 0.0) -> bool:
     """Return whether the robot stands in the bottleneck, or within `slack_m` of that, as far as it knows."""
     pose = None if node.driver is None else node.driver.localiser.pose
     return pose is not None and turn.goal is not None and stands_within(node.arena, turn.goal, pose, slack_m)

@@ -5,22 +5,21 @@ is told of which assertions the robot leads an event: it may lead one event of a
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Instant
 from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
 from rmr.node.crossing.turn import Turn, keep
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.node.parts import CrossingHost
 
 
 class Leading:
     """The events that one robot leads, and the ways that leaders share."""
 
-    def __init__(self, node: "Node", coordination: Coordination, name_of: Callable[[bytes], Symbol | None]) -> None:
+    def __init__(
+        self, node: CrossingHost, coordination: Coordination, name_of: Callable[[bytes], Symbol | None]
+    ) -> None:
         """`name_of` returns the name of the assertion behind an event."""
         self._node = node
         self._coordination = coordination

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import Final, TypeVar
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose, distance
@@ -17,14 +17,13 @@ from rmr.base.values import Symbol, Value
 from rmr.bytecode.program import Anything, Constant, Serving, Slot
 from rmr.coord.values import EXCLUSIVE_WAY
 from rmr.node.actions.dispatcher import RunningAction
+from rmr.node.config import UNKNOWN_INSIDE
+from rmr.node.driver import Driver
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.route import Route, leader_route
+from rmr.node.parts import CrossingHost
 from rmr.vm.job import Job
-
-if TYPE_CHECKING:
-    from rmr.node.driver import Driver
-    from rmr.node.node import Node
 
 REVISE_EVERY: Final[Duration] = milliseconds(500)
 """How often a robot that waits looks whether its estimate still fits its slot."""
@@ -32,8 +31,6 @@ EXTEND_BEFORE: Final[Duration] = milliseconds(200)
 """An end that comes nearer than this while the action goes on is moved."""
 LEAVE_EARLY: Final[Duration] = milliseconds(300)
 """An action is released this much before it must be under way to reach the gate on time."""
-UNKNOWN_INSIDE: Final[Duration] = seconds(1)
-"""How long a turn is expected to last when nothing is known of its action; extended while it lasts longer."""
 EVENTS_KEPT: Final = 32
 """Events of which turns that are over, schedules and paths are kept; the oldest go first."""
 GIVE_BACK: Final[Duration] = seconds(4)
@@ -307,7 +304,7 @@ def passage_to(arena: Arena, goal: Point) -> Route | None:
     return None
 
 
-def is_beyond(turn: Turn, driver: "Driver | None") -> bool:
+def is_beyond(turn: Turn, driver: Driver | None) -> bool:
     """Return whether the robot has the bottleneck behind it on its way to a goal with room for many.
 
     It has if it is nearer to the far end of the passage that leads there than to its gate. A drive that does not pass
@@ -326,7 +323,7 @@ def is_beyond(turn: Turn, driver: "Driver | None") -> bool:
     return gate is None or (clear is not None and clear.length_m < gate.length_m)
 
 
-def goal_of(node: "Node", job: Job) -> Area | None:
+def goal_of(node: CrossingHost, job: Job) -> Area | None:
     """Return the area to which a serving action drives, as far as the job determines its arguments."""
     for serving in node.program.assertions[job.assertion].serving:
         if not node.drives_to_area(serving.action):
@@ -337,7 +334,7 @@ def goal_of(node: "Node", job: Job) -> Area | None:
     return None
 
 
-def area_among(node: "Node", values: Iterable[Value]) -> Area | None:
+def area_among(node: CrossingHost, values: Iterable[Value]) -> Area | None:
     """Return the first of `values` that is an area."""
     areas = (node.arena.area(value) for value in values if isinstance(value, Symbol))
     return next((area for area in areas if area is not None), None)

@@ -8,7 +8,7 @@ robot is clear.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.arena import Area
 from rmr.base.streams import stable_hash
@@ -28,6 +28,7 @@ from rmr.coord.events import (
     SlotLost,
 )
 from rmr.coord.values import Order
+from rmr.node.config import UNKNOWN_INSIDE
 from rmr.node.crossing.destination import keep_course, rank_changed
 from rmr.node.crossing.request import estimate, finds_itself_within, request_of
 from rmr.node.crossing.shared_path import Leading
@@ -37,7 +38,6 @@ from rmr.node.crossing.turn import (
     HINDERED_MAX,
     OFF_ROUTE_M,
     REVISE_EVERY,
-    UNKNOWN_INSIDE,
     Phase,
     Turn,
     area_among,
@@ -50,10 +50,8 @@ from rmr.node.crossing.turn import (
     passage_of,
 )
 from rmr.node.motion.navigator import Navigator
+from rmr.node.parts import CrossingHost
 from rmr.vm.job import Job
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
 
 READY: Final[Duration] = milliseconds(200)
 """A robot asks to enter when it will be at its gate's line within this; less than the entry window."""
@@ -66,7 +64,7 @@ TRIGGERS_APART: Final[Duration] = milliseconds(10)
 class Turns:
     """All turns of one robot."""
 
-    def __init__(self, node: "Node", coordination: Coordination, digest: int) -> None:
+    def __init__(self, node: CrossingHost, coordination: Coordination, digest: int) -> None:
         self._node = node
         self._coordination = coordination
         self._digest = digest

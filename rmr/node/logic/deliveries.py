@@ -7,28 +7,28 @@ and fails the step that waits for it: nothing vanishes, and no chain waits for w
 """
 
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
-from rmr.bytecode.program import Kind
+from rmr.bytecode.program import Kind, Program
 from rmr.node import payloads
+from rmr.node.config import NodeConfig
 from rmr.node.logic.exchange import Exchange, News, Outcome
 from rmr.node.logic.symbol_numbers import symbols_of
+from rmr.node.parts import Clock, Tracer
 from rmr.node.payloads import Delivery, DeliveryRole, WireError
 from rmr.node.trace import TraceLevel, fact_text
 from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
+from rmr.vm.machine import Machine
 
 UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
 did not get it, `what` is the predicate's name; the last argument may be left out."""
 NO_SUCH_ROBOT: Final = "no such robot"
 _SERIAL_BITS: Final = 56
-"""An action's number on the wire is its serial, and above these bits the sender's start count: a report that was meant
-for an earlier life of the robot must not end an action of this one."""
+"""Bits of an action's number on the wire that hold its serial. The sender's epoch stands above them, so that a report
+meant for an earlier incarnation of the robot ends no action of this one."""
 ABOUT_JOBS: Final = frozenset({DeliveryRole.FINISH_AWAITED, DeliveryRole.FINISH_SEEN})
 """Roles whose index is an assertion's."""
 ITEMS: Final = frozenset({DeliveryRole.FACT, DeliveryRole.GOAL, DeliveryRole.ACTION})
@@ -41,11 +41,24 @@ Origin = tuple[int, int]
 class Deliveries:
     """What one robot tells others and is told."""
 
-    def __init__(self, node: "Node", exchange: Exchange) -> None:
-        self._node = node
+    def __init__(
+        self,
+        config: NodeConfig,
+        program: Program,
+        machine: Machine,
+        clock: Clock,
+        tracer: Tracer,
+        exchange: Exchange,
+    ) -> None:
+        self._robot = config.robot
+        self._roster = config.roster
+        self._program = program
+        self._machine = machine
+        self._clock = clock
+        self._tracer = tracer
         self._exchange = exchange
-        self._symbols = symbols_of(node.program)
-        self._life = (node.config.epoch & 0xFF) << _SERIAL_BITS
+        self._symbols = symbols_of(program)
+        self._incarnation = (config.epoch & 0xFF) << _SERIAL_BITS
         self.undelivered = 0
         self.first_undelivered: tuple[float, str, str] | None = None
         """When the first one was given up, seconds of lab time, what it was, and why."""
@@ -67,7 +80,7 @@ class Deliveries:
 
     def send_action(self, now: Instant, event: ActionDerived) -> None:
         """Send an action to its executor, with its number if a chain waits for its end."""
-        number = self._life | event.serial if event.serial else 0
+        number = self._incarnation | event.serial if event.serial else 0
         self._send(now, int(event.executor), Delivery(DeliveryRole.ACTION, event.predicate, event.args, number))
 
     def report_end(self, now: Instant, origin: Origin, predicate: int, *, ok: bool) -> None:
@@ -76,7 +89,7 @@ class Deliveries:
         self._send(now, robot, Delivery(DeliveryRole.COMPLETED if ok else DeliveryRole.FAILED, predicate, (), number))
 
     def _send(self, now: Instant, destination: int, delivery: Delivery) -> None:
-        if destination not in self._node.config.roster:
+        if destination not in self._roster:
             self._give_up(now, destination, delivery, NO_SUCH_ROBOT)
             return
         try:
@@ -89,12 +102,12 @@ class Deliveries:
 
     # -- what became of it ------------------------------------------------------------------------------------
 
-    def look(self, now: Instant) -> None:
+    def collect(self, now: Instant) -> None:
         """Take in what became of deliveries."""
         news = self._exchange.news
         if news:
             self._exchange.news = []
-            self._node.stir()
+            self._clock.mark_dirty()
             for each in news:
                 self._outcome(now, each)
 
@@ -108,24 +121,24 @@ class Deliveries:
         """Note what cannot be delivered, and let nobody wait for it."""
         self.undelivered += 1
         name = self._name(delivery)
-        text = self._text(delivery, self._node.robot, destination)
+        text = self._text(delivery, self._robot, destination)
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
-        self._node.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
+        self._tracer.note(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
         if delivery.role in ITEMS:
             self._tell_program(now, destination, name)
         if delivery.role is DeliveryRole.ACTION and delivery.number:
-            self._node.machine.complete(now, delivery.number ^ self._life, ok=False)
+            self._machine.complete(now, delivery.number ^ self._incarnation, ok=False)
 
     def _tell_program(self, now: Instant, destination: int, name: str) -> None:
         """Insert the fact that something was not delivered, unless the program does not know it."""
-        program = self._node.program
+        program = self._program
         index = program.index(UNDELIVERED)
         if index is None or program.predicates[index].kind is Kind.ACTION:
             return
         args: tuple[Value, ...] = (Robot(destination), Symbol(name))[: len(program.predicates[index].types)]
         with suppress(ValueError):  # the program means something else by the name
-            self._node.machine.insert(now, index, args)
+            self._machine.insert(now, index, args)
 
     # -- what arrives -----------------------------------------------------------------------------------------
 
@@ -142,12 +155,12 @@ class Deliveries:
             if delivery.role is DeliveryRole.ACTION and delivery.number:
                 self.report_end(now, (source, delivery.number), delivery.index, ok=False)
             raise WireError(str(error)) from error
-        node = self._node
-        if node.notes.level is not TraceLevel.NOTHING:
-            node.trace(now, "received", source=source, predicate=name, fact=self._text(delivery, source, node.robot))
+        if self._tracer.level is not TraceLevel.NOTHING:
+            fact = self._text(delivery, source, self._robot)
+            self._tracer.note(now, "received", source=source, predicate=name, fact=fact)
 
     def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
-        machine, index, args = self._node.machine, delivery.index, delivery.args
+        machine, index, args = self._machine, delivery.index, delivery.args
         match delivery.role:
             case DeliveryRole.FACT:
                 machine.insert(now, index, args)
@@ -157,7 +170,7 @@ class Deliveries:
                 machine.derive_action(now, index, args, (source, delivery.number) if delivery.number else None)
             case DeliveryRole.COMPLETED | DeliveryRole.FAILED:
                 completed = delivery.role is DeliveryRole.COMPLETED
-                machine.complete(now, delivery.number ^ self._life, completed, executor=source)
+                machine.complete(now, delivery.number ^ self._incarnation, completed, executor=source)
             case DeliveryRole.FINISH_AWAITED:
                 machine.await_finish(now, source, index, args, delivery.number)
             case DeliveryRole.FINISH_SEEN:
@@ -167,18 +180,17 @@ class Deliveries:
 
     def _name(self, delivery: Delivery) -> str:
         """Return the name of a delivery's predicate or assertion. Raises IndexError."""
-        program = self._node.program
+        program = self._program
         named = program.assertions if delivery.role in ABOUT_JOBS else program.predicates
         return named[delivery.index].name
 
     def _note(self, now: Instant, what: str, destination: int, delivery: Delivery) -> None:
-        node = self._node
-        if node.notes.level is not TraceLevel.NOTHING:
-            node.trace(now, what, destination=destination, fact=self._text(delivery, node.robot, destination))
+        if self._tracer.level is not TraceLevel.NOTHING:
+            self._tracer.note(now, what, destination=destination, fact=self._text(delivery, self._robot, destination))
 
     def _text(self, delivery: Delivery, source: int, destination: int) -> str:
         """Return a delivery in program syntax; of news the subject with it."""
-        program, index, args = self._node.program, delivery.index, delivery.args
+        program, index, args = self._program, delivery.index, delivery.args
         match delivery.role:
             case DeliveryRole.FACT | DeliveryRole.ACTION:
                 return fact_text(program, index, destination, args)

@@ -5,13 +5,18 @@ the turns, and everything into the trace. An action that has ended brings its ef
 waits for it, and is reported to the robot that derived it.
 """
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Effect, Kind
-from rmr.node.actions.dispatcher import RunningAction
+from rmr.bytecode.program import Effect, Kind, Program
+from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.dispatcher import Dispatcher, Handler, RunningAction
 from rmr.node.crossing.turn import Turn
+from rmr.node.crossing.turns import Turns
+from rmr.node.logic.deliveries import Deliveries
+from rmr.node.parts import Tracer
 from rmr.node.trace import TraceLevel, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
@@ -32,25 +37,46 @@ from rmr.vm.events import (
     RuleRepeats,
     VmEvent,
 )
+from rmr.vm.machine import Machine
 from rmr.vm.store import Args
-
-if TYPE_CHECKING:
-    from rmr.node.node import Node
 
 RESTLESS_CALLS: Final = 60
 """Calls in a row after which a program that still has satisfied rules counts as one that never becomes quiet."""
 
 
 class MachineRunner:
-    """One robot's reasoning and acting."""
+    """Runs one robot's machine and carries out what it reports."""
 
-    def __init__(self, node: "Node") -> None:
-        self._node = node
-        self._machine = node.machine
+    def __init__(
+        self,
+        robot: int,
+        program: Program,
+        machine: Machine,
+        tracer: Tracer,
+        tell: Callable[[object], None],
+        deliveries: Deliveries,
+        turns: Turns,
+        actions: Dispatcher,
+        action_log: ActionLog,
+        handler_of: Callable[[str], Handler],
+        has_body: bool,
+    ) -> None:
+        """`tell` is given every event of the machine, for whoever checks the run; `handler_of` an action's name."""
+        self._robot = robot
+        self._program = program
+        self._machine = machine
+        self._tracer = tracer
+        self._tell = tell
+        self._deliveries = deliveries
+        self._turns = turns
+        self._actions = actions
+        self._action_log = action_log
+        self._handler_of = handler_of
+        self._has_body = has_body
         self._overrun = False
         """The last run used up its budget of firings: the rest waits for the next frame."""
-        self._restless = 0
-        self._told_restless = False
+        self._restless_calls = 0
+        self._restless_noted = False
         self.expression_failures = 0
         """Supposed effects without value."""
         self.achieved = 0
@@ -74,7 +100,7 @@ class MachineRunner:
             missed: int | None = None
             actions: list[tuple[ActionDerived, int | None]] = []
             for event in events:
-                self._node.tell(event)
+                self._tell(event)
                 if isinstance(event, RuleFired):
                     self._derive(now, actions)
                 if isinstance(event, ActionDerived):
@@ -97,93 +123,90 @@ class MachineRunner:
 
     def watch_quiescence(self, now: Instant) -> None:
         """Tell once of a program that never becomes quiet; it goes on within its budget of firings a call."""
-        self._restless = self._restless + 1 if self._machine.busy else 0
-        if self._restless == RESTLESS_CALLS and not self._told_restless:
-            self._told_restless = True
-            self._node.trace(now, "restless", firings=self._machine.firings)
+        self._restless_calls = self._restless_calls + 1 if self._machine.busy else 0
+        if self._restless_calls == RESTLESS_CALLS and not self._restless_noted:
+            self._restless_noted = True
+            self._tracer.note(now, "restless", firings=self._machine.firings)
 
     # -- what the machine reports -----------------------------------------------------------------------------
 
     def _happened(self, now: Instant, event: VmEvent) -> None:
-        node = self._node
         match event:
             case RuleFired(rule=rule):
-                if not self._restless or node.notes.level >= TraceLevel.FIRINGS:
-                    node.trace(now, "fired", rule=rule_text(node.program, rule))
+                if not self._restless_calls or self._tracer.level >= TraceLevel.FIRINGS:
+                    self._tracer.note(now, "fired", rule=rule_text(self._program, rule))
             case FactSent() | GoalSent() | FinishAwaited() | FinishSeen():
-                node.talk.deliveries.send(now, event)
+                self._deliveries.send(now, event)
             case JobStarted(job=job):
-                node.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
-                node.turns.started(now, job)
+                self._tracer.note(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
+                self._turns.started(now, job)
             case JobFinished(job=job):
-                node.trace(now, "job_finished", job=job.text)
-                node.turns.finished(now, job)
+                self._tracer.note(now, "job_finished", job=job.text)
+                self._turns.finished(now, job)
             case JobMissed(job=job):
-                node.trace(now, "deadline_missed", job=job.text)
+                self._tracer.note(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
                 self.achieved += 1
-                node.trace(now, "achieved", goal=goal_text(node.program, predicate, node.robot, args))
+                self._tracer.note(now, "achieved", goal=goal_text(self._program, predicate, self._robot, args))
             case _:
                 self._noted(now, event)
 
     def _noted(self, now: Instant, event: VmEvent) -> None:
         """Note what concerns nobody but whoever watches the robot."""
-        node = self._node
         match event:
             case FactInserted(predicate=predicate, args=args):
-                node.trace(now, "inserted", fact=fact_text(node.program, predicate, node.robot, args))
+                self._tracer.note(now, "inserted", fact=fact_text(self._program, predicate, self._robot, args))
             case FactRemoved(predicate=predicate, args=args):
-                node.trace(now, "removed", fact=fact_text(node.program, predicate, node.robot, args))
+                self._tracer.note(now, "removed", fact=fact_text(self._program, predicate, self._robot, args))
             case ExpressionFailed(where=where, reason=reason):
-                node.trace(now, "expression_failed", where=where, reason=reason)
+                self._tracer.note(now, "expression_failed", where=where, reason=reason)
             case RuleRepeats(rule=rule, firings=firings):
-                node.trace(now, "repeats", rule=rule_text(node.program, rule), firings=firings)
+                self._tracer.note(now, "repeats", rule=rule_text(self._program, rule), firings=firings)
             case BoundReached(what=what, bound=bound):
-                node.trace(now, "bound_reached", kept=what, bound=bound)
+                self._tracer.note(now, "bound_reached", kept=what, bound=bound)
 
     def _derived(self, now: Instant, event: ActionDerived, missed: int | None) -> None:
-        node = self._node
-        if event.executor != node.robot:
-            node.talk.deliveries.send_action(now, event)
+        if event.executor != self._robot:
+            self._deliveries.send_action(now, event)
             return
-        name = node.program.predicates[event.predicate].name
+        name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        turn = node.turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
-        handler = node.handler(name)
+        # Jobs come first due first: of several that it serves, an action goes by the turn of the most urgent one.
+        turn = self._turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
+        handler = self._handler_of(name)
         running = RunningAction(event.serial, name, event.args, handler, turn, now, missed, event.origin)
         if turn is not None:
             turn.serving.append(running)
-        node.actions.derive(now, running)
+        self._actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
 
     def ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Let an action's end have its effects, and tell those who wait for it."""
-        node = self._node
-        action = node.program.index(running.name)
+        action = self._program.index(running.name)
         assert action is not None, running.name
         if failure is None:
             failure = self._handlers_effect(now, running, action)
-        node.action_log.end(now, running.text(node.robot), failure)
-        node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
+        self._action_log.end(now, running.text(self._robot), failure)
+        self._tracer.note(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
-            node.trace(now, "raised", action=running.text(node.robot), traceback=list(running.raised))
+            self._tracer.note(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
         if isinstance(running.turn, Turn):
             running.turn.serving.remove(running)
-            node.turns.action_ended(now, running.turn)
-        if node.driver is None:
-            predicate = node.program.predicates[action]
+            self._turns.action_ended(now, running.turn)
+        if not self._has_body:
+            predicate = self._program.predicates[action]
             self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)
         self._machine.complete(now, running.serial, failure is None)
         if running.origin is not None:
-            node.talk.deliveries.report_end(now, running.origin, action, ok=failure is None)
+            self._deliveries.report_end(now, running.origin, action, ok=failure is None)
 
     def _handlers_effect(self, now: Instant, running: RunningAction, action: int) -> str | None:
         """Insert the effect that the handler names if the program declares none; return why it does not fit.
 
         As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
         """
-        program, name = self._node.program, running.handler.effect
+        program, name = self._program, running.handler.effect
         effect = None if name is None else program.index(name)
         if effect is None or program.predicates[action].effects:
             return None
@@ -196,10 +219,10 @@ class MachineRunner:
 
     def _suppose(self, now: Instant, effects: tuple[Effect, ...], args: Args) -> None:
         """Let hold what effects say of sensed predicates, in place of what has been held: no sense would find out."""
-        env: list[Value] = [Robot(self._node.robot), *args]
+        env: list[Value] = [Robot(self._robot), *args]
         supposed: dict[int, tuple[list[Args], list[Args]]] = {}
         for effect in effects:
-            predicate = self._node.program.predicates[effect.predicate]
+            predicate = self._program.predicates[effect.predicate]
             if predicate.kind is not Kind.SENSED:
                 continue
             try:
@@ -209,7 +232,7 @@ class MachineRunner:
             except (NoValue, ValueError) as reason:
                 self.expression_failures += 1
                 where = f"effect on {predicate.name}"
-                self._node.trace(now, "expression_failed", where=where, reason=str(reason))
+                self._tracer.note(now, "expression_failed", where=where, reason=str(reason))
             else:
                 supposed.setdefault(effect.predicate, (before, []))[1].append(values)
         for index, (before, wanted) in supposed.items():

@@ -39,7 +39,7 @@ def test_the_import_rules_are_those_that_are_held(rules):
 
 def test_the_ports_are_documented_with_their_calls():
     documented = {(codes(row[0])[0], codes(row[1])[0]) for row in table(PAGE, "port", "call", "means")}
-    protocols = {name: getattr(ports, name) for name in ("Link", "Body")}
+    protocols = {name: getattr(ports, name) for name in ("RadioPort", "BodyPort")}
     expected = {("Ports", "spent()"), ("Ports", "neighbors()")}
     for name, protocol in protocols.items():
         for method, function in inspect.getmembers(protocol, inspect.isfunction):

@@ -39,8 +39,8 @@ def tell(flock: Flock, robot: int, delivery: Delivery, source: int, sequence: in
     """Let `robot` hear a delivery as if `source` had sent it."""
     node = flock.node(robot)
     body = payloads.encode_delivery(delivery, {})
-    for payload in payloads.encode_fact_frames(node.talk.digest, 0, sequence, body):
-        node.talk.receive(flock.kernel.now, Received(payload, source, True, -50.0, 255, flock.kernel.now))
+    for payload in payloads.encode_fact_frames(node.messenger.digest, 0, sequence, body):
+        node.messenger.receive(flock.kernel.now, Received(payload, source, True, -50.0, 255, flock.kernel.now))
     flock.robots[robot].alarm.set(flock.kernel.now)
     flock.busy[robot] = True
 
@@ -76,7 +76,7 @@ def test_a_chain_ends_when_its_action_has_outlived_its_time_and_not_before():
     flock.run()
     assert flock.kernel.now >= TIME_TO_LIVE
     assert flock.facts(1) == []
-    assert flock.node(1).talk.deliveries.undelivered == 1
+    assert flock.node(1).messenger.deliveries.undelivered == 1
     assert not flock.node(1).machine.complete(flock.kernel.now, 1, True), "nobody waits for the action any more"
 
 
@@ -99,7 +99,7 @@ def test_an_action_that_does_not_fit_is_refused_and_its_sender_told():
     frames = [payloads.decode_fact_frame(payload) for payload in heard if payload[0] == PayloadKind.FACT]
     told = [payloads.decode_delivery(frame.piece, ()) for frame in frames]
     assert told == [Delivery(DeliveryRole.FAILED, fetch, (), 77)]
-    assert flock.node(2).talk.malformed == 1
+    assert flock.node(2).messenger.malformed == 1
 
 
 def test_an_action_that_nobody_waits_for_is_not_reported():
@@ -154,7 +154,7 @@ def test_a_delivery_that_no_robot_of_the_program_sends_is_counted_and_dropped(de
     before = flock.facts(1)
     tell(flock, 1, delivery, source=2)
     flock.run()
-    assert flock.node(1).talk.malformed == 1
+    assert flock.node(1).messenger.malformed == 1
     assert len(flock.noted(1, "malformed")) == 1
     assert flock.facts(1) == before
 
@@ -168,12 +168,12 @@ def garbaged() -> Flock:
 @settings(deadline=None)
 def test_garbage_in_a_delivery_is_counted_and_dropped(octets):
     node = garbaged().node(1)
-    before = (node.talk.malformed, node.talk.exchange.delivered)
-    sequence = node.talk.exchange.delivered & 0xFFFF
-    for payload in payloads.encode_fact_frames(node.talk.digest, 0, sequence, octets):
-        node.talk.receive(0, Received(payload, 2, True, -50.0, 255, 0))
-    assert node.talk.exchange.delivered == before[1] + 1
-    assert node.talk.malformed in (before[0], before[0] + 1)
+    before = (node.messenger.malformed, node.messenger.exchange.delivered)
+    sequence = node.messenger.exchange.delivered & 0xFFFF
+    for payload in payloads.encode_fact_frames(node.messenger.digest, 0, sequence, octets):
+        node.messenger.receive(0, Received(payload, 2, True, -50.0, 255, 0))
+    assert node.messenger.exchange.delivered == before[1] + 1
+    assert node.messenger.malformed in (before[0], before[0] + 1)
 
 
 # -- what comes back
@@ -191,7 +191,7 @@ def test_what_cannot_be_delivered_comes_back_as_a_fact_that_names_it():
     ).run()
     lost = [f"undelivered(@1, @{robot}, {name})" for robot in (2, 9) for name in ("fetch", "hello", "hello")]
     assert flock.facts(1) == lost
-    assert flock.node(1).talk.deliveries.undelivered == 6
+    assert flock.node(1).messenger.deliveries.undelivered == 6
 
 
 def test_a_program_may_leave_out_what_was_not_delivered():

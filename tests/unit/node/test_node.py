@@ -13,7 +13,8 @@ from rmr.base.values import Robot, Symbol
 from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
-from rmr.node.node import ROUNDS_MAX, Node
+from rmr.node.node import Node
+from rmr.node.runtime_system import ROUNDS_MAX
 from rmr.node.payloads import PAYLOAD_OCTETS_MAX
 from rmr.node.ports import Ports
 from rmr.node.report import robot_report
@@ -282,11 +283,11 @@ def test_notes_that_nobody_takes_away_do_not_pile_up():
 def test_a_note_holds_what_the_vocabulary_says():
     node = alone("done(R).").node(1)
     with pytest.raises(AssertionError):
-        node.trace(0, "fired", rule="x", more=1)
+        node.notes.note(0, "fired", rule="x", more=1)
     with pytest.raises(KeyError):
-        node.trace(0, "invented")
+        node.notes.note(0, "invented")
     for what, event in EVENTS.items():
-        node.trace(0, what, **dict.fromkeys(event.fields))
+        node.notes.note(0, what, **dict.fromkeys(event.fields))
     assert {entry["what"] for entry in node.trace_log} >= set(EVENTS)
 
 

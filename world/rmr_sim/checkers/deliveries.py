@@ -73,7 +73,7 @@ class Deliveries:
             life = self._open.get(name)
             if life is None or life != scene.life(sender) or not scene.alive(sender):
                 self._open.pop(name, None)
-            elif scene.node(sender).talk.exchange.idle:
+            elif scene.node(sender).messenger.exchange.idle:
                 words = f"what robot {sender} sent robot {receiver} is neither delivered nor reported undelivered"
                 scene.violate(now, CHECK, (sender, receiver), words)
             else:

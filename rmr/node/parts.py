@@ -1,0 +1,188 @@
+"""What the parts of a node are handed of each other: narrow protocols, so that no part imports the node itself.
+
+A part imports the parts below it as they are (trace, sensed facts, peers, driver) and gets what lies beside or above it
+as one of these protocols. `rmr.node.node` joins the parts and is imported by hosts alone; `tests/architecture` says so.
+"""
+
+from typing import Any, Protocol
+
+from rmr.base.arena import Area, Arena
+from rmr.base.geometry import Point
+from rmr.base.time import Instant
+from rmr.base.values import Symbol
+from rmr.bytecode.program import Program
+from rmr.node.actions.dispatcher import ActionPermit, RunningAction
+from rmr.node.config import NodeConfig
+from rmr.node.driver import Driver
+from rmr.node.logic.sensed_facts import SensedFacts
+from rmr.node.motion.navigator import Navigator
+from rmr.node.peers.perception import Peers, Percept
+from rmr.node.trace import TraceLevel
+
+
+class Clock(Protocol):
+    """The present call."""
+
+    @property
+    def now(self) -> Instant:
+        """The instant of the call."""
+
+    @property
+    def heard_at(self) -> Instant:
+        """Lower bound of when the frames arrived that are handled in this call."""
+
+    def mark_dirty(self) -> None:
+        """Have rules, actions and turns looked at in this call."""
+
+
+class Tracer(Protocol):
+    """Where a part notes what happens, for whoever watches the robot."""
+
+    @property
+    def level(self) -> TraceLevel:
+        """How much is noted; at NOTHING a part need not even make the texts."""
+
+    def note(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note that `what`, a word of `rmr.node.trace.EVENTS`, has happened."""
+
+
+class Radio(Protocol):
+    """The way out to other robots."""
+
+    def transmit(self, payload: bytes, destination: int | None) -> int:
+        """Hand a payload to the radio (None: for everybody); return the handle by which its outcome will be known."""
+
+
+class Greeter(Protocol):
+    """What says hello."""
+
+    def hello_soon(self, now: Instant) -> None:
+        """Say hello at once: something that matters to the others has changed."""
+
+
+class Wheels(Protocol):
+    """Which action has the wheels."""
+
+    @property
+    def driving(self) -> RunningAction | None:
+        """The action that drives now."""
+
+
+class Finish(Protocol):
+    """Whether the robot has finished."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the finish fact holds, as of the last call."""
+
+
+class Course(Protocol):
+    """Where the robot is going."""
+
+    def bound_for(self) -> Point | None:
+        """Return the place to which the robot drives, or the slot on which it stands."""
+
+    def change_place(self, now: Instant, place: Point) -> None:
+        """Have the driving action go to another place."""
+
+
+class Queue(Protocol):
+    """What a waiting action asks about the robot's turns."""
+
+    @property
+    def hindered(self) -> bool:
+        """Whether a slot has been wasted: the robot could not get to the gate."""
+
+    @property
+    def beyond(self) -> bool:
+        """Whether the robot has the bottleneck behind it."""
+
+    def entered_since(self, instant: Instant) -> bool:
+        """Return whether a turn of this robot has begun after `instant`."""
+
+
+class ActionHost(Protocol):
+    """What the provided actions ask of their robot."""
+
+    config: NodeConfig
+    arena: Arena
+    peers: Peers
+
+    @property
+    def now(self) -> Instant:
+        """The instant of the present call."""
+
+    @property
+    def turns(self) -> Queue:
+        """The robot's turns."""
+
+    @property
+    def motion(self) -> Navigator:
+        """The navigator. Raises ActionFailed without a body."""
+
+    def percept(self) -> Percept:
+        """Return what the robot senses now."""
+
+    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
+        """Choose the robot's place in `area`. Raises ActionFailed without a body."""
+
+    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
+        """Set out for `goal`; by a gated `turn` through its gate."""
+
+    def halt(self) -> None:
+        """Stop the wheels."""
+
+    def broadcast_failure(self, assertion: int | None) -> None:
+        """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
+
+    def trace(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note something for whoever watches the robot."""
+
+
+class Frames(Protocol):
+    """The frames of 1/60 s."""
+
+    @property
+    def frame_ends(self) -> Instant:
+        """When the next frame begins."""
+
+
+class CrossingHost(Protocol):
+    """What the crossings of shared resources ask of their robot."""
+
+    config: NodeConfig
+    program: Program
+    arena: Arena
+    driver: Driver | None
+    peers: Peers
+    senses: SensedFacts
+
+    @property
+    def presence(self) -> Greeter:
+        """What says hello."""
+
+    @property
+    def actions(self) -> Wheels:
+        """Which action has the wheels."""
+
+    @property
+    def executive(self) -> Frames:
+        """The frames of 1/60 s."""
+
+    def percept(self) -> Percept:
+        """Return what the robot senses now."""
+
+    def drives_to_area(self, action: int) -> bool:
+        """Return whether an action drives to the area that it names: it may be gated."""
+
+    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
+        """Choose the robot's place in `area`; the others hear of it."""
+
+    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
+        """Set out for `goal`; by a gated `turn` through its gate."""
+
+    def leads(self, now: Instant, name: Symbol, does: bool) -> None:
+        """State whether the robot leads an event of assertion `name`."""
+
+    def trace(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note something for whoever watches the robot."""
