@@ -8,15 +8,14 @@ from typing import Final
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol
-from rmr.bytecode.program import Program
 from rmr.node import payloads
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
-from rmr.node.logic.sensed_facts import SensedFacts
-from rmr.node.parts import Clock, Radio, Tracer
+from rmr.node.parts import Radio
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.presence import Presence, decode_hello_cached
 from rmr.node.ports import Received
+from rmr.node.robot_state import RobotState
 
 UNNAMED_FAILURE: Final = "broadcast"
 """Name told to the program of a failure broadcast that no missed deadline derived."""
@@ -26,27 +25,14 @@ class Messenger:
     """Everything that one robot and the others say to each other, frame by frame."""
 
     def __init__(
-        self,
-        program: Program,
-        digest: int,
-        clock: Clock,
-        tracer: Tracer,
-        radio: Radio,
-        senses: SensedFacts,
-        presence: Presence,
-        exchange: Exchange,
-        deliveries: Deliveries,
+        self, state: RobotState, radio: Radio, presence: Presence, exchange: Exchange, deliveries: Deliveries
     ) -> None:
         self.exchange = exchange
         self.deliveries = deliveries
-        self.digest = digest & 0xFFFF
         self.malformed = 0
         """Frames dropped because no robot of this program sends such."""
-        self._assertions = program.assertions
-        self._clock = clock
-        self._tracer = tracer
+        self._state = state
         self._radio = radio
-        self._senses = senses
         self._presence = presence
 
     @property
@@ -81,7 +67,7 @@ class Messenger:
     def drop(self, now: Instant, source: int, why: str) -> None:
         """Count a frame that no robot of this program sends."""
         self.malformed += 1
-        self._tracer.note(now, "malformed", source=source, why=why)
+        self._state.trace(now, "malformed", source=source, why=why)
 
     def _dispatch(self, now: Instant, frame: Received) -> None:
         payload = frame.payload
@@ -94,7 +80,7 @@ class Messenger:
                 # The exchange acknowledges every copy and hands on the body once: with its first complete copy.
                 body = self.exchange.received(payload, frame.source)
                 if body is not None:
-                    self._clock.mark_dirty()
+                    self._state.mark_dirty()
                     self.deliveries.arrived(now, body, frame.source)
             case PayloadKind.FACT_ACK:
                 self.exchange.acknowledged(now, payload, frame.source)
@@ -105,10 +91,11 @@ class Messenger:
 
     def _failure(self, now: Instant, frame: Received) -> None:
         digest, assertion = payloads.decode_failure(frame.payload)
+        assertions = self._state.program.assertions
         # Of another program the number means nothing. The program senses the failure, it is no delivery: of the three
         # copies that are sent (`FAILURE_REPEATS`) the second and third find the fact held already.
-        if digest != self.digest or (assertion is not None and assertion >= len(self._assertions)):
+        if digest != self._state.digest or (assertion is not None and assertion >= len(assertions)):
             return
-        self._clock.mark_dirty()
-        name = UNNAMED_FAILURE if assertion is None else self._assertions[assertion].name
-        self._senses.add(now, "failed", (Robot(frame.source), Symbol(name)))
+        self._state.mark_dirty()
+        name = UNNAMED_FAILURE if assertion is None else assertions[assertion].name
+        self._state.senses.add(now, "failed", (Robot(frame.source), Symbol(name)))

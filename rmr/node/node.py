@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from rmr.base.streams import Choices, stream
+from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Program
@@ -23,24 +23,18 @@ from rmr.node.actions.dispatcher import Dispatcher, Handler, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.crossing.turns import Turns
-from rmr.node.driver import Driver
 from rmr.node.executive import Executive, ExecutiveTask
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
-from rmr.node.logic.finish import FinishFact
 from rmr.node.logic.machine_runner import MachineRunner
-from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.messenger import Messenger
-from rmr.node.peers.perception import Peers
 from rmr.node.peers.presence import Presence
 from rmr.node.peers.proximity import Proximity
 from rmr.node.ports import Confirmed, Ports, Received
+from rmr.node.robot_state import RobotState
 from rmr.node.runtime_system import RuntimeSystem
 from rmr.node.services import RobotServices
-from rmr.node.tick_state import TickState
-from rmr.node.trace import Trace, TraceLevel
 from rmr.node.transceiver import Receiver, Transmitter
-from rmr.vm.engines import new_machine
 
 
 class Node:
@@ -57,125 +51,52 @@ class Node:
         self.next_wake: Instant = 0
         """When the host is to call `tick` at the latest."""
         self._started = False
-        self._tick = TickState()
-        self.notes = Trace(config.robot, config.trace)
-        name = f"{config.seed}/robot{config.robot}"
-        traced = config.trace is TraceLevel.FACTS
-        self.machine = new_machine(program, config.robot, Choices(f"{name}/vm"), engine=config.engine, trace=traced)
-        self.senses = SensedFacts(program, self.machine)
-        self.finish = FinishFact(config.finish, program, self.machine, self.senses)
-        self.peers = Peers()
-        self.proximity = Proximity(self.senses, self.peers, config.radio, ports.neighbors)
-        self.driver: Driver | None = None if ports.body is None else Driver(config, ports.body)
-        """None: a robot without a body."""
+        self.state = state = RobotState(config, program, ports.body, digest)
+        self.machine = state.machine
+        self.driver = state.driver
+        self.peers = state.peers
+        self.senses = state.senses
+        self.notes = state.notes
 
-        radio = Transmitter(ports.link, None if config.witness is None else self._tell)
-        self.services = RobotServices(
-            config,
-            program,
-            self.machine,
-            handlers,
-            self._tick,
-            self.notes,
-            self.senses,
-            self.peers,
-            self.driver,
-            radio,
-            digest & 0xFFFF,
-        )
-        self._join(ports, radio, digest)
-
-    def _join(self, ports: Ports, radio: Transmitter, digest: int) -> None:
-        """Make the parts that see each other, and the executive's table of tasks."""
-        config, program = self.config, self.program
         name = f"{config.seed}/robot{config.robot}"
         payload_max = ports.link.payload_max
+        radio = Transmitter(state, ports.link)
+        self.services = services = RobotServices(state, radio, handlers)
         timing = replace(config.values, payload_max=payload_max)
         self.core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, timing)
         """The coordination core, for checkers of a run to look at."""
-        self.turns = Turns(self.services, self.core, digest)
+        self.turns = Turns(services, self.core, digest)
         self._coordination = CoordLink(self.core, radio.transmit, self._coordinated)
-        self.actions = Dispatcher(self.services)
+        self.actions = Dispatcher(services)
         exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), payload_max)
-        exchange.tell = self._tell
-        deliveries = Deliveries(config, program, self.machine, self._tick, self.notes, exchange)
-        self.presence = Presence(
-            config,
-            digest & 0xFFFF,
-            self._tick,
-            self.notes,
-            radio,
-            self.peers,
-            self.driver,
-            self.actions,
-            self.turns,
-            self.finish,
-            self.services,
-        )
-        self.messenger = Messenger(
-            program, digest, self._tick, self.notes, radio, self.senses, self.presence, exchange, deliveries
-        )
-        self.runner = MachineRunner(
-            config.robot,
-            program,
-            self.machine,
-            self.notes,
-            self._tell,
-            deliveries,
-            self.turns,
-            self.actions,
-            self.services.action_log,
-            self.services.handler,
-            self.driver is not None,
-        )
-        self._receiver = Receiver(
-            config,
-            ports.link,
-            self._tick,
-            self.peers,
-            self.proximity,
-            self._coordination,
-            self.presence,
-            self.messenger,
-        )
-        runtime = RuntimeSystem(
-            self._tick,
-            self.notes,
-            self.machine,
-            self.runner,
-            self.actions,
-            self.turns,
-            self._coordination,
-            self.messenger,
-            self.finish,
-        )
+        exchange.tell = state.tell
+        deliveries = Deliveries(state, exchange)
+        presence = Presence(state, radio, self.turns, services)
+        self.messenger = Messenger(state, radio, presence, exchange, deliveries)
+        self.runner = MachineRunner(state, deliveries, self.turns, self.actions, services)
+        self._presence = presence
+        self._proximity = Proximity(state, ports.neighbors)
+        self._receiver = Receiver(state, ports.link, self._proximity, self._coordination, presence, self.messenger)
+        runtime = RuntimeSystem(state, self.runner, self.actions, self.turns, self._coordination, self.messenger)
         tasks = [
             ExecutiveTask("motor", self._motor, periodic=True),
             ExecutiveTask("radio", self._receiver.run, periodic=False),
             ExecutiveTask("localisation", self._localise, periodic=False),
             ExecutiveTask("runtime", runtime.run, periodic=False),
-            ExecutiveTask("telemetry", self.presence.telemetry, periodic=True),
+            ExecutiveTask("telemetry", presence.telemetry, periodic=True),
         ]
         self.executive = Executive(tasks, ports.spent, config.phase)
-        self.services.actions = self.actions
-        self.services.turns = self.turns
-        self.services.presence = self.presence
-        self.services.runner = self.runner
-        self.services.executive = self.executive
-
-    def _tell(self, event: object) -> None:
-        if self.config.witness is not None:
-            self.config.witness(self.robot, self._tick.now, event)
+        services.join(self.actions, self.turns, presence, self.runner, self.executive)
 
     def _coordinated(self, now: Instant, event: CoordEvent) -> None:
-        self._tell(event)
+        self.state.tell(event)
         self.turns.handle(now, event)
 
     # -- start and tick ---------------------------------------------------------------------------------------
 
     def start(self, now: Instant) -> None:
         """Insert the initial facts and begin."""
-        self._tick.now = now
+        self.state.now = now
         self._started = True
         self.machine.start(now)
         if self.senses.used("peer"):
@@ -184,7 +105,7 @@ class Node:
         for name, owner, args in self.config.facts:
             if owner is None or owner == self.robot:
                 self.insert(now, name, args)
-        self.presence.start(now)
+        self._presence.start(now)
         self.next_wake = now
 
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
@@ -194,11 +115,11 @@ class Node:
 
     def tick(self, now: Instant) -> None:
         """Run all that is due at `now`."""
-        self._tick.begin(now, self.next_wake)
+        self.state.begin(now, self.next_wake)
         if not self._started:
             return
         self.executive.tick(now)
-        if not self._tick.reschedule:
+        if not self.state.reschedule:
             return
         executive, machine = self.executive, self.machine
         # While something goes on that every frame matters to, each frame is due; else the robot sleeps.
@@ -210,7 +131,7 @@ class Node:
         self.next_wake = min(wake, self.turns.next_wake)
 
     def _motor(self, now: Instant) -> None:
-        self._tick.mark_dirty()
+        self.state.mark_dirty()
         if self.driver is not None:
             self.driver.step(now, self._rank, self.peers)
 
@@ -220,8 +141,8 @@ class Node:
     def _localise(self, now: Instant) -> None:
         if self.driver is not None:
             for area in self.driver.state(now, self.senses):
-                self.notes.note(now, "at", area=area.name)
-        self.proximity.state(now)
+                self.state.trace(now, "at", area=area.name)
+        self._proximity.state(now)
 
     # -- what hosts ask ---------------------------------------------------------------------------------------
 
@@ -236,16 +157,16 @@ class Node:
     @property
     def now(self) -> Instant:
         """The instant of the last call."""
-        return self._tick.now
+        return self.state.now
 
     def finished(self) -> bool:
         """Return whether the finish fact holds, as of the last call."""
-        return self.finish.holds
+        return self.state.finish.holds
 
     @property
     def finish_at(self) -> Instant | None:
         """When the finish fact held first."""
-        return self.finish.at
+        return self.state.finish.at
 
     @property
     def outstanding(self) -> tuple[str, ...]:

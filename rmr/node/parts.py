@@ -1,7 +1,8 @@
 """What the parts of a node are handed of each other: narrow protocols, so that no part imports the node itself.
 
-A part imports the parts below it as they are (trace, sensed facts, peers, driver) and gets what lies beside or above it
-as one of these protocols. `rmr.node.node` joins the parts and is imported by hosts alone; `tests/architecture` says so.
+A part imports the parts below it as they are (`rmr.node.robot_state` and what that joins) and gets what lies beside or
+above it as one of these protocols. `rmr.node.node` joins the parts and is imported by hosts alone; `tests/architecture`
+says so.
 """
 
 from typing import Any, Protocol
@@ -11,39 +12,13 @@ from rmr.base.geometry import Point
 from rmr.base.time import Instant
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
-from rmr.node.actions.dispatcher import ActionPermit, RunningAction
+from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.dispatcher import ActionPermit, Handler, RunningAction
 from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
 from rmr.node.peers.perception import Peers, Percept
-from rmr.node.trace import TraceLevel
-
-
-class Clock(Protocol):
-    """The present call."""
-
-    @property
-    def now(self) -> Instant:
-        """The instant of the call."""
-
-    @property
-    def heard_at(self) -> Instant:
-        """Lower bound of when the frames arrived that are handled in this call."""
-
-    def mark_dirty(self) -> None:
-        """Have rules, actions and turns looked at in this call."""
-
-
-class Tracer(Protocol):
-    """Where a part notes what happens, for whoever watches the robot."""
-
-    @property
-    def level(self) -> TraceLevel:
-        """How much is noted; at NOTHING a part need not even make the texts."""
-
-    def note(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note that `what`, a word of `rmr.node.trace.EVENTS`, has happened."""
 
 
 class Radio(Protocol):
@@ -68,22 +43,27 @@ class Wheels(Protocol):
         """The action that drives now."""
 
 
-class Finish(Protocol):
-    """Whether the robot has finished."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the finish fact holds, as of the last call."""
-
-
 class Course(Protocol):
     """Where the robot is going."""
+
+    @property
+    def driving(self) -> RunningAction | None:
+        """The action that has the wheels."""
 
     def bound_for(self) -> Point | None:
         """Return the place to which the robot drives, or the slot on which it stands."""
 
     def change_place(self, now: Instant, place: Point) -> None:
         """Have the driving action go to another place."""
+
+
+class RunnerHost(Protocol):
+    """What carries out actions, and the report's list of them."""
+
+    action_log: ActionLog
+
+    def handler(self, action: str) -> Handler:
+        """Return what carries out an action; the host's own handlers go before the provided ones."""
 
 
 class Queue(Protocol):

@@ -10,12 +10,9 @@ from rmr.base.time import Instant
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.crossing.turns import Turns
-from rmr.node.logic.finish import FinishFact
 from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.messenger import Messenger
-from rmr.node.parts import Tracer
-from rmr.node.tick_state import TickState
-from rmr.vm.machine import Machine
+from rmr.node.robot_state import RobotState
 
 ROUNDS_MAX: Final = 64
 """Rounds in one call: actions that end at once could go on for ever. The rest waits for the next frame."""
@@ -26,39 +23,34 @@ class RuntimeSystem:
 
     def __init__(
         self,
-        tick: TickState,
-        tracer: Tracer,
-        machine: Machine,
+        state: RobotState,
         runner: MachineRunner,
         actions: Dispatcher,
         turns: Turns,
         coordination: CoordLink,
         messenger: Messenger,
-        finish: FinishFact,
     ) -> None:
-        self._tick = tick
-        self._tracer = tracer
-        self._machine = machine
+        self._state = state
+        self._machine = state.machine
         self._runner = runner
         self._actions = actions
         self._turns = turns
         self._coordination = coordination
         self._messenger = messenger
-        self._finish = finish
 
     def run(self, now: Instant) -> None:
         """Do what is to be done at `now`. Where others have only said where they are, that is nothing."""
-        tick = self._tick
-        if not (tick.dirty or tick.due or self._unforeseen(now)):
+        state = self._state
+        if not (state.dirty or state.due or self._unforeseen(now)):
             return
-        tick.dirty = False
-        tick.reschedule = True
+        state.dirty = False
+        state.reschedule = True
         for _ in range(ROUNDS_MAX):
             if not self._round(now):
                 break
         self._runner.watch_quiescence(now)
-        if self._finish.update(now):
-            self._tracer.note(now, "finished")
+        if state.finish.update(now):
+            state.trace(now, "finished")
 
     def _unforeseen(self, now: Instant) -> bool:
         """Return whether there is something to do that was not foreseen at the end of the last call."""

@@ -1,7 +1,7 @@
 """What actions and crossings may ask of their robot: its wheels, its places, its program, the others.
 
 The parts that they share are built one after the other, so `RobotServices` is made early and joined to those that are
-made after it (`actions`, `turns`, `presence`, `runner`, `executive`). Its users see it through `rmr.node.parts`.
+made after it (`join`). Its users see it through `rmr.node.parts`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,26 +11,20 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.time import Instant
 from rmr.base.values import Symbol, Value
-from rmr.bytecode.program import Program
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionLog
 from rmr.node.actions.built_in import PROVIDED, NodeHandle
 from rmr.node.actions.dispatcher import ActionFailed, ActionPermit, Dispatcher, Handler, RunningAction
-from rmr.node.config import NodeConfig
 from rmr.node.crossing.destination import bound_for, redirect
 from rmr.node.crossing.turn import Phase, Turn
 from rmr.node.crossing.turns import Turns
-from rmr.node.driver import Driver
 from rmr.node.executive import Executive
 from rmr.node.logic.machine_runner import MachineRunner
-from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
 from rmr.node.parts import Radio
-from rmr.node.peers.perception import Peers, Percept
+from rmr.node.peers.perception import Percept
 from rmr.node.peers.presence import Presence
-from rmr.node.tick_state import TickState
-from rmr.node.trace import Trace
-from rmr.vm.machine import Machine
+from rmr.node.robot_state import RobotState
 
 NO_WHEELS = "the robot has no wheels"
 
@@ -38,59 +32,48 @@ NO_WHEELS = "the robot has no wheels"
 class RobotServices:
     """One robot, as its actions and crossings see it."""
 
-    actions: Dispatcher
-    turns: Turns
-    presence: Presence
-    runner: MachineRunner
-    executive: Executive
-
-    def __init__(
-        self,
-        config: NodeConfig,
-        program: Program,
-        machine: Machine,
-        handlers: Mapping[str, Handler],
-        clock: TickState,
-        notes: Trace,
-        senses: SensedFacts,
-        peers: Peers,
-        driver: Driver | None,
-        radio: Radio,
-        digest: int,
-    ) -> None:
-        self.config = config
-        self.program = program
-        self.robot = config.robot
-        self.arena = config.arena
-        self.senses = senses
-        self.peers = peers
-        self.driver = driver
+    def __init__(self, state: RobotState, radio: Radio, handlers: Mapping[str, Handler]) -> None:
+        """`handlers` are the host's own; they go before the provided ones."""
+        self.config = state.config
+        self.program = state.program
+        self.robot = state.robot
+        self.arena = state.config.arena
+        self.senses = state.senses
+        self.peers = state.peers
+        self.driver = state.driver
         self.state: dict[str, Any] = {}
         """What the robot's actions remember (`RobotHandle.state`)."""
         self.action_log = ActionLog()
-        self._machine = machine
-        self._handlers = handlers
-        self._clock = clock
-        self._notes = notes
+        self._robot_state = state
         self._radio = radio
-        self._digest = digest
+        self._handlers = handlers
+
+    def join(
+        self, actions: Dispatcher, turns: Turns, presence: Presence, runner: MachineRunner, executive: Executive
+    ) -> None:
+        """Take the parts that are made later; before that only what needs none of them may be asked."""
+        self.actions = actions
+        self.turns = turns
+        self.presence = presence
+        self.runner = runner
+        self.executive = executive
 
     @property
     def now(self) -> Instant:
         """The instant of the present call."""
-        return self._clock.now
+        return self._robot_state.now
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something for whoever watches the robot (`rmr.node.trace`)."""
-        self._notes.note(now, what, **fields)
+        self._robot_state.trace(now, what, **fields)
 
     def insert(self, now: Instant, name: str, args: Sequence[Value]) -> None:
         """Insert a fact of this robot from outside. Raises ValueError when the program does not know it."""
         index = self.program.index(name)
         if index is None:
             raise ValueError(f"the program knows no predicate {name}")
-        self._machine.insert(now, index, tuple(args))
-        self._clock.mark_dirty()
+        self._robot_state.machine.insert(now, index, tuple(args))
+        self._robot_state.mark_dirty()
 
     def leads(self, now: Instant, name: Symbol, does: bool) -> None:
         """State whether the robot leads an event of assertion `name`."""
@@ -101,7 +84,7 @@ class RobotServices:
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
-        self._radio.transmit(payloads.encode_failure(self._digest, assertion), None)
+        self._radio.transmit(payloads.encode_failure(self._robot_state.digest, assertion), None)
 
     # -- actions ----------------------------------------------------------------------------------------------
 
@@ -167,7 +150,7 @@ class RobotServices:
         """Set out for `goal`; by a gated `turn` through its gate. Needs a body and a pose."""
         assert self.driver is not None
         assert turn is None or isinstance(turn, Turn)
-        self._clock.mark_dirty()
+        self._robot_state.mark_dirty()
         gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
         shared = self.turns.leading.shared(turn.event, turn.way) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
@@ -177,6 +160,11 @@ class RobotServices:
         if turn is not None and gated:
             self.turns.apply_gate(turn)
         self.presence.hello_soon(self.now)
+
+    @property
+    def driving(self) -> RunningAction | None:
+        """The action that has the wheels."""
+        return self.actions.driving
 
     def bound_for(self) -> Point | None:
         """Return the place to which the robot drives, or the slot on which it stands."""

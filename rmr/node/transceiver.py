@@ -3,34 +3,29 @@
 The first octet of a payload says whose it is: below `PayloadKind.FACT` the coordination core's, else the messenger's.
 """
 
-from collections.abc import Callable
-
 from rmr.base.time import Instant
-from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.messenger import Messenger
 from rmr.node.payloads import PayloadKind
-from rmr.node.peers.perception import Peers
 from rmr.node.peers.presence import Presence
 from rmr.node.peers.proximity import Proximity
 from rmr.node.ports import Confirmed, RadioPort, Received, Spoken
-from rmr.node.tick_state import TickState
+from rmr.node.robot_state import RobotState
 
 
 class Transmitter:
     """Hands payloads to the radio."""
 
-    def __init__(self, port: RadioPort, tell: Callable[[object], None] | None) -> None:
-        """`tell` is given a `Spoken` for each payload; None: nobody checks the run."""
+    def __init__(self, state: RobotState, port: RadioPort) -> None:
+        self._state = state
         self._port = port
-        self._tell = tell
         self._sent = 0
 
     def transmit(self, payload: bytes, destination: int | None) -> int:
         """Hand a payload to the radio; return the handle by which it will tell the outcome."""
         self._sent += 1
-        if self._tell is not None:
-            self._tell(Spoken(payload))
+        if self._state.config.witness is not None:
+            self._state.tell(Spoken(payload))
         self._port.transmit(payload, destination, self._sent)
         return self._sent
 
@@ -40,22 +35,20 @@ class Receiver:
 
     def __init__(
         self,
-        config: NodeConfig,
+        state: RobotState,
         port: RadioPort,
-        tick: TickState,
-        peers: Peers,
         proximity: Proximity,
         coordination: CoordLink,
         presence: Presence,
         messenger: Messenger,
     ) -> None:
+        self._state = state
         self._port = port
-        self._tick = tick
-        self._peers = peers
+        self._peers = state.peers
         self._coordination = coordination
         self._presence = presence
         self._messenger = messenger
-        self._crowded = config.crowded
+        self._crowded = state.config.crowded
         self._needs_call = proximity.used
         """Whether every frame needs a call of the node: it may change the facts about who is near."""
 
@@ -64,7 +57,7 @@ class Receiver:
         for frame in self._port.receive():
             self._receive(now, frame)
         for outcome in self._port.confirmations():
-            self._tick.reschedule = True
+            self._state.reschedule = True
             self._coordination.confirm(now, outcome)
         self._messenger.wake(now)
 
@@ -72,7 +65,7 @@ class Receiver:
         self._peers.heard(now, frame.source, frame.rssi_dbm)
         kind = frame.payload[0] if frame.payload else PayloadKind.HELLO
         if kind != PayloadKind.HELLO:
-            self._tick.reschedule = True
+            self._state.reschedule = True
         if kind < PayloadKind.FACT:
             self._coordination.receive(now, frame.payload, frame.source)
         else:
@@ -84,7 +77,7 @@ class Receiver:
         In a crowd nearly all that is heard are hellos that change nothing but where a robot is known to be.
         """
         # After a suspension of the host the age of `frame` is not known: a call of the node dates it (`heard_at`).
-        if self._needs_call or self._tick.suspended(now):
+        if self._needs_call or self._state.suspended(now):
             return False
         return self._presence.overhear(now, frame) or (self._crowded and self._overhear_crossing(now, frame))
 

@@ -70,7 +70,7 @@ def test_an_action_that_has_the_wheels_after_a_moveto_keeps_them_when_the_place_
         driving = node.actions.driving
         if driving is not None and driving.name == "face":
             x, y = node.driver.place
-            hello = Hello(x, y, 0.0, 0.0, True, 0, None, node.messenger.digest, False)
+            hello = Hello(x, y, 0.0, 0.0, True, 0, None, node.state.digest, False)
             node.messenger.receive(now, Received(payloads.encode_hello(hello), 2, False, -50.0, 255, now))
             goals.append(node.driver.navigator.goal)
 

@@ -192,7 +192,7 @@ class Dispatcher:
 
     def released(self, now: Instant) -> bool:
         """Return whether an action that waited for its turn may begin."""
-        return any([running.released(now) for running in self.held])
+        return bool(self.held) and any(running.released(now) for running in self.held)
 
     @property
     def polling(self) -> bool:

@@ -11,16 +11,14 @@ from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Symbol, Value, format_fact
-from rmr.bytecode.program import Kind, Program
+from rmr.bytecode.program import Kind
 from rmr.node import payloads
-from rmr.node.config import NodeConfig
 from rmr.node.logic.exchange import Exchange, News, Outcome
 from rmr.node.logic.symbol_numbers import symbols_of
-from rmr.node.parts import Clock, Tracer
 from rmr.node.payloads import Delivery, DeliveryRole, WireError
+from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text
 from rmr.vm.events import ActionDerived, FactSent, FinishAwaited, FinishSeen, GoalSent
-from rmr.vm.machine import Machine
 
 UNDELIVERED: Final = "undelivered"
 """The predicate that a program declares to learn what could not be delivered, ``undelivered(A, B, what)``: A sent it, B
@@ -41,24 +39,14 @@ Origin = tuple[int, int]
 class Deliveries:
     """What one robot tells others and is told."""
 
-    def __init__(
-        self,
-        config: NodeConfig,
-        program: Program,
-        machine: Machine,
-        clock: Clock,
-        tracer: Tracer,
-        exchange: Exchange,
-    ) -> None:
-        self._robot = config.robot
-        self._roster = config.roster
-        self._program = program
-        self._machine = machine
-        self._clock = clock
-        self._tracer = tracer
+    def __init__(self, state: RobotState, exchange: Exchange) -> None:
+        self._state = state
+        self._robot = state.robot
+        self._program = state.program
+        self._machine = state.machine
         self._exchange = exchange
-        self._symbols = symbols_of(program)
-        self._incarnation = (config.epoch & 0xFF) << _SERIAL_BITS
+        self._symbols = symbols_of(state.program)
+        self._incarnation = (state.config.epoch & 0xFF) << _SERIAL_BITS
         self.undelivered = 0
         self.first_undelivered: tuple[float, str, str] | None = None
         """When the first one was given up, seconds of lab time, what it was, and why."""
@@ -89,7 +77,7 @@ class Deliveries:
         self._send(now, robot, Delivery(DeliveryRole.COMPLETED if ok else DeliveryRole.FAILED, predicate, (), number))
 
     def _send(self, now: Instant, destination: int, delivery: Delivery) -> None:
-        if destination not in self._roster:
+        if destination not in self._state.config.roster:
             self._give_up(now, destination, delivery, NO_SUCH_ROBOT)
             return
         try:
@@ -107,7 +95,7 @@ class Deliveries:
         news = self._exchange.news
         if news:
             self._exchange.news = []
-            self._clock.mark_dirty()
+            self._state.mark_dirty()
             for each in news:
                 self._outcome(now, each)
 
@@ -124,7 +112,7 @@ class Deliveries:
         text = self._text(delivery, self._robot, destination)
         if self.first_undelivered is None:
             self.first_undelivered = round(in_seconds(now), 3), text, why
-        self._tracer.note(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
+        self._state.trace(now, "undelivered", destination=destination, predicate=name, fact=text, why=why)
         if delivery.role in ITEMS:
             self._tell_program(now, destination, name)
         if delivery.role is DeliveryRole.ACTION and delivery.number:
@@ -155,9 +143,9 @@ class Deliveries:
             if delivery.role is DeliveryRole.ACTION and delivery.number:
                 self.report_end(now, (source, delivery.number), delivery.index, ok=False)
             raise WireError(str(error)) from error
-        if self._tracer.level is not TraceLevel.NOTHING:
+        if self._state.notes.level is not TraceLevel.NOTHING:
             fact = self._text(delivery, source, self._robot)
-            self._tracer.note(now, "received", source=source, predicate=name, fact=fact)
+            self._state.trace(now, "received", source=source, predicate=name, fact=fact)
 
     def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
         machine, index, args = self._machine, delivery.index, delivery.args
@@ -185,8 +173,8 @@ class Deliveries:
         return named[delivery.index].name
 
     def _note(self, now: Instant, what: str, destination: int, delivery: Delivery) -> None:
-        if self._tracer.level is not TraceLevel.NOTHING:
-            self._tracer.note(now, what, destination=destination, fact=self._text(delivery, self._robot, destination))
+        if self._state.notes.level is not TraceLevel.NOTHING:
+            self._state.trace(now, what, destination=destination, fact=self._text(delivery, self._robot, destination))
 
     def _text(self, delivery: Delivery, source: int, destination: int) -> str:
         """Return a delivery in program syntax; of news the subject with it."""

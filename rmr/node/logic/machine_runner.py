@@ -5,18 +5,17 @@ the turns, and everything into the trace. An action that has ended brings its ef
 waits for it, and is reported to the robot that derived it.
 """
 
-from collections.abc import Callable
 from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
-from rmr.bytecode.program import Effect, Kind, Program
-from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.dispatcher import Dispatcher, Handler, RunningAction
+from rmr.bytecode.program import Effect, Kind
+from rmr.node.actions.dispatcher import Dispatcher, RunningAction
 from rmr.node.crossing.turn import Turn
 from rmr.node.crossing.turns import Turns
 from rmr.node.logic.deliveries import Deliveries
-from rmr.node.parts import Tracer
+from rmr.node.parts import RunnerHost
+from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
@@ -37,7 +36,6 @@ from rmr.vm.events import (
     RuleRepeats,
     VmEvent,
 )
-from rmr.vm.machine import Machine
 from rmr.vm.store import Args
 
 RESTLESS_CALLS: Final = 60
@@ -48,31 +46,16 @@ class MachineRunner:
     """Runs one robot's machine and carries out what it reports."""
 
     def __init__(
-        self,
-        robot: int,
-        program: Program,
-        machine: Machine,
-        tracer: Tracer,
-        tell: Callable[[object], None],
-        deliveries: Deliveries,
-        turns: Turns,
-        actions: Dispatcher,
-        action_log: ActionLog,
-        handler_of: Callable[[str], Handler],
-        has_body: bool,
+        self, state: RobotState, deliveries: Deliveries, turns: Turns, actions: Dispatcher, host: RunnerHost
     ) -> None:
-        """`tell` is given every event of the machine, for whoever checks the run; `handler_of` an action's name."""
-        self._robot = robot
-        self._program = program
-        self._machine = machine
-        self._tracer = tracer
-        self._tell = tell
+        self._state = state
+        self._robot = state.robot
+        self._program = state.program
+        self._machine = state.machine
         self._deliveries = deliveries
         self._turns = turns
         self._actions = actions
-        self._action_log = action_log
-        self._handler_of = handler_of
-        self._has_body = has_body
+        self._host = host
         self._overrun = False
         """The last run used up its budget of firings: the rest waits for the next frame."""
         self._restless_calls = 0
@@ -100,7 +83,7 @@ class MachineRunner:
             missed: int | None = None
             actions: list[tuple[ActionDerived, int | None]] = []
             for event in events:
-                self._tell(event)
+                self._state.tell(event)
                 if isinstance(event, RuleFired):
                     self._derive(now, actions)
                 if isinstance(event, ActionDerived):
@@ -126,28 +109,28 @@ class MachineRunner:
         self._restless_calls = self._restless_calls + 1 if self._machine.busy else 0
         if self._restless_calls == RESTLESS_CALLS and not self._restless_noted:
             self._restless_noted = True
-            self._tracer.note(now, "restless", firings=self._machine.firings)
+            self._state.trace(now, "restless", firings=self._machine.firings)
 
     # -- what the machine reports -----------------------------------------------------------------------------
 
     def _happened(self, now: Instant, event: VmEvent) -> None:
         match event:
             case RuleFired(rule=rule):
-                if not self._restless_calls or self._tracer.level >= TraceLevel.FIRINGS:
-                    self._tracer.note(now, "fired", rule=rule_text(self._program, rule))
+                if not self._restless_calls or self._state.notes.level >= TraceLevel.FIRINGS:
+                    self._state.trace(now, "fired", rule=rule_text(self._program, rule))
             case FactSent() | GoalSent() | FinishAwaited() | FinishSeen():
                 self._deliveries.send(now, event)
             case JobStarted(job=job):
-                self._tracer.note(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
+                self._state.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
                 self._turns.started(now, job)
             case JobFinished(job=job):
-                self._tracer.note(now, "job_finished", job=job.text)
+                self._state.trace(now, "job_finished", job=job.text)
                 self._turns.finished(now, job)
             case JobMissed(job=job):
-                self._tracer.note(now, "deadline_missed", job=job.text)
+                self._state.trace(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
                 self.achieved += 1
-                self._tracer.note(now, "achieved", goal=goal_text(self._program, predicate, self._robot, args))
+                self._state.trace(now, "achieved", goal=goal_text(self._program, predicate, self._robot, args))
             case _:
                 self._noted(now, event)
 
@@ -155,15 +138,15 @@ class MachineRunner:
         """Note what concerns nobody but whoever watches the robot."""
         match event:
             case FactInserted(predicate=predicate, args=args):
-                self._tracer.note(now, "inserted", fact=fact_text(self._program, predicate, self._robot, args))
+                self._state.trace(now, "inserted", fact=fact_text(self._program, predicate, self._robot, args))
             case FactRemoved(predicate=predicate, args=args):
-                self._tracer.note(now, "removed", fact=fact_text(self._program, predicate, self._robot, args))
+                self._state.trace(now, "removed", fact=fact_text(self._program, predicate, self._robot, args))
             case ExpressionFailed(where=where, reason=reason):
-                self._tracer.note(now, "expression_failed", where=where, reason=reason)
+                self._state.trace(now, "expression_failed", where=where, reason=reason)
             case RuleRepeats(rule=rule, firings=firings):
-                self._tracer.note(now, "repeats", rule=rule_text(self._program, rule), firings=firings)
+                self._state.trace(now, "repeats", rule=rule_text(self._program, rule), firings=firings)
             case BoundReached(what=what, bound=bound):
-                self._tracer.note(now, "bound_reached", kept=what, bound=bound)
+                self._state.trace(now, "bound_reached", kept=what, bound=bound)
 
     def _derived(self, now: Instant, event: ActionDerived, missed: int | None) -> None:
         if event.executor != self._robot:
@@ -173,7 +156,7 @@ class MachineRunner:
         jobs = self._machine.serves(event.predicate, event.args)
         # Jobs come first due first: of several that it serves, an action goes by the turn of the most urgent one.
         turn = self._turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
-        handler = self._handler_of(name)
+        handler = self._host.handler(name)
         running = RunningAction(event.serial, name, event.args, handler, turn, now, missed, event.origin)
         if turn is not None:
             turn.serving.append(running)
@@ -187,14 +170,14 @@ class MachineRunner:
         assert action is not None, running.name
         if failure is None:
             failure = self._handlers_effect(now, running, action)
-        self._action_log.end(now, running.text(self._robot), failure)
-        self._tracer.note(now, "action_ended", action=running.text(self._robot), failure=failure)
+        self._host.action_log.end(now, running.text(self._robot), failure)
+        self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
-            self._tracer.note(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
+            self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
         if isinstance(running.turn, Turn):
             running.turn.serving.remove(running)
             self._turns.action_ended(now, running.turn)
-        if not self._has_body:
+        if self._state.driver is None:
             predicate = self._program.predicates[action]
             self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)
         self._machine.complete(now, running.serial, failure is None)
@@ -232,7 +215,7 @@ class MachineRunner:
             except (NoValue, ValueError) as reason:
                 self.expression_failures += 1
                 where = f"effect on {predicate.name}"
-                self._tracer.note(now, "expression_failed", where=where, reason=str(reason))
+                self._state.trace(now, "expression_failed", where=where, reason=str(reason))
             else:
                 supposed.setdefault(effect.predicate, (before, []))[1].append(values)
         for index, (before, wanted) in supposed.items():

@@ -14,17 +14,16 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant
 from rmr.node import payloads
-from rmr.node.config import NodeConfig
 from rmr.node.crossing.turn import Phase
 from rmr.node.crossing.turns import Turns
-from rmr.node.driver import Driver
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
-from rmr.node.parts import Clock, Course, Finish, Radio, Tracer, Wheels
+from rmr.node.parts import Course, Radio
 from rmr.node.payloads import Hello, PayloadKind, WireError
 from rmr.node.peers.hello import STAYS, STAYS_SPARE, HelloClock
-from rmr.node.peers.perception import Peers, driving_of
+from rmr.node.peers.perception import driving_of
 from rmr.node.ports import Received
+from rmr.node.robot_state import RobotState
 
 decode_hello_cached = lru_cache(maxsize=256)(payloads.decode_hello)
 """`decode_hello` with a cache: in virtual time many robots of one process hear the same octets."""
@@ -67,37 +66,21 @@ def dated(read: Instant, frame: Received) -> Instant:
 class Presence:
     """One robot's hellos, said and heard."""
 
-    def __init__(
-        self,
-        config: NodeConfig,
-        digest: int,
-        clock: Clock,
-        tracer: Tracer,
-        radio: Radio,
-        peers: Peers,
-        driver: Driver | None,
-        wheels: Wheels,
-        turns: Turns,
-        finish: Finish,
-        course: Course,
-    ) -> None:
-        self._config = config
-        self.digest = digest
-        self._clock = clock
-        self._tracer = tracer
+    def __init__(self, state: RobotState, radio: Radio, turns: Turns, course: Course) -> None:
+        self._state = state
+        self._config = state.config
+        self._peers = state.peers
+        self._driver = state.driver
         self._radio = radio
-        self._peers = peers
-        self._driver = driver
-        self._wheels = wheels
         self._turns = turns
-        self._finish = finish
         self._course = course
         self._parked: Sequence[Point] | None = None
         """Where others stand, as the navigator was last given it."""
         self._hellos: HelloClock | None = None
         """None: a robot without a body has no place to tell."""
-        if driver is not None:
-            self._hellos = HelloClock(stream(f"{config.seed}/robot{config.robot}/hello"), len(config.roster))
+        if state.driver is not None:
+            rng = stream(f"{state.config.seed}/robot{state.robot}/hello")
+            self._hellos = HelloClock(rng, len(state.config.roster))
 
     # -- saying -----------------------------------------------------------------------------------------------
 
@@ -119,7 +102,7 @@ class Presence:
     def telemetry(self, now: Instant) -> None:
         """Notice a change that matters to others, as between parked and moving."""
         if self._hellos is not None and self._driver is not None:
-            self._hellos.look(now, parked=self._wheels.driving is None, back=self._driver.speed < 0.0)
+            self._hellos.look(now, parked=self._course.driving is None, back=self._driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
         """Say hello if that is due."""
@@ -137,10 +120,10 @@ class Presence:
 
     def _stays(self, now: Instant) -> bool:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
-        if not self._config.crowded or self._driver is None or self._wheels.driving is not None:
+        if not self._config.crowded or self._driver is None or self._course.driving is not None:
             return False
         turn = self._turns.current
-        return self._finish.holds if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
+        return self._state.finish.holds if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
 
     def _say_hello(self, now: Instant, *, parked: bool) -> None:
         driver = self._driver
@@ -152,7 +135,7 @@ class Presence:
             # A promise: those who heard it count on it for STAYS, so the wheels are held a little longer than that.
             driver.stays_until = now + STAYS + STAYS_SPARE
         goal, rank = self._course.bound_for(), self._turns.rank
-        hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self.digest, stays)
+        hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays)
         self._radio.transmit(payloads.encode_hello(hello), None)
 
     # -- hearing ----------------------------------------------------------------------------------------------
@@ -167,7 +150,7 @@ class Presence:
             return False
         at = dated(now, frame)
         hello = _LAST.hello(payload, source, at)
-        if hello is None or hello.digest != self.digest or self._disputes(source, hello):
+        if hello is None or hello.digest != self._state.digest or self._disputes(source, hello):
             return False
         peer.heard = now
         peer.rssi_dbm = frame.rssi_dbm
@@ -180,16 +163,16 @@ class Presence:
         source = frame.source
         known = self._peers.known[source].hello
         # Once per change, not once per hello: a robot of another program says its digest several times a second.
-        if hello.digest != self.digest and (known is None or known.digest != hello.digest):
-            self._tracer.note(now, "other_program", source=source)
-        self._peers.hello(dated(self._clock.heard_at, frame), source, hello, said=frame.stamp)
+        if hello.digest != self._state.digest and (known is None or known.digest != hello.digest):
+            self._state.trace(now, "other_program", source=source)
+        self._peers.hello(dated(self._state.heard_at, frame), source, hello, said=frame.stamp)
         if self._disputes(source, hello):
             self._change_place(now)
         self._update_parked(now)
 
     def _disputes(self, source: int, hello: Hello) -> bool:
         """Return whether `hello` is a reason to look for another place than the one that the robot goes to."""
-        driver, running = self._driver, self._wheels.driving
+        driver, running = self._driver, self._course.driving
         if driver is None or driver.place is None or running is None:
             return False
         turn = running.turn

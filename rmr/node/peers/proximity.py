@@ -4,9 +4,8 @@ from collections.abc import Callable, Sequence
 
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Value
-from rmr.node.logic.sensed_facts import SensedFacts
-from rmr.node.peers.perception import Peers
-from rmr.radio.phy import LOSS_AT_1_M_DB, RadioConfig
+from rmr.node.robot_state import RobotState
+from rmr.radio.phy import LOSS_AT_1_M_DB
 
 Offered = Sequence[tuple[int, float]]
 """(robot, metres) of those in range, as a host knows it."""
@@ -15,15 +14,14 @@ Offered = Sequence[tuple[int, float]]
 class Proximity:
     """States who is near one robot."""
 
-    def __init__(
-        self, senses: SensedFacts, peers: Peers, radio: RadioConfig, offered: Callable[[], Offered] | None
-    ) -> None:
+    def __init__(self, state: RobotState, offered: Callable[[], Offered] | None) -> None:
         """`offered` returns the same object while nothing has changed; None: the robot goes by what it hears."""
+        senses = state.senses
         self.used = senses.used("neighbor") or senses.used("range")
         """Whether the program reads either fact; else nothing need be stated."""
         self._senses = senses
-        self._peers = peers
-        self._radio = radio
+        self._peers = state.peers
+        self._radio = state.config.radio
         self._offered = offered
         self._near: Offered | None = None
 

@@ -39,7 +39,7 @@ def tell(flock: Flock, robot: int, delivery: Delivery, source: int, sequence: in
     """Let `robot` hear a delivery as if `source` had sent it."""
     node = flock.node(robot)
     body = payloads.encode_delivery(delivery, {})
-    for payload in payloads.encode_fact_frames(node.messenger.digest, 0, sequence, body):
+    for payload in payloads.encode_fact_frames(node.state.digest, 0, sequence, body):
         node.messenger.receive(flock.kernel.now, Received(payload, source, True, -50.0, 255, flock.kernel.now))
     flock.robots[robot].alarm.set(flock.kernel.now)
     flock.busy[robot] = True
@@ -170,7 +170,7 @@ def test_garbage_in_a_delivery_is_counted_and_dropped(octets):
     node = garbaged().node(1)
     before = (node.messenger.malformed, node.messenger.exchange.delivered)
     sequence = node.messenger.exchange.delivered & 0xFFFF
-    for payload in payloads.encode_fact_frames(node.messenger.digest, 0, sequence, octets):
+    for payload in payloads.encode_fact_frames(node.state.digest, 0, sequence, octets):
         node.messenger.receive(0, Received(payload, 2, True, -50.0, 255, 0))
     assert node.messenger.exchange.delivered == before[1] + 1
     assert node.messenger.malformed in (before[0], before[0] + 1)

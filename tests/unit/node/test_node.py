@@ -14,10 +14,10 @@ from rmr.bytecode.program import Program
 from rmr.lang.compiler import compile_source
 from rmr.node.config import NodeConfig
 from rmr.node.node import Node
-from rmr.node.runtime_system import ROUNDS_MAX
 from rmr.node.payloads import PAYLOAD_OCTETS_MAX
 from rmr.node.ports import Ports
 from rmr.node.report import robot_report
+from rmr.node.runtime_system import ROUNDS_MAX
 from rmr.node.trace import ENTRIES_MAX, EVENTS, TraceLevel
 
 NODE_OCTETS_MAX = 60_000

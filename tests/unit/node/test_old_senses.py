@@ -135,7 +135,7 @@ def test_a_hello_that_has_waited_for_long_tells_where_a_robot_was_when_it_was_sa
     ear = Ear()
     node = Node(NodeConfig(1, (1, 2), NOWHERE, 0), program, Ports(ear, None), {})
     node.start(0)
-    payload = encode_hello(Hello(0.8, 0.5, 0.0, 0.2, False, 0, None, node.messenger.digest))
+    payload = encode_hello(Hello(0.8, 0.5, 0.0, 0.2, False, 0, None, node.state.digest))
     now = milliseconds(1000)
     for waited in (0, OVERDUE, OVERDUE + 1, milliseconds(400)):
         now += milliseconds(1000)
