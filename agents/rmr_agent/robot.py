@@ -178,7 +178,8 @@ class HostedRobot:
 
     def _listen(self) -> None:
         """Subscribe to all but the air, once: what is declared is declared again after a loss of the connection."""
-        bus, keys = self._bus, self._keys
+        bus = self._bus
+        keys = self._keys
         bus.subscribe(keys.call(self._robot), self._on_air)
         bus.subscribe(keys.sense(self._robot), self._on_sense)
         bus.subscribe(keys.clock, self._on_clock)
@@ -299,7 +300,8 @@ class HostedRobot:
         self._log_trace(life)
         if not (final or due or news != self._told):
             return
-        self._told, self._told_s = news, time.monotonic()
+        self._told = news
+        self._told_s = time.monotonic()
         status = wire.Status(state, news[1], finished, final, now, {})
         await self._telling.tell(self._keys.status(self._robot), status, lambda: self._report(life))
 

@@ -104,11 +104,14 @@ class Driver:
         """Take in the new samples and command the wheels; `rank` tells the robot's own place in the schedule."""
         samples = self._body.sense()
         if samples:
-            self._bodies, self._bumped, self._sensed_at = samples[-1].bodies, False, samples[-1].stamp
+            self._bodies = samples[-1].bodies
+            self._bumped = False
+            self._sensed_at = samples[-1].stamp
         for sample in samples:
             self.localiser.feed(sample)
             self._bumped = self._bumped or sample.bumped
-        pose, navigator = self.localiser.pose, self.navigator
+        pose = self.localiser.pose
+        navigator = self.navigator
         if self._began is None:
             self._began = now
         if pose is None:
@@ -126,7 +129,8 @@ class Driver:
 
     def _heed(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
         """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
-        navigator, hearing = self.navigator, self.navigator.hearing
+        navigator = self.navigator
+        hearing = self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
         listened = hearing.listens and not self.listens(now, peers)
         if now < self._heed_at and now <= hearing.doubts_at and not listened:
@@ -145,7 +149,8 @@ class Driver:
 
     def _keep_home(self, now: Instant, pose: Pose, peers: Peers) -> None:
         """Go back to the slot in which the robot had arrived, if it stands outside of it and nothing else drives."""
-        navigator, home = self.navigator, self._home
+        navigator = self.navigator
+        home = self._home
         if home is None or navigator.status == "moving":
             if navigator.goal != home:
                 self._home = None
@@ -155,17 +160,20 @@ class Driver:
     def _act(self, now: Instant, twist: Twist) -> None:
         if not self.moving:
             self._set_out_at = now
-        self._twist, self._acted_at = twist, now
+        self._twist = twist
+        self._acted_at = now
         self._body.act(twist, now)
 
     def state(self, now: Instant, senses: SensedFacts) -> list[Area]:
         """State the facts `at`, `pose` and `obstacle`; return the areas at which the robot has just arrived."""
-        pose, place = self.localiser.pose, self.place
+        pose = self.localiser.pose
+        place = self.place
         if senses.used("obstacle"):
             senses.replace(now, "obstacle", [()] if self._bodies or self._bumped else [])
         if pose is None or (pose is self._stated_pose and place is self._stated_place):
             return []
-        self._stated_pose, self._stated_place = pose, place
+        self._stated_pose = pose
+        self._stated_place = place
         if senses.used("pose"):
             senses.replace(now, "pose", [(round(pose.x, 2), round(pose.y, 2), round(pose.theta, 2))])
         arrived = []
@@ -302,7 +310,8 @@ def spots(arena: Arena, area: Area) -> tuple[Point, ...]:
         return area.places
     x0, y0, x1, y1 = area.box
     middle = area.places[0]
-    across, up = _row(x1 - x0, arena.shape.radius), _row(y1 - y0, arena.shape.radius)
+    across = _row(x1 - x0, arena.shape.radius)
+    up = _row(y1 - y0, arena.shape.radius)
     offsets = sorted((dx * dx + dy * dy, dx, dy) for dx in across for dy in up)[:SPOTS_MAX]
     points = (Point(middle.x + dx, middle.y + dy) for _, dx, dy in offsets)
     return tuple(point for point in points if arena.clearance(*point) > arena.shape.radius) or area.places

@@ -75,7 +75,8 @@ class Executive:
         if self._due:
             self.frames_due += frame - self._frame
             self.frames_late += frame - self._frame - 1
-        self._frame, self.frame_ends = frame, tick_start(frame + 1) + self._phase
+        self._frame = frame
+        self.frame_ends = tick_start(frame + 1) + self._phase
 
     def next_frame(self, busy: bool) -> Instant | None:
         """Return when the next frame must begin, or None when nothing periodic goes on."""

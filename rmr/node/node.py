@@ -121,7 +121,8 @@ class Node:
         self.executive.tick(now)
         if not self.state.reschedule:
             return
-        executive, machine = self.executive, self.machine
+        executive = self.executive
+        machine = self.machine
         # While something goes on that every frame matters to, each frame is due; else the robot sleeps.
         busy = self.actions.polling or (self.driver is not None and self.driver.moving)
         wake = min(executive.next_frame(busy) or NEVER, self._coordination.next_wake)

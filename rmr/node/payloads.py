@@ -129,7 +129,9 @@ def encode_hello(hello: Hello) -> bytes:
     gx, gy = hello.goal or (0.0, 0.0)
     flags = (_PARKED if hello.parked else 0) | (_GOAL if hello.goal else 0) | (_STAYS if hello.stays else 0)
     heading = round(hello.theta / _TURN * 256) & 0xFF
-    x, y, speed = _cm(hello.x), _cm(hello.y), max(-127, min(127, round(hello.v * 100)))
+    x = _cm(hello.x)
+    y = _cm(hello.y)
+    speed = max(-127, min(127, round(hello.v * 100)))
     return _HELLO.pack(
         PayloadKind.HELLO, hello.digest, x, y, heading, speed, flags, min(hello.rank, 255), _cm(gx), _cm(gy)
     )
@@ -142,7 +144,9 @@ def decode_hello(payload: bytes) -> Hello:
     except struct.error as error:
         raise WireError(f"hello: {error}") from error
     goal = (gx / 100, gy / 100) if flags & _GOAL else None
-    theta, parked, stays = heading / 256 * _TURN, bool(flags & _PARKED), bool(flags & _STAYS)
+    theta = heading / 256 * _TURN
+    parked = bool(flags & _PARKED)
+    stays = bool(flags & _STAYS)
     return Hello(x / 100, y / 100, theta, speed / 100, parked, rank, goal, digest, stays)
 
 
@@ -302,7 +306,9 @@ class _Reader:
     """Reads values off a body, left to right."""
 
     def __init__(self, data: bytes, offset: int, symbols: Sequence[str]) -> None:
-        self.data, self.offset, self.symbols = data, offset, symbols
+        self.data = data
+        self.offset = offset
+        self.symbols = symbols
 
     def _take(self, form: str) -> int | float:
         value: int | float = struct.unpack_from(form, self.data, self.offset)[0]

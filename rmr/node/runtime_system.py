@@ -58,7 +58,8 @@ class RuntimeSystem:
 
     def _round(self, now: Instant) -> bool:
         """Let each part do once what is due; return whether that has left more to do."""
-        machine, actions = self._machine, self._actions
+        machine = self._machine
+        actions = self._actions
         self._coordinate(now)
         if machine.has_due(now):
             if machine.due == now:

@@ -94,7 +94,8 @@ async def _under_way(
     idle: Callable[[], bool] | None,
 ) -> None:
     """Wait for the end of a drive to `goal` that has begun. Raises ActionFailed as `_drive` does."""
-    node, navigator = robot.node, robot.node.motion
+    node = robot.node
+    navigator = robot.node.motion
     blocked_since: Instant | None = None
 
     def is_taken() -> bool:
@@ -175,7 +176,8 @@ async def goto(robot: NodeHandle, x: float, y: float) -> None:
 
     Places of areas are shared out; a point is not, so another robot may stand there for good. Who is near gives up.
     """
-    node, goal = robot.node, Point(x, y)
+    node = robot.node
+    goal = Point(x, y)
 
     def taken() -> bool:
         if not 0.0 < node.motion.remaining_m < NEAR_M:
@@ -193,9 +195,13 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
     """
     node = robot.node
     await _located(robot)
-    pose, started = node.percept().pose, node.now
+    pose = node.percept().pose
+    started = node.now
     assert pose is not None
-    start, goal, begins, ends = Point(pose.x, pose.y), Point(x, y), _instant(begins_s), _instant(ends_s)
+    start = Point(pose.x, pose.y)
+    goal = Point(x, y)
+    begins = _instant(begins_s)
+    ends = _instant(ends_s)
     if segment_clearance(node.arena, start, goal) < node.arena.shape.radius - CLOSE_M:
         raise ActionFailed(f"{solid_between(node.arena, start, goal) or 'an obstacle'} is in the straight way there")
     drive = Straight(start, goal, begins, ends, node.arena.shape)

@@ -148,7 +148,9 @@ class Deliveries:
             self._state.trace(now, "received", source=source, predicate=name, fact=fact)
 
     def _take(self, now: Instant, delivery: Delivery, source: int) -> None:
-        machine, index, args = self._machine, delivery.index, delivery.args
+        machine = self._machine
+        index = delivery.index
+        args = delivery.args
         match delivery.role:
             case DeliveryRole.FACT:
                 machine.insert(now, index, args)
@@ -178,7 +180,9 @@ class Deliveries:
 
     def _text(self, delivery: Delivery, source: int, destination: int) -> str:
         """Return a delivery in program syntax; of news the subject with it."""
-        program, index, args = self._program, delivery.index, delivery.args
+        program = self._program
+        index = delivery.index
+        args = delivery.args
         match delivery.role:
             case DeliveryRole.FACT | DeliveryRole.ACTION:
                 return fact_text(program, index, destination, args)

@@ -189,7 +189,8 @@ class MachineRunner:
 
         As with declared effects, a sensed fact is left to the senses; one that the program does not know is nobody's.
         """
-        program, name = self._program, running.handler.effect
+        program = self._program
+        name = running.handler.effect
         effect = None if name is None else program.index(name)
         if effect is None or program.predicates[action].effects:
             return None

@@ -70,7 +70,8 @@ class HelloClock:
     def look(self, now: Instant, *, parked: bool, back: bool = False) -> None:
         """Notice a change between parked and moving, and between driving `back` and not: others reckon with it."""
         if parked != self.parked or back != self._back:
-            self.parked, self._back = parked, back
+            self.parked = parked
+            self._back = back
             self.soon(now)
 
     def rewind(self, now: Instant, *, waits: bool = False, leaves: bool = False, driving: int | None = None) -> None:

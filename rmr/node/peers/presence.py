@@ -134,7 +134,8 @@ class Presence:
         if stays:
             # A promise: those who heard it count on it for STAYS, so the wheels are held a little longer than that.
             driver.stays_until = now + STAYS + STAYS_SPARE
-        goal, rank = self._course.bound_for(), self._turns.rank
+        goal = self._course.bound_for()
+        rank = self._turns.rank
         hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays)
         self._radio.transmit(payloads.encode_hello(hello), None)
 
@@ -142,7 +143,8 @@ class Presence:
 
     def overhear(self, now: Instant, frame: Received) -> bool:
         """Take in `frame` if it is a hello that says only where a robot is that is known; else return False."""
-        payload, source = frame.payload, frame.source
+        payload = frame.payload
+        source = frame.source
         if not payload or payload[0] != PayloadKind.HELLO:
             return False
         peer = self._peers.known.get(source)
@@ -172,7 +174,8 @@ class Presence:
 
     def _disputes(self, source: int, hello: Hello) -> bool:
         """Return whether `hello` is a reason to look for another place than the one that the robot goes to."""
-        driver, running = self._driver, self._course.driving
+        driver = self._driver
+        running = self._course.driving
         if driver is None or driver.place is None or running is None:
             return False
         turn = running.turn
