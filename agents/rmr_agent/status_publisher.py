@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from rmr.bus import wire
-from rmr.bus.parts import TooLargeError
+from rmr.bus.message_parts import TooLargeError
 from rmr.bus.session import Bus
 
 REPORT_OCTETS_PER_S = 1 << 20

@@ -19,7 +19,7 @@ from rmr.bus import wire
 from rmr.bus.bridge import PATIENCE, Inbox, Take, keep_thread
 from rmr.bus.checks import MalformedError
 from rmr.bus.losses import Losses
-from rmr.bus.parts import Unfinished
+from rmr.bus.message_parts import Unfinished
 
 CLOSE_PATIENCE_S: Final = 1.0
 """How long leaving may take. zenoh waits for its router while it connects anew, and the process shall end."""

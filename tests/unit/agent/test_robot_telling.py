@@ -3,7 +3,7 @@
 import asyncio
 
 from rmr.bus import wire
-from rmr.bus.parts import TooLargeError
+from rmr.bus.message_parts import TooLargeError
 from rmr_agent.status_publisher import StatusPublisher
 
 STATUS = wire.Status("running", "", False, False, 0, {})
