@@ -1,4 +1,7 @@
-"""What a robot says and hears besides coordination: deliveries, their acknowledgements, hellos, failure broadcasts.
+"""What a robot says and hears: coordination, deliveries and their acknowledgements, hellos, failure broadcasts.
+
+The first octet of a payload says whose it is. A frame is handled in a call of the node, the executive's radio task, or
+overheard between two calls if it changes nothing but what is known of its sender.
 
 A frame that does not parse, or that no robot of this program could have sent, is the sender's mistake: it is
 counted, noted and dropped.
@@ -9,31 +12,58 @@ from typing import Final
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol
 from rmr.node import payloads
+from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.logic.deliveries import Deliveries
-from rmr.node.logic.exchange import Exchange
 from rmr.node.parts import Radio
 from rmr.node.payloads import PayloadKind, WireError
 from rmr.node.peers.presence import Presence, decode_hello_cached
-from rmr.node.ports import Received
+from rmr.node.ports import RadioPort, Received, Spoken
 from rmr.node.robot_state import RobotState
 
 UNNAMED_FAILURE: Final = "broadcast"
 """Name told to the program of a failure broadcast that no missed deadline derived."""
 
 
+class Transmitter:
+    """Hands payloads to the radio."""
+
+    def __init__(self, state: RobotState, port: RadioPort) -> None:
+        self._state = state
+        self._port = port
+        self._sent = 0
+
+    def transmit(self, payload: bytes, destination: int | None) -> int:
+        """Hand a payload to the radio; return the handle by which it will tell the outcome."""
+        self._sent += 1
+        if self._state.config.witness is not None:
+            self._state.tell(Spoken(payload))
+        self._port.transmit(payload, destination, self._sent)
+        return self._sent
+
+
 class Messenger:
     """Everything that one robot and the others say to each other, frame by frame."""
 
     def __init__(
-        self, state: RobotState, radio: Radio, presence: Presence, exchange: Exchange, deliveries: Deliveries
+        self,
+        state: RobotState,
+        port: RadioPort,
+        radio: Radio,
+        coordination: CoordLink,
+        presence: Presence,
+        deliveries: Deliveries,
     ) -> None:
-        self.exchange = exchange
+        self.exchange = deliveries.exchange
         self.deliveries = deliveries
         self.malformed = 0
         """Frames dropped because no robot of this program sends such."""
         self._state = state
+        self._port = port
         self._radio = radio
+        self._coordination = coordination
         self._presence = presence
+        self._needs_call = state.senses.used("neighbor") or state.senses.used("range")
+        """Whether every frame needs a call of the node: it may change the facts about who is near."""
 
     @property
     def next_wake(self) -> Instant:
@@ -57,17 +87,47 @@ class Messenger:
         if exchange.news:
             self.deliveries.collect(now)
 
+    def run(self, now: Instant) -> None:
+        """Handle all that has arrived since the last call, and say what is due: the executive's radio task."""
+        for frame in self._port.receive():
+            self.receive(now, frame)
+        for outcome in self._port.confirmations():
+            self._state.reschedule = True
+            self._coordination.confirm(now, outcome)
+        self.wake(now)
+
     def receive(self, now: Instant, frame: Received) -> None:
-        """Handle a frame of another robot that does not belong to coordination."""
+        """Handle a frame of another robot: coordination's are those below `PayloadKind.FACT`."""
+        self._state.peers.heard(now, frame.source, frame.rssi_dbm)
+        kind = frame.payload[0] if frame.payload else PayloadKind.HELLO
+        if kind != PayloadKind.HELLO:
+            self._state.reschedule = True
+        if kind < PayloadKind.FACT:
+            self._coordination.receive(now, frame.payload, frame.source)
+            return
         try:
             self._dispatch(now, frame)
         except WireError as error:
-            self.drop(now, frame.source, str(error))
+            self.malformed += 1
+            self._state.trace(now, "malformed", source=frame.source, why=str(error))
 
-    def drop(self, now: Instant, source: int, why: str) -> None:
-        """Count a frame that no robot of this program sends."""
-        self.malformed += 1
-        self._state.trace(now, "malformed", source=source, why=why)
+    def overhear(self, now: Instant, frame: Received) -> bool:
+        """Take in `frame` as it arrives, if no task has to look at it; else return False: it is to wait for a call.
+
+        In a crowd nearly all that is heard are hellos that change nothing but where a robot is known to be, and
+        frames of the robots in the bottleneck, which concern hardly any.
+        """
+        # After a suspension of the host the age of `frame` is not known: a call of the node dates it (`heard_at`).
+        state = self._state
+        if self._needs_call or state.suspended(now):
+            return False
+        if self._presence.overhear(now, frame):
+            return True
+        known = state.config.crowded and frame.source in state.peers.known
+        if not known or not self._coordination.overhear(now, frame.payload):
+            return False
+        state.peers.heard(now, frame.source, frame.rssi_dbm)
+        return True
 
     def _dispatch(self, now: Instant, frame: Received) -> None:
         payload = frame.payload

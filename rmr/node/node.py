@@ -27,14 +27,13 @@ from rmr.node.executive import Executive, ExecutiveTask
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
 from rmr.node.logic.machine_runner import MachineRunner
-from rmr.node.messenger import Messenger
+from rmr.node.messenger import Messenger, Transmitter
 from rmr.node.peers.presence import Presence
 from rmr.node.peers.proximity import Proximity
 from rmr.node.ports import Confirmed, Ports, Received
 from rmr.node.robot_state import RobotState
 from rmr.node.runtime_system import RuntimeSystem
 from rmr.node.services import RobotServices
-from rmr.node.transceiver import Receiver, Transmitter
 
 
 class Node:
@@ -71,22 +70,21 @@ class Node:
         exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), payload_max)
         exchange.tell = state.tell
         deliveries = Deliveries(state, exchange)
-        presence = Presence(state, radio, self.turns, services)
-        self.messenger = Messenger(state, radio, presence, exchange, deliveries)
+        self._presence = Presence(state, radio, self.turns, services)
+        link = self._coordination
+        self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries)
         self.runner = MachineRunner(state, deliveries, self.turns, self.actions, services)
-        self._presence = presence
         self._proximity = Proximity(state, ports.neighbors)
-        self._receiver = Receiver(state, ports.link, self._proximity, self._coordination, presence, self.messenger)
-        runtime = RuntimeSystem(state, self.runner, self.actions, self.turns, self._coordination, self.messenger)
+        runtime = RuntimeSystem(state, self.runner, self.actions, self.turns, link, self.messenger)
         tasks = [
             ExecutiveTask("motor", self._motor, periodic=True),
-            ExecutiveTask("radio", self._receiver.run, periodic=False),
+            ExecutiveTask("radio", self.messenger.run, periodic=False),
             ExecutiveTask("localisation", self._localise, periodic=False),
             ExecutiveTask("runtime", runtime.run, periodic=False),
-            ExecutiveTask("telemetry", presence.telemetry, periodic=True),
+            ExecutiveTask("telemetry", self._presence.telemetry, periodic=True),
         ]
         self.executive = Executive(tasks, ports.spent, config.phase)
-        services.join(self.actions, self.turns, presence, self.runner, self.executive)
+        services.join(self.actions, self.turns, self._presence, self.runner, self.executive)
 
     def _coordinated(self, now: Instant, event: CoordEvent) -> None:
         self.state.tell(event)
@@ -149,11 +147,11 @@ class Node:
 
     def overhear(self, now: Instant, frame: Received) -> bool:
         """Take in `frame` as it arrives, if no task has to look at it; else return False: it is to wait for a call."""
-        return self._started and self._receiver.overhear(now, frame)
+        return self._started and self.messenger.overhear(now, frame)
 
     def awaits(self, outcome: Confirmed) -> bool:
         """Return whether `outcome` matters here: else it need not be handed over. That of no broadcast does."""
-        return self._receiver.awaits(outcome)
+        return self._coordination.awaits(outcome)
 
     @property
     def now(self) -> Instant:

@@ -28,21 +28,6 @@ class Radio(Protocol):
         """Hand a payload to the radio (None: for everybody); return the handle by which its outcome will be known."""
 
 
-class Greeter(Protocol):
-    """What says hello."""
-
-    def hello_soon(self, now: Instant) -> None:
-        """Say hello at once: something that matters to the others has changed."""
-
-
-class Wheels(Protocol):
-    """Which action has the wheels."""
-
-    @property
-    def driving(self) -> RunningAction | None:
-        """The action that drives now."""
-
-
 class Course(Protocol):
     """Where the robot is going."""
 
@@ -81,12 +66,28 @@ class Queue(Protocol):
         """Return whether a turn of this robot has begun after `instant`."""
 
 
-class ActionHost(Protocol):
-    """What the provided actions ask of their robot."""
+class DrivingHost(Protocol):
+    """What drives, and places to drive to."""
 
     config: NodeConfig
     arena: Arena
     peers: Peers
+
+    def percept(self) -> Percept:
+        """Return what the robot senses now."""
+
+    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
+        """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
+
+    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
+        """Set out for `goal`; by a gated `turn` through its gate."""
+
+    def trace(self, now: Instant, what: str, **fields: Any) -> None:
+        """Note something for whoever watches the robot."""
+
+
+class ActionHost(DrivingHost, Protocol):
+    """What the provided actions ask of their robot."""
 
     @property
     def now(self) -> Instant:
@@ -100,69 +101,33 @@ class ActionHost(Protocol):
     def motion(self) -> Navigator:
         """The navigator. Raises ActionFailed without a body."""
 
-    def percept(self) -> Percept:
-        """Return what the robot senses now."""
-
-    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
-        """Choose the robot's place in `area`. Raises ActionFailed without a body."""
-
-    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
-        """Set out for `goal`; by a gated `turn` through its gate."""
-
     def halt(self) -> None:
         """Stop the wheels."""
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
 
-    def trace(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note something for whoever watches the robot."""
 
-
-class Frames(Protocol):
-    """The frames of 1/60 s."""
-
-    @property
-    def frame_ends(self) -> Instant:
-        """When the next frame begins."""
-
-
-class CrossingHost(Protocol):
+class CrossingHost(DrivingHost, Protocol):
     """What the crossings of shared resources ask of their robot."""
 
-    config: NodeConfig
     program: Program
-    arena: Arena
     driver: Driver | None
-    peers: Peers
     senses: SensedFacts
 
     @property
-    def presence(self) -> Greeter:
-        """What says hello."""
+    def driving(self) -> RunningAction | None:
+        """The action that has the wheels."""
 
     @property
-    def actions(self) -> Wheels:
-        """Which action has the wheels."""
+    def frame_ends(self) -> Instant:
+        """When the next frame of 1/60 s begins."""
 
-    @property
-    def executive(self) -> Frames:
-        """The frames of 1/60 s."""
-
-    def percept(self) -> Percept:
-        """Return what the robot senses now."""
+    def hello_soon(self, now: Instant) -> None:
+        """Say hello at once: something that matters to the others has changed."""
 
     def drives_to_area(self, action: int) -> bool:
         """Return whether an action drives to the area that it names: it may be gated."""
 
-    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
-        """Choose the robot's place in `area`; the others hear of it."""
-
-    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
-        """Set out for `goal`; by a gated `turn` through its gate."""
-
     def leads(self, now: Instant, name: Symbol, does: bool) -> None:
         """State whether the robot leads an event of assertion `name`."""
-
-    def trace(self, now: Instant, what: str, **fields: Any) -> None:
-        """Note something for whoever watches the robot."""

@@ -54,9 +54,9 @@ class RobotServices:
         """Take the parts that are made later; before that only what needs none of them may be asked."""
         self.actions = actions
         self.turns = turns
-        self.presence = presence
-        self.runner = runner
-        self.executive = executive
+        self._presence = presence
+        self._runner = runner
+        self._executive = executive
 
     @property
     def now(self) -> Instant:
@@ -97,7 +97,7 @@ class RobotServices:
 
     def action_ended(self, now: Instant, running: RunningAction, failure: str | None) -> None:
         """Handle the end of an action."""
-        self.runner.ended(now, running, failure)
+        self._runner.ended(now, running, failure)
 
     def handler(self, action: str) -> Handler:
         """Return what carries out an action; the host's own handlers go before the provided ones."""
@@ -159,12 +159,21 @@ class RobotServices:
             turn.planned_at = self.now
         if turn is not None and gated:
             self.turns.apply_gate(turn)
-        self.presence.hello_soon(self.now)
+        self.hello_soon(self.now)
 
     @property
     def driving(self) -> RunningAction | None:
         """The action that has the wheels."""
         return self.actions.driving
+
+    @property
+    def frame_ends(self) -> Instant:
+        """When the next frame of 1/60 s begins."""
+        return self._executive.frame_ends
+
+    def hello_soon(self, now: Instant) -> None:
+        """Say hello at once: something that matters to the others has changed."""
+        self._presence.hello_soon(now)
 
     def bound_for(self) -> Point | None:
         """Return the place to which the robot drives, or the slot on which it stands."""

@@ -68,8 +68,8 @@ def test_every_copy_of_a_failure_broadcast_names_the_deadline_that_derived_it(tm
         duration="3s",
     )
     node, told = simulation.robots[0].node, []
-    send = node.broadcast_failure
-    node.broadcast_failure = lambda assertion: (told.append(assertion), send(assertion))
+    send = node.services.broadcast_failure
+    node.services.broadcast_failure = lambda assertion: (told.append(assertion), send(assertion))
     simulation.run()
     assert told == [0, 1, 0, 1, 0, 1, None, None, None]
     names = ("broadcast", "first", "second")

@@ -24,7 +24,7 @@ def bound_for(node: CrossingHost) -> Point | None:
     """Return where the robot is going, or the slot on which it stands."""
     if node.driver is None:
         return None
-    running = node.actions.driving
+    running = node.driving
     if running is None:
         return node.driver.place
     turn = running.turn
@@ -53,13 +53,13 @@ def redirect(node: CrossingHost, now: Instant, goal: Point, turn: Turn) -> None:
     if goal == bound_for(node) and node.driver.navigator.status == "moving":
         return
     turn.bound = goal
-    node.presence.hello_soon(now)
+    node.hello_soon(now)
     keep_course(node, now, turn)
 
 
 def keep_course(node: CrossingHost, now: Instant, turn: Turn) -> None:
     """Plan the way to the place that the robot has taken while under way, once it passes the gate or may plan again."""
-    running = node.actions.driving
+    running = node.driving
     if turn.bound is None or running is None or running.turn is not turn:
         turn.bound = None
     elif turn.phase in (Phase.INSIDE, Phase.LEFT) or now >= max(turn.planned_at + REPLAN_EVERY, turn.start - NEARS):

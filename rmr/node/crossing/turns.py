@@ -272,7 +272,7 @@ class Turns:
                 self._revise(now, turn)
                 self._coordination.ready(now, turn.event, self._is_ready(turn))
             soonest = min(soonest, turn.next_wake)
-        self.next_wake = max(soonest, self._node.executive.frame_ends) if soonest < NEVER else NEVER
+        self.next_wake = max(soonest, self._node.frame_ends) if soonest < NEVER else NEVER
 
     def _is_ready(self, turn: Turn) -> bool:
         action, navigator = turn.action, self._navigator
@@ -344,7 +344,7 @@ class Turns:
         turn = self._turns.get(event.event)
         if turn is None or turn.phase is Phase.LEFT:
             return
-        self.next_wake = min(self.next_wake, self._node.executive.frame_ends)
+        self.next_wake = min(self.next_wake, self._node.frame_ends)
         match event:
             case SlotAssigned():
                 self._slotted(now, turn, event)
@@ -374,7 +374,7 @@ class Turns:
 
     def _open(self, turn: Turn, opens_at: Instant | None, *, opened: bool) -> None:
         """Tell the navigator about the gate if it drives for `turn`."""
-        driving, navigator = self._node.actions.driving, self._navigator
+        driving, navigator = self._node.driving, self._navigator
         if navigator is not None and driving is not None and driving.turn is turn:
             navigator.gate(opens_at, opened)
 

@@ -44,7 +44,7 @@ class Deliveries:
         self._robot = state.robot
         self._program = state.program
         self._machine = state.machine
-        self._exchange = exchange
+        self.exchange = exchange
         self._symbols = symbols_of(state.program)
         self._incarnation = (state.config.epoch & 0xFF) << _SERIAL_BITS
         self.undelivered = 0
@@ -82,7 +82,7 @@ class Deliveries:
             return
         try:
             body = payloads.encode_delivery(delivery, self._symbols.numbers)
-            self._exchange.send(now, destination, delivery, body)
+            self.exchange.send(now, destination, delivery, body)
         except WireError as error:
             self._give_up(now, destination, delivery, str(error))
             return
@@ -92,9 +92,9 @@ class Deliveries:
 
     def collect(self, now: Instant) -> None:
         """Take in what became of deliveries."""
-        news = self._exchange.news
+        news = self.exchange.news
         if news:
-            self._exchange.news = []
+            self.exchange.news = []
             self._state.mark_dirty()
             for each in news:
                 self._outcome(now, each)

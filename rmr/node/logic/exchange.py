@@ -157,14 +157,10 @@ class Exchange:
         self.news: list[News] = []
         """What became of deliveries since the last look; the owner clears it."""
         self.next_wake: Instant = NEVER
-        self.sent = 0
-        """Deliveries begun."""
         self.delivered = 0
         """Deliveries of others that have arrived here, repeats not counted."""
         self.repeated = 0
         """Deliveries sent again."""
-        self.octets = 0
-        """Payload octets handed to the link, acknowledgements too."""
         self.tell: Callable[[DeliveryProgress], None] = lambda _: None
         self.duplicates = 0
         self.late = 0
@@ -187,7 +183,6 @@ class Exchange:
         peer.next_sequence = (sequence + 1) & 0xFFFF
         peer.waiting.append(_Outgoing(delivery, destination, sequence, frames, now + TIME_TO_LIVE))
         self.tell(DeliveryProgress(Stage.BEGUN, destination, self._epoch, sequence))
-        self.sent += 1
         self._fill(now, peer)
 
     def _fill(self, now: Instant, peer: _Peer) -> None:
@@ -209,13 +204,9 @@ class Exchange:
         if stage is not None:
             self.tell(DeliveryProgress(stage, outgoing.destination, self._epoch, outgoing.sequence))
 
-    def _put(self, payload: bytes, destination: int) -> None:
-        self.outbox.append((payload, destination))
-        self.octets += len(payload)
-
     def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
         for frame in outgoing.frames:
-            self._put(frame, outgoing.destination)
+            self.outbox.append((frame, outgoing.destination))
         outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
         outgoing.wait = min(outgoing.wait * 2, RETRY_MAX)
         self.next_wake = min(self.next_wake, outgoing.next_send)
@@ -262,7 +253,7 @@ class Exchange:
             return None
         if self._is_repeat(source, frame):
             self.duplicates += 1
-            self._put(payloads.encode_ack(frame.epoch, frame.sequence), source)
+            self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
             return None
         body = frame.piece if frame.parts == 1 else self._join(source, frame)
         if body is None:
@@ -270,7 +261,7 @@ class Exchange:
         self._remember(source, frame)
         self.delivered += 1
         self.tell(DeliveryProgress(Stage.ACCEPTED, source, frame.epoch, frame.sequence))
-        self._put(payloads.encode_ack(frame.epoch, frame.sequence), source)
+        self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
         return body
 
     def _is_repeat(self, source: int, frame: payloads.FactFrame) -> bool:

@@ -17,8 +17,7 @@ class Proximity:
     def __init__(self, state: RobotState, offered: Callable[[], Offered] | None) -> None:
         """`offered` returns the same object while nothing has changed; None: the robot goes by what it hears."""
         senses = state.senses
-        self.used = senses.used("neighbor") or senses.used("range")
-        """Whether the program reads either fact; else nothing need be stated."""
+        self._used = senses.used("neighbor") or senses.used("range")
         self._senses = senses
         self._peers = state.peers
         self._radio = state.config.radio
@@ -27,7 +26,7 @@ class Proximity:
 
     def state(self, now: Instant) -> None:
         """State both facts as of now."""
-        if not self.used:
+        if not self._used:
             return
         if self._offered is None:
             self._senses.replace(now, "neighbor", [(Robot(other),) for other in self._peers.neighbors(now)])
