@@ -64,18 +64,18 @@ class Node:
         timing = replace(config.values, payload_max=payload_max)
         self.core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, timing)
         """The coordination core, for checkers of a run to look at."""
-        self.turns = Turns(services, self.core, digest)
+        self.crossings = Turns(services, self.core, digest)
         self._coordination = CoordLink(self.core, radio.transmit, self._coordinated)
         self.actions = Dispatcher(services)
         exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), payload_max)
         exchange.tell = state.tell
         deliveries = Deliveries(state, exchange)
-        self._presence = Presence(state, radio, self.turns, services)
+        self._presence = Presence(state, radio, self.crossings, services)
         link = self._coordination
         self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries)
-        self.runner = MachineRunner(state, deliveries, self.turns, self.actions, services)
+        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services)
         self._proximity = Proximity(state, ports.neighbors)
-        runtime = RuntimeSystem(state, self.runner, self.actions, self.turns, link, self.messenger)
+        runtime = RuntimeSystem(state, self.runner, self.actions, self.crossings, link, self.messenger)
         tasks = [
             ExecutiveTask("motor", self._motor, periodic=True),
             ExecutiveTask("radio", self.messenger.run, periodic=False),
@@ -84,11 +84,11 @@ class Node:
             ExecutiveTask("telemetry", self._presence.telemetry, periodic=True),
         ]
         self.executive = Executive(tasks, ports.spent, config.phase)
-        services.join(self.actions, self.turns, self._presence, self.runner, self.executive)
+        services.join(self.actions, self.crossings, self._presence, self.runner, self.executive)
 
     def _coordinated(self, now: Instant, event: CoordEvent) -> None:
         self.state.tell(event)
-        self.turns.handle(now, event)
+        self.crossings.handle(now, event)
 
     # -- start and tick ---------------------------------------------------------------------------------------
 
@@ -127,7 +127,7 @@ class Node:
         wake = min(wake, executive.frame_ends if machine.busy else machine.due)
         wake = min(wake, self.actions.next_wake)
         wake = min(wake, self.messenger.next_wake)
-        self.next_wake = min(wake, self.turns.next_wake)
+        self.next_wake = min(wake, self.crossings.next_wake)
 
     def _motor(self, now: Instant) -> None:
         self.state.mark_dirty()
@@ -135,7 +135,7 @@ class Node:
             self.driver.step(now, self._rank, self.peers)
 
     def _rank(self) -> int:
-        return self.turns.rank
+        return self.crossings.rank
 
     def _localise(self, now: Instant) -> None:
         if self.driver is not None:

@@ -13,7 +13,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Symbol
 from rmr.bytecode.program import Program
 from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.dispatcher import ActionPermit, Handler, RunningAction
+from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
 from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.sensed_facts import SensedFacts
@@ -52,10 +52,10 @@ class RunnerHost(Protocol):
 
 
 class Queue(Protocol):
-    """What a waiting action asks about the robot's turns."""
+    """What a waiting action asks about the robot's crossings."""
 
     @property
-    def hindered(self) -> bool:
+    def slot_wasted(self) -> bool:
         """Whether a slot has been wasted: the robot could not get to the gate."""
 
     @property
@@ -76,11 +76,11 @@ class DrivingHost(Protocol):
     def percept(self) -> Percept:
         """Return what the robot senses now."""
 
-    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
+    def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
 
-    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
-        """Set out for `goal`; by a gated `turn` through its gate."""
+    def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
+        """Set out for `goal`; by a gated crossing through its gate."""
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something for whoever watches the robot."""
@@ -94,8 +94,8 @@ class ActionHost(DrivingHost, Protocol):
         """The instant of the present call."""
 
     @property
-    def turns(self) -> Queue:
-        """The robot's turns."""
+    def crossings(self) -> Queue:
+        """The robot's crossings."""
 
     @property
     def motion(self) -> Navigator:
@@ -123,7 +123,7 @@ class CrossingHost(DrivingHost, Protocol):
     def frame_ends(self) -> Instant:
         """When the next frame of 1/60 s begins."""
 
-    def hello_soon(self, now: Instant) -> None:
+    def announce(self, now: Instant) -> None:
         """Say hello at once: something that matters to the others has changed."""
 
     def drives_to_area(self, action: int) -> bool:

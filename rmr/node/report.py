@@ -20,7 +20,7 @@ class ReportedNode(Protocol):
     robot: int
     machine: Machine
     driver: Driver | None
-    turns: Turns
+    crossings: Turns
     executive: Executive
     messenger: Messenger
     runner: MachineRunner
@@ -83,13 +83,13 @@ def schedules(node: ReportedNode) -> list[dict[str, Any]]:
     """Return the newest schedule of each event that the robot has heard or made."""
     return [
         {
-            "event": str(node.turns.name_of(event) or event.hex()),
+            "event": str(node.crossings.name_of(event) or event.hex()),
             "leader": schedule.leader,
             "term": schedule.term,
             "order": list(schedule.order),
             "formed_s": round(in_seconds(schedule.formed), 3),
         }
-        for event, schedule in node.turns.schedules.items()
+        for event, schedule in node.crossings.schedules.items()
     ]
 
 
@@ -97,7 +97,7 @@ def progress(node: ReportedNode, now: Instant) -> str:
     """Return what the robot is doing in a few words."""
     if node.finish_at is not None:
         return f"finished at {in_seconds(node.finish_at):.1f} s"
-    turn = node.turns.current
+    turn = node.crossings.current
     action = node.services.actions.driving
     doing = action.text(node.robot) if action is not None else "waiting"
     if turn is None:

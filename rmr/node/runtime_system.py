@@ -26,7 +26,7 @@ class RuntimeSystem:
         state: RobotState,
         runner: MachineRunner,
         actions: Dispatcher,
-        turns: Turns,
+        crossings: Turns,
         coordination: CoordLink,
         messenger: Messenger,
     ) -> None:
@@ -34,7 +34,7 @@ class RuntimeSystem:
         self._machine = state.machine
         self._runner = runner
         self._actions = actions
-        self._turns = turns
+        self._crossings = crossings
         self._coordination = coordination
         self._messenger = messenger
 
@@ -66,7 +66,7 @@ class RuntimeSystem:
                 actions.resume(now)  # what ends at the very instant of a deadline is in time
             self._runner.run(now)
         actions.step(now)
-        self._turns.step(now)
+        self._crossings.step(now)
         # Again, since actions and turns have asked for slots: what the core says to that leaves in this call.
         self._coordinate(now)
         self._messenger.flush(now)

@@ -14,7 +14,7 @@ from rmr.base.values import Symbol, Value
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionLog
 from rmr.node.actions.built_in import PROVIDED, NodeHandle
-from rmr.node.actions.dispatcher import ActionFailed, ActionPermit, Dispatcher, Handler, RunningAction
+from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, RunningAction
 from rmr.node.crossing.destination import bound_for, redirect
 from rmr.node.crossing.turn import Phase, Turn
 from rmr.node.crossing.turns import Turns
@@ -49,11 +49,11 @@ class RobotServices:
         self._handlers = handlers
 
     def join(
-        self, actions: Dispatcher, turns: Turns, presence: Presence, runner: MachineRunner, executive: Executive
+        self, actions: Dispatcher, crossings: Turns, presence: Presence, runner: MachineRunner, executive: Executive
     ) -> None:
         """Take the parts that are made later; before that only what needs none of them may be asked."""
         self.actions = actions
-        self.turns = turns
+        self.crossings = crossings
         self._presence = presence
         self._runner = runner
         self._executive = executive
@@ -62,6 +62,10 @@ class RobotServices:
     def now(self) -> Instant:
         """The instant of the present call."""
         return self._robot_state.now
+
+    def tell(self, event: object) -> None:
+        """Tell whoever checks the run that `event` has happened."""
+        self._robot_state.tell(event)
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something for whoever watches the robot (`rmr.node.trace`)."""
@@ -139,27 +143,28 @@ class RobotServices:
         if self.driver is not None:
             self.driver.navigator.stop()
 
-    def take_place(self, area: Area, turn: ActionPermit | None) -> Point:
+    def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:
             raise ActionFailed(NO_WHEELS)
-        rank, place = (turn.rank, turn.place) if turn else (0, 0)
+        rank, place = (permit.rank, permit.place) if permit else (0, 0)
         return self.driver.take_place(self.now, area, rank, place, self.peers)
 
-    def depart(self, goal: Point, *, final_heading: float | None, turn: ActionPermit | None) -> None:
-        """Set out for `goal`; by a gated `turn` through its gate. Needs a body and a pose."""
+    def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
+        """Set out for `goal`; by a gated crossing through its gate. Needs a body and a pose."""
         assert self.driver is not None
+        turn = permit
         assert turn is None or isinstance(turn, Turn)
         self._robot_state.mark_dirty()
         gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
-        shared = self.turns.leading.shared(turn.event, turn.way) if turn is not None and gated else None
+        shared = self.crossings.leading.shared(turn.event, turn.way) if turn is not None and gated else None
         self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
         if turn is not None:
             turn.bound = None
             turn.planned_at = self.now
         if turn is not None and gated:
-            self.turns.apply_gate(turn)
-        self.hello_soon(self.now)
+            self.crossings.apply_gate(turn)
+        self.announce(self.now)
 
     @property
     def driving(self) -> RunningAction | None:
@@ -171,7 +176,7 @@ class RobotServices:
         """When the next frame of 1/60 s begins."""
         return self._executive.frame_ends
 
-    def hello_soon(self, now: Instant) -> None:
+    def announce(self, now: Instant) -> None:
         """Say hello at once: something that matters to the others has changed."""
         self._presence.hello_soon(now)
 
@@ -182,7 +187,7 @@ class RobotServices:
     def change_place(self, now: Instant, place: Point) -> None:
         """Have the driving action go to another place: on a turn the way is planned in time, else at once."""
         running = self.actions.driving
-        if running is not None and isinstance(running.turn, Turn):
-            redirect(self, now, place, running.turn)
+        if running is not None and isinstance(running.permit, Turn):
+            redirect(self, now, place, running.permit)
         else:
-            self.depart(place, final_heading=None, turn=None)
+            self.depart(place, final_heading=None, permit=None)

@@ -24,7 +24,7 @@ def redirected(phases: tuple[Phase, ...]) -> tuple[list[Instant], int]:
     def disturb(now: Instant) -> None:
         nonlocal frames
         running = node.actions.driving
-        turn = running.turn if running is not None else None
+        turn = running.permit if running is not None else None
         if not isinstance(turn, Turn) or turn.goal is None or turn.phase not in phases or node.driver is None:
             return
         goal: Point = turn.goal.places[frames % 2]

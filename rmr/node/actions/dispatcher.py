@@ -105,8 +105,8 @@ def registered() -> dict[str, Handler]:
     return dict(_registered)
 
 
-class ActionPermit(Protocol):
-    """What is known, of the turn by which an action goes, to those who know nothing of crossings."""
+class Permit(Protocol):
+    """What an action that serves a job waits for: the job's crossing of a shared resource."""
 
     rank: int
     """The robot's place in the schedule, 0 without one."""
@@ -131,8 +131,8 @@ class RunningAction:
     name: str
     args: tuple[Value, ...]
     handler: Handler
-    turn: ActionPermit | None = None
-    """None: it goes by no turn and need not wait for one."""
+    permit: Permit | None = None
+    """None: it serves no job and need not wait."""
     derived: Instant = 0
     missed: int | None = None
     """The assertion whose missed deadline derived it."""
@@ -146,9 +146,9 @@ class RunningAction:
     raised: tuple[str, ...] = ()
     """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
 
-    def released(self, now: Instant) -> bool:
-        """Return whether it may begin as far as its turn goes."""
-        return self.turn is None or self.turn.released(now)
+    def held(self, now: Instant) -> bool:
+        """Return whether the action has to wait for its permit."""
+        return self.permit is not None and not self.permit.released(now)
 
     @property
     def uses_wheels(self) -> bool:
@@ -192,7 +192,7 @@ class Dispatcher:
 
     def released(self, now: Instant) -> bool:
         """Return whether an action that waited for its turn may begin."""
-        return bool(self.held) and any(running.released(now) for running in self.held)
+        return bool(self.held) and any(not running.held(now) for running in self.held)
 
     @property
     def polling(self) -> bool:
@@ -221,7 +221,7 @@ class Dispatcher:
         if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
             self.refused += 1
             self._host.action_ended(now, running, f"more than {RUNNING_MAX} actions under way")
-        elif not running.released(now):
+        elif running.held(now):
             self.held.append(running)
         else:
             self._admit(now, running)
@@ -318,11 +318,11 @@ class Dispatcher:
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
         if self.queue:
-            for running in [one for one in self.queue if not one.released(now)]:
+            for running in [one for one in self.queue if one.held(now)]:
                 self.queue.remove(running)
                 self.held.append(running)
         if self.held:
-            for running in [one for one in self.held if one.released(now)]:
+            for running in [one for one in self.held if not one.held(now)]:
                 self.held.remove(running)
                 self._admit(now, running)
         self.resume(now)

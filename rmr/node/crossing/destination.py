@@ -27,7 +27,7 @@ def bound_for(node: CrossingHost) -> Point | None:
     running = node.driving
     if running is None:
         return node.driver.place
-    turn = running.turn
+    turn = running.permit
     if isinstance(turn, Turn) and turn.bound is not None:
         return turn.bound
     return node.driver.navigator.goal or node.driver.place  # an action that has the wheels may stand or turn there
@@ -53,14 +53,14 @@ def redirect(node: CrossingHost, now: Instant, goal: Point, turn: Turn) -> None:
     if goal == bound_for(node) and node.driver.navigator.status == "moving":
         return
     turn.bound = goal
-    node.hello_soon(now)
+    node.announce(now)
     keep_course(node, now, turn)
 
 
 def keep_course(node: CrossingHost, now: Instant, turn: Turn) -> None:
     """Plan the way to the place that the robot has taken while under way, once it passes the gate or may plan again."""
     running = node.driving
-    if turn.bound is None or running is None or running.turn is not turn:
+    if turn.bound is None or running is None or running.permit is not turn:
         turn.bound = None
     elif turn.phase in (Phase.INSIDE, Phase.LEFT) or now >= max(turn.planned_at + REPLAN_EVERY, turn.start - NEARS):
-        node.depart(turn.bound, final_heading=None, turn=turn)
+        node.depart(turn.bound, final_heading=None, permit=turn)

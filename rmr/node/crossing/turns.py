@@ -182,7 +182,7 @@ class Turns:
         return any(turn.entered_at > instant for turn in self._turns.values())
 
     @property
-    def hindered(self) -> bool:
+    def slot_wasted(self) -> bool:
         """Whether a slot has been of no use: the robot could not get to the gate."""
         return any(turn.hindered and turn.phase is not Phase.LEFT for turn in self._turns.values())
 
@@ -375,7 +375,7 @@ class Turns:
     def _open(self, turn: Turn, opens_at: Instant | None, *, opened: bool) -> None:
         """Tell the navigator about the gate if it drives for `turn`."""
         driving, navigator = self._node.driving, self._navigator
-        if navigator is not None and driving is not None and driving.turn is turn:
+        if navigator is not None and driving is not None and driving.permit is turn:
             navigator.gate(opens_at, opened)
 
     def apply_gate(self, turn: Turn) -> None:

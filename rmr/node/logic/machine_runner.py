@@ -46,14 +46,14 @@ class MachineRunner:
     """Runs one robot's machine and carries out what it reports."""
 
     def __init__(
-        self, state: RobotState, deliveries: Deliveries, turns: Turns, actions: Dispatcher, host: RunnerHost
+        self, state: RobotState, deliveries: Deliveries, crossings: Turns, actions: Dispatcher, host: RunnerHost
     ) -> None:
         self._state = state
         self._robot = state.robot
         self._program = state.program
         self._machine = state.machine
         self._deliveries = deliveries
-        self._turns = turns
+        self._crossings = crossings
         self._actions = actions
         self._host = host
         self._overrun = False
@@ -122,10 +122,10 @@ class MachineRunner:
                 self._deliveries.send(now, event)
             case JobStarted(job=job):
                 self._state.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
-                self._turns.started(now, job)
+                self._crossings.started(now, job)
             case JobFinished(job=job):
                 self._state.trace(now, "job_finished", job=job.text)
-                self._turns.finished(now, job)
+                self._crossings.finished(now, job)
             case JobMissed(job=job):
                 self._state.trace(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
@@ -155,7 +155,7 @@ class MachineRunner:
         name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
         # Jobs come first due first: of several that it serves, an action goes by the turn of the most urgent one.
-        turn = self._turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
+        turn = self._crossings.serving(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = self._host.handler(name)
         running = RunningAction(event.serial, name, event.args, handler, turn, now, missed, event.origin)
         if turn is not None:
@@ -174,9 +174,9 @@ class MachineRunner:
         self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
             self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
-        if isinstance(running.turn, Turn):
-            running.turn.serving.remove(running)
-            self._turns.action_ended(now, running.turn)
+        if isinstance(running.permit, Turn):
+            running.permit.serving.remove(running)
+            self._crossings.action_ended(now, running.permit)
         if self._state.driver is None:
             predicate = self._program.predicates[action]
             self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)

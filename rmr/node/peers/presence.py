@@ -66,13 +66,13 @@ def dated(read: Instant, frame: Received) -> Instant:
 class Presence:
     """One robot's hellos, said and heard."""
 
-    def __init__(self, state: RobotState, radio: Radio, turns: Turns, course: Course) -> None:
+    def __init__(self, state: RobotState, radio: Radio, crossings: Turns, course: Course) -> None:
         self._state = state
         self._config = state.config
         self._peers = state.peers
         self._driver = state.driver
         self._radio = radio
-        self._turns = turns
+        self._crossings = crossings
         self._course = course
         self._parked: Sequence[Point] | None = None
         """Where others stand, as the navigator was last given it."""
@@ -111,7 +111,7 @@ class Presence:
             self._say_hello(now, parked=self._hellos.parked)
 
     def _plan_next(self, now: Instant, hellos: HelloClock) -> None:
-        turn = self._turns.current
+        turn = self._crossings.current
         if not self._config.crowded:
             hellos.rewind(now, waits=turn is not None)
             return
@@ -122,7 +122,7 @@ class Presence:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
         if not self._config.crowded or self._driver is None or self._course.driving is not None:
             return False
-        turn = self._turns.current
+        turn = self._crossings.current
         return self._state.finish.holds if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
 
     def _say_hello(self, now: Instant, *, parked: bool) -> None:
@@ -135,7 +135,7 @@ class Presence:
             # A promise: those who heard it count on it for STAYS, so the wheels are held a little longer than that.
             driver.stays_until = now + STAYS + STAYS_SPARE
         goal = self._course.bound_for()
-        rank = self._turns.rank
+        rank = self._crossings.rank
         hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays)
         self._radio.transmit(payloads.encode_hello(hello), None)
 
@@ -178,7 +178,7 @@ class Presence:
         running = self._course.driving
         if driver is None or driver.place is None or running is None:
             return False
-        turn = running.turn
+        turn = running.permit
         bound = driver.navigator.goal if turn is None or turn.bound is None else turn.bound
         if bound != driver.place:  # another action has the wheels, such as `face`: it keeps them
             return False

@@ -18,7 +18,7 @@ def asking():
     simulation = load(LAB, Options()).simulation(1)
     simulation.observers.append(lambda now: simulation.stop() if now >= milliseconds(130) else None)
     simulation.run()
-    turns = simulation.robots[0].node.turns
+    turns = simulation.robots[0].node.crossings
     turn = turns.current
     assert turn is not None
     assert turn.requested

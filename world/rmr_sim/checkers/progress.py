@@ -79,7 +79,7 @@ class StandsStill:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
         scene, reasons = self._scene, []
         world, arena = scene.simulation.world, scene.simulation.lab.arena
-        turn = scene.node(robot).turns.current
+        turn = scene.node(robot).crossings.current
         if turn is not None and turn.waits:
             inside = [other for other in scene.robots if other != robot and self._inside(other, turn.event)]
             holders = f", held by robot {', '.join(map(str, inside))}" if inside else ""
@@ -96,7 +96,7 @@ class StandsStill:
 
     def _inside(self, robot: int, event: bytes) -> bool:
         """Return whether `robot` has the turn of `event`."""
-        turn = self._scene.node(robot).turns.current if self._scene.alive(robot) else None
+        turn = self._scene.node(robot).crossings.current if self._scene.alive(robot) else None
         return turn is not None and turn.event == event and not turn.waits
 
     def _look(self, robot: int, now: Instant) -> None:
@@ -111,19 +111,19 @@ class StandsStill:
 
     def _note_use(self, robot: int) -> None:
         """Count the progress of a robot inside its event as use of the event, for those that wait for their turn."""
-        turn = self._scene.node(robot).turns.current
+        turn = self._scene.node(robot).crossings.current
         if turn is not None and turn.phase is Phase.INSIDE:
             self._used[turn.event] = max(self._used.get(turn.event, 0), self._got_on[robot])
 
     def _got_on_at(self, robot: int) -> Instant:
         """Return when the robot got on last, by itself or by others' use of the event for which it waits."""
-        turn = self._scene.node(robot).turns.current
+        turn = self._scene.node(robot).crossings.current
         return max(self._got_on[robot], 0 if turn is None else self._used.get(turn.event, 0))
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""
         node = self._scene.node(robot)
-        return node.turns.current is not None or node.actions.driving is not None
+        return node.crossings.current is not None or node.actions.driving is not None
 
     def _waits(self, robot: int) -> bool:
         """Return whether an action lets time pass: it ends by itself."""
