@@ -1,4 +1,4 @@
-"""One life of a robot: one node, from the moment it knows the lab until it ends or the world begins anew.
+"""One incarnation of a robot: one node, from the moment it knows the lab until it ends or the world begins anew.
 
 Real time in, real time out: the node is called at its `next_wake`, the station at its own, and both whenever
 something has come in; in between the process sleeps. A sample of a body whose node will look at it within a frame
@@ -284,7 +284,7 @@ class Incarnation:
 
 
 class Outlets:
-    """Where a life's output goes."""
+    """Where an incarnation's output goes."""
 
     def __init__(self, air: LocalAir, act: Callable[[wire.Message], None]) -> None:
         self.air = air

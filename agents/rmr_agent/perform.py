@@ -40,10 +40,10 @@ def _load(options: argparse.Namespace) -> RobotSetup:
     return RobotSetup(loaded, partial(load_handlers, options.actions), key)
 
 
-async def _live(options: argparse.Namespace, carried: RobotSetup, secret: Secret | None, ending: Ending) -> None:
+async def _live(options: argparse.Namespace, setup: RobotSetup, secret: Secret | None, ending: Ending) -> None:
     handle_signals(ending)
     hold_lifeline()
-    await live(options.id, options.connect, options.lab, carried, ending, secret)
+    await live(options.id, options.connect, options.lab, setup, ending, secret)
 
 
 def perform(options: argparse.Namespace) -> int:
@@ -58,14 +58,14 @@ def perform(options: argparse.Namespace) -> int:
         print("\n".join(f"{who}: {line}" for line in missing), file=sys.stderr)
         return EXIT_USAGE
     try:
-        carried = _load(options)
+        setup = _load(options)
         secret = None if options.secret is None else read_secret(options.secret)
     except (RefusedError, SecretError) as error:
         print(f"{who}: {error}", file=sys.stderr)
         return EXIT_INVALID
     ending = Ending()
     try:
-        run_precisely(_live(options, carried, secret, ending))
+        run_precisely(_live(options, setup, secret, ending))
     except BusError as error:
         ending.ask(str(error), EXIT_FAILED)
     except Exception as error:

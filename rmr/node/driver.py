@@ -26,16 +26,15 @@ from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, ext
 from rmr.node.ports import BodyPort, SeenBody
 
 ACT_REFRESH: Final[Duration] = milliseconds(33)
-"""A moving robot repeats its wheel command at least this often, every other frame: the body brakes 0.1 s after the last
-was decided."""
+"""Greatest time between two wheel commands of a moving robot, two frames: the body brakes 0.1 s after the last one."""
 UNWATCHED: Final[Duration] = milliseconds(50)
-"""For so long after the newest sample the wheels may turn at full speed: 1 cm, which the margins of `motion` cover. In
-virtual time it is a frame, in a process that is called in time two."""
+"""Age of the newest sample up to which the wheels may turn at full speed: 1 cm, which the margins of `motion` cover. In
+virtual time it is one frame, in a process that is called on time two."""
 STALE: Final[Duration] = milliseconds(100)
-"""Older samples describe another situation, as older commands do: the robot stands. A body that stands is sampled that
-often at least, and from when it sets out in each frame."""
-HEED_EVERY: Final[Duration] = milliseconds(200)
-"""How often a driving robot looks at what the others that drive have said."""
+"""Age of the newest sample from which the robot stands. A standing body is sampled at least this often, a moving one in
+each frame."""
+APPLY_HELLOS_EVERY: Final[Duration] = milliseconds(200)
+"""Period at which a driving robot takes the hellos of other driving robots into account."""
 SPOT_GAP_M: Final = 0.06
 """Between the hulls of two robots that stand in one box."""
 SPOT_INSET_M: Final = 0.03
@@ -43,7 +42,7 @@ SPOT_INSET_M: Final = 0.03
 SPOTS_MAX: Final = 64
 """Spots of one box that are considered, from its middle outwards."""
 NO_RANK: Final = 1 << 16
-"""Robots without a rank come after all that have one."""
+"""Rank of a robot that has none: it comes after all others."""
 
 
 class Driver:
@@ -78,7 +77,7 @@ class Driver:
         """When the newest sample was taken."""
         self._set_out_at: Instant = 0
         """Since when the wheels are commanded to turn, if they are."""
-        self._heed_at: Instant = 0
+        self._apply_hellos_at: Instant = 0
         self.stays_until: Instant = 0
         """It has told the others that it will not move before."""
         self._began: Instant | None = None
@@ -117,7 +116,7 @@ class Driver:
         if pose is None:
             return
         if navigator.status == "moving":
-            self._heed(now, pose, rank, peers)
+            self._apply_hellos(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL
         if now >= self.stays_until and now - self._sensed_at <= STALE:
@@ -127,16 +126,16 @@ class Driver:
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 
-    def _heed(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
+    def _apply_hellos(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
         """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
         navigator = self.navigator
         hearing = self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
         listened = hearing.listens and not self.listens(now, peers)
-        if now < self._heed_at and now <= hearing.doubts_at and not listened:
+        if now < self._apply_hellos_at and now <= hearing.doubts_at and not listened:
             return
-        if now >= self._heed_at:
-            self._heed_at = now + HEED_EVERY
+        if now >= self._apply_hellos_at:
+            self._apply_hellos_at = now + APPLY_HELLOS_EVERY
             navigator.update_moving(now, rank(), peers.driving(now))
         hearing.update(pose, peers.heard_of(now, pose, navigator.arena.shape.radius))
 

@@ -16,7 +16,7 @@ from typing import Final
 from rmr.base.time import NS_PER_S, TICK_HZ, Duration, Instant, tick_index, tick_start
 
 FRAME_BUDGET: Final[Duration] = NS_PER_S // TICK_HZ
-"""A frame's tasks together may use no more than the frame."""
+"""Processor time that all tasks of one call may use together."""
 
 
 @dataclass(slots=True)
@@ -64,6 +64,7 @@ class Executive:
             for task in tasks:
                 task.run(now)
             return
+        # Asked before each task: one that has begun is not interrupted, and those after it have lower priority.
         for task in tasks:
             if spent() > FRAME_BUDGET:
                 task.skipped += 1
@@ -72,6 +73,7 @@ class Executive:
 
     def _begin(self, frame: int) -> None:
         """Begin a frame."""
+        # Frames count as late only while the robot was busy: an idle one is not called, and misses nothing.
         if self._due:
             self.frames_due += frame - self._frame
             self.frames_late += frame - self._frame - 1

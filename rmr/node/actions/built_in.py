@@ -18,17 +18,17 @@ from rmr.node.motion.straight import RAMP, Straight
 from rmr.node.parts import ActionHost
 
 FAILURE_REPEATS: Final = 3
-"""A failure broadcast has no acknowledgement; three copies get through at 20 % loss in 99 of 100 cases."""
+"""Copies of a failure broadcast, which is not acknowledged: at 20 % loss one of three arrives in 99 of 100 cases."""
 STUCK_S: Final = 20.0
-"""A drive that has had no way, or a robot that has not known its place, for so long fails."""
+"""Time without a way, or without a known position, after which a drive fails."""
 NEAR_M: Final = 1.0
-"""A robot this near to its goal no longer hopes that whoever stands there will have left when it comes."""
+"""Distance to the goal from which a robot that stands on it counts as blocking it."""
 OVERDUE_S: Final = 5.0
-"""A straight drive that is so late fails: it does not drive around what is in its way."""
+"""Lateness at which a straight drive fails: it does not drive around what is in its way."""
 LAST_S: Final = 1e9
-"""No lab runs for so long; what lies beyond is this, so that every number of the program is an instant."""
+"""Largest instant of a program, seconds; larger numbers are cut to it. No lab runs for so long."""
 CLOSE_M: Final = 0.01
-"""So much nearer to an obstacle than its radius a robot may seem to stand: localisation is no better."""
+"""Tolerance of the distance to an obstacle: a robot beside one may seem to stand this far inside it."""
 
 
 class NodeHandle(RobotHandle):

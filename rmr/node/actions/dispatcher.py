@@ -26,7 +26,7 @@ from rmr.node.actions.handle import NOT_ASYNCIO, ActionFailed, Pause, RobotHandl
 __all__ = ["ActionFailed", "Dispatcher", "Handler", "Pause", "RobotHandle", "RunningAction", "action"]
 
 RUNNING_MAX: Final = 1024
-"""Actions under way or waiting at one robot, as many as the machine awaits; who derives more has run away."""
+"""Actions under way or waiting at one robot, as many as the machine awaits; a program that derives more is broken."""
 
 
 STOPPED: Final = "stopped"
@@ -34,7 +34,7 @@ STOPPED: Final = "stopped"
 TAKEN_OVER: Final = "taken over by a later one"
 """The failure of an action that a later one of its name has replaced."""
 FAILURE_CHARACTERS_MAX: Final = 500
-"""Of the reason why an action failed, which a user's own handler may have written: the rest is cut off."""
+"""Length of an action's reason of failure, which a user's handler may have written; the rest is cut off."""
 NO_LOOP: Final = "no running event loop"
 """What asyncio says where there is no loop, as in the simulator."""
 
@@ -234,6 +234,7 @@ class Dispatcher:
             if not (running.handler.takes_over and driving is not None and driving.name == running.name):
                 self.queue.append(running)
                 return
+            # The later `lineup` knows the newer place in the queue: the earlier one would lead to the wrong place.
             self._end(now, driving, TAKEN_OVER)
         self._start(now, running)
 
@@ -318,6 +319,7 @@ class Dispatcher:
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
         if self.queue:
+            # A slot may have moved away since: such an action must not keep the wheels from others.
             for running in [one for one in self.queue if one.held(now)]:
                 self.queue.remove(running)
                 self.held.append(running)

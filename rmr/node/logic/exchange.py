@@ -29,18 +29,18 @@ from rmr.node.payloads import Delivery, WireError
 RETRY_FIRST: Final[Duration] = milliseconds(150)
 """Longer than a whole MAC request with three retries, so that a repeat never races the first copy."""
 RETRY_MAX: Final[Duration] = seconds(1)
-"""Some 25 tries in a delivery's time: at 50 % loss both ways 1 in 1000 is given up."""
+"""Longest time between two repeats: about 25 in `TIME_TO_LIVE`; at 50 % loss both ways 1 delivery in 1000 fails."""
 TIME_TO_LIVE: Final[Duration] = seconds(30)
-"""After that a delivery is given up and reported. It begins when it is first sent; what still waits is given up when
-the other robot has acknowledged nothing for so long."""
+"""Time after its first transmission at which a delivery is given up and reported. One that still waits is given up when
+the receiver has acknowledged nothing for that long."""
 IN_FLIGHT_MAX: Final = 8
 """Deliveries under way to one robot; more wait in order."""
 WAITING_MAX: Final = 10_000
-"""Deliveries that wait for one robot; more are refused, so that a program that talks to the dead has an end. All of
-them, and what is in flight, differ in their sequence numbers."""
+"""Deliveries that may wait for one robot; more are refused, so that a program that talks to a dead robot stays bounded.
+They and what is in flight have different sequence numbers."""
 REMEMBERED_MAX: Final = 256
-"""Width of the receiver's window of sequence numbers. A sender starts nothing that is this far ahead of what is under
-way, so that what is under way is in the window."""
+"""Width of the receiver's window of sequence numbers. A sender starts no delivery this far ahead of its oldest one in
+flight, so all that is in flight lies in the window."""
 _WINDOW: Final = (1 << REMEMBERED_MAX) - 1
 SENDERS_MAX: Final = 1024
 PARTIAL_MAX: Final = 32
@@ -188,6 +188,7 @@ class Exchange:
     def _fill(self, now: Instant, peer: _Peer) -> None:
         while peer.waiting and len(peer.in_flight) < IN_FLIGHT_MAX:
             oldest = next(iter(peer.in_flight), peer.waiting[0].sequence)
+            # Keep all in flight inside the receiver's window: it takes what is older than the window for a repeat.
             if (peer.waiting[0].sequence - oldest) & 0xFFFF >= REMEMBERED_MAX:
                 return
             outgoing = peer.waiting.popleft()
@@ -207,6 +208,7 @@ class Exchange:
     def _transmit(self, now: Instant, outgoing: _Outgoing) -> None:
         for frame in outgoing.frames:
             self.outbox.append((frame, outgoing.destination))
+        # Random, so that two senders whose frames have collided do not repeat at the same instant.
         outgoing.next_send = now + round(outgoing.wait * self._rng.uniform(1.0, 1.5))
         outgoing.wait = min(outgoing.wait * 2, RETRY_MAX)
         self.next_wake = min(self.next_wake, outgoing.next_send)
@@ -252,6 +254,7 @@ class Exchange:
             self.late += 1
             return None
         if self._is_repeat(source, frame):
+            # The first acknowledgement was lost, or crossed the repeat: say it again, or the sender never stops.
             self.duplicates += 1
             self.outbox.append((payloads.encode_ack(frame.epoch, frame.sequence), source))
             return None

@@ -22,17 +22,17 @@ from rmr.node.peers.hello import STAYS
 from rmr.node.ports import SeenBody, Sensed
 
 AT_LEAVE_M: Final = 0.08
-"""A robot that is at a place (`AT_ENTER_M`) is so until it is this far: localisation noise does not make it flicker."""
+"""Distance at which a robot leaves a place; larger than `AT_ENTER_M`, so that localisation noise causes no flicker."""
 
 HEARD: Final[Duration] = seconds(3)
-"""A peer is a neighbor while its last frame is younger; hellos come every 0.2 to 1 s."""
+"""Age of a peer's last frame up to which it is a neighbor; hellos come every 0.2 to 1 s."""
 CLAIM_KNOWN: Final[Duration] = seconds(15)
-"""How long a robot that says no more has the place that it took; where it stands it is in the way for ever."""
+"""Time for which a silent robot keeps the place that it has claimed; as an obstacle it stays for ever."""
 
 MOVED_M: Final = 0.015
-"""Hellos tell centimetres: who is nearer than this to where it was may stand."""
+"""Distance between two hellos below which the sender may have stood: positions in hellos are rounded to centimetres."""
 CLOSE_M: Final = 0.01
-"""Hulls nearer than this as good as touch."""
+"""Gap between two hulls below which they count as touching."""
 
 
 class Percept(NamedTuple):
