@@ -6,8 +6,8 @@
     finished    running, and the lab's finish fact holds
 
 A world that dies and returns, or another in its place, is a new run with a new clock and new poses, so the
-robot then begins a new incarnation: a fresh node from the same byte-code. A mere loss of the connection ends nothing: the
-same world, known by the number of its session, goes on with the same node.
+robot then begins a new incarnation: a fresh node from the same byte-code. A mere loss of the connection ends
+nothing: the same world, known by the number of its session, goes on with the same node.
 """
 
 import asyncio
@@ -71,7 +71,7 @@ class RobotSetup(NamedTuple):
 
     loaded: Loaded
     fresh: Callable[[], dict[str, Handler]]
-    """Returns handlers of their own for each incarnation of each robot: the globals of the user's file are one robot's."""
+    """Returns handlers for one incarnation of one robot, which has the globals of the user's file to itself."""
     key: bytes | None
     """Of the radio; None where the lab's is open."""
 
