@@ -24,7 +24,7 @@ from rmr.base.kernel import AIR, Kernel
 from rmr.base.time import Duration, Instant
 from rmr.radio.air import ACK_ATTEMPT, Announcement
 from rmr.radio.cells import Cell
-from rmr.radio.etherstation import EtherStation, Take
+from rmr.radio.etherstation import EtherStation, Medium, Take
 from rmr.radio.floor import Floats, Floor, Places
 from rmr.radio.frame import ACK_OCTETS, BROADCAST, PSDU_MAX, AckFrame, DataFrame, FrameError, encode_ack
 from rmr.radio.intake import Counters, Intake, decoded
@@ -57,7 +57,7 @@ _WORD: Final = 4294967296.0
 _ORDER: Final = attrgetter("order")
 
 
-class Ether:
+class Ether(Medium):
     """The stations of one lab and what is on the air."""
 
     def __init__(

@@ -8,26 +8,45 @@ begins another life.
 
 from collections.abc import Callable
 from random import Random
-from typing import TYPE_CHECKING
 
-from rmr.base.kernel import RADIO, Alarm
+import numpy as np
+from numpy.typing import NDArray
+
+from rmr.base.kernel import RADIO, Alarm, Kernel
 from rmr.base.time import NEVER, Instant
 from rmr.radio.air import Confirmed, Received
+from rmr.radio.floor import Floor
 from rmr.radio.intake import Counters, Intake
 from rmr.radio.mac import Mac, State, Transmission
 from rmr.radio.security import Security
-
-if TYPE_CHECKING:
-    from rmr.radio.ether import Ether
+from rmr.radio.tallies import Tallies
 
 Take = Callable[[Received | Confirmed], None]
+
+
+class Medium:
+    """What a station uses of the ether that it is in; a class and no protocol, since it is called for every frame."""
+
+    kernel: Kernel
+    floor: Floor
+    tallies: Tallies
+    listening: NDArray[np.bool_]
+    awaiting: set[int]
+
+    def busy(self, station: "EtherStation", now: Instant) -> bool:
+        """Return whether the clear channel assessment of `station` finds the channel busy."""
+        raise NotImplementedError
+
+    def announce(self, station: "EtherStation", psdu: bytes, sequence: int, attempt: int, start: Instant) -> None:
+        """Let `station` transmit `psdu` from `start` on."""
+        raise NotImplementedError
 
 
 class EtherStation:
     """One robot's radio in the ether."""
 
     def __init__(
-        self, ether: "Ether", index: int, mac: Mac, intake: Intake, take: Take | None, payload_max: int
+        self, ether: Medium, index: int, mac: Mac, intake: Intake, take: Take | None, payload_max: int
     ) -> None:
         self.index = index
         self.mac = mac

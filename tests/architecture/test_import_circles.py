@@ -8,9 +8,6 @@ HOSTS = {"rmr.eval", "rmr_agent", "rmr_sim"}
 """Parts that make nodes; nothing else imports `rmr.node.node`."""
 
 AWAITED: set[frozenset[str]] = {
-    frozenset({"rmr.columns.block", "rmr.columns.goals"}),
-    frozenset({"rmr.eval.ensemble", "rmr.eval.report"}),
-    frozenset({"rmr.radio.ether", "rmr.radio.etherstation"}),
     frozenset({"rmr_sim.event", "rmr_sim.faults", "rmr_sim.robot", "rmr_sim.simulation"}),
     frozenset({"rmr_world.checks", "rmr_world.faults", "rmr_world.lab"}),
 }
