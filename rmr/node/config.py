@@ -10,7 +10,7 @@ from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.values import Values
-from rmr.node.crossing.turn import UNKNOWN_INSIDE
+from rmr.node.crossing.situation import UNKNOWN_INSIDE
 from rmr.node.trace import Level
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine

@@ -14,8 +14,7 @@ from rmr.base.streams import stream
 from rmr.base.time import Instant
 from rmr.base.values import Robot, Symbol, Value
 from rmr.node import wire
-from rmr.node.crossing.destination import bound_for, redirect
-from rmr.node.crossing.turn import Phase, Turn
+from rmr.node.crossing.phases import Slotted
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
 from rmr.node.motion.hearing import OVERDUE
@@ -126,19 +125,19 @@ class Talk:
 
     def _rewind(self, now: Instant, clock: HelloClock) -> None:
         """Plan the next hello."""
-        node, turn = self._node, self._node.turns.current
+        node, crossing = self._node, self._node.crossings.current
         if not node.config.crowded:
-            clock.rewind(now, waits=turn is not None)
+            clock.rewind(now, waits=crossing is not None)
             return
-        leaves = turn is not None and turn.phase is Phase.SLOTTED and not self._stays(now)
-        clock.rewind(now, waits=turn is not None, leaves=leaves, driving=len(node.peers.driving(now)))
+        leaves = crossing is not None and isinstance(crossing.phase, Slotted) and not self._stays(now)
+        clock.rewind(now, waits=crossing is not None, leaves=leaves, driving=len(node.peers.driving(now)))
 
     def _stays(self, now: Instant) -> bool:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
-        node, turn = self._node, self._node.turns.current
+        node, crossing = self._node, self._node.crossings.current
         if not node.config.crowded or node.driver is None or node.actions.driving is not None:
             return False
-        return node.finished() if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
+        return node.finished() if crossing is None else crossing.leaves_after(now + STAYS + STAYS_SPARE)
 
     def _say_hello(self, now: Instant, *, parked: bool) -> None:
         node = self._node
@@ -148,7 +147,8 @@ class Talk:
             stays = parked and self._stays(now)
             if stays and node.driver is not None:
                 node.driver.stays_until = now + STAYS + STAYS_SPARE
-            hello = Hello(pose.x, pose.y, pose.theta, v, parked, node.turns.rank, bound_for(node), self.digest, stays)
+            rank, goal = node.crossings.rank, node.crossings.destinations.current()
+            hello = Hello(pose.x, pose.y, pose.theta, v, parked, rank, goal, self.digest, stays)
             node.transmit(wire.encode_hello(hello), None)
 
     def receive(self, now: Instant, frame: Received) -> None:
@@ -215,11 +215,13 @@ class Talk:
         running = self._node.actions.driving
         if running is None:
             return False
-        turn = running.turn if isinstance(running.turn, Turn) else None
-        bound = driver.navigator.goal if turn is None or turn.bound is None else turn.bound
-        if bound != driver.place:  # another action has the wheels, such as `face`: it keeps them
+        crossing = self._node.crossings.crossing(running)
+        sent = None if crossing is None else crossing.course.destination
+        if (
+            sent or driver.navigator.goal
+        ) != driver.place:
             return False
-        outside = turn is not None and turn.phase in (Phase.ASKING, Phase.SLOTTED)
+        outside = crossing is not None and crossing.waits
         return driver.disputes(source, hello, outside=outside)
 
     def _heed(self, now: Instant) -> None:
@@ -231,10 +233,11 @@ class Talk:
         place = driver.choose_again(now, node.peers)
         if place is None:
             return
-        if isinstance(running.turn, Turn):
-            redirect(node, now, place, running.turn)
+        crossing = node.crossings.crossing(running)
+        if crossing is not None:
+            node.crossings.destinations.redirect(now, place, crossing)
         else:
-            node.depart(place, final_heading=None, turn=None)
+            node.depart(place, final_heading=None, permit=None)
 
     def _tell_parked(self, now: Instant) -> None:
         """Let the navigator know where others stand, if that has changed; one without a goal need not."""

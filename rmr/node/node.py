@@ -14,18 +14,19 @@ from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.streams import Choices, stream
 from rmr.base.time import NEVER, Duration, Instant, milliseconds
-from rmr.base.values import Robot, Symbol, Value
+from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Anything, Program
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import CoordEvent
 from rmr.node import wire
 from rmr.node.actions.action_log import ActionLog
 from rmr.node.actions.built_in import PROVIDED, NodeHandle
-from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Running, check_handlers
+from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, Running, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import CoordLink
-from rmr.node.crossing.turn import Phase, Turn
-from rmr.node.crossing.turns import Turns
+from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.crossing.surroundings import Surroundings
 from rmr.node.driver import Driver
 from rmr.node.executive import Executive, Task
 from rmr.node.logic.exchange import Exchange
@@ -73,7 +74,8 @@ class Node:
             self.driver = Driver(config, ports.body)
         values = replace(config.values, payload_max=ports.link.payload_max)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, values)
-        self.turns = Turns(self, core, digest)
+        around = Surroundings(self, config, program, self.senses, self.peers, self.driver)
+        self.crossings = Crossings(around, core, digest)
         self.core = core
         """The coordination core, for whoever checks a run to look at."""
         self._coordination = CoordLink(core, self.transmit, self._coordinated)
@@ -147,7 +149,7 @@ class Node:
         wake = min(wake, executive.frame_ends if machine.busy else machine.due)
         wake = min(wake, self.actions.next_wake)
         wake = min(wake, self.talk.next_wake)
-        self.next_wake = min(wake, self.turns.next_wake)
+        self.next_wake = min(wake, self.crossings.next_wake)
 
     def overhear(self, now: Instant, frame: Received) -> bool:
         """Take in `frame` as it arrives, if no task has to look at it; else return False: it is to wait for a call.
@@ -185,7 +187,7 @@ class Node:
             self.driver.step(now, self._rank, self.peers)
 
     def _rank(self) -> int:
-        return self.turns.rank
+        return self.crossings.rank
 
     def _radio(self, now: Instant) -> None:
         for frame in self._ports.link.receive():
@@ -197,7 +199,7 @@ class Node:
 
     def _coordinated(self, now: Instant, event: CoordEvent) -> None:
         self.tell(event)
-        self.turns.handle(now, event)
+        self.crossings.handle(now, event)
 
     def _receive(self, now: Instant, frame: Received) -> None:
         self.peers.heard(now, frame.source, frame.rssi_dbm)
@@ -261,7 +263,7 @@ class Node:
                     actions.resume(now)  # what ends at the very instant of a deadline is in time
                 self.mind.run(now)
             actions.step(now)
-            self.turns.step(now)
+            self.crossings.step(now)
             if coordination.due(now):
                 coordination.run(now)
             self.talk.flush(now)
@@ -330,32 +332,32 @@ class Node:
         """Return whether an action drives to the area that it names: it may be gated."""
         return self.handler(self.program.predicates[action].name).to_area
 
-    def take_place(self, area: Area, turn: Turn | None) -> Point:
+    def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:
             raise ActionFailed("the robot has no wheels")
-        rank, place = (turn.rank, turn.place) if turn else (0, 0)
+        rank, place = (permit.rank, permit.place) if isinstance(permit, Crossing) else (0, 0)
         return self.driver.take_place(self.now, area, rank, place, self.peers)
 
-    def depart(self, goal: Point, *, final_heading: float | None, turn: Turn | None) -> None:
-        """Set out for `goal`; with a gated turn through its gate."""
-        assert self.driver is not None
+    def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
+        """Set out for `goal`; with a gated crossing through its hold line."""
         self._stirred = True
-        gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
-        shared = self.turns.leading.shared(turn.event, turn.way) if turn is not None and gated else None
-        self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
-        if turn is not None:
-            turn.bound, turn.planned_at = None, self.now
-        if turn is not None and gated:
-            self.turns.apply_gate(turn)
+        self.crossings.depart(self.now, goal, final_heading, permit)
         self.talk.hello_soon(self.now)
 
-    def leads(self, now: Instant, name: Symbol, does: bool) -> None:
-        """State whether the robot leads an event of assertion `name`."""
-        if does:
-            self.senses.add(now, "leads", (name,))
-        else:
-            self.senses.drop(now, "leads", (name,))
+    def announce(self, now: Instant) -> None:
+        """Say hello at once: the others must hear of a change."""
+        self.talk.hello_soon(now)
+
+    @property
+    def driving(self) -> Running | None:
+        """The action that has the wheels."""
+        return self.actions.driving
+
+    @property
+    def frame_ends(self) -> Instant:
+        """When the next frame begins."""
+        return self.executive.frame_ends
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""

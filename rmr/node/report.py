@@ -3,7 +3,7 @@
 from typing import Any
 
 from rmr.base.time import Instant, in_seconds
-from rmr.node.crossing.turn import Phase
+from rmr.node.crossing.phases import Slotted, phase_name
 from rmr.node.node import Node
 from rmr.vm.job import Job
 
@@ -54,13 +54,13 @@ def schedules(node: Node) -> list[dict[str, Any]]:
     """Return the newest schedule of each event that the robot has heard or made."""
     return [
         {
-            "event": str(node.turns.name_of(event) or event.hex()),
+            "event": str(node.crossings.name_of(event) or event.hex()),
             "leader": schedule.leader,
             "term": schedule.term,
             "order": list(schedule.order),
             "formed_s": round(in_seconds(schedule.formed), 3),
         }
-        for event, schedule in node.turns.schedules.items()
+        for event, schedule in node.crossings.schedules.items()
     ]
 
 
@@ -68,14 +68,14 @@ def progress(node: Node, now: Instant) -> str:
     """Return what the robot is doing in a few words."""
     if node.finish_at is not None:
         return f"finished at {in_seconds(node.finish_at):.1f} s"
-    turn = node.turns.current
+    crossing = node.crossings.current
     action = node.actions.driving
     doing = action.text(node.robot) if action is not None else "waiting"
-    if turn is None:
+    if crossing is None:
         return doing
-    if turn.phase is Phase.SLOTTED:
-        return f"{doing}, turn {turn.rank} in {in_seconds(turn.start - now):.1f} s"
-    return f"{doing}, {turn.phase.value}"
+    if isinstance(crossing.phase, Slotted):
+        return f"{doing}, turn {crossing.rank} in {in_seconds(crossing.phase.start - now):.1f} s"
+    return f"{doing}, {phase_name(crossing.phase)}"
 
 
 def status(node: Node, now: Instant, radio: dict[str, int]) -> dict[str, Any]:

@@ -3,10 +3,11 @@
 from itertools import pairwise
 from pathlib import Path
 
+from rmr.node.crossing.turn import Phase, Turn
+
 from rmr.base.geometry import Point
 from rmr.base.time import Instant
 from rmr.node.crossing.destination import REPLAN_EVERY, bound_for, redirect
-from rmr.node.crossing.turn import Phase, Turn
 from rmr_sim.run import prepare
 
 FRAMES = 150

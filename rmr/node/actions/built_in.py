@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Final
 from rmr.base.geometry import Point
 from rmr.base.time import Instant, milliseconds, seconds
 from rmr.base.values import Symbol
-from rmr.node.actions.dispatcher import Handler, Running
+from rmr.node.actions.dispatcher import Handler, Permit, Running
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
-from rmr.node.crossing.turn import Turn
 from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
 from rmr.node.motion.straight import RAMP, Straight
@@ -50,13 +49,13 @@ class NodeHandle(RobotHandle):
 
     def needless(self) -> bool:
         """Return whether the robot has no reason to line up: it has had a turn since, let one pass, or is beyond."""
-        turns = self.node.turns
-        return turns.hindered or turns.beyond or turns.entered_since(self._running.derived)
+        crossings = self.node.crossings
+        return crossings.slot_wasted or crossings.beyond or crossings.entered_since(self._running.derived)
 
     @property
-    def turn(self) -> Turn | None:
-        """The turn that the action serves."""
-        return self._running.turn if isinstance(self._running.turn, Turn) else None
+    def permit(self) -> Permit | None:
+        """The crossing by which the action goes."""
+        return self._running.permit
 
     @property
     def missed(self) -> int | None:
@@ -79,11 +78,11 @@ async def _drive(
     longer by as much for each other robot, for those that go first may be in its way until then.
     """
     node = robot.node
-    turn = robot.turn if gated else None
+    permit = robot.permit if gated else None
     await _located(robot)
-    node.depart(goal, final_heading=final_heading, turn=turn)
+    node.depart(goal, final_heading=final_heading, permit=permit)
     try:
-        await _under_way(robot, goal, turn, taken, idle)
+        await _under_way(robot, goal, permit, taken, idle)
     finally:  # a handler of which this is one step may go on
         node.halt()
 
@@ -91,7 +90,7 @@ async def _drive(
 async def _under_way(
     robot: NodeHandle,
     goal: Point,
-    turn: Turn | None,
+    permit: Permit | None,
     taken: Callable[[], bool] | None,
     idle: Callable[[], bool] | None,
 ) -> None:
@@ -112,7 +111,7 @@ async def _under_way(
     while navigator.status != "arrived" and not is_idle():
         if navigator.status == "blocked" or is_taken():
             blocked_since = blocked_since or node.now
-            robots = len(node.config.roster) if turn is not None and turn.waits else 1
+            robots = len(node.config.roster) if permit is not None and permit.waits else 1
             if node.now - blocked_since > seconds(STUCK_S) * robots:
                 raise ActionFailed(_no_way(node, goal))
         else:
@@ -142,7 +141,7 @@ async def moveto(robot: NodeHandle, area_name: str) -> None:
     if area is None:
         raise ActionFailed(f"no area is called {area_name}")
     await _located(robot)  # a place is taken only by a robot with a pose: what others say may send it to another one
-    await _drive(robot, robot.node.take_place(area, robot.turn), gated=True)
+    await _drive(robot, robot.node.take_place(area, robot.permit), gated=True)
 
 
 async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:

@@ -5,7 +5,7 @@ own. They are not asyncio coroutines: each `await` hands a `Pause` to the dispat
 the first call at which the pause is over, so that actions run in virtual time as they do in a process.
 
 Rules. An action that uses the wheels waits until the wheels are free, first come first served; `stop` does not
-wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing.turns`), and
+wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing`), and
 does not keep others from the wheels meanwhile; if its slot moves away before it has begun, it is held again.
 Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
@@ -104,8 +104,12 @@ def registered() -> dict[str, Handler]:
     return dict(_registered)
 
 
-class Turn(Protocol):
-    """What an action needs to know of the turn that it waits for."""
+class Permit(Protocol):
+    """What an action that serves a job waits for: the job's crossing of a shared resource."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether the robot may not enter the resource yet."""
 
     def released(self, now: Instant) -> bool:
         """Return whether the action may begin."""
@@ -119,7 +123,7 @@ class Running:
     name: str
     args: tuple[Value, ...]
     handler: Handler
-    turn: Any = None
+    permit: Permit | None = None
     derived: Instant = 0
     missed: int | None = None
     """The assertion whose missed deadline derived it."""
@@ -132,6 +136,10 @@ class Running:
     over: bool = False
     raised: tuple[str, ...] = ()
     """Where it went wrong, if its handler raised anything but ActionFailed: the lines of the traceback, as text."""
+
+    def held(self, now: Instant) -> bool:
+        """Return whether the action has to wait for its permit."""
+        return self.permit is not None and not self.permit.released(now)
 
     def text(self, robot: int) -> str:
         """Return the action in program syntax."""
@@ -170,7 +178,7 @@ class Dispatcher:
 
     def released(self, now: Instant) -> bool:
         """Return whether an action that waited for its turn may begin."""
-        return bool(self.held) and any(running.turn.released(now) for running in self.held)
+        return bool(self.held) and any(not running.held(now) for running in self.held)
 
     @property
     def polling(self) -> bool:
@@ -199,7 +207,7 @@ class Dispatcher:
         if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
             self.refused += 1
             self._host.action_ended(now, running, f"more than {RUNNING_MAX} actions under way")
-        elif running.turn is not None and not running.turn.released(now):
+        elif running.held(now):
             self.held.append(running)
         else:
             self._admit(now, running)
@@ -296,11 +304,11 @@ class Dispatcher:
     def step(self, now: Instant) -> None:
         """Release, start and resume what is due."""
         if self.queue:
-            for running in [one for one in self.queue if one.turn is not None and not one.turn.released(now)]:
+            for running in [one for one in self.queue if one.held(now)]:
                 self.queue.remove(running)
                 self.held.append(running)
         if self.held:
-            for running in [held for held in self.held if held.turn.released(now)]:
+            for running in [one for one in self.held if not one.held(now)]:
                 self.held.remove(running)
                 self._admit(now, running)
         self.resume(now)

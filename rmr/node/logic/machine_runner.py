@@ -1,7 +1,7 @@
 """The runtime system's part of a robot: it runs the machine and sees that whatever the machine reports happens.
 
 Facts, goals and news for other robots go to the deliveries, actions to the dispatcher or to their executors, jobs to
-the turns, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
+the crossings, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
 waits for it, and is reported to the robot that derived it.
 """
 
@@ -11,7 +11,6 @@ from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
 from rmr.node.actions.dispatcher import Running
-from rmr.node.crossing.turn import Turn
 from rmr.node.trace import Level, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
 from rmr.vm.events import (
@@ -114,10 +113,10 @@ class Mind:
                 node.talk.deliveries.send(now, event)
             case JobStarted(job=job):
                 node.trace(now, "job_started", job=job.text, deadline_s=in_seconds(job.deadline))
-                node.turns.started(now, job)
+                node.crossings.started(now, job)
             case JobFinished(job=job):
                 node.trace(now, "job_finished", job=job.text)
-                node.turns.finished(now, job)
+                node.crossings.finished(now, job)
             case JobMissed(job=job):
                 node.trace(now, "deadline_missed", job=job.text)
             case GoalAchieved(predicate=predicate, args=args):
@@ -148,11 +147,10 @@ class Mind:
             return
         name = node.program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        turn = node.turns.serving(now, jobs[0], event.predicate, event.args) if jobs else None
+        permit = node.crossings.permit(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = node.handler(name)
-        running = Running(event.serial, name, event.args, handler, turn, now, missed, event.origin)
-        if turn is not None:
-            turn.serving.append(running)
+        running = Running(event.serial, name, event.args, handler, permit, now, missed, event.origin)
+        node.crossings.action_derived(running)
         node.actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
@@ -168,9 +166,7 @@ class Mind:
         node.trace(now, "action_ended", action=running.text(node.robot), failure=failure)
         if running.raised:
             node.trace(now, "raised", action=running.text(node.robot), traceback=list(running.raised))
-        if isinstance(running.turn, Turn):
-            running.turn.serving.remove(running)
-            node.turns.action_ended(now, running.turn)
+        node.crossings.action_ended(now, running)
         if node.driver is None:
             predicate = node.program.predicates[action]
             self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)

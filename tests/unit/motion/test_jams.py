@@ -5,12 +5,12 @@ from itertools import combinations
 
 import bench
 import pytest
+from rmr.node.crossing.turn import Phase, Turn, gets_nowhere
 
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.crossing.turn import Phase, Turn, gets_nowhere
 from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away, ways_of
 from rmr.node.motion.avoid import ENDURED, StandOff
 from rmr.node.motion.navigator import Navigator

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from rmr.node.crossing.turn import Phase
 
 from rmr.base.time import milliseconds, seconds
 from rmr.coord.events import LeadershipEnded
-from rmr.node.crossing.turn import Phase
 from rmr_sim.run import Options, load
 
 LAB = Path(__file__).parents[3] / "deploy" / "labs" / "testbed"

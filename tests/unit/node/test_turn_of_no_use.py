@@ -4,11 +4,6 @@ import math
 from pathlib import Path
 
 import pytest
-
-from rmr.base.geometry import Point, Pose
-from rmr.base.time import seconds
-from rmr.base.values import Robot
-from rmr.node.actions.dispatcher import Running
 from rmr.node.crossing.turn import (
     APPROACHES,
     HINDERED_MAX,
@@ -22,6 +17,11 @@ from rmr.node.crossing.turn import (
     stands_in_way,
     stands_within,
 )
+
+from rmr.base.geometry import Point, Pose
+from rmr.base.time import seconds
+from rmr.base.values import Robot
+from rmr.node.actions.dispatcher import Running
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
 from rmr.vm.job import Job
