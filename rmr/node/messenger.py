@@ -217,10 +217,8 @@ class Talk:
             return False
         crossing = self._node.crossings.crossing(running)
         sent = None if crossing is None else crossing.course.destination
-        if (
-            sent or driver.navigator.goal
-        ) != driver.place:
-            return False
+        if (sent or driver.navigator.goal) != driver.place:
+            return False  # another action has the wheels, such as `face`: it keeps them
         outside = crossing is not None and crossing.waits
         return driver.disputes(source, hello, outside=outside)
 

@@ -74,8 +74,9 @@ class Node:
             self.driver = Driver(config, ports.body)
         values = replace(config.values, payload_max=ports.link.payload_max)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, values)
-        around = Surroundings(self, config, program, self.senses, self.peers, self.driver)
-        self.crossings = Crossings(around, core, digest)
+        self.crossings = Crossings(
+            Surroundings(self, config, program, self.senses, self.peers, self.driver), core, digest
+        )
         self.core = core
         """The coordination core, for whoever checks a run to look at."""
         self._coordination = CoordLink(core, self.transmit, self._coordinated)

@@ -5,7 +5,7 @@ return commands, which `rmr.node.crossing.crossings` carries out. A crossing kno
 robot may have any number of them at a time. To the action that serves the job it is the permit to begin.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from rmr.base.arena import Area
@@ -18,16 +18,13 @@ from rmr.node.crossing.phases import (
     IGNORED,
     TRANSITIONS,
     Asking,
-    Cleared,
-    Excused,
     Inside,
-    JobOver,
     Left,
     Phase,
     Preparing,
-    Renewed,
-    Requested,
+    SlotEvent,
     Slotted,
+    Step,
     phase_name,
 )
 from rmr.node.crossing.situation import (
@@ -54,12 +51,9 @@ POLL_EVERY: Final[Duration] = milliseconds(500)
 LEAVE_EARLY: Final[Duration] = milliseconds(300)
 """An action is released this much before it must be under way to reach the commit line on time."""
 REPLAN_BEFORE: Final[Duration] = seconds(3)
-"""Earlier before its slot a robot keeps the route that it has: to the entrance it is the same, and ranks still change."""
+"""Earlier before its slot a robot keeps its route: to the entrance any is the same, and ranks still change."""
 TRIGGERS_APART: Final[Duration] = milliseconds(10)
 """Two triggers of one robot differ by this at least: the grid of instants in frames."""
-
-SlotEvent = SlotAssigned | SlotLost | EntryMissed | Entered
-"""What the coordination core tells a crossing."""
 
 
 @dataclass(slots=True)
@@ -72,6 +66,11 @@ class Course:
     """When a route was planned last."""
     replan_from: Instant = 0
     """Before the entrance a route is planned from then on, since the newest slot is near."""
+
+    def planned(self, now: Instant) -> None:
+        """Note that a route has been planned."""
+        self.destination = None
+        self.planned_at = now
 
 
 @dataclass(slots=True)
@@ -86,7 +85,7 @@ class Crossing:
     goal: Area | None
     """Where the serving action leads; None when it does not move the robot to an area."""
     phase: Phase = field(default_factory=Preparing)
-    plan: CrossingPlan = CrossingPlan()
+    plan: CrossingPlan = field(default_factory=CrossingPlan)
     release: Instant = 0
     """The robot cannot be at its commit line before, as the leader has heard."""
     late: Lateness = field(default_factory=Lateness)
@@ -172,7 +171,7 @@ class Crossing:
 
     # -- the machine ----------------------------------------------------------------------------------------
 
-    def _enter(self, event: type, phase: Phase) -> None:
+    def _enter(self, event: type | Step, phase: Phase) -> None:
         """Enter `phase` by `event`: nothing else writes the phase."""
         assert TRANSITIONS[type(self.phase), event] is type(phase), (self.phase, event, phase)
         self.phase = phase
@@ -187,7 +186,7 @@ class Crossing:
         if isinstance(phase, Preparing):
             return self._request(now, phase, situation)
         if self.beyond and situation.excused:
-            self._enter(Excused, Left())
+            self._enter(Step.EXCUSED, Left())
             return [Withdraw()]
         return [*self._poll(now, phase, situation), SetReady(situation.ready)]
 
@@ -211,7 +210,7 @@ class Crossing:
     def renew(self, now: Instant, job: Job, goal: Area | None) -> list[Command]:
         """Give up what was requested, so that a new request follows."""
         given_up: list[Command] = [] if isinstance(self.phase, (Preparing, Left)) else [Withdraw()]
-        self._enter(Renewed, Preparing())
+        self._enter(Step.RENEWED, Preparing())
         self.job = job
         self.goal = goal
         self.late.committed = False
@@ -227,15 +226,34 @@ class Crossing:
         self.release = 0
         return self.renew(now, job, goal)
 
+    def lead_to(self, now: Instant, goal: Area | None) -> list[Command]:
+        """Take the goal from the action, where the job does not say it: the route may be another than was told."""
+        if self.goal == goal or isinstance(self.phase, Inside):
+            return []
+        if not isinstance(self.phase, Preparing):
+            return self.renew(now, self.job, goal)
+        self.goal = goal
+        return []
+
+    def retry(self, now: Instant, plan: CrossingPlan | None) -> list[Command]:
+        """Request again for another try of a job that has not ended: not if the route, anew, passes no entrance.
+
+        Then the robot has the resource behind it. That the crossing was gated stays so, for the try after that.
+        """
+        passes = plan is None or plan.gated or not self.plan.gated
+        if plan is not None and self.plan.gated:
+            self.plan = replace(plan, gated=True)
+        return self.renew(now, self.job, self.goal) if passes else []
+
     def finish(self) -> list[Command]:
         """Handle the end of the job before the robot has entered."""
         requested = not isinstance(self.phase, Preparing)
-        self._enter(JobOver, Left())
+        self._enter(Step.JOB_OVER, Left())
         return [Withdraw()] if requested else []
 
     def leave(self) -> list[Command]:
         """Leave: the robot is clear of the resource."""
-        self._enter(Cleared, Left())
+        self._enter(Step.CLEARED, Left())
         return [Leave(), TraceEntry("left", {"event": self.job.event})]
 
     def follow_leader(self, now: Instant, situation: Situation) -> list[Command]:
@@ -255,9 +273,9 @@ class Crossing:
             return []
         self.beyond = situation.beyond
         if situation.excused:
-            self._enter(Excused, Left())
+            self._enter(Step.EXCUSED, Left())
             return []
-        self._enter(Requested, Asking(now))
+        self._enter(Step.REQUESTED, Asking(now))
         plan = self.plan
         self.release = max(self.release, now + plan.approach)
         times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}

@@ -7,7 +7,6 @@ kept by group: a robot may have one for each of any number of resources.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
@@ -25,10 +24,10 @@ from rmr.coord.events import (
 )
 from rmr.coord.values import Order
 from rmr.node.actions.dispatcher import Permit, Running
-from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing, SlotEvent
+from rmr.node.crossing.crossing import TRIGGERS_APART, Crossing
 from rmr.node.crossing.destination import Destinations
 from rmr.node.crossing.observer import Observer
-from rmr.node.crossing.phases import Inside, Preparing
+from rmr.node.crossing.phases import Inside, Preparing, SlotEvent
 from rmr.node.crossing.request import area_among, goal_of
 from rmr.node.crossing.shared_path import GROUPS_KEPT, SharedPaths, keep
 from rmr.node.crossing.situation import (
@@ -75,8 +74,7 @@ class Crossings:
         group_id, goal = self.group_of(job), self._goal_of(job)
         old = self._crossings.get(group_id)
         if old is not None and not old.over:
-            self._execute(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
-            self._ask(now, old)
+            self._renewed(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
             return
         trigger = max(now, old.trigger + TRIGGERS_APART if old else 0)
         self._crossings.pop(group_id, None)  # the newest crossing is the last
@@ -131,33 +129,19 @@ class Crossings:
         crossing = self._crossing_of(job)
         if crossing is None:
             return None
-        if crossing.over and self._needs_another(now, crossing):
-            self._renew(now, crossing, crossing.goal)
+        if crossing.over:
+            plan = self._observer.estimate(now, crossing)[1] if crossing.plan.gated else None
+            self._renewed(now, crossing, crossing.retry(now, plan))
         if self._around.robot.drives_to_area(action) and self._goal_of(job) is None:
-            self._leads_to(now, crossing, area_among(self._around.config.arena, args))
+            goal = area_among(self._around.config.arena, args)
+            self._renewed(now, crossing, crossing.lead_to(now, goal))
         return crossing
 
-    def _leads_to(self, now: Instant, crossing: Crossing, goal: Area | None) -> None:
-        """Take the goal from the action, where the job does not say it: the route may be another than was told."""
-        if crossing.goal == goal or isinstance(crossing.phase, Inside):
-            return
-        if isinstance(crossing.phase, Preparing):
-            crossing.goal = goal
-        else:
-            self._renew(now, crossing, goal)
-
-    def _needs_another(self, now: Instant, crossing: Crossing) -> bool:
-        """Return whether the next try must wait for a slot: not where the robot has the resource behind it."""
-        if not crossing.plan.gated:
-            return True
-        _, plan = self._observer.estimate(now, crossing)
-        if plan is not None:
-            crossing.plan = replace(plan, gated=True)
-        return plan is None or plan.gated
-
-    def _renew(self, now: Instant, crossing: Crossing, goal: Area | None) -> None:
-        self._execute(now, crossing, crossing.renew(now, crossing.job, goal))
-        self._ask(now, crossing)
+    def _renewed(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
+        """Carry out what gives up a request, if it has been given up, and request again."""
+        if commands:
+            self._execute(now, crossing, commands)
+            self._ask(now, crossing)
 
     def crossing(self, running: Running | None) -> Crossing | None:
         """Return the crossing by which an action goes."""
@@ -188,8 +172,7 @@ class Crossings:
         shared = self._paths.path(crossing.group_id, crossing.plan.direction) if crossing and gated else None
         around.wheels.depart(now, goal, around.peers, heading=heading, gated=gated, shared=shared)
         if crossing is not None:
-            crossing.course.destination = None
-            crossing.course.planned_at = now
+            crossing.course.planned(now)
             if gated:
                 self._execute(now, crossing, [crossing.hold_line()])
 
@@ -280,7 +263,7 @@ class Crossings:
 
     def _execute(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
         """Carry out what a crossing orders: nothing else tells the coordination core of it."""
-        core, group_id, robot = self._core, crossing.group_id, self._around.robot
+        core, group_id = self._core, crossing.group_id
         for command in commands:
             match command:
                 case SetReady(ready=ready):
@@ -295,13 +278,21 @@ class Crossings:
                     core.withdraw(now, group_id)
                 case Leave():
                     core.leave(now, group_id)
-                case OpenHoldLine(opens_at=opens_at, opened=opened):
-                    driving, wheels = robot.driving, self._around.wheels
-                    if wheels is not None and driving is not None and driving.permit is crossing:
-                        wheels.navigator.gate(opens_at, opened)
-                case ChangeRank():
-                    self.destinations.rank_changed(now, crossing)
-                case TraceEntry(what=what, fields=fields):
-                    robot.trace(now, what, **fields)
-                case Unforeseen():
-                    robot.tell(command)
+                case _:
+                    self._execute_here(now, crossing, command)
+
+    def _execute_here(
+        self, now: Instant, crossing: Crossing, command: OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
+    ) -> None:
+        """Carry out what concerns the robot alone."""
+        robot, wheels = self._around.robot, self._around.wheels
+        match command:
+            case OpenHoldLine(opens_at=opens_at, opened=opened):
+                if wheels is not None and self.crossing(robot.driving) is crossing:
+                    wheels.navigator.gate(opens_at, opened)
+            case ChangeRank():
+                self.destinations.rank_changed(now, crossing)
+            case TraceEntry(what=what, fields=fields):
+                robot.trace(now, what, **fields)
+            case Unforeseen():
+                robot.tell(command)

@@ -7,6 +7,7 @@ those below; which of the core's mean nothing in a phase, since they may come la
 """
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 from rmr.base.time import Instant
@@ -58,56 +59,50 @@ class Left:
 Phase = Preparing | Asking | Slotted | Inside | Left
 
 
-class Requested:
+class Step(Enum):
+    """What ends a phase besides events of the coordination core."""
+
+    REQUESTED = "requested"
     """The request was handed to the coordination core."""
-
-
-class Excused:
+    EXCUSED = "excused"
     """No crossing is needed: the robot is beyond the resource that others of its group pass."""
-
-
-class Renewed:
+    RENEWED = "renewed"
     """What was requested is given up, and a new request follows."""
-
-
-class JobOver:
+    JOB_OVER = "job over"
     """The job has ended before the robot has entered."""
-
-
-class Cleared:
+    CLEARED = "cleared"
     """The robot is clear of the resource."""
 
 
-TRANSITIONS: Final[dict[tuple[type, type], type]] = {
-    (Preparing, Requested): Asking,
-    (Preparing, Renewed): Preparing,
-    (Preparing, Excused): Left,
-    (Preparing, JobOver): Left,
+SlotEvent = SlotAssigned | SlotLost | EntryMissed | Entered
+"""What the coordination core tells a crossing."""
+TRANSITIONS: Final[dict[tuple[type, type | Step], type]] = {
+    (Preparing, Step.REQUESTED): Asking,
+    (Preparing, Step.RENEWED): Preparing,
+    (Preparing, Step.EXCUSED): Left,
+    (Preparing, Step.JOB_OVER): Left,
     (Asking, SlotAssigned): Slotted,
     (Asking, SlotLost): Asking,
     (Asking, EntryMissed): Asking,
     (Asking, Entered): Inside,
-    (Asking, Renewed): Preparing,
-    (Asking, Excused): Left,
-    (Asking, JobOver): Left,
+    (Asking, Step.RENEWED): Preparing,
+    (Asking, Step.EXCUSED): Left,
+    (Asking, Step.JOB_OVER): Left,
     (Slotted, SlotAssigned): Slotted,
     (Slotted, SlotLost): Asking,
     (Slotted, EntryMissed): Asking,
     (Slotted, Entered): Inside,
-    (Slotted, Renewed): Preparing,
-    (Slotted, Excused): Left,
-    (Slotted, JobOver): Left,
-    (Inside, Cleared): Left,
-    (Inside, Renewed): Preparing,
-    (Left, Renewed): Preparing,
+    (Slotted, Step.RENEWED): Preparing,
+    (Slotted, Step.EXCUSED): Left,
+    (Slotted, Step.JOB_OVER): Left,
+    (Inside, Step.CLEARED): Left,
+    (Inside, Step.RENEWED): Preparing,
+    (Left, Step.RENEWED): Preparing,
 }
 """Phase and event -> the next phase."""
 IGNORED: Final = frozenset(
-    [
-        *((Preparing, event) for event in (SlotAssigned, SlotLost, EntryMissed, Entered)),
-        (Inside, SlotAssigned),
-        *((Left, event) for event in (SlotAssigned, SlotLost, EntryMissed, Entered)),
-    ]
+    [(phase, event) for phase in (Preparing, Left) for event in (SlotAssigned, SlotLost, EntryMissed, Entered)]
+    + [(Inside, SlotAssigned)]
 )
 """Events of the coordination core that concern a request which has been given up, or has been granted meanwhile."""
 

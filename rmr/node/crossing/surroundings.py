@@ -1,18 +1,17 @@
 """What the crossings of a robot use of it, as protocols and values. Nothing here knows the robot's node or driver."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from rmr.base.arena import Area, Arena
+from rmr.base.arena import Area
 from rmr.base.geometry import Point, Pose
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Instant
-from rmr.base.values import Value
 from rmr.bytecode.program import Program
 from rmr.node.actions.dispatcher import Permit, Running
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.approach import Approach
+from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
 from rmr.node.peers.perception import Localiser, Peers
 
@@ -20,7 +19,6 @@ from rmr.node.peers.perception import Localiser, Peers
 class Wheels(Protocol):
     """A robot's body and its places."""
 
-    arena: Arena
     localiser: Localiser
     navigator: Navigator
     approach: Approach
@@ -36,22 +34,6 @@ class Wheels(Protocol):
         self, now: Instant, goal: Point, peers: Peers, *, heading: float | None, gated: bool, shared: GridPath | None
     ) -> None:
         """Set out for `goal`, through the hold line if `gated`."""
-
-
-class StatedFacts(Protocol):
-    """The facts that the robot states about itself."""
-
-    def of(self, name: str) -> list[tuple[Value, ...]]:
-        """Return the facts of `name`."""
-
-    def add(self, now: Instant, name: str, args: tuple[Value, ...]) -> None:
-        """State that a fact holds."""
-
-    def drop(self, now: Instant, name: str, args: tuple[Value, ...]) -> None:
-        """State that a fact holds no more."""
-
-    def replace(self, now: Instant, name: str, facts: Sequence[tuple[Value, ...]]) -> None:
-        """State that exactly `facts` hold of `name`."""
 
 
 class CrossingRobot(Protocol):
@@ -91,7 +73,7 @@ class Surroundings:
     robot: CrossingRobot
     config: NodeConfig
     program: Program
-    facts: StatedFacts
+    facts: SensedFacts
     peers: Peers
     wheels: Wheels | None
     """None: a robot without a body."""
