@@ -13,18 +13,18 @@ from rmr.base.geometry import Point
 from rmr.base.time import NEVER, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.node.actions.dispatcher import Running
-from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Progress, Symptom
+from rmr.node.crossing.lateness import NEAR_ENTRANCE, POLICIES, REVISE_FROM, Lateness, Symptom
 from rmr.node.crossing.phases import (
     IGNORED,
     TRANSITIONS,
     Asking,
     Inside,
     Left,
+    OwnEvent,
     Phase,
     Preparing,
     SlotEvent,
     Slotted,
-    Step,
     phase_name,
 )
 from rmr.node.crossing.situation import (
@@ -171,7 +171,7 @@ class Crossing:
 
     # -- the machine ----------------------------------------------------------------------------------------
 
-    def _enter(self, event: type | Step, phase: Phase) -> None:
+    def _enter(self, event: type | OwnEvent, phase: Phase) -> None:
         """Enter `phase` by `event`: nothing else writes the phase."""
         assert TRANSITIONS[type(self.phase), event] is type(phase), (self.phase, event, phase)
         self.phase = phase
@@ -186,7 +186,7 @@ class Crossing:
         if isinstance(phase, Preparing):
             return self._request(now, phase, situation)
         if self.beyond and situation.excused:
-            self._enter(Step.EXCUSED, Left())
+            self._enter(OwnEvent.EXCUSED, Left())
             return [Withdraw()]
         return [*self._poll(now, phase, situation), SetReady(situation.ready)]
 
@@ -210,7 +210,7 @@ class Crossing:
     def renew(self, now: Instant, job: Job, goal: Area | None) -> list[Command]:
         """Give up what was requested, so that a new request follows."""
         given_up: list[Command] = [] if isinstance(self.phase, (Preparing, Left)) else [Withdraw()]
-        self._enter(Step.RENEWED, Preparing())
+        self._enter(OwnEvent.RENEWED, Preparing())
         self.job = job
         self.goal = goal
         self.late.committed = False
@@ -248,12 +248,12 @@ class Crossing:
     def finish(self) -> list[Command]:
         """Handle the end of the job before the robot has entered."""
         requested = not isinstance(self.phase, Preparing)
-        self._enter(Step.JOB_OVER, Left())
+        self._enter(OwnEvent.JOB_OVER, Left())
         return [Withdraw()] if requested else []
 
     def leave(self) -> list[Command]:
         """Leave: the robot is clear of the resource."""
-        self._enter(Step.CLEARED, Left())
+        self._enter(OwnEvent.CLEARED, Left())
         return [Leave(), TraceEntry("left", {"event": self.job.event})]
 
     def follow_leader(self, now: Instant, situation: Situation) -> list[Command]:
@@ -273,9 +273,9 @@ class Crossing:
             return []
         self.beyond = situation.beyond
         if situation.excused:
-            self._enter(Step.EXCUSED, Left())
+            self._enter(OwnEvent.EXCUSED, Left())
             return []
-        self._enter(Step.REQUESTED, Asking(now))
+        self._enter(OwnEvent.REQUESTED, Asking(now))
         plan = self.plan
         self.release = max(self.release, now + plan.approach)
         times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}
@@ -306,9 +306,7 @@ class Crossing:
             return self.renew(now, self.job, self.goal)
         self.plan = situation.plan or self.plan
         slot = phase.start if isinstance(phase, Slotted) else None
-        approach, set_out, in_entrance = self.plan.approach, situation.set_out, situation.in_entrance
-        found = Progress(approach, self.release, slot, set_out, in_entrance, situation.pose)
-        symptom = self.late.diagnose(now, found)
+        symptom = self.late.diagnose(now, situation, self.plan.approach, self.release, slot)
         return [] if symptom is None else self._treat(now, symptom)
 
     def _treat(self, now: Instant, symptom: Symptom) -> list[Command]:

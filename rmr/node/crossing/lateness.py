@@ -17,6 +17,7 @@ from typing import Final, NamedTuple
 
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.time import Duration, Instant, milliseconds, seconds
+from rmr.node.crossing.situation import Situation
 from rmr.node.motion.gate import PUT_OFF_S
 
 READY: Final[Duration] = milliseconds(200)
@@ -90,22 +91,6 @@ POLICIES: Final[dict[Symptom, LatePolicy]] = {
 """Symptom -> evidence, after how long, what the leader hears."""
 
 
-class Progress(NamedTuple):
-    """What a poll has found of a crossing that waits."""
-
-    approach: Duration
-    """Until the robot can be at its commit line."""
-    release: Instant
-    """When it can be there at the earliest, as the leader has heard."""
-    slot: Instant | None
-    """When its slot begins."""
-    set_out: bool
-    """Whether its action is under way."""
-    in_entrance: bool
-    """Whether it stands in an entrance where nobody gets past it."""
-    pose: Pose | None
-
-
 @dataclass(slots=True)
 class Lateness:
     """What one crossing remembers of being late."""
@@ -125,16 +110,27 @@ class Lateness:
     blocking_since: Instant | None = None
     """Since when the robot has stood in an entrance."""
 
-    def diagnose(self, now: Instant, found: Progress) -> Symptom | None:
-        """Return how the robot is late by what a poll has found, and remember that; None: it is in time."""
-        if self._blocks_entrance(now, found):
+    def diagnose(
+        self, now: Instant, found: Situation, approach: Duration, release: Instant, slot: Instant | None
+    ) -> Symptom | None:
+        """Return how the robot is late by what a poll has found, and remember that; None: it is in time.
+
+        It can be at its commit line after `approach`; the leader has heard `release`, and has given it `slot`.
+        """
+        if self._blocks_entrance(now, slot, in_entrance=found.in_entrance):
             return Symptom.BLOCKING_ENTRANCE
-        expected = now + found.approach
-        if found.slot is not None and expected <= found.slot + READY:
-            return Symptom.DEFERRED if self._is_deferred(found, expected) else None
-        if expected <= found.release + REVISE_FROM:
+        expected = now + approach
+        if slot is None or expected > slot + READY:
+            if expected <= release + REVISE_FROM:
+                return None
+            return Symptom.STUCK if self._is_stuck(now, found.pose) else Symptom.POSTPONING
+        if not found.set_out:
             return None
-        return Symptom.STUCK if self._is_stuck(now, found.pose) else Symptom.POSTPONING
+        if self.committed:
+            deferred = abs(approach - self.reported_approach) >= APPROACH_CHANGE
+        else:  # a demoted robot has reported a later release than it could keep: until then it lets others go first
+            deferred = slot - expected >= seconds(PUT_OFF_S) and expected >= release
+        return Symptom.DEFERRED if deferred else None
 
     def treat(self, now: Instant, symptom: Symptom, approach: Duration) -> Instant | None:
         """Return the release that the leader hears; None where it hears nothing yet."""
@@ -163,25 +159,17 @@ class Lateness:
         self.slots_wasted = 0
         self.demoted_at = None
 
-    def _is_deferred(self, found: Progress, expected: Instant) -> bool:
-        if not found.set_out:
-            return False
-        if self.committed:
-            return abs(found.approach - self.reported_approach) >= APPROACH_CHANGE
-        # A demoted robot has reported a later release than it could keep: it lets others go first until then.
-        return found.slot is not None and found.slot - expected >= seconds(PUT_OFF_S) and expected >= found.release
-
-    def _blocks_entrance(self, now: Instant, found: Progress) -> bool:
+    def _blocks_entrance(self, now: Instant, slot: Instant | None, *, in_entrance: bool) -> bool:
         """Return whether the robot has stood in an entrance for too long.
 
         Those that go first by the order would wait for it to leave, and it for them.
         """
-        if not found.in_entrance:
+        if not in_entrance:
             self.blocking_since = None
             return False
         if self.blocking_since is None:
             self.blocking_since = now
-        is_next = found.slot is not None and found.slot < now + SLOT_IS_NEAR
+        is_next = slot is not None and slot < now + SLOT_IS_NEAR
         if self.committed or is_next:
             return False
         return now - self.blocking_since >= POLICIES[Symptom.BLOCKING_ENTRANCE].after

@@ -59,7 +59,7 @@ class Left:
 Phase = Preparing | Asking | Slotted | Inside | Left
 
 
-class Step(Enum):
+class OwnEvent(Enum):
     """What ends a phase besides events of the coordination core."""
 
     REQUESTED = "requested"
@@ -76,28 +76,28 @@ class Step(Enum):
 
 SlotEvent = SlotAssigned | SlotLost | EntryMissed | Entered
 """What the coordination core tells a crossing."""
-TRANSITIONS: Final[dict[tuple[type, type | Step], type]] = {
-    (Preparing, Step.REQUESTED): Asking,
-    (Preparing, Step.RENEWED): Preparing,
-    (Preparing, Step.EXCUSED): Left,
-    (Preparing, Step.JOB_OVER): Left,
+TRANSITIONS: Final[dict[tuple[type, type | OwnEvent], type]] = {
+    (Preparing, OwnEvent.REQUESTED): Asking,
+    (Preparing, OwnEvent.RENEWED): Preparing,
+    (Preparing, OwnEvent.EXCUSED): Left,
+    (Preparing, OwnEvent.JOB_OVER): Left,
     (Asking, SlotAssigned): Slotted,
     (Asking, SlotLost): Asking,
     (Asking, EntryMissed): Asking,
     (Asking, Entered): Inside,
-    (Asking, Step.RENEWED): Preparing,
-    (Asking, Step.EXCUSED): Left,
-    (Asking, Step.JOB_OVER): Left,
+    (Asking, OwnEvent.RENEWED): Preparing,
+    (Asking, OwnEvent.EXCUSED): Left,
+    (Asking, OwnEvent.JOB_OVER): Left,
     (Slotted, SlotAssigned): Slotted,
     (Slotted, SlotLost): Asking,
     (Slotted, EntryMissed): Asking,
     (Slotted, Entered): Inside,
-    (Slotted, Step.RENEWED): Preparing,
-    (Slotted, Step.EXCUSED): Left,
-    (Slotted, Step.JOB_OVER): Left,
-    (Inside, Step.CLEARED): Left,
-    (Inside, Step.RENEWED): Preparing,
-    (Left, Step.RENEWED): Preparing,
+    (Slotted, OwnEvent.RENEWED): Preparing,
+    (Slotted, OwnEvent.EXCUSED): Left,
+    (Slotted, OwnEvent.JOB_OVER): Left,
+    (Inside, OwnEvent.CLEARED): Left,
+    (Inside, OwnEvent.RENEWED): Preparing,
+    (Left, OwnEvent.RENEWED): Preparing,
 }
 """Phase and event -> the next phase."""
 IGNORED: Final = frozenset(
