@@ -67,6 +67,10 @@ class Course:
     replan_from: Instant = 0
     """Before the entrance a route is planned from then on, since the newest slot is near."""
 
+    def send(self, destination: Point | None) -> None:
+        """Send the robot to `destination`; None: no longer anywhere else."""
+        self.destination = destination
+
     def planned(self, now: Instant) -> None:
         """Note that a route has been planned."""
         self.destination = None
@@ -188,7 +192,8 @@ class Crossing:
         if self.beyond and situation.excused:
             self._enter(OwnEvent.EXCUSED, Left())
             return [Withdraw()]
-        return [*self._poll(now, phase, situation), SetReady(situation.ready)]
+        commands = self._poll(now, phase, situation)
+        return commands if isinstance(self.phase, Preparing) else [*commands, SetReady(situation.ready)]
 
     def handle(self, now: Instant, event: SlotEvent, situation: Situation) -> list[Command]:
         """Take in what the coordination core tells."""

@@ -55,7 +55,7 @@ class Destinations:
         assert wheels is not None
         if goal == self.current() and wheels.navigator.status == "moving":
             return
-        crossing.course.destination = goal
+        crossing.course.send(goal)
         robot.announce(now)
         self.follow(now, crossing)
 
@@ -63,6 +63,6 @@ class Destinations:
         """Plan the route to the place that the robot was sent to, once it has entered or may plan again."""
         running, course = self._around.robot.driving, crossing.course
         if course.destination is None or running is None or running.permit is not crossing:
-            course.destination = None
+            course.send(None)
         elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, course.replan_from):
             self._around.robot.depart(course.destination, final_heading=None, permit=crossing)

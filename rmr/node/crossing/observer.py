@@ -6,7 +6,7 @@ is made only where the crossing's step is about to use it: to ask, at a poll, an
 
 from dataclasses import replace
 
-from rmr.base.arena import Area
+from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Pose
 from rmr.base.time import Instant
 from rmr.coord.coordination import Coordination
@@ -18,6 +18,7 @@ from rmr.node.crossing.situation import CrossingPlan, Situation
 from rmr.node.crossing.surroundings import Surroundings, Wheels
 from rmr.node.motion.estimate import Estimate
 from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.route import Route
 
 
 class Observer:
@@ -32,11 +33,13 @@ class Observer:
         phase = crossing.phase
         if isinstance(phase, Preparing):
             return self.before_request(now, crossing)
+        wheels = self._around.wheels
         if isinstance(phase, Inside):
-            return self._inside(crossing, phase)
+            if wheels is None or not crossing.plan.gated:
+                return Situation()
+            return inside(wheels.navigator, crossing, self._around.pose, phase.route)
         if crossing.beyond and self._core.passes(crossing.group_id):
             return Situation(excused=True)
-        wheels = self._around.wheels
         if wheels is not None and crossing.poll_is_due(now):
             return self._polled(now, crossing, wheels.navigator)
         return self.at_event(crossing)
@@ -109,7 +112,7 @@ class Observer:
 
     def _polled(self, now: Instant, crossing: Crossing, navigator: Navigator) -> Situation:
         """Return what a poll compares: a robot that stands inside has to get out, whatever its estimate is."""
-        if self._finds_itself_within(crossing):
+        if finds_itself_within(navigator.arena, crossing, self._around.pose):
             return Situation(within=True)
         pose = self._around.pose
         _, plan = self.estimate(now, crossing)
@@ -121,26 +124,24 @@ class Observer:
             in_entrance=resource.in_entrance(navigator, crossing.goal, pose, gated=gated),
         )
 
-    def _finds_itself_within(self, crossing: Crossing, slack_m: float = 0.0) -> bool:
-        pose, goal = self._around.pose, crossing.goal
-        if pose is None or goal is None:
-            return False
-        return resource.stands_within(self._around.config.arena, goal, pose, slack_m)
 
-    def _inside(self, crossing: Crossing, phase: Inside) -> Situation:
-        wheels = self._around.wheels
-        if wheels is None or not crossing.plan.gated:
-            return Situation()
-        navigator = wheels.navigator
-        route = phase.route or resource.entered_route(navigator)
-        if crossing.plan.within and route is None and self._finds_itself_within(crossing, resource.OFF_ROUTE_M):
-            return Situation(within=True)
-        ahead = resource.entered_route(navigator)
-        passed = navigator.passed_gate
-        return Situation(
-            route=route,
-            retreating=navigator.aside and not passed,
-            before_hold_line=ahead is not None and not ahead.within and not passed,
-            cleared=resource.is_clear(navigator, route, wheels.localiser.pose),
-            eta_clear=navigator.eta_clear(),
-        )
+def finds_itself_within(arena: Arena, crossing: Crossing, pose: Pose | None, slack_m: float = 0.0) -> bool:
+    """Return whether the robot at `pose` stands in the resource of `crossing`, or within `slack_m` of that."""
+    goal = crossing.goal
+    return pose is not None and goal is not None and resource.stands_within(arena, goal, pose, slack_m)
+
+
+def inside(navigator: Navigator, crossing: Crossing, pose: Pose | None, entered: Route | None) -> Situation:
+    """Return how a robot at `pose` gets on inside, which has `entered` by that route as far as is known."""
+    ahead, passed = resource.entered_route(navigator), navigator.passed_gate
+    route = entered or ahead
+    starts = crossing.plan.within and route is None  # its action is still to begin
+    if starts and finds_itself_within(navigator.arena, crossing, pose, resource.OFF_ROUTE_M):
+        return Situation(within=True)
+    return Situation(
+        route=route,
+        retreating=navigator.aside and not passed,
+        before_hold_line=ahead is not None and not ahead.within and not passed,
+        cleared=resource.is_clear(navigator, route, pose),
+        eta_clear=navigator.eta_clear(),
+    )
