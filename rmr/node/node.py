@@ -24,7 +24,6 @@ from rmr.node.actions.built_in import PROVIDED, NodeHandle
 from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, Running, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import CoordLink
-from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.crossing.surroundings import Surroundings
 from rmr.node.driver import Driver
@@ -68,10 +67,8 @@ class Node:
         self.machine = new_machine(program, config.robot, choices, engine=config.engine, trace=traced)
         self.senses = SensedFacts(program, self.machine)
         self.peers = Peers()
-        self.driver: Driver | None = None
+        self.driver = None if ports.body is None else Driver(config, ports.body)
         """None: a robot without a body."""
-        if ports.body is not None:
-            self.driver = Driver(config, ports.body)
         values = replace(config.values, payload_max=ports.link.payload_max)
         core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, values)
         self.crossings = Crossings(
@@ -337,7 +334,7 @@ class Node:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
         if self.driver is None:
             raise ActionFailed("the robot has no wheels")
-        rank, place = (permit.rank, permit.place) if isinstance(permit, Crossing) else (0, 0)
+        rank, place = (permit.rank, permit.place) if permit else (0, 0)
         return self.driver.take_place(self.now, area, rank, place, self.peers)
 
     def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:

@@ -107,6 +107,11 @@ def registered() -> dict[str, Handler]:
 class Permit(Protocol):
     """What an action that serves a job waits for: the job's crossing of a shared resource."""
 
+    rank: int
+    """The robot's place in the schedule, from 1; 0 without one."""
+    place: int
+    """Its place among those that go the same direction."""
+
     @property
     def waits(self) -> bool:
         """Whether the robot may not enter the resource yet."""
