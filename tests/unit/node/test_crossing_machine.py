@@ -1,7 +1,6 @@
 """The state machine of a crossing, as values: a complete table, one writer of the phase, crossings kept apart."""
 
 import ast
-from copy import deepcopy
 from itertools import product
 from pathlib import Path
 from random import Random
@@ -190,9 +189,9 @@ def test_two_crossings_of_one_robot_keep_to_the_table_and_apart_whatever_happens
     for _ in range(400):
         now += milliseconds(rng.randrange(400))
         one, other = rng.sample(crossings, 2)
-        before, trigger = deepcopy(other, {id(other.job): other.job}), one.trigger
+        before, trigger = repr(other), one.trigger
         ledger.take(one, happen(rng, now, one, ledger.live))
-        assert other == before, "another resource is none of its business"
+        assert repr(other) == before, "another resource is none of its business"
         assert one.trigger >= trigger
         assert one.released(now) or one.waits
         assert isinstance(one.phase, Left) or one.next_wake < now + seconds(10)

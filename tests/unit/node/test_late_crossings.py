@@ -10,7 +10,7 @@ from rmr.base.geometry import Point, Pose
 from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Robot
 from rmr.coord.events import EntryMissed, SlotAssigned
-from rmr.node.actions.dispatcher import Running
+from rmr.node.actions.dispatcher import Handler, Running
 from rmr.node.crossing.crossing import POLL_EVERY, Crossing
 from rmr.node.crossing.lateness import APPROACH_CHANGE, BACK_OFF, BACK_OFF_MAX, POLICIES, Symptom
 from rmr.node.crossing.phases import Asking, Inside, Preparing, Slotted
@@ -113,7 +113,7 @@ def test_a_slot_wasted_near_the_entrance_in_a_crowd_commits_instead_of_demoting(
 
 def test_a_robot_that_stands_and_need_not_leave_for_a_while_knows_it():
     one = crossing(10.0)
-    running = Running(0, "moveto", (), lambda _: iter(()))
+    running = Running(0, "moveto", (), Handler("moveto", lambda _: iter(())))
     running.started = 0
     one.serving.append(running)
     assert not one.leaves_after(0), "it is under way"
