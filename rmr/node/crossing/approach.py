@@ -88,7 +88,7 @@ class Approach:
 
 @lru_cache(maxsize=16)
 def departures(arena: Arena, area_name: str, direction: int) -> tuple[float, ...]:
-    """Return how far each place of an area is from the entrance of `direction`, metres; none where there is no route."""
+    """Return how far each place of an area is from the entrance of `direction`, metres; empty without a route."""
     entrance, area = arena.mouth(direction), arena.area(area_name)
     if entrance is None or area is None:
         return ()
