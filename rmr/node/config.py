@@ -20,7 +20,7 @@ FinishPattern = tuple[str, tuple[Anything | Constant, ...]]
 """Predicate and patterns, without the owner, of the fact that ends the robot's part."""
 
 UNKNOWN_INSIDE: Final[Duration] = seconds(1)
-"""Expected length of a turn whose action is not a drive; the turn is extended while the action lasts longer."""
+"""Expected length of a crossing whose action is not a drive; it is extended while the action lasts longer."""
 LISTEN: Final[Duration] = milliseconds(1200)
 """Time that a restarted robot listens before it drives: two hellos of each parked robot."""
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)

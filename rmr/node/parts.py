@@ -10,13 +10,9 @@ from typing import Any, Protocol
 from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point
 from rmr.base.time import Instant
-from rmr.base.values import Symbol
-from rmr.bytecode.program import Program
 from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
+from rmr.node.actions.dispatcher import Handler, Permit
 from rmr.node.config import NodeConfig
-from rmr.node.driver import Driver
-from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
 from rmr.node.peers.perception import Peers, Percept
 
@@ -26,20 +22,6 @@ class Radio(Protocol):
 
     def transmit(self, payload: bytes, destination: int | None) -> int:
         """Hand a payload to the radio (None: for everybody); return the handle by which its outcome will be known."""
-
-
-class Course(Protocol):
-    """Where the robot is going."""
-
-    @property
-    def driving(self) -> RunningAction | None:
-        """The action that has the wheels."""
-
-    def bound_for(self) -> Point | None:
-        """Return the place to which the robot drives, or the slot on which it stands."""
-
-    def change_place(self, now: Instant, place: Point) -> None:
-        """Have the driving action go to another place."""
 
 
 class RunnerHost(Protocol):
@@ -106,28 +88,3 @@ class ActionHost(DrivingHost, Protocol):
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
-
-
-class CrossingHost(DrivingHost, Protocol):
-    """What the crossings of shared resources ask of their robot."""
-
-    program: Program
-    driver: Driver | None
-    senses: SensedFacts
-
-    @property
-    def driving(self) -> RunningAction | None:
-        """The action that has the wheels."""
-
-    @property
-    def frame_ends(self) -> Instant:
-        """When the next frame of 1/60 s begins."""
-
-    def announce(self, now: Instant) -> None:
-        """Say hello at once: something that matters to the others has changed."""
-
-    def drives_to_area(self, action: int) -> bool:
-        """Return whether an action drives to the area that it names: it may be gated."""
-
-    def leads(self, now: Instant, name: Symbol, does: bool) -> None:
-        """State whether the robot leads an event of assertion `name`."""

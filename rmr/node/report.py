@@ -3,8 +3,8 @@
 from typing import Any, Protocol
 
 from rmr.base.time import Instant, in_seconds
-from rmr.node.crossing.turn import Phase
-from rmr.node.crossing.turns import Turns
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.crossing.phases import Slotted, phase_name
 from rmr.node.driver import Driver
 from rmr.node.executive import Executive
 from rmr.node.logic.machine_runner import MachineRunner
@@ -20,7 +20,7 @@ class ReportedNode(Protocol):
     robot: int
     machine: Machine
     driver: Driver | None
-    crossings: Turns
+    crossings: Crossings
     executive: Executive
     messenger: Messenger
     runner: MachineRunner
@@ -97,14 +97,14 @@ def progress(node: ReportedNode, now: Instant) -> str:
     """Return what the robot is doing in a few words."""
     if node.finish_at is not None:
         return f"finished at {in_seconds(node.finish_at):.1f} s"
-    turn = node.crossings.current
+    crossing = node.crossings.current
     action = node.services.actions.driving
     doing = action.text(node.robot) if action is not None else "waiting"
-    if turn is None:
+    if crossing is None:
         return doing
-    if turn.phase is Phase.SLOTTED:
-        return f"{doing}, turn {turn.rank} in {in_seconds(turn.start - now):.1f} s"
-    return f"{doing}, {turn.phase.value}"
+    if isinstance(crossing.phase, Slotted):
+        return f"{doing}, turn {crossing.rank} in {in_seconds(crossing.phase.start - now):.1f} s"
+    return f"{doing}, {phase_name(crossing.phase)}"
 
 
 def status(node: ReportedNode, now: Instant, radio: dict[str, int]) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class RobotState:
         self.due = True
         """Whether the node itself asked for this call; else the host had input for it."""
         self.dirty = True
-        """Whether rules, actions or turns have something to look at in this call."""
+        """Whether rules, actions or crossings have something to look at in this call."""
         self.reschedule = True
         """Whether this call may have changed when the robot is due next; hellos of others alone do not."""
 
@@ -63,7 +63,7 @@ class RobotState:
         return now - self.now > SUSPENDED_AFTER
 
     def mark_dirty(self) -> None:
-        """Have rules, actions and turns looked at in this call."""
+        """Have rules, actions and crossings looked at in this call."""
         self.dirty = True
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:

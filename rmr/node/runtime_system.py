@@ -9,7 +9,7 @@ from typing import Final
 from rmr.base.time import Instant
 from rmr.node.actions.dispatcher import Dispatcher
 from rmr.node.crossing.coordination_link import CoordLink
-from rmr.node.crossing.turns import Turns
+from rmr.node.crossing.crossings import Crossings
 from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.messenger import Messenger
 from rmr.node.robot_state import RobotState
@@ -19,14 +19,14 @@ ROUNDS_MAX: Final = 64
 
 
 class RuntimeSystem:
-    """Runs one robot's program, actions, turns and coordination."""
+    """Runs one robot's program, actions, crossings and coordination."""
 
     def __init__(
         self,
         state: RobotState,
         runner: MachineRunner,
         actions: Dispatcher,
-        crossings: Turns,
+        crossings: Crossings,
         coordination: CoordLink,
         messenger: Messenger,
     ) -> None:
@@ -67,7 +67,7 @@ class RuntimeSystem:
             self._runner.run(now)
         actions.step(now)
         self._crossings.step(now)
-        # Again, since actions and turns have asked for slots: what the core says to that leaves in this call.
+        # Again, since actions and crossings have asked for slots: what the core says to that leaves in this call.
         self._coordinate(now)
         self._messenger.flush(now)
         more = machine.has_due(now) and (self._runner.settle(now) or self._runner.due(now))

@@ -10,14 +10,12 @@ from typing import Any
 from rmr.base.arena import Area
 from rmr.base.geometry import Point
 from rmr.base.time import Instant
-from rmr.base.values import Symbol, Value
+from rmr.base.values import Value
 from rmr.node import payloads
 from rmr.node.actions.action_log import ActionLog
 from rmr.node.actions.built_in import PROVIDED, NodeHandle
 from rmr.node.actions.dispatcher import ActionFailed, Dispatcher, Handler, Permit, RunningAction
-from rmr.node.crossing.destination import bound_for, redirect
-from rmr.node.crossing.turn import Phase, Turn
-from rmr.node.crossing.turns import Turns
+from rmr.node.crossing.crossings import Crossings
 from rmr.node.executive import Executive
 from rmr.node.logic.machine_runner import MachineRunner
 from rmr.node.motion.navigator import Navigator
@@ -49,7 +47,7 @@ class RobotServices:
         self._handlers = handlers
 
     def join(
-        self, actions: Dispatcher, crossings: Turns, presence: Presence, runner: MachineRunner, executive: Executive
+        self, actions: Dispatcher, crossings: Crossings, presence: Presence, runner: MachineRunner, executive: Executive
     ) -> None:
         """Take the parts that are made later; before that only what needs none of them may be asked."""
         self.actions = actions
@@ -78,13 +76,6 @@ class RobotServices:
             raise ValueError(f"the program knows no predicate {name}")
         self._robot_state.machine.insert(now, index, tuple(args))
         self._robot_state.mark_dirty()
-
-    def leads(self, now: Instant, name: Symbol, does: bool) -> None:
-        """State whether the robot leads an event of assertion `name`."""
-        if does:
-            self.senses.add(now, "leads", (name,))
-        else:
-            self.senses.drop(now, "leads", (name,))
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
@@ -151,19 +142,9 @@ class RobotServices:
         return self.driver.take_place(self.now, area, rank, place, self.peers)
 
     def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
-        """Set out for `goal`; by a gated crossing through its gate. Needs a body and a pose."""
-        assert self.driver is not None
-        turn = permit
-        assert turn is None or isinstance(turn, Turn)
+        """Set out for `goal`; by a gated crossing through its hold line. Needs a body and a pose."""
         self._robot_state.mark_dirty()
-        gated = turn is not None and turn.gated and turn.phase is not Phase.LEFT
-        shared = self.crossings.leading.shared(turn.event, turn.way) if turn is not None and gated else None
-        self.driver.depart(self.now, goal, self.peers, heading=final_heading, gated=gated, shared=shared)
-        if turn is not None:
-            turn.bound = None
-            turn.planned_at = self.now
-        if turn is not None and gated:
-            self.crossings.apply_gate(turn)
+        self.crossings.depart(self.now, goal, final_heading, permit)
         self.announce(self.now)
 
     @property
@@ -179,15 +160,3 @@ class RobotServices:
     def announce(self, now: Instant) -> None:
         """Say hello at once: something that matters to the others has changed."""
         self._presence.hello_soon(now)
-
-    def bound_for(self) -> Point | None:
-        """Return the place to which the robot drives, or the slot on which it stands."""
-        return bound_for(self)
-
-    def change_place(self, now: Instant, place: Point) -> None:
-        """Have the driving action go to another place: on a turn the way is planned in time, else at once."""
-        running = self.actions.driving
-        if running is not None and isinstance(running.permit, Turn):
-            redirect(self, now, place, running.permit)
-        else:
-            self.depart(place, final_heading=None, permit=None)

@@ -7,7 +7,6 @@ from lab_maker import small_lab, traced
 
 from rmr.base.geometry import Point
 from rmr.base.time import seconds
-from rmr.node.crossing.destination import bound_for
 from rmr_sim.run import prepare
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "labs" / "testbed"
@@ -124,7 +123,7 @@ def test_a_robot_that_drives_away_gives_up_its_slot(tmp_path):
         lab="finish: away(R)\n",
     )
     assert simulation.run()
-    assert bound_for(simulation.robots[0].node.services) is None
+    assert simulation.robots[0].node.crossings.destinations.current() is None
 
 
 def test_a_drive_of_a_robot_that_never_finds_itself_fails(tmp_path):
@@ -252,7 +251,7 @@ def test_a_handler_drives_by_the_provided_actions_step_by_step(tmp_path):
     assert peek["failure"] == 'robot.moveto drives: declare the handler with @action("peek", wheels=True)'
     assert fetch["failure"] is None
     assert node.services.percept().pose.x == pytest.approx(0.3, abs=0.05)
-    assert bound_for(node.services) is None, "it has given up the place in the box"
+    assert node.crossings.destinations.current() is None, "it has given up the place in the box"
 
 
 def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_the_place(tmp_path):
@@ -272,7 +271,7 @@ def test_a_robot_that_stands_in_its_place_while_an_action_turns_it_still_claims_
     def look(_now):
         driving = node.actions.driving
         if driving is not None and driving.name == "face":
-            claims.add(bound_for(node.services))
+            claims.add(node.crossings.destinations.current())
 
     simulation.checkers.append(look)
     simulation.run()

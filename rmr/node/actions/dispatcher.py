@@ -5,7 +5,7 @@ own. They are not asyncio coroutines: each `await` hands a `Pause` to the dispat
 the first call at which the pause is over, so that actions run in virtual time as they do in a process.
 
 Rules. An action that uses the wheels waits until the wheels are free, first come first served; `stop` does not
-wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing.turns`), and
+wait. An action that serves a time assertion's job is held back until the job's turn (`rmr.node.crossing`), and
 does not keep others from the wheels meanwhile; if its slot moves away before it has begun, it is held again.
 Completion inserts the declared effects, `ActionFailed` the `else` effects.
 """
@@ -15,7 +15,6 @@ from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from rmr.base.geometry import Point
 from rmr.base.mistake import frames, place_in, words
 from rmr.base.printable import one_line
 from rmr.base.time import NEVER, Instant
@@ -109,15 +108,13 @@ class Permit(Protocol):
     """What an action that serves a job waits for: the job's crossing of a shared resource."""
 
     rank: int
-    """The robot's place in the schedule, 0 without one."""
+    """The robot's place in the schedule, from 1; 0 without one."""
     place: int
-    """The robot is the place-th of those that go its way; 0: not known."""
-    bound: Point | None
-    """The place that the robot has taken while under way, until it has planned its way there."""
+    """Its place among those that go the same direction."""
 
     @property
     def waits(self) -> bool:
-        """Whether the robot may not enter yet."""
+        """Whether the robot may not enter the resource yet."""
 
     def released(self, now: Instant) -> bool:
         """Return whether the action may begin."""

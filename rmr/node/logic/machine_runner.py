@@ -1,7 +1,7 @@
 """The runtime system's part of a robot: it runs the machine and sees that whatever the machine reports happens.
 
 Facts, goals and news for other robots go to the deliveries, actions to the dispatcher or to their executors, jobs to
-the turns, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
+the crossings, and everything into the trace. An action that has ended brings its effects, wakes the chain of steps that
 waits for it, and is reported to the robot that derived it.
 """
 
@@ -11,8 +11,7 @@ from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
 from rmr.node.actions.dispatcher import Dispatcher, RunningAction
-from rmr.node.crossing.turn import Turn
-from rmr.node.crossing.turns import Turns
+from rmr.node.crossing.crossings import Crossings
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.parts import RunnerHost
 from rmr.node.robot_state import RobotState
@@ -46,7 +45,7 @@ class MachineRunner:
     """Runs one robot's machine and carries out what it reports."""
 
     def __init__(
-        self, state: RobotState, deliveries: Deliveries, crossings: Turns, actions: Dispatcher, host: RunnerHost
+        self, state: RobotState, deliveries: Deliveries, crossings: Crossings, actions: Dispatcher, host: RunnerHost
     ) -> None:
         self._state = state
         self._robot = state.robot
@@ -154,12 +153,11 @@ class MachineRunner:
             return
         name = self._program.predicates[event.predicate].name
         jobs = self._machine.serves(event.predicate, event.args)
-        # Jobs come first due first: of several that it serves, an action goes by the turn of the most urgent one.
-        turn = self._crossings.serving(now, jobs[0], event.predicate, event.args) if jobs else None
+        # Jobs come first due first: of several that it serves, an action goes by the crossing of the most urgent one.
+        permit = self._crossings.permit(now, jobs[0], event.predicate, event.args) if jobs else None
         handler = self._host.handler(name)
-        running = RunningAction(event.serial, name, event.args, handler, turn, now, missed, event.origin)
-        if turn is not None:
-            turn.serving.append(running)
+        running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
+        self._crossings.action_derived(running)
         self._actions.derive(now, running)
 
     # -- what becomes of actions ------------------------------------------------------------------------------
@@ -174,9 +172,7 @@ class MachineRunner:
         self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
             self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))
-        if isinstance(running.permit, Turn):
-            running.permit.serving.remove(running)
-            self._crossings.action_ended(now, running.permit)
+        self._crossings.action_ended(now, running)
         if self._state.driver is None:
             predicate = self._program.predicates[action]
             self._suppose(now, predicate.effects if failure is None else predicate.else_effects, running.args)

@@ -14,11 +14,12 @@ from rmr.base.geometry import Point
 from rmr.base.streams import stream
 from rmr.base.time import NEVER, Instant
 from rmr.node import payloads
-from rmr.node.crossing.turn import Phase
-from rmr.node.crossing.turns import Turns
+from rmr.node.actions.dispatcher import Dispatcher
+from rmr.node.crossing.crossings import Crossings
+from rmr.node.crossing.phases import Slotted
 from rmr.node.motion.hearing import OVERDUE
 from rmr.node.motion.priority import Heard
-from rmr.node.parts import Course, Radio
+from rmr.node.parts import Radio
 from rmr.node.payloads import Hello, PayloadKind, WireError
 from rmr.node.peers.hello import STAYS, STAYS_SPARE, HelloClock
 from rmr.node.peers.perception import driving_of
@@ -66,14 +67,14 @@ def dated(read: Instant, frame: Received) -> Instant:
 class Presence:
     """One robot's hellos, said and heard."""
 
-    def __init__(self, state: RobotState, radio: Radio, crossings: Turns, course: Course) -> None:
+    def __init__(self, state: RobotState, radio: Radio, crossings: Crossings, actions: Dispatcher) -> None:
         self._state = state
         self._config = state.config
         self._peers = state.peers
         self._driver = state.driver
         self._radio = radio
         self._crossings = crossings
-        self._course = course
+        self._actions = actions
         self._parked: Sequence[Point] | None = None
         """Where others stand, as the navigator was last given it."""
         self._hellos: HelloClock | None = None
@@ -102,7 +103,7 @@ class Presence:
     def telemetry(self, now: Instant) -> None:
         """Notice a change that matters to others, as between parked and moving."""
         if self._hellos is not None and self._driver is not None:
-            self._hellos.look(now, parked=self._course.driving is None, back=self._driver.speed < 0.0)
+            self._hellos.look(now, parked=self._actions.driving is None, back=self._driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
         """Say hello if that is due."""
@@ -111,19 +112,19 @@ class Presence:
             self._say_hello(now, parked=self._hellos.parked)
 
     def _plan_next(self, now: Instant, hellos: HelloClock) -> None:
-        turn = self._crossings.current
+        crossing = self._crossings.current
         if not self._config.crowded:
-            hellos.rewind(now, waits=turn is not None)
+            hellos.rewind(now, waits=crossing is not None)
             return
-        leaves = turn is not None and turn.phase is Phase.SLOTTED and not self._stays(now)
-        hellos.rewind(now, waits=turn is not None, leaves=leaves, driving=len(self._peers.driving(now)))
+        leaves = crossing is not None and isinstance(crossing.phase, Slotted) and not self._stays(now)
+        hellos.rewind(now, waits=crossing is not None, leaves=leaves, driving=len(self._peers.driving(now)))
 
     def _stays(self, now: Instant) -> bool:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
-        if not self._config.crowded or self._driver is None or self._course.driving is not None:
+        if not self._config.crowded or self._driver is None or self._actions.driving is not None:
             return False
-        turn = self._crossings.current
-        return self._state.finish.holds if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
+        crossing = self._crossings.current
+        return self._state.finish.holds if crossing is None else crossing.leaves_after(now + STAYS + STAYS_SPARE)
 
     def _say_hello(self, now: Instant, *, parked: bool) -> None:
         driver = self._driver
@@ -134,7 +135,7 @@ class Presence:
         if stays:
             # A promise: those who heard it count on it for STAYS, so the wheels are held a little longer than that.
             driver.stays_until = now + STAYS + STAYS_SPARE
-        goal = self._course.bound_for()
+        goal = self._crossings.destinations.current()
         rank = self._crossings.rank
         hello = Hello(pose.x, pose.y, pose.theta, driver.speed, parked, rank, goal, self._state.digest, stays)
         self._radio.transmit(payloads.encode_hello(hello), None)
@@ -175,21 +176,23 @@ class Presence:
     def _disputes(self, source: int, hello: Hello) -> bool:
         """Return whether `hello` is a reason to look for another place than the one that the robot goes to."""
         driver = self._driver
-        running = self._course.driving
+        running = self._actions.driving
         if driver is None or driver.place is None or running is None:
             return False
-        turn = running.permit
-        bound = driver.navigator.goal if turn is None or turn.bound is None else turn.bound
-        if bound != driver.place:  # another action has the wheels, such as `face`: it keeps them
+        crossing = self._crossings.crossing(running)
+        sent = None if crossing is None else crossing.course.destination
+        if (
+            sent or driver.navigator.goal
+        ) != driver.place:  # another action has the wheels, such as `face`: it keeps them
             return False
-        return driver.disputes(source, hello, outside=turn is not None and turn.waits)
+        return driver.disputes(source, hello, outside=crossing is not None and crossing.waits)
 
     def _change_place(self, now: Instant) -> None:
         """Go to another place: a robot that goes first has taken this one's."""
         assert self._driver is not None
         place = self._driver.choose_again(now, self._peers)
         if place is not None:
-            self._course.change_place(now, place)
+            self._crossings.destinations.change_place(now, place)
 
     def _update_parked(self, now: Instant) -> None:
         """Let the navigator know where others stand, if that has changed; one without a goal need not."""

@@ -14,6 +14,7 @@ from rmr.base.time import Duration, Instant
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
 from rmr.coord.values import Values, same_way
+from rmr.node.crossing.situation import Unforeseen
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import TICK, Scene
 
@@ -23,7 +24,7 @@ NO_COUNTER = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Inside:
+class Admitted:
     """One robot's passage."""
 
     robot: int
@@ -42,13 +43,14 @@ class Passages:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._slots: Newest[tuple[int, bytes], SlotAssigned] = Newest()
-        self._inside: dict[bytes, dict[int, Inside]] = {}
+        self._inside: dict[bytes, dict[int, Admitted]] = {}
         self._entered: Newest[tuple[int, bytes, Instant], None] = Newest()
         """The jobs that have had their entry: a second one is noticed."""
         scene.hear(SlotAssigned, self._slotted)
         scene.hear(SlotLost, self._unslotted)
         scene.hear(EntryMissed, self._unslotted)
         scene.hear(Entered, self._entry)
+        scene.hear(Unforeseen, self._unforeseen)
 
     def __call__(self, _now: Instant) -> None:
         """Forget those who have left."""
@@ -65,6 +67,10 @@ class Passages:
     def _unslotted(self, robot: int, _now: Instant, lost: SlotLost | EntryMissed) -> None:
         self._slots.pop((robot, lost.event), None)
 
+    def _unforeseen(self, robot: int, now: Instant, event: Unforeseen) -> None:
+        words = f"robot {robot} heard of its crossing, which was {event.phase}, {event.event}"
+        self._scene.violate(now, "entry", (robot,), words)
+
     def _entry(self, robot: int, now: Instant, entered: Entered) -> None:
         job = self._scene.node(robot).core.job(entered.event)
         slot = self._slots.pop((robot, entered.event), None)
@@ -76,7 +82,7 @@ class Passages:
         else:
             self._judge_entry(robot, entered.start, slot, job)
             term = (slot.term, slot.leader)
-        one = Inside(robot, job, entered.start, job.request.way, job.request.headway, term, entered.cautious)
+        one = Admitted(robot, job, entered.start, job.request.way, job.request.headway, term, entered.cautious)
         inside = self._inside.setdefault(entered.event, {})
         for other in inside.values():
             if other.robot != robot:
@@ -95,7 +101,7 @@ class Passages:
             violate(start, "entry", (robot,), f"robot {robot} entered twice for one job")
         self._entered[key] = None
 
-    def _judge_pair(self, now: Instant, one: Inside, other: Inside) -> None:
+    def _judge_pair(self, now: Instant, one: Admitted, other: Admitted) -> None:
         """Complain if `one` must not enter while `other` is inside."""
         if one.cautious or not self._bound(now, one, other):
             return
@@ -110,7 +116,7 @@ class Passages:
             words = f"robot {one.robot} entered {apart_ms} ms behind robot {other.robot}; {least_ms} ms is the least"
             self._scene.violate(now, "spacing", pair, words)
 
-    def _bound(self, now: Instant, one: Inside, other: Inside) -> bool:
+    def _bound(self, now: Instant, one: Admitted, other: Admitted) -> bool:
         """Return whether the protocol promises anything of these two."""
         scene = self._scene
         if one.term == other.term:

@@ -11,7 +11,7 @@ import math
 
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
-from rmr.node.crossing.turn import Phase
+from rmr.node.crossing.phases import Inside
 from rmr.node.motion.barred import closest_solid, robots_named
 from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.newest import Newest
@@ -79,11 +79,11 @@ class StandsStill:
         """Return what keeps the robot, as the world sees it: who has the turn, and what its hull stands close to."""
         scene, reasons = self._scene, []
         world, arena = scene.simulation.world, scene.simulation.lab.arena
-        turn = scene.node(robot).crossings.current
-        if turn is not None and turn.waits:
-            inside = [other for other in scene.robots if other != robot and self._inside(other, turn.event)]
+        crossing = scene.node(robot).crossings.current
+        if crossing is not None and crossing.waits:
+            inside = [other for other in scene.robots if other != robot and self._inside(other, crossing.group_id)]
             holders = f", held by robot {', '.join(map(str, inside))}" if inside else ""
-            reasons.append(f"it waits for its turn of {turn.job.name}{holders}")
+            reasons.append(f"it waits for its turn of {crossing.job.name}{holders}")
         x, y, _ = world.pose(robot)
         radius = arena.shape.radius
         others = {other: world.pose(other) for other in scene.robots if other != robot}
@@ -96,8 +96,8 @@ class StandsStill:
 
     def _inside(self, robot: int, event: bytes) -> bool:
         """Return whether `robot` has the turn of `event`."""
-        turn = self._scene.node(robot).crossings.current if self._scene.alive(robot) else None
-        return turn is not None and turn.event == event and not turn.waits
+        crossing = self._scene.node(robot).crossings.current if self._scene.alive(robot) else None
+        return crossing is not None and crossing.group_id == event and not crossing.waits
 
     def _look(self, robot: int, now: Instant) -> None:
         x, y, _ = self._scene.simulation.world.pose(robot)
@@ -111,14 +111,14 @@ class StandsStill:
 
     def _note_use(self, robot: int) -> None:
         """Count the progress of a robot inside its event as use of the event, for those that wait for their turn."""
-        turn = self._scene.node(robot).crossings.current
-        if turn is not None and turn.phase is Phase.INSIDE:
-            self._used[turn.event] = max(self._used.get(turn.event, 0), self._got_on[robot])
+        crossing = self._scene.node(robot).crossings.current
+        if crossing is not None and isinstance(crossing.phase, Inside):
+            self._used[crossing.group_id] = max(self._used.get(crossing.group_id, 0), self._got_on[robot])
 
     def _got_on_at(self, robot: int) -> Instant:
         """Return when the robot got on last, by itself or by others' use of the event for which it waits."""
-        turn = self._scene.node(robot).crossings.current
-        return max(self._got_on[robot], 0 if turn is None else self._used.get(turn.event, 0))
+        crossing = self._scene.node(robot).crossings.current
+        return max(self._got_on[robot], 0 if crossing is None else self._used.get(crossing.group_id, 0))
 
     def _has_to(self, robot: int) -> bool:
         """Return whether the robot drives, or waits for a turn."""

@@ -1,4 +1,4 @@
-"""Many turns of one robot at a time: which action goes by which, and what looking after them costs."""
+"""Many crossings of one robot at a time: which action goes by which, and what looking after them costs."""
 
 import sys
 
@@ -15,7 +15,7 @@ wanted(R, N) -o charge(R, N).
 
 
 def with_jobs(count: int) -> Flock:
-    """Return a robot, and an idle one that it asks, with `count` open jobs: their actions wait for their turns."""
+    """Return a robot, and an idle one that it asks, with `count` open jobs: their actions wait for their crossings."""
     flock = Flock(CHARGES, 2, action_s=5.0)
     for number in range(count):
         flock.insert(1, "need", number)
@@ -46,7 +46,7 @@ def test_looking_after_eight_times_the_jobs_costs_eight_times_as_much():
     assert steps(many.node(1).crossings.step, many.kernel.now) < 9 * steps(few.node(1).crossings.step, few.kernel.now)
 
 
-def test_a_turn_knows_its_action_until_that_has_ended():
+def test_a_crossing_knows_its_action_until_that_has_ended():
     flock = with_jobs(1)
     running = flock.node(1).actions.held[0]
     assert running.permit.action is running
