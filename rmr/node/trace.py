@@ -17,7 +17,7 @@ ENTRIES_MAX: Final = 4096
 """Entries kept for the host; the oldest half goes first."""
 
 
-class Level(IntEnum):
+class TraceLevel(IntEnum):
     """How much a robot notes."""
 
     NOTHING = 0
@@ -84,15 +84,15 @@ class Trace:
 
     __slots__ = ("_robot", "entries", "level")
 
-    def __init__(self, robot: int, level: Level) -> None:
-        self.level = level
+    def __init__(self, robot: int, level: TraceLevel) -> None:
+        self.level: Final = level
         self.entries: list[dict[str, Any]] = []
         self._robot = robot
 
     def note(self, now: Instant, what: str, **fields: Any) -> None:
         """Note that `what`, a word of `EVENTS`, has happened."""
         assert tuple(fields) == EVENTS[what].fields, (what, *fields)
-        if self.level is Level.NOTHING:
+        if self.level is TraceLevel.NOTHING:
             return
         if len(self.entries) >= ENTRIES_MAX:
             del self.entries[: ENTRIES_MAX // 2]

@@ -13,7 +13,7 @@ from typing import Any
 
 from rmr.base.time import Duration
 from rmr.coord.timing import Order, ScheduleTiming, Timing
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr_sim.chaos import with_chaos
 from rmr_sim.checkers.attachment import attach_checkers
 from rmr_sim.event import Event
@@ -61,7 +61,7 @@ class LoadedLab:
     key: bytes | None = field(repr=False)
     """The key of the radio, if that is secured."""
 
-    def simulation(self, seed: int | None = None, trace: Level = Level.NOTES) -> Simulation:
+    def simulation(self, seed: int | None = None, trace: TraceLevel = TraceLevel.NOTES) -> Simulation:
         """Return the run of `seed` (None: the lab's). Raises ProgramError when the user's files are wrong."""
         lab = self.lab
         program = self.program
@@ -97,7 +97,7 @@ def prepare(
     path: Path,
     *,
     seed: int | None = None,
-    trace: Level = Level.NOTES,
+    trace: TraceLevel = TraceLevel.NOTES,
     events: Iterable[Event] = (),
     warn: Callable[[str], None] = lambda _: None,
     **options: Any,

@@ -19,7 +19,7 @@ from rmr.coord.timing import Timing
 from rmr.node.actions.dispatcher import Handler
 from rmr.node.config import GivenFact, NodeConfig
 from rmr.node.node import Node
-from rmr.node.trace import Level
+from rmr.node.trace import TraceLevel
 from rmr.radio.links import Disturbance
 from rmr_sim.bodies import needs_bodies
 from rmr_sim.event import Event, EventError, call_observer, checked, instant
@@ -49,7 +49,7 @@ class Simulation(RobotHost):
         digest: int,
         seed: int,
         handlers: Mapping[str, Handler] | None = None,
-        trace: Level = Level.NOTES,
+        trace: TraceLevel = TraceLevel.NOTES,
         key: bytes | None = None,
         timing: Timing | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
@@ -108,7 +108,7 @@ class Simulation(RobotHost):
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
-    def _config(self, trace: Level, timing: Timing) -> NodeConfig:
+    def _config(self, trace: TraceLevel, timing: Timing) -> NodeConfig:
         """Return the configuration of the first robot, from which those of the others are made."""
         lab = replace(self.lab, seed=self.seed)
         facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)

@@ -60,13 +60,13 @@ class Gate:
         """The route that was asked for last."""
         self._stop_m = self._line_m = 0.0
 
-    def stop_m(self, route: Route) -> float:
+    def hold_line_m(self, route: Route) -> float:
         """Return the arc length at which the robot waits for the gate to open."""
         if route is not self._route:
             self._measure(route)
         return self._stop_m
 
-    def line_m(self, route: Route) -> float:
+    def commit_line_m(self, route: Route) -> float:
         """Return the arc length of the gate's line."""
         if route is not self._route:
             self._measure(route)
@@ -94,7 +94,7 @@ class Gate:
         Else one that begins in that room, where it may not wait, would go in for a step to and fro.
         """
         if self.opened or route.within or route.room_m <= 0.0 or route.gate_m is None:
-            return self.stop_m(route)
+            return self.hold_line_m(route)
         return route.gate_m + self.shape.radius
 
     def limit(self, now: Instant, route: Route, s: float) -> float:
@@ -103,12 +103,12 @@ class Gate:
         if route.gate_m is None or self.opened or self.passed:
             self.holding = False
             return speed
-        stop = braking_speed(self.stop_m(route) - s)
+        stop = braking_speed(self.hold_line_m(route) - s)
         if self.opens_at is None:
             self.holding = False
             return min(speed, stop)
         left = in_seconds(self.opens_at - now)
-        to_line = self.line_m(route) - s
+        to_line = self.commit_line_m(route) - s
         self.holding = self._too_early(to_line, left) and (self.holding or left > PUT_OFF_S + to_line / speed)
         if self.holding:
             return 0.0
@@ -154,7 +154,9 @@ class Gate:
         """Return whether the robot would not yet leave were its way longer by what it drives in `AHEAD_S`."""
         if not self.holding or self.opens_at is None:
             return False
-        return self._too_early(self.line_m(route) - s + AHEAD_S * self.shape.speed, in_seconds(self.opens_at - now))
+        return self._too_early(
+            self.commit_line_m(route) - s + AHEAD_S * self.shape.speed, in_seconds(self.opens_at - now)
+        )
 
     def _too_early(self, to_line: float, left: float) -> bool:
         """Return whether leaving now would mean creeping."""

@@ -358,7 +358,7 @@ class Navigator:
         follower = self._follower
         if follower is None or follower.route.gate_m is None:
             return False
-        way = self._gate.line_m(follower.route) - follower.s
+        way = self._gate.commit_line_m(follower.route) - follower.s
         # The way alone, at full speed, rules it out nearly always: then the turn need not be known.
         return way <= in_seconds(within) * self.arena.shape.speed and self.eta_gate() <= within
 
@@ -367,7 +367,7 @@ class Navigator:
         follower = self._follower
         if follower is None or follower.route.gate_m is None or self._gate.passed:
             return 0
-        way = self._gate.line_m(follower.route) - follower.s
+        way = self._gate.commit_line_m(follower.route) - follower.s
         return 0 if way <= 0.0 else time_left(self.arena.shape, follower, self._pose, way, self._v)
 
     def eta_clear(self) -> Duration:
@@ -392,7 +392,7 @@ class Navigator:
         if route is None:
             return None
         turn = abs(Follower(route, self.arena.shape).heading_error(pose))
-        return estimate_of(self.arena.shape, route, self._gate.line_m(route), turn)
+        return estimate_of(self.arena.shape, route, self._gate.commit_line_m(route), turn)
 
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""

@@ -1,11 +1,10 @@
-"""When a robot says where it stands: every 0.2 to 0.35 s while it moves, 0.5 to 1 s while parked, at once on a change.
+"""Schedule of hellos: every 0.2 to 0.35 s while the robot moves, 0.5 to 1 s while it is parked, at once on a change.
 
-Among few it speaks sooner while it waits for its turn, and for half a second when it begins.
+A small group speaks more often: while waiting for a slot, and for half a second after boot. Others plan around parked
+robots and keep off places that are taken. A robot without a body has no place to tell.
 
-Others plan around parked robots and keep off places that are taken. A robot without a body has no place to tell.
-
-In a crowd most robots stand, and each frame is heard by all. Who will stand for a while says that it stays: whoever
-drives by need not hear it again so soon. Those that drive, or are about to, speak as often as so few of them may.
+In a crowd most robots stand, and each frame is heard by all. A robot that will stand for a while says so (`STAYS`), and
+need not be heard again so soon. Robots that drive, or are about to, share the rate among themselves alone.
 """
 
 from random import Random
@@ -14,31 +13,36 @@ from typing import Final
 from rmr.base.time import NEVER, Duration, Instant, milliseconds, seconds
 
 PERIOD_MOVING: Final[Duration] = milliseconds(200)
+"""Least period of a moving robot."""
 PERIOD_MOVING_MAX: Final[Duration] = milliseconds(350)
+"""Greatest period of a moving robot: two lost hellos in a row do not yet make it silent (`motion.hearing`)."""
 MOVING_APART: Final[Duration] = milliseconds(8)
+"""Period of a moving robot per robot of the roster, between least and greatest: all share one channel."""
 PERIOD_PARKED: Final[Duration] = milliseconds(500)
+"""Least period of a parked robot."""
 PERIOD_PARKED_MAX: Final[Duration] = seconds(1)
+"""Greatest period of a parked robot: one lost hello does not yet make it silent (`motion.hearing`)."""
 PARKED_APART: Final[Duration] = milliseconds(20)
-"""Per robot of the roster a period is so long, between its least and its greatest: many robots share one air, and those
-that stand leave it to those that drive. At the longest period a robot of which two hellos in a row are lost while it
-moves, or one while it is parked, is not yet taken for silent (`motion.hearing`)."""
+"""Period of a parked robot per robot of the roster; longer than `MOVING_APART`, so that the channel is left to those
+that drive."""
 FIRST_AFTER: Final[Duration] = milliseconds(60)
+"""Delay of the first hello after boot, before its random spread."""
 FIRST_SPREAD: Final[Duration] = milliseconds(20)
-"""The first hellos are spread over this much per robot of the roster, at most one second where that is enough."""
+"""Random spread of the first hello per robot of the roster, one second at most where `ANSWER_SPREAD` allows."""
 EAGER: Final[Duration] = milliseconds(500)
+"""Start-up: time after boot with the period `PERIOD_EAGER`; others wait until they have heard the robot."""
 PERIOD_EAGER: Final[Duration] = milliseconds(80)
-"""For so long a robot that begins speaks that often, or as one that moves where that is no more often: the others wait
-until they have heard it, and should not miss their turns where a frame in ten is lost."""
+"""Start-up: least period of hellos, so that one gets through soon where a frame in ten is lost."""
 STAYS: Final[Duration] = seconds(3)
-"""Who says that it stays does so for this long: one that is parked in a crowd says three hellos meanwhile."""
+"""Time for which a robot that says that it stays does so: three hellos of one parked in a crowd."""
 STAYS_SPARE: Final[Duration] = milliseconds(500)
-"""And so much longer, for what it says takes a while to be sent and read."""
+"""Time beyond `STAYS` that the robot stands: its hello takes a while to be sent and read."""
 SPREAD: Final = 0.1
-"""Share by which a period is shorter or longer, so that two robots do not speak at once for ever."""
+"""Random share of a period, either way, so that two robots do not keep speaking at the same instants."""
 CHANGE_SPREAD: Final[Duration] = milliseconds(20)
-"""A change is told within this, where that is enough."""
+"""Random delay of a hello that tells a change, in a small group."""
 ANSWER_SPREAD: Final[Duration] = milliseconds(5)
-"""Per robot of the roster, enough: what matters to several, as a new schedule does, may change for all at once."""
+"""Random delay of a hello that tells a change, per robot of the roster: a new schedule concerns all at once."""
 
 
 class HelloClock:
@@ -70,7 +74,8 @@ class HelloClock:
     def look(self, now: Instant, *, parked: bool, back: bool = False) -> None:
         """Notice a change between parked and moving, and between driving `back` and not: others reckon with it."""
         if parked != self.parked or back != self._back:
-            self.parked, self._back = parked, back
+            self.parked = parked
+            self._back = back
             self.soon(now)
 
     def rewind(self, now: Instant, *, waits: bool = False, leaves: bool = False, driving: int | None = None) -> None:

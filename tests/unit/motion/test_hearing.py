@@ -8,10 +8,10 @@ from rmr.base.time import Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.avoid import safe_speed
 from rmr.node.motion.hearing import SILENT_PARKED, Hearing, Known
 from rmr.node.motion.priority import order_key
+from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
 from rmr.node.peers.perception import Peers
 from rmr.node.ports import SeenBody
-from rmr.node.wire import Hello
 
 SHAPE = RobotShape()
 HERE = Pose(0.5, 0.5, 0.0)

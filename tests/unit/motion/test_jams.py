@@ -10,7 +10,10 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
-from rmr.node.crossing.turn import Phase, Turn, gets_nowhere
+from rmr.node.crossing.crossing import Crossing
+from rmr.node.crossing.observer import inside
+from rmr.node.crossing.phases import Inside
+from rmr.node.crossing.situation import CrossingPlan, Withdraw
 from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away, ways_of
 from rmr.node.motion.avoid import ENDURED, StandOff
 from rmr.node.motion.navigator import Navigator
@@ -83,8 +86,9 @@ def test_before_the_mouth_a_robot_gives_up_its_passage_and_leaves_but_not_within
     assert navigator.aside is walks
     assert navigator.passed_gate is not walks
     job = TimedJob(1, 0, "crossing", "crossing()", "across(@1)", 0, seconds(60), (), Robot(1))
-    inside = Turn(job, b"e", 0, None, phase=Phase.INSIDE, entered_at=now)
-    assert gets_nowhere(now, inside, navigator) is walks, "others wait for a turn that is not used"
+    crossing = Crossing(job, b"group.", 0, None, Inside(now, None), CrossingPlan(gated=True), entered_at=now)
+    gives_up = Withdraw() in crossing.step(now, inside(navigator, crossing, at, None))
+    assert gives_up is walks, "others wait for an entry that is not used"
 
 
 @pytest.mark.parametrize("seen", [Pose(1.91, 0.69, -1.3), Pose(1.86, 0.86, -2.1)])

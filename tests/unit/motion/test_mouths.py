@@ -56,7 +56,7 @@ def test_a_robot_is_clear_when_its_hull_is_out_of_the_other_mouth():
 def test_who_waits_leaves_room_for_who_comes_out():
     route = through(LEFT, RIGHT)
     gate = Gate(TWOWAY.shape, holding=False)
-    assert math.dist(route.point(gate.stop_m(route)), MOUTHS[0]) > 3.0 * RADIUS
+    assert math.dist(route.point(gate.hold_line_m(route)), MOUTHS[0]) > 3.0 * RADIUS
 
 
 def test_who_stands_where_others_come_out_is_in_their_way_until_it_may_enter():
@@ -161,7 +161,7 @@ def test_departures_are_measured_from_the_mouth_of_the_way():
 def test_who_is_put_off_on_its_way_stands_and_leaves_when_it_is_just_in_time():
     route = through(Point(2.6, 0.9), LEFT)
     gate = Gate(TWOWAY.shape, holding=False)
-    drive = seconds(gate.line_m(route) / TWOWAY.shape.speed)
+    drive = seconds(gate.commit_line_m(route) / TWOWAY.shape.speed)
     gate.opens_at = drive + seconds(PUT_OFF_S - 0.1)
     assert gate.limit(0, route, 0.0) > 0.0
     gate.opens_at = drive + seconds(PUT_OFF_S + 0.1)
