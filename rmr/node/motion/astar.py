@@ -24,7 +24,7 @@ from rmr.node.motion.grid import (
     RELAXED_M,
     TIGHT_MARGIN_M,
     Discs,
-    Grid,
+    OccupancyGrid,
     blocked_cells,
     discs_around,
     grid_of,
@@ -103,14 +103,14 @@ def _trace(parent: Sequence[int], goal: int) -> list[int]:
     return cells
 
 
-def grid_path(grid: Grid, cells: Sequence[int]) -> GridPath:
+def grid_path(grid: OccupancyGrid, cells: Sequence[int]) -> GridPath:
     """Return a list of neighbouring cells as first cell and steps."""
     codes = {dr * grid.stride + dc: code for code, (dc, dr) in enumerate(STEPS)}
     return GridPath(grid.cell_at(cells[0]), tuple(codes[b - a] for a, b in pairwise(cells)))
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class FreeSpace:
     """What one plan must keep clear of, and how far."""
 
     arena: Arena
@@ -180,11 +180,11 @@ def _plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], marg
     cells, expansions = search(grid.stride, blocked, first, last)
     if cells is None:
         return None
-    floor = Floor(arena, discs, start, goal, margin_m)
+    floor = FreeSpace(arena, discs, start, goal, margin_m)
     points = floor.pull([start, *(grid.centre(index) for index in cells), goal])
     return Plan(tuple(points), grid_path(grid, cells), expansions)
 
 
-def _snap(grid: Grid, blocked: bytearray, point: Point) -> int | None:
+def _snap(grid: OccupancyGrid, blocked: bytearray, point: Point) -> int | None:
     """Return the free cell nearest to `point`."""
     return next((index for index in grid.near(*point, SNAP_M) if not blocked[index]), None)

@@ -11,11 +11,11 @@ A robot that turns is judged twice: as if it drove on straight, and along the ch
 The second covers a body abeam on the inner side of the turn, which is out of view and not ahead until shortly before
 the contact.
 
-The field of view is narrow: a body that has left it is remembered for a moment (`Watch`) where it would be now,
+The field of view is narrow: a body that has left it is remembered for a moment (`BodyMemory`) where it would be now,
 and if it crept, where it was, for it may have stopped; so turning away from a body does not make it vanish. It is
 forgotten as soon as its robot says where it is.
 
-Robots that stop each other for longer than their patience are in a stand-off (`StandOff`). The way out is a
+Robots that stop each other for longer than their patience are in a stand-off (`DeadlockDetector`). The way out is a
 detour around where the others are, biased to the right, so that two robots face to face both pass on the right
 hand; where there is no way around, a little way back.
 """
@@ -28,7 +28,7 @@ from typing import Final, final
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, Twist, hypot
 from rmr.base.time import Duration, Instant, in_seconds, seconds
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.stopping import BRAKE, LAG_S, stopping_speed
 from rmr.node.ports import SeenBody
 
@@ -203,14 +203,14 @@ class _Seen:
         self.vy: Final = vy
         self.at: Final = at
 
-    def is_told_of(self, other: Known, radius: float) -> bool:
+    def is_told_of(self, other: ReportedState, radius: float) -> bool:
         """Return whether this is `other`, who has said since where it is."""
         age = in_seconds(other.at - self.at)
         away = hypot(self.x + self.vx * age - other.x, self.y + self.vy * age - other.y)
         return age > 0.0 and away < radius
 
 
-class Watch:
+class BodyMemory:
     """The bodies around: those in view and those that have just left it."""
 
     __slots__ = ("_memory", "_shape")
@@ -220,7 +220,7 @@ class Watch:
         self._memory: list[_Seen] = []
 
     def update(
-        self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], heard: Sequence[Known] = ()
+        self, now: Instant, pose: Pose, bodies: Sequence[SeenBody], heard: Sequence[ReportedState] = ()
     ) -> Sequence[SeenBody]:
         """Take in what is seen from `pose` and was `heard`; return all bodies seen around in the robot's frame."""
         if not bodies and not self._memory:
@@ -278,7 +278,7 @@ def _in_frame(pose: Pose, cos: float, sin: float, x: float, y: float, vx: float,
     return SeenBody(dx * cos + dy * sin, dy * cos - dx * sin, vx, vy)
 
 
-class StandOff:
+class DeadlockDetector:
     """Notices that others keep this robot standing."""
 
     __slots__ = ("_at", "_at_since", "_patience", "_since", "ghosts", "ghosts_until", "tries", "walks")

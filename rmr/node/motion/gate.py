@@ -39,7 +39,7 @@ AHEAD_S: Final = 3.0
 """A robot that still holds for longer than this need not know its way: others will move before it leaves."""
 
 
-class Gate:
+class EntryGate:
     """What is known about the gate during one drive."""
 
     __slots__ = (

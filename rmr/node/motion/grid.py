@@ -30,7 +30,7 @@ Discs = tuple[tuple[float, float, float], ...]
 """Parked robots: x, y and the distance that another robot's centre keeps, metres."""
 
 
-class Grid:
+class OccupancyGrid:
     """The cells of one arena. Index of a cell: (row + 1) * stride + column + 1."""
 
     __slots__ = ("arena", "cell", "clear", "columns", "rows", "stride")
@@ -85,9 +85,9 @@ class Grid:
 
 
 @lru_cache(maxsize=16)
-def grid_of(arena: Arena) -> Grid:
+def grid_of(arena: Arena) -> OccupancyGrid:
     """Return the grid of `arena`, made once."""
-    return Grid(arena)
+    return OccupancyGrid(arena)
 
 
 @lru_cache(maxsize=32)
@@ -129,7 +129,7 @@ def same_places(a: Sequence[Point], b: Sequence[Point]) -> bool:
     return all(any(distance(*p, *q) < SAME_PLACE_M for q in b) for p in a)
 
 
-def blocked_cells(grid: Grid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:
+def blocked_cells(grid: OccupancyGrid, start: Point, goal: Point, discs: Discs, inflation_m: float) -> bytearray:
     """Return for each cell 1 if a robot's centre must not enter it on the way from `start` to `goal`."""
     blocked = bytearray(_inflated(grid.arena, inflation_m))
     tight = grid.arena.shape.radius + TIGHT_MARGIN_M

@@ -65,7 +65,7 @@ NEAR_M: Final = 0.5
 
 
 @final
-class Known:
+class ReportedState:
     """What another robot last said about itself. It is never changed."""
 
     __slots__ = ("at", "parked", "rank", "robot", "silent", "vx", "vy", "x", "y")
@@ -118,10 +118,10 @@ class Hearing:
         self._shape = shape
         self._moving = period_max(robots, parked=False)
         self._parked = period_max(robots, parked=True)
-        self._silent: list[Known] = []
+        self._silent: list[ReportedState] = []
         self._silent_from: Instant = 0
         """Before this none of those can be near; 0: to be looked at."""
-        self.fresh: list[Known] = []
+        self.fresh: list[ReportedState] = []
         """Those near that are not silent."""
         self.order = order_key(0, 0)
         """What the right of way of this robot goes by."""
@@ -132,7 +132,7 @@ class Hearing:
         self.doubts_at: Instant = NEVER
         """When one of those near will have been silent for too long; not looked at again before the next update."""
 
-    def update(self, pose: Pose, known: Sequence[Known]) -> None:
+    def update(self, pose: Pose, known: Sequence[ReportedState]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
         self._silent, self._silent_from = [other for other in known if other.silent], 0
         self.fresh = [
@@ -140,7 +140,7 @@ class Hearing:
         ]
         self.doubts_at = min((self._doubted_at(other) for other in self.fresh), default=NEVER)
 
-    def _doubted_at(self, other: Known) -> Instant:
+    def _doubted_at(self, other: ReportedState) -> Instant:
         """Return from when on one that is near counts as silent."""
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
         return other.at + hellos + OVERDUE
@@ -200,7 +200,7 @@ class Hearing:
         doubts = now > self.doubts_at
         if not doubts and not self._silent:
             return False
-        near: list[Known] = []
+        near: list[ReportedState] = []
         if now >= self._silent_from and self._silent:
             near = [other for other in self._silent if self._reaches(now, other, pose)]
             if not near:
@@ -209,14 +209,14 @@ class Hearing:
             near += [other for other in self.fresh if self._doubts(now, other, pose)]
         return len(near) > 0 and not self._in_view(now, pose, seen, near)
 
-    def _doubts(self, now: Instant, other: Known, pose: Pose) -> bool:
+    def _doubts(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether one that is near has not been heard when it should have been, and is not behind."""
         if now <= self._doubted_at(other) or not self._reaches(now, other, pose):
             return False
         dx, dy = other.x - pose.x, other.y - pose.y
         return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * hypot(dx, dy)
 
-    def _reaches(self, now: Instant, other: Known, pose: Pose) -> bool:
+    def _reaches(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether `other` may touch the robot before it stands."""
         speed = self._shape.speed
         touch = 2.0 * self._shape.radius + MARGIN_M + speed * in_seconds(now - other.at)
@@ -233,7 +233,7 @@ class Hearing:
         gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
-    def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[Known]) -> bool:
+    def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[ReportedState]) -> bool:
         """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]
@@ -246,6 +246,6 @@ class Hearing:
             free.remove(found)
         return True
 
-    def _may_be(self, now: Instant, other: Known, place: Point) -> bool:
+    def _may_be(self, now: Instant, other: ReportedState, place: Point) -> bool:
         reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * MARGIN_M
         return hypot(other.x - place.x, other.y - place.y) <= reach

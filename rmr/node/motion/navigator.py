@@ -16,16 +16,27 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
-from rmr.node.motion.aside import Aside, Side, back, for_a_moment, retreat, side_of, stay, walk_away, way_aside, ways_of
-from rmr.node.motion.avoid import EARLY_PATIENCE, StandOff, Watch, limit_twist, way_back_s, with_heard
+from rmr.node.motion.avoid import EARLY_PATIENCE, BodyMemory, DeadlockDetector, limit_twist, way_back_s, with_heard
 from rmr.node.motion.estimate import Estimate, estimate_of, time_left
 from rmr.node.motion.follow import FACED, Follower, turn_towards
-from rmr.node.motion.gate import Gate
+from rmr.node.motion.gate import EntryGate
 from rmr.node.motion.grid import discs_around, off_goal, same_places
 from rmr.node.motion.hearing import BESIDE_M, Hearing
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.queueing import Queueing
-from rmr.node.motion.route import Order, Route, follower_route, gated_again, leader_route, off_queue, shared_part
+from rmr.node.motion.route import DriveOrder, Route, follower_route, gated_again, leader_route, off_queue, shared_part
+from rmr.node.motion.standoff.refuge import (
+    Aside,
+    Side,
+    back,
+    for_a_moment,
+    retreat,
+    side_of,
+    stay,
+    walk_away,
+    way_aside,
+    ways_of,
+)
 from rmr.node.ports import SeenBody
 
 RETRY_S: Final = 0.5
@@ -49,9 +60,9 @@ class Navigator:
         self.status = "idle"
         """``idle``, ``moving``, ``arrived`` or ``blocked`` (no way; tried again when parked robots change)."""
         self.replans = 0
-        self._order: Order | None = None
+        self._order: DriveOrder | None = None
         self._follower: Follower | None = None
-        self._gate = Gate(arena.shape, holding=False)
+        self._gate = EntryGate(arena.shape, holding=False)
         self._face: float | None = None
         self._driven: Twist | None = None
         self._parked: tuple[Point, ...] = ()
@@ -61,8 +72,8 @@ class Navigator:
         self._back_until: Instant = 0
         self._aside: Aside | None = None
         self._share, self._v = 1.0, 0.0
-        self._watch = Watch(arena.shape)
-        self._stand_off = StandOff(robot)
+        self._watch = BodyMemory(arena.shape)
+        self._stand_off = DeadlockDetector(robot)
         self._driving: Sequence[Heard] = ()
         """What others that drive said last."""
         self._standing = Standing()
@@ -85,9 +96,9 @@ class Navigator:
         if self._order is None or self.status not in ("moving", "blocked"):
             self._stand_off.reset()  # else it is the same drive by another way, in the same stand-off
         self._clear()
-        self._order = Order(goal, shared, through_gate)
+        self._order = DriveOrder(goal, shared, through_gate)
         self._face, self._parked, self._pose = final_heading, tuple(parked), pose
-        self._gate = Gate(self.arena.shape, holding=through_gate)
+        self._gate = EntryGate(self.arena.shape, holding=through_gate)
         return self._replan(now, pose)
 
     def gate(self, opens_at: Instant | None, opened: bool) -> None:
@@ -136,7 +147,7 @@ class Navigator:
 
     def _clear(self) -> None:
         self._order = self._follower = self._face = self._driven = self._aside = None
-        self._gate, self._queue = Gate(self.arena.shape, holding=False), Queueing()
+        self._gate, self._queue = EntryGate(self.arena.shape, holding=False), Queueing()
         self._replan_due = False
         self._back_until = 0
         self._share, self._v = 1.0, 0.0

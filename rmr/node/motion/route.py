@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
-from rmr.node.motion.astar import Floor, plan
+from rmr.node.motion.astar import FreeSpace, plan
 from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 
 GATE_REACH_M: Final = 0.15
@@ -135,7 +135,7 @@ class Route:
         return best_s
 
 
-class Order(NamedTuple):
+class DriveOrder(NamedTuple):
     """A drive that was asked for: where to, along which shared path, and whether through the gate."""
 
     goal: Point
@@ -312,7 +312,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     points = points[nearest:]
     if len(points) < 2:
         return None
-    floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
     for a, b in pairwise(points):
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
@@ -324,7 +324,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
 
 def _leg(arena: Arena, start: Point, goal: Point, parked: Sequence[Point]) -> list[Point] | None:
     """Return the straight leg if it is free, else one by A*, else None."""
-    floor = Floor(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
     if distance(*start, *goal) < 1e-9 or floor.sight(start, goal):
         return [start, goal]
     found = plan(arena, start, goal, parked)

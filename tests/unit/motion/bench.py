@@ -13,7 +13,7 @@ from random import Random
 from rmr.base.arena import Area, Arena, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
 from rmr.base.time import Instant, in_seconds, tick_start
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
@@ -247,7 +247,7 @@ class Stream:
         for body in self.order:
             pose, rank, parked = body.estimate, self.rank(body), body.nav.parked
             vx, vy = body.v * math.cos(pose.theta), body.v * math.sin(pose.theta)
-            known.append(Known(body.robot, pose.x, pose.y, vx, vy, bench.now, parked, False, rank))
+            known.append(ReportedState(body.robot, pose.x, pose.y, vx, vy, bench.now, parked, False, rank))
             if not parked:
                 driving.append(Heard(body.robot, pose, body.nav.goal, rank, bench.now))
         for body in self.order:

@@ -9,13 +9,13 @@ from rmr.node.motion.avoid import (
     BACK_S,
     EARLY_PATIENCE,
     MEMORY_S,
-    StandOff,
-    Watch,
+    BodyMemory,
+    DeadlockDetector,
     limit_twist,
     safe_speed,
     way_back_s,
 )
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.hearing import ReportedState
 from rmr.node.ports import SeenBody
 
 RADIUS = 0.07
@@ -117,7 +117,7 @@ def test_a_slow_approach_stops_as_well_as_a_fast_one():
 
 
 def test_a_body_that_the_robot_turned_away_from_is_remembered_for_a_moment():
-    watch = Watch(RobotShape())
+    watch = BodyMemory(RobotShape())
     watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
     (seen,) = watch.update(seconds(0.2), Pose(0.0, 0.0, math.radians(80)), ())
     assert math.isclose(math.hypot(seen.x, seen.y), 0.2)
@@ -126,7 +126,7 @@ def test_a_body_that_the_robot_turned_away_from_is_remembered_for_a_moment():
 
 
 def test_a_body_that_crept_is_remembered_where_it_would_be_and_where_it_was_for_it_may_have_stopped():
-    watch = Watch(RobotShape())
+    watch = BodyMemory(RobotShape())
     watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.08, 0.0)])
     aside = Pose(0.0, 0.0, math.radians(80))
     ways = sorted(math.hypot(seen.x, seen.y) for seen in watch.update(seconds(0.5), aside, ()))
@@ -134,7 +134,7 @@ def test_a_body_that_crept_is_remembered_where_it_would_be_and_where_it_was_for_
 
 
 def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
-    watch = Watch(RobotShape())
+    watch = BodyMemory(RobotShape())
     watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2)])
     assert not watch.update(seconds(0.1), Pose(0.0, 0.0, 0.0), ())
 
@@ -142,24 +142,24 @@ def test_a_remembered_body_that_should_be_in_view_and_is_not_is_forgotten():
 def test_a_remembered_body_is_forgotten_when_its_robot_says_where_it_is():
     aside, later = Pose(0.0, 0.0, math.radians(80)), seconds(0.2)
     for robot_says, remembered in (
-        (Known(2, 0.2, 0.03, 0.0, 0.0, later, False, False), 0),
-        (Known(2, 0.2, 0.03, 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
-        (Known(3, 0.2, 0.18, 0.0, 0.0, later, False, False), 1),  # another one
+        (ReportedState(2, 0.2, 0.03, 0.0, 0.0, later, False, False), 0),
+        (ReportedState(2, 0.2, 0.03, 0.0, 0.0, 0, False, False), 1),  # no later than it was seen
+        (ReportedState(3, 0.2, 0.18, 0.0, 0.0, later, False, False), 1),  # another one
     ):
-        watch = Watch(RobotShape())
+        watch = BodyMemory(RobotShape())
         watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.2)])
         assert len(watch.update(later, aside, (), [robot_says])) == remembered
 
 
 def test_a_moving_body_is_remembered_where_it_would_be_now():
-    watch = Watch(RobotShape())
+    watch = BodyMemory(RobotShape())
     watch.update(0, Pose(0.0, 0.0, 0.0), [body(0.2, 0.0, 0.0, 0.4)])
     (seen,) = watch.update(seconds(0.5), Pose(0.0, 0.0, 0.0), ())
     assert math.isclose(seen.y, 0.2)
 
 
 def test_a_stand_off_begins_when_patience_is_over_and_not_while_the_robot_moves():
-    stand_off = StandOff(robot=0)
+    stand_off = DeadlockDetector(robot=0)
     wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
     assert not stand_off.blocked(0, wish, stopped)
     assert not stand_off.blocked(seconds(0.5), wish, wish)
@@ -169,7 +169,7 @@ def test_a_stand_off_begins_when_patience_is_over_and_not_while_the_robot_moves(
 
 
 def test_turning_to_the_way_out_of_a_stand_off_is_no_standing_before_another():
-    stand_off = StandOff(robot=0)
+    stand_off = DeadlockDetector(robot=0)
     wish, stopped, turning = Twist(FULL, 0.0), Twist(0.0, 0.0), Twist(0.0, 3.0)
     assert not stand_off.blocked(0, wish, stopped)
     assert stand_off.blocked(seconds(0.8), wish, stopped)
@@ -181,7 +181,7 @@ def test_turning_to_the_way_out_of_a_stand_off_is_no_standing_before_another():
 def test_before_the_own_slot_patience_lasts_longer_for_standing_is_in_order():
     wish, stopped = Twist(FULL, 0.0), Twist(0.0, 0.0)
     for more, after_s in ((0, 0.8), (EARLY_PATIENCE, 3.8)):
-        stand_off = StandOff(robot=0)
+        stand_off = DeadlockDetector(robot=0)
         assert not stand_off.blocked(0, wish, stopped, more)
         assert not stand_off.blocked(seconds(after_s - 0.2), wish, stopped, more)
         assert stand_off.blocked(seconds(after_s), wish, stopped, more)
@@ -202,7 +202,7 @@ def test_head_to_head_in_a_bottleneck_one_way_gives_way_ever_farther_and_the_oth
 def test_robots_differ_in_patience():
     times = []
     for robot in range(4):
-        stand_off = StandOff(robot)
+        stand_off = DeadlockDetector(robot)
         now = 0
         while not stand_off.blocked(now, Twist(FULL, 0.0), Twist(0.0, 0.0)):
             now += seconds(0.01)
@@ -212,9 +212,9 @@ def test_robots_differ_in_patience():
 
 def test_a_detour_takes_the_other_to_be_further_left_so_that_both_pass_on_the_right():
     for theta in (0.0, math.pi / 2, math.pi):
-        stand_off = StandOff(1)
+        stand_off = DeadlockDetector(1)
         ahead = (0.2 * math.cos(theta), 0.2 * math.sin(theta))
-        watch = Watch(RobotShape())
+        watch = BodyMemory(RobotShape())
         watch.update(0, Pose(0.0, 0.0, theta), [body(0.2)])
         stand_off.mark(0, Pose(0.0, 0.0, theta), watch.places(0), RADIUS)
         body_itself, ghost = stand_off.ghosts

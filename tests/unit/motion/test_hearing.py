@@ -6,7 +6,7 @@ from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.avoid import safe_speed
-from rmr.node.motion.hearing import SILENT_PARKED, Hearing, Known
+from rmr.node.motion.hearing import SILENT_PARKED, Hearing, ReportedState
 from rmr.node.motion.priority import order_key
 from rmr.node.peers.hello import STAYS
 from rmr.node.peers.perception import Peers
@@ -27,11 +27,11 @@ def known(
     parked: bool = False,
     silent: bool = False,
     rank: int = 0,
-) -> Known:
-    return Known(robot, x, y, 0.0, vy, at, parked, silent, rank)
+) -> ReportedState:
+    return ReportedState(robot, x, y, 0.0, vy, at, parked, silent, rank)
 
 
-def hearing(*others: Known) -> Hearing:
+def hearing(*others: ReportedState) -> Hearing:
     made = Hearing(SHAPE)
     made.update(HERE, others)
     return made

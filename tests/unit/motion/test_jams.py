@@ -11,10 +11,10 @@ from rmr.base.geometry import Point, Pose
 from rmr.base.time import seconds
 from rmr.base.values import Robot
 from rmr.node.crossing.turn import Phase, Turn, gets_nowhere
-from rmr.node.motion.aside import Side, retreat, side_of, stay, walk_away, ways_of
-from rmr.node.motion.avoid import ENDURED, StandOff
+from rmr.node.motion.avoid import ENDURED, DeadlockDetector
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
+from rmr.node.motion.standoff.refuge import Side, retreat, side_of, stay, walk_away, ways_of
 from rmr.node.ports import SeenBody
 from rmr.vm.job import Job
 
@@ -60,7 +60,7 @@ def test_a_robot_that_is_walled_in_finds_no_way():
 
 def test_a_stand_off_endures_only_where_the_robot_stays():
     here, there = Pose(0.5, 0.5, 0.0), Pose(0.7, 0.5, 0.0)
-    stays, moves = StandOff(1), StandOff(1)
+    stays, moves = DeadlockDetector(1), DeadlockDetector(1)
     assert not stays.endures(0, here, walks=False)
     assert stays.endures(ENDURED, here, walks=False)
     assert stays.endures(ENDURED + seconds(1), there, walks=True)

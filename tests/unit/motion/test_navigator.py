@@ -11,7 +11,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import STILL, Point, Pose, Twist
 from rmr.base.time import Instant, in_seconds, seconds, tick_start
 from rmr.node.motion.avoid import ENDURED
-from rmr.node.motion.hearing import Known
+from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
 from rmr.node.ports import SeenBody
@@ -208,7 +208,7 @@ def test_driving_by_hand_still_stops_if_dangerous():
 @pytest.mark.parametrize(("w", "slowed"), [(2.2, True), (0.0, False), (-2.2, False)], ids=["left", "straight", "right"])
 def test_a_robot_that_turns_slows_for_one_abeam_on_its_left_that_it_hears_but_does_not_see(w: float, slowed: bool):
     nav, pose = Navigator(ROOM, 1), Pose(0.5, 0.5, 0.0)
-    nav.hearing.update(pose, [Known(2, 0.495, 0.668, 0.04, -0.045, 0, parked=False, silent=False)])
+    nav.hearing.update(pose, [ReportedState(2, 0.495, 0.668, 0.04, -0.045, 0, parked=False, silent=False)])
     nav.drive(0.2, w)
     assert (nav.step(0, pose, 0.01, (), False).v < 0.06) is slowed
 

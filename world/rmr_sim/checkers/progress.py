@@ -12,7 +12,7 @@ import math
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
 from rmr.node.crossing.turn import Phase
-from rmr.node.motion.barred import closest_solid, robots_named
+from rmr.node.motion.obstruction import closest_solid, robots_named
 from rmr.vm.events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.newest import Newest
 from rmr_sim.checkers.scene import Scene
