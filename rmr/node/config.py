@@ -61,6 +61,11 @@ class NodeConfig:
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
 
+    without: frozenset[str] = frozenset()
+    """Rules of motion that are left out, by name, in an experiment (`rmr.node.motion.hazards`, `standoff.escapes`)."""
+    firings: dict[str, int] = field(default_factory=dict)
+    """How often each rule of motion has had an effect; robots of one simulation share it."""
+
     @property
     def crowded(self) -> bool:
         """Whether the robot is one of a crowd."""

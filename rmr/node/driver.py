@@ -21,6 +21,7 @@ from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
 from rmr.node.ports import Body, SeenBody
 from rmr.node.wire import Hello
@@ -52,8 +53,9 @@ class Driver:
     def __init__(self, config: NodeConfig, body: Body) -> None:
         self.arena = arena = config.arena
         self.localiser = Localiser(arena)
-        self.navigator = Navigator(arena, config.robot, len(config.roster))
-        self._listens: Duration = config.listens
+        self._switches = switches = RuleSwitches(config.without, config.firings)
+        self.navigator = Navigator(arena, config.robot, len(config.roster), switches)
+        self._listens: Duration = 0 if switches.off("listen") else config.listens
         """For how long at most it stands until it has heard of all others of the roster."""
         self.navigator.hearing.listens = self._listens > 0
         self.approach = Approach(self.navigator, config.crowded)
@@ -117,19 +119,31 @@ class Driver:
             self._heed(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL
-        if now >= self.stays_until and now - self._sensed_at <= STALE:
+        if self._may_move(now):
             twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
-            if self.moving:
-                twist = watched(twist, now - max(self._sensed_at, self._set_out_at))
+            unwatched = now - max(self._sensed_at, self._set_out_at)
+            if self.moving and unwatched > UNWATCHED and not self._switches.off("unwatched"):
+                twist = watched(twist, unwatched)
+                self._switches.count("unwatched")
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
+
+    def _may_move(self, now: Instant) -> bool:
+        """Return whether the robot has not promised to stay, and its newest sample still describes the situation."""
+        if now < self.stays_until and not self._switches.off("promise"):
+            self._switches.count("promise")
+            return False
+        if now - self._sensed_at > STALE and not self._switches.off("unwatched"):
+            self._switches.count("unwatched")
+            return False
+        return True
 
     def _heed(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
         """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
         navigator, hearing = self.navigator, self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
         listened = hearing.listens and not self.listens(now, peers)
-        if now < self._heed_at and now <= hearing.doubts_at and not listened:
+        if now < self._heed_at and now <= hearing.overdue_at and not listened:
             return
         if now >= self._heed_at:
             self._heed_at = now + HEED_EVERY

@@ -47,6 +47,8 @@ class Options:
     """The waiting time n of leaders, instead of what they work out."""
     duration: Duration | None = None
     """After which a run ends at the latest, instead of the lab's."""
+    without: frozenset[str] = frozenset()
+    """Rules of motion that robots leave out, by name: for ablation experiments."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,10 @@ class Loaded:
             lab = with_chaos(lab, seed)
         values = Values(order=self.options.order, wait=self.options.wait)
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
-        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, values, fresh)
+        without = self.options.without
+        simulation = Simulation(
+            lab, program.program, program.digest, seed, handlers, trace, self.key, values, fresh, without
+        )
         watch(simulation)
         for event in load_events(lab.events, lab, seed):
             simulation.schedule(event)

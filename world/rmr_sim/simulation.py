@@ -55,11 +55,12 @@ class Simulation:
         key: bytes | None = None,
         values: Values | None = None,
         fresh: Callable[[], Mapping[str, Handler]] | None = None,
+        without: frozenset[str] = frozenset(),
     ) -> None:
         """`key` is the lab's, where its radio is secured; `values` are those of coordination, where they are others.
 
         `fresh` returns handlers of their own for each life of each robot, so that the globals of the user's file are
-        one robot's, as in a process; without it all share `handlers`.
+        one robot's, as in a process; without it all share `handlers`. `without` names rules of motion to leave out.
 
         Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
@@ -92,8 +93,10 @@ class Simulation:
         self.frame_end: Instant = 0
         """When the next frame begins."""
         self._fresh = fresh
+        self.firings: dict[str, int] = {}
+        """How often each rule of motion has had an effect, by name."""
         self._bodily = needs_bodies(lab, program, handlers or {})
-        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, values or Values()))
+        self.robots = self._robots(program, digest, handlers or {}, self._config(trace, values or Values(), without))
         self._calls: list[tuple[Instant, int]] = []
         """When robots without bodies want to be called, beyond the present frame, and their indices: a heap."""
         self._served, self._waiting = list[SimulatedRobot](), list[SimulatedRobot]()
@@ -119,7 +122,7 @@ class Simulation:
 
         return tuple(SimulatedRobot(self, robot, maker(robot), self._bodily) for robot in self.lab.roster)
 
-    def _config(self, trace: Level, values: Values) -> NodeConfig:
+    def _config(self, trace: Level, values: Values, without: frozenset[str]) -> NodeConfig:
         """Return what all robots are told, as the first one is."""
         lab = replace(self.lab, seed=self.seed)
         facts = tuple((fact.name, fact.owner, fact.args) for fact in lab.initial_facts)
@@ -135,6 +138,8 @@ class Simulation:
             trace=trace,
             values=values,
             witness=self.tell,
+            without=without,
+            firings=self.firings,
         )
 
     def security(self, robot: int, life: int) -> Security | None:

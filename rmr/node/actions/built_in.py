@@ -191,7 +191,8 @@ async def goto(robot: NodeHandle, x: float, y: float) -> None:
 async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> None:
     """Drive straight to a point of the floor, metres, leaving and arriving at instants of lab time, seconds.
 
-    It turns before it leaves. Several robots that do so keep apart on certain conditions (`rmr.node.motion.straight_drive`).
+    It turns before it leaves. Several robots that do so keep apart on certain conditions
+    (`rmr.node.motion.straight_drive`).
     """
     node = robot.node
     await _located(robot)

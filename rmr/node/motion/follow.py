@@ -14,8 +14,8 @@ from rmr.node.motion.route import Route
 
 LOOK_AHEAD_M: Final = 0.11
 """Measured best between 0.10 and 0.12: shorter swings, longer cuts corners."""
-BRAKE: Final = 0.5
-"""Deceleration that braking counts on, m/s^2; the wheels can do 0.8."""
+PLANNED_BRAKE: Final = 0.5
+"""Deceleration of planned stops, at the end of a path and at the hold line, m/s^2; the wheels can do 0.8."""
 TURN_BRAKE: Final = 8.0
 """Likewise for turning, rad/s^2; the wheels can do 12."""
 TURN_PER_S: Final = 8.0
@@ -54,7 +54,7 @@ def turn_towards(error: float, shape: RobotShape) -> float:
 
 def braking_speed(way_m: float) -> float:
     """Return the speed from which the robot can stop within `way_m`, m/s."""
-    return math.sqrt(2.0 * BRAKE * max(0.0, way_m))
+    return math.sqrt(2.0 * PLANNED_BRAKE * max(0.0, way_m))
 
 
 class Follower:
@@ -110,7 +110,7 @@ class Follower:
         if v <= 0.0:
             return Twist(0.0, turn_towards(error, shape) if abs(error) > TURNED else 0.0)
         left = self.route.at_m[-1] - self.s - END_M
-        if 2.0 * BRAKE * left < v * v:
+        if 2.0 * PLANNED_BRAKE * left < v * v:
             v = min(v, max(CREEP, braking_speed(left)))
         curvature = 2.0 * math.sin(error) / max(AIM_M, hypot(dx, dy))
         if abs(v * curvature) > shape.turn:

@@ -12,7 +12,7 @@ from typing import Final
 from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, distance
 from rmr.base.time import Instant, in_seconds
-from rmr.node.motion.follow import BRAKE, braking_speed
+from rmr.node.motion.follow import PLANNED_BRAKE, braking_speed
 from rmr.node.motion.route import Route
 
 MARGIN_M: Final = 0.01
@@ -76,7 +76,7 @@ class EntryGate:
         shape = self.shape
         self._route = route
         self._stop_m = max(0.0, (route.gate_m or 0.0) - self.room(route))
-        self._line_m = max(0.0, self._stop_m - shape.speed * shape.speed / (2.0 * BRAKE))
+        self._line_m = max(0.0, self._stop_m - shape.speed * shape.speed / (2.0 * PLANNED_BRAKE))
 
     def locate(self, route: Route, s: float, arrived: bool) -> None:
         """Take in the robot's progress."""

@@ -63,6 +63,11 @@ JUMP_M: Final = 0.1
 NEAR_M: Final = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
+LISTENS: Final = 1
+SILENT: Final = 2
+OVERDUE_HELLOS: Final = 4
+"""Flags of the reasons for which `Hearing.forbids` driving on."""
+
 
 @final
 class ReportedState:
@@ -106,10 +111,12 @@ class Hearing:
         "_shape",
         "_silent",
         "_silent_from",
-        "doubts_at",
         "fresh",
+        "heeds",
+        "hides_remembered",
         "listens",
         "order",
+        "overdue_at",
         "stands",
     )
 
@@ -127,9 +134,13 @@ class Hearing:
         """What the right of way of this robot goes by."""
         self.listens = False
         """Somebody has never been heard who may be anywhere."""
+        self.heeds = LISTENS | SILENT | OVERDUE_HELLOS
+        """The reasons that count."""
+        self.hides_remembered = False
+        """Whether `around` has left out a robot for one that is no longer in view but remembered."""
         self.stands = True
         """The robot does not drive on but would set out."""
-        self.doubts_at: Instant = NEVER
+        self.overdue_at: Instant = NEVER
         """When one of those near will have been silent for too long; not looked at again before the next update."""
 
     def update(self, pose: Pose, known: Sequence[ReportedState]) -> None:
@@ -138,20 +149,25 @@ class Hearing:
         self.fresh = [
             other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < NEAR_M
         ]
-        self.doubts_at = min((self._doubted_at(other) for other in self.fresh), default=NEVER)
+        self.overdue_at = min((self._overdue_at(other) for other in self.fresh), default=NEVER)
 
-    def _doubted_at(self, other: ReportedState) -> Instant:
+    def _overdue_at(self, other: ReportedState) -> Instant:
         """Return from when on one that is near counts as silent."""
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
         return other.at + hellos + OVERDUE
 
-    def around(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], beyond_m: float = -math.inf) -> list[SeenBody]:
+    def around(
+        self, now: Instant, pose: Pose, seen: Sequence[SeenBody], beyond_m: float = -math.inf, in_view: int = 0
+    ) -> list[SeenBody]:
         """Return those heard near a robot at `pose` that are none of the bodies `seen`, in its frame.
+
+        The first `in_view` bodies are in view now; the others are remembered.
 
         Only those farther ahead than `beyond_m`: who is behind stops nobody who drives on. One who drives off behind is
         taken to be where it was heard: backing up after it is done blind.
         """
         heard: list[SeenBody] = []
+        self.hides_remembered = False
         if not self.fresh:
             return heard
         own_x, own_y, radius = pose.x, pose.y, self._shape.radius
@@ -169,8 +185,9 @@ class Hearing:
                 was_x, was_y = other.x - own_x, other.y - own_y
                 if hypot(was_x, was_y) < hypot(x, y):
                     x, y = was_x * cos + was_y * sin, was_y * cos - was_x * sin
-            for body in seen:
+            for index, body in enumerate(seen):
                 if hypot(body.x - x, body.y - y) <= radius:
+                    self.hides_remembered = self.hides_remembered or index >= in_view
                     break
             else:
                 heard.append(SeenBody(x, y, vx * cos + vy * sin, vy * cos - vx * sin))
@@ -193,25 +210,34 @@ class Hearing:
                     ranked[body] = self.order < order_key(other.rank, other.robot)
         return ranked
 
-    def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> bool:
-        """Return whether a robot at `pose` that sees the bodies `seen` must not drive on: somebody is silent."""
-        if self.listens:
-            return True
-        doubts = now > self.doubts_at
-        if not doubts and not self._silent:
-            return False
-        near: list[ReportedState] = []
-        if now >= self._silent_from and self._silent:
-            near = [other for other in self._silent if self._reaches(now, other, pose)]
-            if not near:
-                self._silent_from = self._reach_from(now, pose)
-        if doubts:
-            near += [other for other in self.fresh if self._doubts(now, other, pose)]
-        return len(near) > 0 and not self._in_view(now, pose, seen, near)
+    def forbids(self, now: Instant, pose: Pose, seen: Sequence[SeenBody]) -> int:
+        """Return why a robot at `pose` that sees the bodies `seen` must not drive on, as flags; 0: it may.
 
-    def _doubts(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
+        Somebody has never been heard (LISTENS), or is silent, or overdue, and neither far away nor in view.
+        """
+        if self.listens and self.heeds & LISTENS:
+            return LISTENS
+        overdue = now > self.overdue_at and self.heeds & OVERDUE_HELLOS != 0
+        if not overdue and not self._silent:
+            return 0
+        why = 0
+        near: list[ReportedState] = []
+        if now >= self._silent_from and self._silent and self.heeds & SILENT:
+            near = [other for other in self._silent if self._reaches(now, other, pose)]
+            if near:
+                why = SILENT
+            else:
+                self._silent_from = self._reach_from(now, pose)
+        if overdue:
+            late = [other for other in self.fresh if self._is_overdue(now, other, pose)]
+            if late:
+                near += late
+                why |= OVERDUE_HELLOS
+        return why if near and not self._in_view(now, pose, seen, near) else 0
+
+    def _is_overdue(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether one that is near has not been heard when it should have been, and is not behind."""
-        if now <= self._doubted_at(other) or not self._reaches(now, other, pose):
+        if now <= self._overdue_at(other) or not self._reaches(now, other, pose):
             return False
         dx, dy = other.x - pose.x, other.y - pose.y
         return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * hypot(dx, dy)

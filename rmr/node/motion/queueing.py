@@ -17,21 +17,23 @@ OVERTAKE: Final[Duration] = seconds(4)
 class Queueing:
     """What one robot has seen of its queue during one drive."""
 
-    __slots__ = ("_late_since", "overtakes")
+    __slots__ = ("_late_since", "late", "overtakes")
 
     def __init__(self) -> None:
         self._late_since: Instant | None = None
+        self.late = False
+        """Whether a robot that goes first has waited for `OVERTAKE` since this one's slot began."""
         self.overtakes = False
-        """Whether it no longer waits for those that stand before it."""
+        """Whether this robot no longer waits for those that stand before it."""
 
     def waits(self, now: Instant, arena: Arena, at: Point, parked: Sequence[Point], opens_at: Instant | None) -> bool:
         """Return whether one of `parked` that goes first stands before a robot `at` a place on its way to the gate."""
-        x, y = at
+        x, y = at.x, at.y
         near = [p for p in parked if abs(p.x - x) < REACH_M and abs(p.y - y) < REACH_M and distance(*p, x, y) < REACH_M]
         if not near or len(off_queue(arena, at, near)) == len(near):
             self._late_since = None
             return False
         if opens_at is not None and now > opens_at and self._late_since is None:
             self._late_since = now
-        self.overtakes = self._late_since is not None and now - self._late_since > OVERTAKE
+        self.late = self._late_since is not None and now - self._late_since > OVERTAKE
         return True

@@ -14,8 +14,8 @@ from typing import Final
 from rmr.base.geometry import hypot
 from rmr.node.ports import SeenBody
 
-BRAKE: Final = 0.7
-"""Deceleration that is counted on, m/s^2; the wheels can do 0.8."""
+REACTION_BRAKE: Final = 0.7
+"""Deceleration of a robot that stops for another one, m/s^2, its own and the other's; the wheels can do 0.8."""
 APART_M: Final = 0.005
 """Gap between hulls that is kept."""
 LAG_S: Final = 0.117
@@ -30,11 +30,11 @@ def stopping_speed(v: float, body: SeenBody, radius: float) -> float:
     touch = 2.0 * radius + APART_M
     if x <= 0.0 or x * x + y * y > (touch + NEAR_M) * (touch + NEAR_M):
         return v
-    on = hypot(vx, vy) / (2.0 * BRAKE)
+    on = hypot(vx, vy) / (2.0 * REACTION_BRAKE)
     x, y = x + vx * on, y + vy * on
     if x <= 0.0 or abs(y) >= touch:
         return v
     room = x - math.sqrt(touch * touch - y * y)
     if room <= 0.0:
         return 0.0
-    return min(v, BRAKE * (math.sqrt(LAG_S * LAG_S + 2.0 * room / BRAKE) - LAG_S))
+    return min(v, REACTION_BRAKE * (math.sqrt(LAG_S * LAG_S + 2.0 * room / REACTION_BRAKE) - LAG_S))

@@ -1,1 +1,1 @@
-"""Deadlocks between robots: how one is detected (`detector`), the ways out (`escapes`), and which one is taken (`policy`)."""
+"""Deadlocks between robots: how one is detected, the table of escapes, and which of them is taken."""
