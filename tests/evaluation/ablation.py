@@ -1,19 +1,18 @@
 """Ablation of the rules of motion: each hazard rule and each escape is left out in turn, over many seeds of chaos.
 
-    python tests/evaluation/ablation.py [--seeds A-B] [--labs NAME,...] [--rules NAME,...] [--jobs N] [--out DIR]
+    python tests/evaluation/ablation.py [--seeds A-B] [--labs NAME[=A-B],...] [--rules NAME,...] [--jobs N] [--out DIR]
                                         [--state FILE] [--resume]
 
 A run is determined by lab, seed and rules, and each rule counts its firings with effect (`rmr.node.motion.hazards`). So
 a rule that did not fire in the run with all rules cannot change that run: it is left out only where it fired, and the
 other runs count as equal. The seeds that once failed (tests/sim/kept.toml) are taken in addition, as the lab `kept`.
 
-All results are kept in a state file, one entry a run; with `--resume` only what is missing is run. At the end, and after
-each rule, `DIR/ablation.md` (the table) and `DIR/ablation.json` are written.
+All results are kept in a state file, a line of JSON for each run; with `--resume` only what is missing is run. After
+each rule `DIR/ablation.md` (the table) and `DIR/ablation.json` are written.
 """
 
 import argparse
 import json
-import os
 import sys
 import tomllib
 from collections.abc import Iterable, Sequence
@@ -77,11 +76,17 @@ def carried_out(case: Case) -> Row:
 
 
 class State:
-    """Results by the key of their run, in a file."""
+    """Results by the key of their run, in a file that is only appended to."""
 
     def __init__(self, path: Path, *, resume: bool) -> None:
         self._path = path
-        self.results: dict[str, Row] = json.loads(path.read_text()) if resume and path.exists() else {}
+        self.results: dict[str, Row] = {}
+        if not resume:
+            path.write_text("")
+        elif path.exists():
+            for line in path.read_text().splitlines():
+                key, row = json.loads(line)
+                self.results[key] = row
 
     def missing(self, cases: Iterable[Case]) -> list[Case]:
         """Return the cases that have not been run."""
@@ -102,9 +107,8 @@ class State:
 
     def _keep(self, case: Case, row: Row) -> None:
         self.results[case.key] = row
-        fresh = self._path.with_suffix(".new")
-        fresh.write_text(json.dumps(self.results, indent=0))
-        os.replace(fresh, self._path)
+        with self._path.open("a") as file:
+            print(json.dumps([case.key, row]), file=file)
 
     def base(self, case: Case) -> Row:
         """Return the result of the run with all rules."""
@@ -192,17 +196,17 @@ def written(folder: Path, rows: Sequence[Row], what: str) -> None:
 
 
 NOTE = (
-    "Each [hazard rule and each escape](../motion.md) is left out in turn, with chaos. A rule that did not fire in the run",
-    "with all rules cannot change that run, so it is run without only where it fired. In brackets: the difference to the",
-    "runs with all rules. Time over bound: the difference of the medians over the runs that finish with and without the",
-    "rule. Written by `python tests/evaluation/ablation.py`.",
+    "Each [hazard rule and each escape](../motion.md) is left out in turn, with chaos. A rule that did not fire in the",
+    "run with all rules cannot change that run, so it is left out only where it fired. In brackets: the difference to",
+    "the runs with all rules. Time over bound: the difference of the medians over the runs that finish both with the",
+    "rule and without it. Written by `python tests/evaluation/ablation.py`.",
 )
 
 
-def cases_of(labs: Sequence[str], seeds: Sequence[int]) -> list[Case]:
-    """Return the runs with all rules."""
+def cases_of(labs: dict[str, range]) -> list[Case]:
+    """Return the runs with all rules; the seeds of `kept` are its own."""
     found = []
-    for lab in labs:
+    for lab, seeds in labs.items():
         if lab == KEPT:
             kept = tomllib.loads((ROOT / "tests" / "sim" / "kept.toml").read_text())["kept"]
             found += [Case(KEPT, each["lab"], each["seed"]) for each in kept]
@@ -211,11 +215,21 @@ def cases_of(labs: Sequence[str], seeds: Sequence[int]) -> list[Case]:
     return found
 
 
+def seeds_of(text: str) -> range:
+    """Return the seeds of a range `A-B` or of one number. Raises ValueError if it is neither."""
+    first, dash, last = text.partition("-")
+    return range(int(first), int(last if dash else first) + 1)
+
+
 def arguments() -> argparse.Namespace:
     """Return what was asked for."""
     parser = argparse.ArgumentParser(description="Leave out each rule of motion in turn.")
     parser.add_argument("--seeds", default=SEEDS, help=f"A-B, of each lab (default {SEEDS})")
-    parser.add_argument("--labs", default=",".join((KEPT, *FOUR_LABS)), help="names of deploy/labs, and `kept`")
+    parser.add_argument(
+        "--labs",
+        default=",".join((KEPT, *FOUR_LABS)),
+        help="of deploy/labs, and `kept`",
+    )
     parser.add_argument("--rules", default=",".join(RULES), help="which rules are left out (default: all)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at once (default 1)")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "evaluation", help="where the table is written")
@@ -225,13 +239,15 @@ def arguments() -> argparse.Namespace:
     found.rules = found.rules.split(",")
     if unknown := [rule for rule in found.rules if rule not in RULES]:
         parser.error(f"--rules: no rule is called {', '.join(unknown)}; there are {', '.join(RULES)}")
-    found.labs = found.labs.split(",")
-    if unknown := [lab for lab in found.labs if lab != KEPT and not (LABS / lab).is_dir()]:
-        parser.error(f"--labs: no lab of deploy/labs is called {', '.join(unknown)}")
-    first, _, last = found.seeds.partition("-")
-    if not (first.isdigit() and (last or first).isdigit()):
-        parser.error(f"--seeds: a range such as 1-25, not {found.seeds!r}")
-    found.seeds = range(int(first), int(last or first) + 1)
+    found.by_lab = {}
+    for text in found.labs.split(","):
+        lab, _, own = text.partition("=")
+        if lab != KEPT and not (LABS / lab).is_dir():
+            parser.error(f"--labs: no lab of deploy/labs is called {lab!r}")
+        try:
+            found.by_lab[lab] = seeds_of(own or found.seeds)
+        except ValueError:
+            parser.error(f"seeds are a range such as 1-25, not {own or found.seeds!r}")
     return found
 
 
@@ -240,15 +256,15 @@ def main() -> None:
     asked = arguments()
     asked.state.parent.mkdir(parents=True, exist_ok=True)
     state = State(asked.state, resume=asked.resume)
-    bases = cases_of(asked.labs, asked.seeds)
+    bases = cases_of(asked.by_lab)
     state.run(bases, asked.jobs, "all rules")
-    what = f"{len(bases)} runs: {', '.join(asked.labs)}; seeds {asked.seeds[0]} to {asked.seeds[-1]} of each lab"
+    shown = [lab if lab == KEPT else f"{lab} (seeds {s[0]} to {s[-1]})" for lab, s in asked.by_lab.items()]
+    what = f"{len(bases)} runs with all rules: {', '.join(shown)}"
     rows = []
     for rule in asked.rules:
         state.run(state.to_ablate(rule, bases), asked.jobs, f"without {rule}")
         rows.append(summary(state, rule, bases))
         written(asked.out, rows, what)
-    sys.exit(0)
 
 
 if __name__ == "__main__":
