@@ -62,7 +62,7 @@ class NodeConfig:
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
 
     without: frozenset[str] = frozenset()
-    """Rules of motion that are left out, by name, in an experiment (`rmr.node.motion.hazards`, `standoff.escapes`)."""
+    """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""
     firings: dict[str, int] = field(default_factory=dict)
     """How often each rule of motion has had an effect; robots of one simulation share it."""
 

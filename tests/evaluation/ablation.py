@@ -3,9 +3,9 @@
     python tests/evaluation/ablation.py [--seeds A-B] [--labs NAME[=A-B],...] [--rules NAME,...] [--jobs N] [--out DIR]
                                         [--state FILE] [--resume]
 
-A run is determined by lab, seed and rules, and each rule counts its firings with effect (`rmr.node.motion.hazards`). So
-a rule that did not fire in the run with all rules cannot change that run: it is left out only where it fired, and the
-other runs count as equal. The seeds that once failed (tests/sim/kept.toml) are taken in addition, as the lab `kept`.
+A run is determined by lab, seed and rules, and each rule counts its firings with effect (`rmr.node.motion.speed_law`).
+So a rule that did not fire in the run with all rules cannot change that run: it is left out only where it fired, and
+the other runs count as equal. The seeds that once failed (tests/sim/kept.toml) are run as well, as the lab `kept`.
 
 All results are kept in a state file, a line of JSON for each run; with `--resume` only what is missing is run. After
 each rule `DIR/ablation.md` (the table) and `DIR/ablation.json` are written.
@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from experiment import table
 from runs import LABS, ROOT
 
-from rmr.node.motion.hazards import HAZARDS
+from rmr.node.motion.speed_law import HAZARDS
 from rmr.node.motion.standoff.escapes import ESCAPES
 from rmr_sim.run import Loaded, Options, load, report_of
 
@@ -239,6 +239,8 @@ def arguments() -> argparse.Namespace:
     found.rules = found.rules.split(",")
     if unknown := [rule for rule in found.rules if rule not in RULES]:
         parser.error(f"--rules: no rule is called {', '.join(unknown)}; there are {', '.join(RULES)}")
+    if found.state.absolute() == (found.out / "ablation.json").absolute():
+        parser.error(f"--state: {found.state} is the file of the table's data; name another one")
     found.by_lab = {}
     for text in found.labs.split(","):
         lab, _, own = text.partition("=")

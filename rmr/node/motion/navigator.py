@@ -10,33 +10,23 @@ when one of them now obstructs it. Robots parked at the gate or before this one 
 leads over their places, and the robot waits until they have left.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
 from rmr.base.arena import Arena
-from rmr.base.geometry import STILL, Point, Pose, Twist, hypot, wrap
+from rmr.base.geometry import STILL, Point, Pose, Twist, wrap
 from rmr.base.grid_path import GridPath
 from rmr.base.time import Duration, Instant, in_seconds, seconds
-from rmr.node.motion.body_memory import BodyMemory
 from rmr.node.motion.estimate import Estimate, estimate_of, time_left
 from rmr.node.motion.follow import FACED, Follower, turn_towards
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.grid import discs_around, off_goal, same_places
-from rmr.node.motion.hazards import UNRANKED, SpeedLaw, Surroundings
-from rmr.node.motion.hearing import BESIDE_M, LISTENS, OVERDUE_HELLOS, SILENT, Hearing
+from rmr.node.motion.grid import discs_around, same_places
 from rmr.node.motion.priority import Heard, Standing, order_key, share_of_speed
 from rmr.node.motion.queueing import Queueing
-from rmr.node.motion.route import (
-    DriveOrder,
-    Route,
-    follower_route,
-    gated_again,
-    leader_route,
-    off_queue,
-    shared_part,
-)
+from rmr.node.motion.replanning import ordered_route, replanned
+from rmr.node.motion.route import DriveOrder, Route, gated_again, shared_part
 from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
 from rmr.node.motion.standoff.escapes import Excursion, Impasse, Symptom
 from rmr.node.motion.standoff.policy import EscapePolicy
@@ -44,21 +34,15 @@ from rmr.node.ports import SeenBody
 
 RETRY_S: Final = 0.5
 """Between two tries to find a route when blocked."""
-REVERSE_MPS: Final = 0.08
-"""Speed of a reverse manoeuvre."""
-REVERSE_GAP_M: Final = 0.03
-"""Gap to other robots that a reverse manoeuvre keeps: it is done blind."""
-REVERSE_POLL_M: Final = 0.03
-"""How far behind the robot a reverse manoeuvre looks for walls and bodies."""
 
 
 class Navigator:
     """Moves one robot. `step` is called each tick while it is active."""
 
     __slots__ = (
-        "_around", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_memory", "_next_try",
-        "_order", "_parked", "_policy", "_pose", "_queue", "_replan_due", "_reverse_until", "_right_of_way",
-        "_speed_law", "_stand_off", "_standing", "_switches", "_v", "arena", "hearing", "replans", "robot", "status",
+        "_control", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_next_try", "_order",
+        "_parked", "_policy", "_pose", "_queue", "_replan_due", "_reverse_until", "_right_of_way", "_stand_off",
+        "_standing", "_v", "arena", "hearing", "replans", "robot", "status",
     )  # fmt: skip
 
     def __init__(self, arena: Arena, robot: int, robots: int = 1, switches: RuleSwitches | None = None) -> None:
@@ -68,7 +52,7 @@ class Navigator:
         self.status = "idle"
         """``idle``, ``moving``, ``arrived`` or ``blocked`` (no way; tried again when parked robots change)."""
         self.replans = 0
-        self._switches = RuleSwitches() if switches is None else switches
+        switches = RuleSwitches() if switches is None else switches
         self._order: DriveOrder | None = None
         self._follower: Follower | None = None
         self._gate = EntryGate(arena.shape, holding=False)
@@ -84,20 +68,15 @@ class Navigator:
         """The share of full speed that keeps clear of robots that go first."""
         self._v = 0.0
         """The speed of the last command, m/s."""
-        self._memory = BodyMemory(arena.shape, remembers=not self._switches.off("memory"))
-        self._speed_law = SpeedLaw(self._switches)
-        self._around = Surroundings(arena, self._switches)
         self._stand_off = DeadlockDetector(robot)
-        self._policy = EscapePolicy(self._switches)
+        self._policy = EscapePolicy(switches)
         self._driving: Sequence[Heard] = ()
         """What others that drive said last."""
         self._standing = Standing()
         self._pose = Pose(0.0, 0.0, 0.0)
-        self.hearing = Hearing(arena.shape, robots)
+        self._control = SpeedControl(arena, robots, switches)
+        self.hearing = self._control.hearing
         """What the others have said about themselves."""
-        for flag, rule in ((LISTENS, "listen"), (SILENT, "silence"), (OVERDUE_HELLOS, "overdue")):
-            if self._switches.off(rule):
-                self.hearing.heeds &= ~flag
 
     def go(
         self,
@@ -175,15 +154,10 @@ class Navigator:
     def step(self, now: Instant, pose: Pose, sigma: float, bodies: Sequence[SeenBody], bumped: bool) -> Twist:
         """Return the wheel command of this tick for the estimated `pose` (its sigma in metres)."""
         self._pose = pose
-        seen = self._memory.update(now, pose, bodies, self.hearing.fresh)
-        around = self._around
-        around.now = now
-        around.pose = pose
-        around.sigma_m = sigma
-        around.remembered_from = len(bodies)
-        around.silence = self.hearing.forbids(now, pose, bodies)
+        control = self._control
+        control.perceive(now, pose, sigma, bodies)
         if self._driven is not None:
-            return self._drive_by_hand(self._driven, seen)
+            return control.by_hand(self._driven)
         if self.status in ("idle", "arrived") or not self._ready(now, pose):
             return STILL
         follower = self._follower
@@ -200,82 +174,26 @@ class Navigator:
         standing = self._standing.points.values()
         if self._gate.blocks(now, follower.route, follower.s, standing) and self._escape(now, pose, Symptom.ENTRANCE):
             return STILL
-        if now < self._reverse_until:
-            if not around.silence:
-                return self._reverse(pose, seen)
-            around.count_silence()
-        return self._follow(now, pose, follower, seen, bumped)
+        if now < self._reverse_until and not control.silenced():
+            return control.reverse()
+        return self._follow(now, pose, follower, bumped)
 
-    def _follow(self, now: Instant, pose: Pose, follower: Follower, seen: Sequence[SeenBody], bumped: bool) -> Twist:
+    def _follow(self, now: Instant, pose: Pose, follower: Follower, bumped: bool) -> Twist:
         """Return the command along the path, as fast as the speed law allows; notice when others prevent it."""
-        around = self._around
-        around.gate = self._gate
-        around.follower = follower
-        around.right_of_way = self._right_of_way
-        around.queue = self._queue
-        around.parked = self._parked
-        wish = follower.steer(pose, self._speed_law.cap(around))
+        control = self._control
+        cap = control.cap(follower, self._gate, self._queue, self._right_of_way, self._parked)
+        wish = follower.steer(pose, cap)
         if self._queue.late and not self._queue.overtakes:
             self._escape(now, pose, Symptom.QUEUE)
-        allowed = self._slowed(wish, seen)
+        allowed = control.slowed(wish)
         # Wheels that turn against a hull get nowhere, so a robot that bumps counts as standing.
         stuck = STILL if bumped else allowed
+        # Before its slot a robot may well stand: patience is longer then.
         early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
         if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
             self._escape(now, pose, Symptom.DEADLOCK)
         self._v = allowed.v
         return allowed
-
-    def _drive_by_hand(self, twist: Twist, seen: Sequence[SeenBody]) -> Twist:
-        """Return the command of an action that drives by itself: the speed law still has the last word."""
-        around = self._around
-        if around.silence:
-            around.count_silence()
-            twist = Twist(0.0, twist.w)
-        return self._slowed(twist, seen)
-
-    def _slowed(self, twist: Twist, seen: Sequence[SeenBody]) -> Twist:
-        """Return `twist`, slowed as the bodies that are seen or heard demand."""
-        if twist.v <= 0.0:
-            return twist
-        # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
-        around = self._around
-        around.bodies = [*seen, *self._heard(seen, -BESIDE_M if twist.w else 0.0)]
-        around.heard_from = len(seen)
-        around.ranked = UNRANKED
-        if not self._switches.off("order"):
-            around.ranked = self.hearing.goes_before(around.now, around.pose, around.bodies)
-        return self._speed_law.slowed(around, twist)
-
-    def _heard(self, seen: Sequence[SeenBody], beyond_m: float = -math.inf) -> Sequence[SeenBody]:
-        """Return the bodies that are heard but not `seen`, farther ahead than `beyond_m`, in the robot's frame."""
-        if self._switches.off("cooperation"):
-            return ()
-        around = self._around
-        heard = self.hearing.around(around.now, around.pose, seen, beyond_m, around.remembered_from)
-        if self.hearing.hides_remembered:
-            self._switches.count("memory")
-        return heard
-
-    def _reverse(self, pose: Pose, seen: Sequence[SeenBody]) -> Twist:
-        """Return the command that drives straight back, or stands where something is known to be there."""
-        arena, around = self.arena, self._around
-        radius = arena.shape.radius
-        if self._switches.off("reverse_guard"):
-            return Twist(-REVERSE_MPS, 0.0)
-        x = pose.x - math.cos(pose.theta) * REVERSE_POLL_M
-        y = pose.y - math.sin(pose.theta) * REVERSE_POLL_M
-        free = arena.clearance(x, y) > radius
-        for index, body in enumerate([*seen, *self._heard(seen)]):
-            # A body ahead of the axle is left behind. The robot's centre will be at (-REVERSE_POLL_M, 0).
-            if body.x <= 0.0 and hypot(body.x + REVERSE_POLL_M, body.y) <= 2.0 * radius + REVERSE_GAP_M:
-                free = False
-                around.heard_from = len(seen)
-                around.count_body(index)
-        if free:
-            return Twist(-REVERSE_MPS, 0.0)
-        self._switches.count("reverse_guard")
-        return STILL
 
     def _ready(self, now: Instant, pose: Pose) -> bool:
         """Return whether there is something to follow or to face, planning when that is due."""
@@ -305,16 +223,10 @@ class Navigator:
         """Have the first escape that serves carried out; return whether there is one."""
         assert self._order is not None
         stand_off, arena = self._stand_off, self.arena
-        # The view is narrow: robots that stand are heard as well.
-        standing = self._standing.points.values()
-        seen = self._memory.places(now)
-        radius = arena.shape.radius
-        others = [*seen, *(p for p in standing if all(hypot(p.x - q.x, p.y - q.y) > radius for q in seen))]
-        if len(seen) > self._around.remembered_from:
-            self._switches.count("memory")
+        others = self._control.others(self._standing.points.values())
         endures = False
         if symptom is Symptom.DEADLOCK:
-            stand_off.mark(now, pose, others, radius)
+            stand_off.mark(now, pose, others, arena.shape.radius)
         if symptom in (Symptom.DEADLOCK, Symptom.NO_WAY_BACK):
             walks = symptom is Symptom.DEADLOCK and self._excursion is not None
             endures = stand_off.endures(now, pose, walks=walks)
@@ -369,32 +281,21 @@ class Navigator:
         assert self._order is not None
         self.replans += 1
         self._next_try = now + seconds(RETRY_S)
-        goal, shared, through = self._order
         start = Point(pose.x, pose.y)
-        parked = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
-        through = through and not self._gate.passed
-        route = self._route(start, goal, parked, shared, through)
-        if route is None and keep:  # who stands at the goal may be gone by then
-            route = self._route(start, goal, off_goal(parked, goal, self.arena.shape.radius), shared, through)
-        elif route is None and parked != self._parked:  # as may who stands on the way
-            route = self._route(start, goal, self._parked, shared, through)
+        around = (*self._parked, *self._stand_off.around(now, self._standing.points.values()))
+        order = self._order._replace(through_gate=self._order.through_gate and not self._gate.passed)
+        # Robots that go first, in the queue, are waited for and not driven around; unless they are to be overtaken.
+        route = replanned(self.arena, start, order, self._parked, around, self._queue.overtakes, at_goal=keep)
         if route is None:
             if not keep:
-                self._follower, self.status = None, "blocked"
+                self._follower = None
+                self.status = "blocked"
             return False
         if self._gate.passed and not self._gate.cleared:
             route = gated_again(self.arena, route)
-        self._follower, self.status = Follower(route, self.arena.shape), "moving"
+        self._follower = Follower(route, self.arena.shape)
+        self.status = "moving"
         return True
-
-    def _route(
-        self, start: Point, goal: Point, parked: Sequence[Point], shared: GridPath | None, through: bool
-    ) -> Route | None:
-        if through and not self._queue.overtakes:
-            parked = off_queue(self.arena, start, parked)
-        if through and shared is not None:
-            return follower_route(self.arena, start, goal, parked, shared)
-        return leader_route(self.arena, start, goal, parked, through_gate=through)
 
     # -- what others ask ------------------------------------------------------------------------------------
 
@@ -468,7 +369,8 @@ class Navigator:
         through_gate: bool = True,
     ) -> Estimate | None:
         """Return what driving from `pose` to `goal` would take, without moving; None when there is no way."""
-        route = self._route(Point(pose.x, pose.y), goal, parked, shared, through_gate)
+        order = DriveOrder(goal, shared, through_gate)
+        route = ordered_route(self.arena, Point(pose.x, pose.y), order, parked, self._queue.overtakes)
         if route is None:
             return None
         turn = abs(Follower(route, self.arena.shape).heading_error(pose))
@@ -476,5 +378,6 @@ class Navigator:
 
     def plan_shared(self, pose: Pose, goal: Point) -> GridPath | None:
         """Return the part of the way from `pose` to `goal` that the robot shares when it leads (paper IV.D.1)."""
-        route = self._route(Point(pose.x, pose.y), goal, (), None, True)
+        order = DriveOrder(goal, None, through_gate=True)
+        route = ordered_route(self.arena, Point(pose.x, pose.y), order, (), self._queue.overtakes)
         return None if route is None else shared_part(self.arena, route)
