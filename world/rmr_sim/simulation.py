@@ -59,8 +59,8 @@ class Simulation:
     ) -> None:
         """`key` is the lab's, where its radio is secured; `values` are those of coordination, where they are others.
 
-        `fresh` returns handlers of their own for each life of each robot, so that the globals of the user's file are
-        one robot's, as in a process; without it all share `handlers`. `without` names rules of motion to leave out.
+        `fresh` returns handlers of their own for each life of each robot, as processes have; without it all share
+        `handlers`. `without` names rules of motion to leave out.
 
         Raises `rmr.node.actions.dispatcher.MissingHandlers` when an action of the program has no handler.
         """
@@ -70,8 +70,7 @@ class Simulation:
         self.kernel = Kernel()
         self.world = World(lab, seed)
         self.radio = lab.radio.config
-        radio_seed = seed if lab.radio.seed is None else lab.radio.seed
-        self.ether = Ether(self.kernel, self.radio, radio_seed, lab.pan)
+        self.ether = Ether(self.kernel, self.radio, seed if lab.radio.seed is None else lab.radio.seed, lab.pan)
         self.checkers: list[Callable[[Instant], None]] = []
         """Called with the instant of each tick when all has happened that belongs to it."""
         self.observers: list[Callable[[Instant], None]] = []
@@ -93,8 +92,6 @@ class Simulation:
         self.frame_end: Instant = 0
         """When the next frame begins."""
         self._fresh = fresh
-        self.firings: dict[str, int] = {}
-        """How often each rule of motion has had an effect, by name."""
         self._bodily = needs_bodies(lab, program, handlers or {})
         self.robots = self._robots(program, digest, handlers or {}, self._config(trace, values or Values(), without))
         self._calls: list[tuple[Instant, int]] = []
@@ -139,8 +136,12 @@ class Simulation:
             values=values,
             witness=self.tell,
             without=without,
-            firings=self.firings,
         )
+
+    @property
+    def firings(self) -> dict[str, int]:
+        """How often each rule of motion has had an effect, by name, in all robots together."""
+        return self.robots[0].node.config.firings
 
     def security(self, robot: int, life: int) -> Security | None:
         """Return what secures the frames of the `life`-th life, from 0, of `robot`; None: nothing does."""

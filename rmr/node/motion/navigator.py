@@ -27,8 +27,9 @@ from rmr.node.motion.replanning import ordered_route, replanned
 from rmr.node.motion.route import DriveOrder, Route, gated_again, shared_part
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
+from rmr.node.motion.speed_law import HAZARDS
 from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
-from rmr.node.motion.standoff.escapes import Excursion, Impasse, Symptom
+from rmr.node.motion.standoff.escapes import ESCAPES, Excursion, Impasse, Symptom
 from rmr.node.motion.standoff.policy import EscapePolicy
 from rmr.node.ports import SeenBody
 
@@ -36,8 +37,16 @@ RETRY_S: Final = 0.5
 """Between two tries to find a route when blocked."""
 
 
+def check_names(without: frozenset[str]) -> None:
+    """Raise ValueError if one of the rules to be left out does not exist."""
+    known = [rule.name for rule in HAZARDS] + [escape.name for escape in ESCAPES]
+    for name in sorted(without):
+        if name not in known:
+            raise ValueError(f"no rule of motion is called {name!r}; there are {', '.join(known)}")
+
+
 class Navigator:
-    """Moves one robot. `step` is called each tick while it is active."""
+    """Moves one robot. `step` is called each tick."""
 
     __slots__ = (
         "_control", "_driven", "_driving", "_excursion", "_face", "_follower", "_gate", "_next_try", "_order",
@@ -53,6 +62,8 @@ class Navigator:
         """``idle``, ``moving``, ``arrived`` or ``blocked`` (no way; tried again when parked robots change)."""
         self.replans = 0
         switches = RuleSwitches() if switches is None else switches
+        if switches.without:
+            check_names(switches.without)
         self._order: DriveOrder | None = None
         self._follower: Follower | None = None
         self._gate = EntryGate(arena.shape, holding=False)

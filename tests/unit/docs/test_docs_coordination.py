@@ -11,7 +11,8 @@ from rmr.coord import insertion, messages, schedule, states, values
 from rmr.coord.messages import Beacon, Entry, Job, Kind, Phase, Sched
 from rmr.coord.values import Values
 from rmr.node.crossing import approach, turn, turns
-from rmr.node.motion import avoid, gate, route
+from rmr.node.motion import gate, route
+from rmr.node.motion.standoff import detector
 
 PAGE = page("coordination")
 FRAMES = {
@@ -136,5 +137,5 @@ def test_the_figures_of_motion_are_those_of_the_code():
         assert figure in text.replace("\n", " ")
     assert gate.EARLY_SHARE == 0.1  # "a tenth"
     assert turns.REVISE_EVERY == 500 * NS_PER_MS  # "every half second"
-    longest = avoid.PATIENCE_S + 3 * avoid.PATIENCE_STEP_S
-    assert f"after {avoid.PATIENCE_S:g} to {longest:g} s of standing" in PAGE
+    longest = detector.PATIENCE_S + 3 * detector.PATIENCE_STEP_S
+    assert f"after {detector.PATIENCE_S:g} to {longest:g} s of standing" in PAGE
