@@ -11,6 +11,7 @@ from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.values import Values
 from rmr.node.crossing.turn import UNKNOWN_INSIDE
+from rmr.node.profile import Profile, profile_of
 from rmr.node.trace import Level
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
@@ -24,9 +25,6 @@ LISTEN: Final[Duration] = milliseconds(1200)
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)
 """Where all can hear each other, until it has heard where each of the others is, at first too, but no longer than this:
 who is silent then is not there, and no cut of the radio is counted on to last longer."""
-CROWD_FROM: Final = 21
-"""A roster of so many robots is a crowd. Of more of them the first hellos take longer (of fifty 2.8 s) than agreeing on
-slots, and each frame is heard by so many that to call them all costs more than all else."""
 IN_RANGE_DB: Final = 6.0
 """Received so much above the sensitivity a robot is surely heard."""
 
@@ -67,9 +65,9 @@ class NodeConfig:
     """How often each rule of motion has had an effect; robots of one simulation share it."""
 
     @property
-    def crowded(self) -> bool:
-        """Whether the robot is one of a crowd."""
-        return len(self.roster) >= CROWD_FROM
+    def profile(self) -> Profile:
+        """What robots of a group of this size do."""
+        return profile_of(len(self.roster))
 
     @property
     def listens(self) -> Duration:

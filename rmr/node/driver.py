@@ -58,7 +58,7 @@ class Driver:
         self._listens: Duration = 0 if switches.off("listen") else config.listens
         """For how long at most it stands until it has heard of all others of the roster."""
         self.navigator.hearing.listens = self._listens > 0
-        self.approach = Approach(self.navigator, config.crowded)
+        self.approach = Approach(self.navigator, config.profile.finishes_in_order)
         self.place: Point | None = None
         """The slot that the robot has taken."""
         self._home: Point | None = None

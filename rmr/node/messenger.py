@@ -81,7 +81,7 @@ class Talk:
         """None: a robot without a body."""
         if node.driver is not None:
             rng = stream(f"{node.config.seed}/robot{node.robot}/hello")
-            self._hello = HelloClock(rng, len(node.config.roster))
+            self._hello = HelloClock(rng, node.config.profile)
 
     @property
     def next_wake(self) -> Instant:
@@ -103,7 +103,7 @@ class Talk:
         """Notice a change that matters to others, as between parked and moving."""
         node = self._node
         if self._hello is not None and node.driver is not None:
-            self._hello.look(now, parked=node.actions.driving is None, back=node.driver.speed < 0.0)
+            self._hello.poll(now, parked=node.actions.driving is None, back=node.driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
         """Say what is due."""
@@ -127,7 +127,7 @@ class Talk:
     def _rewind(self, now: Instant, clock: HelloClock) -> None:
         """Plan the next hello."""
         node, turn = self._node, self._node.turns.current
-        if not node.config.crowded:
+        if not node.config.profile.promises_to_stay:
             clock.rewind(now, waits=turn is not None)
             return
         leaves = turn is not None and turn.phase is Phase.SLOTTED and not self._stays(now)
@@ -136,7 +136,7 @@ class Talk:
     def _stays(self, now: Instant) -> bool:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
         node, turn = self._node, self._node.turns.current
-        if not node.config.crowded or node.driver is None or node.actions.driving is not None:
+        if not node.config.profile.promises_to_stay or node.driver is None or node.actions.driving is not None:
             return False
         return node.finished() if turn is None else turn.leaves_after(now + STAYS + STAYS_SPARE)
 

@@ -156,7 +156,9 @@ class Node:
         """
         if not self._started or self._meets or now - self.now > SLEPT:
             return False
-        return self.talk.overhear(now, frame) or (self.config.crowded and self._overhear_passing(now, frame))
+        if self.talk.overhear(now, frame):
+            return True
+        return self.config.profile.overhears_passing and self._overhear_passing(now, frame)
 
     def _overhear_passing(self, now: Instant, frame: Received) -> bool:
         """Take in what a robot in the bottleneck says, which all of a crowd hear and hardly any has to do with."""

@@ -47,7 +47,7 @@ def estimate(node: "Node", now: Instant, turn: Turn) -> bool:
 
 def _has_to_listen(node: "Node", now: Instant) -> bool:
     """Return whether the robot stands until it has heard where all others are: few have heard each other sooner."""
-    return node.config.crowded and node.driver is not None and node.driver.listens(now, node.peers)
+    return node.config.profile.listens_first and node.driver is not None and node.driver.listens(now, node.peers)
 
 
 def finds_itself_within(node: "Node", turn: Turn, slack_m: float = 0.0) -> bool:

@@ -357,7 +357,7 @@ class Turns:
                 self._node.trace(now, "entered", event=turn.job.event, cautious=cautious)
             case SlotLost() | EntryMissed():
                 hindered = isinstance(event, EntryMissed) and turn.gated and not self._is_ready(turn)
-                if hindered and (turn.go_on(now) if self._node.config.crowded else turn.hinder(now)):
+                if hindered and (turn.go_on(now) if self._node.config.profile.late_goes_next else turn.hinder(now)):
                     self._tell(now, turn)
                 turn.phase = Phase.ASKING
                 turn.revised_at = 0

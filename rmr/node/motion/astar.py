@@ -20,7 +20,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 from rmr.base.grid_path import STEPS, GridPath
 from rmr.node.motion.grid import (
-    MARGIN_M,
+    PATH_MARGIN_M,
     RELAXED_M,
     TIGHT_MARGIN_M,
     Discs,
@@ -162,7 +162,7 @@ def plan(arena: Arena, start: Point, goal: Point, parked: Sequence[Point] = ()) 
     """Return a way from `start` to `goal` around obstacles and parked robots, or None when there is none."""
     if arena.clearance(*goal) < arena.shape.radius:
         return None  # nobody can stand there
-    for margin in (MARGIN_M, DOOR_MARGIN_M):
+    for margin in (PATH_MARGIN_M, DOOR_MARGIN_M):
         found = _plan(arena, start, goal, parked, margin)
         if found is not None:
             return found

@@ -36,7 +36,7 @@ SLOPE_PER_S: Final = 2.5
 """Speed allowed per metre of gap, 1/s."""
 LATE_SLOPE_PER_S: Final = 6.0
 """Speed allowed per metre of gap towards a body that gives way, 1/s."""
-HORIZON_S: Final = 3.0
+CPA_HORIZON_S: Final = 3.0
 """A gap that closes later than this is no danger yet."""
 STILL_MPS: Final = 0.03
 """A body slower than this stands."""
@@ -63,7 +63,7 @@ def closing_limit(v: float, body: SeenBody, radius: float, late: bool) -> float:
             return v
     else:
         # The gap closes at `closing / distance`, so this compares its time with the horizon without a division.
-        if gap * distance > HORIZON_S * closing:
+        if gap * distance > CPA_HORIZON_S * closing:
             return v
         # At the time of the CPA the line of centres is square to the relative velocity.
         tcpa = closing / (relative_vx * relative_vx + body_vy * body_vy)

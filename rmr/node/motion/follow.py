@@ -34,7 +34,7 @@ END_M: Final = 0.002
 """A path of which no more is left has no length left: the robot brakes for this place."""
 ARRIVED_M: Final = 0.008
 """Distance from the goal that counts as there."""
-ABEAM_M: Final = 0.02
+ARRIVED_BESIDE_M: Final = 0.02
 """Distance that counts as there when the path has no length left: turning back would cost more than it gains."""
 CREEP: Final = 0.02
 """Least speed on the last centimetres, m/s."""
@@ -80,7 +80,7 @@ class Follower:
         left = route.at_m[-1] - self.s
         if left < NEARS_M:
             away = distance(*route.points[-1], x, y)
-            if away < ARRIVED_M or (left < END_M and away < ABEAM_M):
+            if away < ARRIVED_M or (left < END_M and away < ARRIVED_BESIDE_M):
                 self.arrived = True
 
     def heading_error(self, pose: Pose) -> float:

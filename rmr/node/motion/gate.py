@@ -15,7 +15,7 @@ from rmr.base.time import Instant, in_seconds
 from rmr.node.motion.follow import PLANNED_BRAKE, braking_speed
 from rmr.node.motion.route import Route
 
-MARGIN_M: Final = 0.01
+HOLD_MARGIN_M: Final = 0.01
 """Between the hull's front and the gate when the robot waits there."""
 PASSED_M: Final = 0.02
 """A robot this far beyond where it waits has driven on."""
@@ -130,14 +130,14 @@ class EntryGate:
     def _meets(self, route: Route, s: float, standing: Iterable[Point]) -> bool:
         """Return whether the robot is in the mouth without its turn, or before one of those `standing` in it."""
         gate, room = route.gate_m or 0.0, self.room(route)
-        if gate - s <= room - MARGIN_M:
+        if gate - s <= room - HOLD_MARGIN_M:
             return True
         here, mouth, near = route.point(s), route.point(gate), MEETS_RADII * self.shape.radius
         return any(distance(*here, *other) < near and distance(*mouth, *other) < room for other in standing)
 
     def room(self, route: Route) -> float:
         """Return how far from the mouth the centre of a robot that waits is, metres."""
-        return route.room_m + self.shape.radius + MARGIN_M
+        return route.room_m + self.shape.radius + HOLD_MARGIN_M
 
     def met_by(self, route: Route | None) -> int | None:
         """Return the robot's way inside a bottleneck in which others may come towards it; None elsewhere."""

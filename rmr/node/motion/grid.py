@@ -17,7 +17,7 @@ from typing import Final
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 
-MARGIN_M: Final = 0.03
+PATH_MARGIN_M: Final = 0.03
 """Added to the radius on the way, and to two radii around parked robots."""
 TIGHT_MARGIN_M: Final = 0.005
 """Added to the radius (to two radii around parked robots) near start and goal."""
@@ -103,7 +103,7 @@ def discs_around(parked: Sequence[Point], radius: float, start: Point, goal: Poi
     """
     discs = []
     for x, y in parked:
-        keep = 2.0 * radius + MARGIN_M
+        keep = 2.0 * radius + PATH_MARGIN_M
         from_goal = hypot(goal.x - x, goal.y - y)
         if from_goal < keep:
             keep = max(2.0 * radius + TIGHT_MARGIN_M, from_goal - 1e-6)

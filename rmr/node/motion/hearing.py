@@ -34,8 +34,8 @@ from rmr.base.arena import RobotShape
 from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.priority import order_key
-from rmr.node.peers.hello import period_max
 from rmr.node.ports import SeenBody
+from rmr.node.profile import profile_of
 
 SILENT_MOVING: Final[Duration] = milliseconds(1200)
 """A robot that drives and has not been heard for so long is silent: five hellos are lost."""
@@ -49,7 +49,7 @@ BEHIND: Final = math.cos(math.radians(120))
 """Cosine of the bearing beyond which another robot that comes nearer does so ahead of itself."""
 STOP_S: Final = 0.4
 """What stopping from full speed takes, with the time until the wheels are told."""
-MARGIN_M: Final = 0.03
+POSITION_ERROR_M: Final = 0.03
 """For the errors of both robots' places."""
 PARKED_SPARE_M: Final = 0.02
 """A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
@@ -60,7 +60,7 @@ BESIDE_M: Final = 0.1
 stands."""
 JUMP_M: Final = 0.1
 """A place that is estimated is not corrected by more than this between two updates."""
-NEAR_M: Final = 0.5
+HEARD_NEAR_M: Final = 0.5
 """Centres farther apart than this need not be looked at before the next update."""
 
 LISTENS: Final = 1
@@ -123,8 +123,8 @@ class Hearing:
     def __init__(self, shape: RobotShape, robots: int = 1) -> None:
         """`robots`: how many there are, by which the time between two hellos goes."""
         self._shape = shape
-        self._moving = period_max(robots, parked=False)
-        self._parked = period_max(robots, parked=True)
+        self._moving = profile_of(robots).moving_max
+        self._parked = profile_of(robots).parked_max
         self._silent: list[ReportedState] = []
         self._silent_from: Instant = 0
         """Before this none of those can be near; 0: to be looked at."""
@@ -147,7 +147,7 @@ class Hearing:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
         self._silent, self._silent_from = [other for other in known if other.silent], 0
         self.fresh = [
-            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < NEAR_M
+            other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < HEARD_NEAR_M
         ]
         self.overdue_at = min((self._overdue_at(other) for other in self.fresh), default=NEVER)
 
@@ -245,7 +245,7 @@ class Hearing:
     def _reaches(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether `other` may touch the robot before it stands."""
         speed = self._shape.speed
-        touch = 2.0 * self._shape.radius + MARGIN_M + speed * in_seconds(now - other.at)
+        touch = 2.0 * self._shape.radius + POSITION_ERROR_M + speed * in_seconds(now - other.at)
         if hypot(other.x - pose.x, other.y - pose.y) < touch:
             return True
         way = 0.5 * speed * STOP_S
@@ -255,7 +255,7 @@ class Hearing:
     def _reach_from(self, now: Instant, pose: Pose) -> Instant:
         """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
         speed, x, y = self._shape.speed, pose.x, pose.y
-        touch = 2.0 * self._shape.radius + MARGIN_M + 1.5 * speed * STOP_S + JUMP_M
+        touch = 2.0 * self._shape.radius + POSITION_ERROR_M + 1.5 * speed * STOP_S + JUMP_M
         gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
@@ -273,5 +273,5 @@ class Hearing:
         return True
 
     def _may_be(self, now: Instant, other: ReportedState, place: Point) -> bool:
-        reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * MARGIN_M
+        reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * POSITION_ERROR_M
         return hypot(other.x - place.x, other.y - place.y) <= reach

@@ -11,7 +11,7 @@ from typing import Final
 from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, point_segment_distance
 from rmr.node.motion.astar import plan
-from rmr.node.motion.grid import MARGIN_M, TIGHT_MARGIN_M
+from rmr.node.motion.grid import PATH_MARGIN_M, TIGHT_MARGIN_M
 
 NAMED_MAX: Final = 5
 """Robots that are named."""
@@ -31,7 +31,7 @@ def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Poin
     if found is None:
         solid = solid_between(arena, start, goal)
         return f"{solid} is in the way, and there is no way around it" if solid else "obstacles close every way"
-    keep = 2.0 * radius + MARGIN_M
+    keep = 2.0 * radius + PATH_MARGIN_M
     standing = [robot for robot, place in parked.items() if distance(*place, *goal) < keep]
     if standing:
         return f"{robots_named(standing)} at the goal"
@@ -41,7 +41,7 @@ def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Poin
 
 def robots_near(arena: Arena, way: Sequence[Point], parked: Mapping[int, Point]) -> str:
     """Return who stands on a polyline, subject and verb; empty if nobody does."""
-    keep = 2.0 * arena.shape.radius + MARGIN_M
+    keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
     near = [
         robot
         for robot, place in parked.items()

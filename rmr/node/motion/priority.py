@@ -19,12 +19,12 @@ from rmr.base.geometry import Point, Pose, hypot, point_segment_distance
 from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
-KEEP_M: Final = 0.04
+CONFLICT_GAP_M: Final = 0.04
 """Predicted distance of hulls that is wide enough."""
-HORIZON_S: Final = 4.0
+CONFLICT_HORIZON_S: Final = 4.0
 STEP_S: Final = 0.25
-STEPS: Final = round(HORIZON_S / STEP_S) + 1
-MARGIN_M: Final = 1e-6
+STEPS: Final = round(CONFLICT_HORIZON_S / STEP_S) + 1
+ROUNDING_M: Final = 1e-6
 """For rounding."""
 SHARES: Final[tuple[float, ...]] = (1.0, 0.6, 0.3, 0.0)
 """Speeds that are tried, as shares of the greatest."""
@@ -92,8 +92,8 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     When none does, the one that keeps the greatest distance.
     """
     here, speed = route.point(s), shape.speed
-    keep = 2.0 * shape.radius + KEEP_M
-    reach = keep + (2.0 * HORIZON_S + in_seconds(AGE_MAX)) * speed
+    keep = 2.0 * shape.radius + CONFLICT_GAP_M
+    reach = keep + (2.0 * CONFLICT_HORIZON_S + in_seconds(AGE_MAX)) * speed
     near = [other for other in others if abs(other.pose.x - here.x) <= reach and abs(other.pose.y - here.y) <= reach]
     tracks = [_track(now, other, speed) for other in near if _may_meet(now, other, here, speed, keep)]
     if not tracks:
@@ -122,13 +122,13 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
     if now - other.at > AGE_MAX:
         return False
     age = in_seconds(now - other.at)
-    near, x, y = keep + HORIZON_S * speed, other.pose.x, other.pose.y
-    far = near + speed * (age + HORIZON_S)
+    near, x, y = keep + CONFLICT_HORIZON_S * speed, other.pose.x, other.pose.y
+    far = near + speed * (age + CONFLICT_HORIZON_S)
     if abs(x - here.x) > far or abs(y - here.y) > far:
         return False
     cos, sin, way = _course(other)
-    gone = min(way, speed * (age + HORIZON_S))
-    return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + MARGIN_M
+    gone = min(way, speed * (age + CONFLICT_HORIZON_S))
+    return point_segment_distance(here.x, here.y, x, y, x + gone * cos, y + gone * sin) <= near + ROUNDING_M
 
 
 def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]]:

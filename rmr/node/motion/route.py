@@ -20,7 +20,7 @@ from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, distance, hypot, point_segment_distance
 from rmr.base.grid_path import GridPath
 from rmr.node.motion.astar import FreeSpace, plan
-from rmr.node.motion.grid import MARGIN_M, Discs, discs_around, grid_of, segment_clearance
+from rmr.node.motion.grid import PATH_MARGIN_M, Discs, discs_around, grid_of, segment_clearance
 
 GATE_REACH_M: Final = 0.15
 """A route has a gate if it passes the bottleneck's point within this."""
@@ -275,7 +275,7 @@ def off_queue(arena: Arena, start: Point, parked: Sequence[Point]) -> list[Point
     They go first; who comes after them waits for them to leave and does not drive around them.
     """
     spots = queue_before(arena, start)
-    keep = 2.0 * arena.shape.radius + MARGIN_M
+    keep = 2.0 * arena.shape.radius + PATH_MARGIN_M
     return [p for p in parked if all(distance(*p, *spot) >= 0.5 * keep for spot in spots)]
 
 
@@ -312,7 +312,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
     points = points[nearest:]
     if len(points) < 2:
         return None
-    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, PATH_MARGIN_M)
     for a, b in pairwise(points):
         if any(point_segment_distance(x, y, *a, *b) < keep for x, y, keep in floor.discs):
             return None
@@ -324,7 +324,7 @@ def _usable(arena: Arena, start: Point, goal: Point, parked: Sequence[Point], sh
 
 def _leg(arena: Arena, start: Point, goal: Point, parked: Sequence[Point]) -> list[Point] | None:
     """Return the straight leg if it is free, else one by A*, else None."""
-    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, MARGIN_M)
+    floor = FreeSpace(arena, discs_around(parked, arena.shape.radius, start, goal), start, goal, PATH_MARGIN_M)
     if distance(*start, *goal) < 1e-9 or floor.sight(start, goal):
         return [start, goal]
     found = plan(arena, start, goal, parked)

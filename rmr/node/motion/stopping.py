@@ -16,19 +16,19 @@ from rmr.node.ports import SeenBody
 
 REACTION_BRAKE: Final = 0.7
 """Deceleration of a robot that stops for another one, m/s^2, its own and the other's; the wheels can do 0.8."""
-APART_M: Final = 0.005
+STOPPING_GAP_M: Final = 0.005
 """Gap between hulls that is kept."""
 LAG_S: Final = 0.117
 """Wheels go on for 0.1 s after the last command; with the frame in which it is given."""
-NEAR_M: Final = 0.09
+STOPPING_RANGE_M: Final = 0.09
 """A gap wider than this is room enough to stop from full speed, whatever the other does."""
 
 
 def stopping_speed(v: float, body: SeenBody, radius: float) -> float:
     """Return the greatest speed up to `v` (m/s) from which a robot stops before `body`, should that brake now."""
     x, y, vx, vy = body.x, body.y, body.vx, body.vy
-    touch = 2.0 * radius + APART_M
-    if x <= 0.0 or x * x + y * y > (touch + NEAR_M) * (touch + NEAR_M):
+    touch = 2.0 * radius + STOPPING_GAP_M
+    if x <= 0.0 or x * x + y * y > (touch + STOPPING_RANGE_M) * (touch + STOPPING_RANGE_M):
         return v
     on = hypot(vx, vy) / (2.0 * REACTION_BRAKE)
     x, y = x + vx * on, y + vy * on

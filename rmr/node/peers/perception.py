@@ -15,7 +15,7 @@ from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
-from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
+from rmr.node.motion.hearing import DEAD, HEARD_NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
 from rmr.node.motion.priority import Heard
 from rmr.node.peers.hello import STAYS
 from rmr.node.ports import SeenBody, Sensed
@@ -208,7 +208,7 @@ class Peers:
                 continue
             at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
-            if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
+            if silent or (abs(hello.x - pose.x) < HEARD_NEAR_M and abs(hello.y - pose.y) < HEARD_NEAR_M):
                 stands = peer.sets_out and hypot(hello.x - pose.x, hello.y - pose.y) < 2.0 * radius + CLOSE_M
                 v = 0.0 if stands else hello.v
                 vx, vy = v * math.cos(hello.theta), v * math.sin(hello.theta)

@@ -131,7 +131,7 @@ def test_the_figures_of_motion_are_those_of_the_code():
         f"at the line within {in_seconds(turns.READY):g} s",
         f"{in_seconds(turn.UNKNOWN_INSIDE):g} s if nothing is known",
         f"| {values.EXCLUSIVE_WAY}: such turns exclude every other one |",
-        f"its front {gate.MARGIN_M * 100:.0f} cm before",
+        f"its front {gate.HOLD_MARGIN_M * 100:.0f} cm before",
         f"a margin of {gate.EARLY_S:g} s and a tenth of the time left",
     ):
         assert figure in text.replace("\n", " ")

@@ -16,7 +16,7 @@ from typing import Final
 from rmr.base.arena import Arena
 from rmr.base.geometry import Point, Pose, distance
 from rmr.base.streams import uniform
-from rmr.node.motion.grid import MARGIN_M, segment_clearance
+from rmr.node.motion.grid import PATH_MARGIN_M, segment_clearance
 from rmr.node.motion.priority import Heard
 from rmr.node.motion.route import Route, leader_route
 
@@ -67,7 +67,7 @@ def yield_spot(
         for degrees in YIELD_ANGLES_DEG:
             turn = ahead + math.radians(degrees)
             spot = Point(start.x + away * math.cos(turn), start.y + away * math.sin(turn))
-            free = all(distance(*spot, *other) > 2.0 * radius + MARGIN_M for other in others)
+            free = all(distance(*spot, *other) > 2.0 * radius + PATH_MARGIN_M for other in others)
             free = free and (entrance is None or _before(entrance, spot, off_m))
             if free and segment_clearance(arena, start, spot) > radius:
                 return spot
@@ -115,9 +115,9 @@ def retreat_route(
     best: Route | None = None
     least = len(paths) + 1
     for spot, away in _spots_around(start, radius, uniform("walk", robot, tries) * math.tau, tries):
-        if arena.clearance(*spot) < radius + MARGIN_M or _near(spot, others, radius):
+        if arena.clearance(*spot) < radius + PATH_MARGIN_M or _near(spot, others, radius):
             continue
-        hindered = sum(path.meets(0.0, ((spot.x, spot.y, 2.0 * radius + MARGIN_M),)) for path in paths)
+        hindered = sum(path.meets(0.0, ((spot.x, spot.y, 2.0 * radius + PATH_MARGIN_M),)) for path in paths)
         if hindered >= least:
             continue
         route = leader_route(arena, start, spot, others, through_gate=False)
@@ -146,7 +146,7 @@ def _spots_around(start: Point, radius: float, first: float, tries: int) -> list
 
 
 def _near(spot: Point, others: Sequence[Point], radius: float) -> bool:
-    return any(distance(*spot, *other) < 2.0 * radius + MARGIN_M for other in others)
+    return any(distance(*spot, *other) < 2.0 * radius + PATH_MARGIN_M for other in others)
 
 
 def paths_of(arena: Arena, here: Point, others: Sequence[Heard], parked: Sequence[Point]) -> list[Route]:
