@@ -1,29 +1,20 @@
-"""What is heard of the others keeps them apart where sight, which is narrow, does not.
+"""What is heard of the others keeps robots apart where sight, which is narrow, does not.
 
-*Heard is as good as seen.* Robots say several times a second where they are and how fast they go. Whoever is near
-and not in view is a body for stop-if-dangerous all the same, at the place and with the velocity that it told
-last: so robots that come together from the side stop for each other.
-
-*Stand while somebody who may be near is silent.* One that has not been heard for a while is somewhere in a disc around
-the place that it told last, which grows at full speed. A driving robot that this disc could reach before it stands
-(or may have reached already) stands until the other is heard again. Two that do not hear each other both stand. A
-body that is seen in the disc is the silent robot, unless another one has said that it is there: what is seen is left
-to stop-if-dangerous.
-
-*The nearer, the sooner.* Of one that is near, unseen and not behind (there its own eyes keep it off), two hellos that
-are overdue are a silence; and a robot that sets out waits for a single one of a parked robot near it, which may have
-set out unheard as well.
-
-*Who says that it stays is not silent meanwhile* (`rmr.node.peers.hello`): in a crowd most robots stand, and
-speak seldom.
-
-*Whoever has never been heard may be anywhere.* A robot that begins stands until each robot of the roster has said where
-it is, or has had long enough to (`rmr.node.config`).
-
-*The order is heard, too.* Robots say which place in the order they have, so who sees or hears another knows which of
-the two goes first.
-
-*A dead body stands where it fell.* Who has been silent for longer than any stall is an obstacle like a parked robot.
+- *Cooperative perception.* Robots report several times a second where they are and how fast they drive. A robot that is
+  near, heard and not in view is a body for the speed law all the same, at its reported place and with its reported
+  velocity: so robots that come together from the side stop for each other.
+- *Silence.* A robot that has not been heard for a while is somewhere in a disc around its last reported place, which
+  grows at full speed. A driving robot which that disc can reach before it stands, stands until the other is heard;
+  two that do not hear each other both stand. A body that is seen in the disc is taken for the silent robot, unless
+  another one has reported to be there: what is seen is left to the rules for bodies.
+- *Overdue hellos.* Of a robot that is near, unseen and not behind (there its own eyes keep it off), two overdue hellos
+  are a silence. A robot that sets out waits for a single one of a parked robot near it, which may have set out unheard.
+- *Promise to stay* (`rmr.node.peers.hello`). In a crowd most robots stand and speak seldom: one that has promised to
+  stay is not silent meanwhile.
+- *Listening.* A robot that has never been heard may be anywhere. A robot that begins stands until each of the roster
+  has said where it is, or has had long enough to (`rmr.node.config`).
+- *Order.* Hellos tell the rank in the schedule, so a robot knows which of two goes first.
+- *Death.* A robot that has been silent for longer than any stall is an obstacle like a parked robot.
 """
 
 import math
@@ -38,9 +29,9 @@ from rmr.node.ports import SeenBody
 from rmr.node.profile import profile_of
 
 SILENT_MOVING: Final[Duration] = milliseconds(1200)
-"""A robot that drives and has not been heard for so long is silent: five hellos are lost."""
+"""A driving robot that has not been heard for so long is silent: five hellos are lost."""
 SILENT_PARKED: Final[Duration] = milliseconds(2400)
-"""Likewise one that is parked, and may have set out."""
+"""A parked robot that has not been heard for so long is silent: it may have set out."""
 DEAD: Final[Duration] = seconds(15)
 """After so long a silence a robot does not move any more: longer than any stall or loss of radio."""
 OVERDUE: Final[Duration] = milliseconds(150)
@@ -48,20 +39,20 @@ OVERDUE: Final[Duration] = milliseconds(150)
 BEHIND: Final = math.cos(math.radians(120))
 """Cosine of the bearing beyond which another robot that comes nearer does so ahead of itself."""
 STOP_S: Final = 0.4
-"""What stopping from full speed takes, with the time until the wheels are told."""
+"""Time to stop from full speed: the lag until wheels brake, 0.12 s, and 0.2 m/s at 0.7 m/s^2."""
 POSITION_ERROR_M: Final = 0.03
-"""For the errors of both robots' places."""
+"""Error of the estimated positions of two robots together."""
 PARKED_SPARE_M: Final = 0.02
-"""A parked robot is taken to be so much farther away, for routes and goals keep clear of it by little."""
+"""A parked robot is taken to be this much farther away: routes and goals keep clear of it by no more."""
 SPARE_FROM_M: Final = 0.05
-"""Nearer than this it is shifted by less: its direction is hardly more than noise."""
+"""A parked robot nearer than this is shifted by less: its direction is hardly more than noise."""
 BESIDE_M: Final = 0.1
 """A robot that turns takes in also those heard abeam, at most this far behind its axle: they may be ahead before it
 stands."""
 JUMP_M: Final = 0.1
-"""A place that is estimated is not corrected by more than this between two updates."""
+"""An estimated position is not corrected by more than this between two updates."""
 HEARD_NEAR_M: Final = 0.5
-"""Centres farther apart than this need not be looked at before the next update."""
+"""Robots whose centres are farther apart than this cannot matter before the next update."""
 
 LISTENS: Final = 1
 SILENT: Final = 2
@@ -153,6 +144,7 @@ class Hearing:
 
     def _overdue_at(self, other: ReportedState) -> Instant:
         """Return from when on one that is near counts as silent."""
+        # A robot that is about to set out waits for the very next hello of a parked one: that may set out as well.
         hellos = (1 if self.stands else 2) * self._parked if other.parked else 2 * self._moving
         return other.at + hellos + OVERDUE
 
@@ -163,8 +155,8 @@ class Hearing:
 
         The first `in_view` bodies are in view now; the others are remembered.
 
-        Only those farther ahead than `beyond_m`: who is behind stops nobody who drives on. One who drives off behind is
-        taken to be where it was heard: backing up after it is done blind.
+        Only those farther ahead than `beyond_m`: one behind does not stop a robot that drives on. One that drives off
+        behind is taken to be where it was heard: backing up after it is done blind.
         """
         heard: list[SeenBody] = []
         self.hides_remembered = False
@@ -174,6 +166,7 @@ class Hearing:
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
         for other in self.fresh:
             parked, vx, vy, age = other.parked, other.vx, other.vy, (now - other.at) / NS_PER_S
+            # Dead reckoning since the hello, then into the robot's frame.
             dx, dy = other.x + vx * age - own_x, other.y + vy * age - own_y
             if parked:
                 spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, hypot(dx, dy))
@@ -181,7 +174,8 @@ class Hearing:
             x, y = dx * cos + dy * sin, dy * cos - dx * sin
             if x <= beyond_m:
                 continue
-            if x < 0.0 and not parked:  # who drives off may have stopped since, and nobody sees it
+            # Behind: a robot that drives off may have stopped since, and nobody sees it. The nearer place counts.
+            if x < 0.0 and not parked:
                 was_x, was_y = other.x - own_x, other.y - own_y
                 if hypot(was_x, was_y) < hypot(x, y):
                     x, y = was_x * cos + was_y * sin, was_y * cos - was_x * sin
@@ -244,6 +238,8 @@ class Hearing:
 
     def _reaches(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
         """Return whether `other` may touch the robot before it stands."""
+        # The silent robot's disc grows at full speed. This robot, which brakes evenly, covers half of the way that it
+        # would at full speed, and the disc has grown once more by when it stands.
         speed = self._shape.speed
         touch = 2.0 * self._shape.radius + POSITION_ERROR_M + speed * in_seconds(now - other.at)
         if hypot(other.x - pose.x, other.y - pose.y) < touch:
@@ -256,6 +252,7 @@ class Hearing:
         """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
         speed, x, y = self._shape.speed, pose.x, pose.y
         touch = 2.0 * self._shape.radius + POSITION_ERROR_M + 1.5 * speed * STOP_S + JUMP_M
+        # Both drive towards each other at full speed at worst, so the gap closes at twice that.
         gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
         return now + seconds(max(0.0, gap - touch) / (2.0 * speed))
 
@@ -273,5 +270,6 @@ class Hearing:
         return True
 
     def _may_be(self, now: Instant, other: ReportedState, place: Point) -> bool:
+        """Return whether `other` can have got to `place` since it was heard."""
         reach = self._shape.speed * in_seconds(now - other.at) + 2.0 * POSITION_ERROR_M
         return hypot(other.x - place.x, other.y - place.y) <= reach

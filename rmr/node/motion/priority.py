@@ -1,13 +1,12 @@
 """Right of way between robots that hear but do not see each other.
 
-A field of view of 60 degrees is blind to a robot that comes from the side at the same speed. What robots say
-about themselves (where, which way, where to) fills the gap: of two whose ways cross, the one later in the
-order keeps clear. It predicts the other as going straight to its goal at full speed, itself along its route, and takes
-the greatest share of its speed that keeps the two apart. This only spaces robots out; what is seen comes after
-it and has the last word.
+A field of view of 60 degrees is blind to a robot that comes from the side at the same speed. Hellos (position, heading,
+goal) fill the gap: of two whose paths cross, the one later in the order keeps clear. It predicts the other as going
+straight to its goal at full speed, itself along its route, and takes the greatest share of its speed that keeps the two
+apart over the horizon. This only spaces robots out; the rules for bodies come after it and have the last word.
 
-The right of way is for those that use it: a robot that has not got anywhere for a while (`Standing`) goes before
-nobody, or two robots would wait for each other for good; detours go around it, seen or not.
+A robot that has not got anywhere for a while (`Standing`) has no right of way, or two robots would wait for each other
+for ever; detours go around it, seen or not.
 """
 
 import math
@@ -20,9 +19,11 @@ from rmr.base.time import Duration, Instant, in_seconds, milliseconds, seconds
 from rmr.node.motion.route import Route
 
 CONFLICT_GAP_M: Final = 0.04
-"""Predicted distance of hulls that is wide enough."""
+"""Predicted gap between hulls that is wide enough."""
 CONFLICT_HORIZON_S: Final = 4.0
+"""How far ahead paths are predicted."""
 STEP_S: Final = 0.25
+"""Step of the prediction: 5 cm at full speed."""
 STEPS: Final = round(CONFLICT_HORIZON_S / STEP_S) + 1
 ROUNDING_M: Final = 1e-6
 """For rounding."""
@@ -31,11 +32,11 @@ SHARES: Final[tuple[float, ...]] = (1.0, 0.6, 0.3, 0.0)
 BETTER_M: Final = 0.005
 """Where none is enough, a lower speed is taken if it keeps the two farther apart by more than this."""
 AGE_MAX: Final[Duration] = seconds(2)
-"""What was heard longer ago says nothing."""
+"""A hello older than this is not used for prediction."""
 STOOD: Final[Duration] = milliseconds(1500)
 """A robot that has stayed near one place for this long stands, whatever it intends."""
 STOOD_M: Final = 0.1
-"""How near: a little way back and the return from it get a robot nowhere."""
+"""Radius of the place that a standing robot has stayed near: a reverse manoeuvre and the return get it nowhere."""
 
 
 @final
@@ -92,6 +93,7 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     When none does, the one that keeps the greatest distance.
     """
     here, speed = route.point(s), shape.speed
+    # Robots that cannot come within `keep` in the horizon, even if both drive towards each other, are left out first.
     keep = 2.0 * shape.radius + CONFLICT_GAP_M
     reach = keep + (2.0 * CONFLICT_HORIZON_S + in_seconds(AGE_MAX)) * speed
     near = [other for other in others if abs(other.pose.x - here.x) <= reach and abs(other.pose.y - here.y) <= reach]
@@ -100,7 +102,7 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
         return 1.0
     best, best_share = -math.inf, 1.0
     for share in SHARES:
-        least = math.inf
+        least = math.inf  # the least distance of centres at this share of the speed
         for i in range(STEPS):
             x, y = route.place(s + share * shape.speed * STEP_S * i)
             for track in tracks:
@@ -122,6 +124,7 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
     if now - other.at > AGE_MAX:
         return False
     age = in_seconds(now - other.at)
+    # This robot stays within a disc of radius `near`; the other one covers a segment of its course.
     near, x, y = keep + CONFLICT_HORIZON_S * speed, other.pose.x, other.pose.y
     far = near + speed * (age + CONFLICT_HORIZON_S)
     if abs(x - here.x) > far or abs(y - here.y) > far:

@@ -9,9 +9,9 @@ from rmr.base.time import Duration, Instant, seconds
 from rmr.node.motion.route import off_queue
 
 REACH_M: Final = 0.3
-"""A robot that waits before this one keeps it waiting when it is this near."""
+"""A waiting robot keeps the one behind it waiting if it is this near."""
 OVERTAKE: Final[Duration] = seconds(4)
-"""A robot that still waits so long after this one's slot began has failed: drive around it."""
+"""A robot that goes first and still stands there so long after this one's slot began has failed."""
 
 
 class Queueing:
