@@ -49,7 +49,7 @@ def test_a_verdict_weighs_contacts_first() -> None:
     assert verdict({**row, "contacts": 2}) == "needed: without it 2 contacts more"
     assert verdict({**row, "contacts_base": 1}) == "harms: without it 1 contacts fewer"
     assert verdict(row) == "saves time"
-    assert verdict({**row, "ratio_delta": 0.0}) == "no effect on results"
+    assert verdict({**row, "ratio_delta": 0.0}) == "no gain measured"
     assert verdict({**row, "ratio_delta": 0.0, "changed": 0}) == "no effect"
 
 

@@ -61,9 +61,12 @@ def search(stride: int, blocked: bytearray, start: int, goal: int) -> tuple[list
     """
     root2 = math.sqrt(2.0)
     moves = tuple((dr * stride + dc, root2 if dc and dr else 1.0, dc, dr * stride) for dc, dr in STEPS)
-    walls, done = bytes(blocked), [False] * len(blocked)
-    cost, parent = [math.inf] * len(blocked), [0] * len(blocked)
-    cost[start], parent[start] = 0.0, start
+    walls = bytes(blocked)
+    done = [False] * len(blocked)
+    cost = [math.inf] * len(blocked)
+    parent = [0] * len(blocked)
+    cost[start] = 0.0
+    parent[start] = start
     aim = _aim(stride, start, goal)
     queue = [(aim, aim, start)]
     expansions = 0
@@ -91,7 +94,8 @@ def search(stride: int, blocked: bytearray, start: int, goal: int) -> tuple[list
 
 def _aim(stride: int, cell: int, goal: int) -> float:
     """Return the straight way from `cell` to `goal`, in cells."""
-    rows, columns = cell // stride - goal // stride, cell % stride - goal % stride
+    rows = cell // stride - goal // stride
+    columns = cell % stride - goal % stride
     return math.sqrt(rows * rows + columns * columns)
 
 
@@ -121,12 +125,16 @@ class FreeSpace:
 
     def sight(self, a: Point, b: Point) -> bool:
         """Return whether a robot can go straight from a to b, with the tight margin near start and goal."""
-        ax, ay, bx, by = a.x, a.y, b.x, b.y
+        ax = a.x
+        ay = a.y
+        bx = b.x
+        by = b.y
         for x, y, keep in self.discs:
             if point_segment_distance(x, y, ax, ay, bx, by) < keep:
                 return False
         radius = self.arena.shape.radius
-        tight, wide = radius + TIGHT_MARGIN_M, radius + self.margin_m
+        tight = radius + TIGHT_MARGIN_M
+        wide = radius + self.margin_m
         length = distance(ax, ay, bx, by)
         head = RELAXED_M if a == self.start else 0.0
         tail = RELAXED_M if b == self.goal else 0.0
@@ -153,7 +161,10 @@ def _between(a: Point, b: Point, way: float) -> Point:
     """Return the point `way` metres from a towards b."""
     if way <= 0.0:
         return a
-    ax, ay, bx, by = a.x, a.y, b.x, b.y
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
     length = distance(ax, ay, bx, by)
     return a if length <= 0.0 else Point(ax + (bx - ax) * way / length, ay + (by - ay) * way / length)
 

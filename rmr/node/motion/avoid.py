@@ -49,7 +49,10 @@ def closing_limit(v: float, body: SeenBody, radius: float, late: bool) -> float:
 
     `late`: this robot goes first, and slows down only if the other does not give way in time.
     """
-    x, y, body_vx, body_vy = body.x, body.y, body.vx, body.vy
+    x = body.x
+    y = body.y
+    body_vx = body.vx
+    body_vy = body.vy
     if x <= 0.0:
         return v  # behind the axle: driving on leads away from it
     distance = hypot(x, y)
@@ -94,7 +97,8 @@ def _better_gone(body: SeenBody, cpa: float, radius: float) -> bool:
 
     One that creeps may stop: driving on must clear it where it is, too.
     """
-    speed, least = hypot(body.vx, body.vy), 2.0 * radius + TOUCHING_M
+    speed = hypot(body.vx, body.vy)
+    least = 2.0 * radius + TOUCHING_M
     if speed < STILL_MPS or cpa < least or (speed < CREEPING_MPS and abs(body.y) < least):
         return False
     # Were this robot to stand, the body would pass it at the distance of its line of travel from the origin.
@@ -111,7 +115,8 @@ def chord_angle(twist: Twist) -> float:
 
 def turned(body: SeenBody, angle: float) -> SeenBody:
     """Return `body` in the frame of the robot turned by `angle`, radians to the left."""
-    cos, sin = math.cos(angle), math.sin(angle)
+    cos = math.cos(angle)
+    sin = math.sin(angle)
     return SeenBody(
         body.x * cos + body.y * sin,
         body.y * cos - body.x * sin,

@@ -65,7 +65,8 @@ class BodyMemory:
         """
         if not bodies and not self._sightings:
             return bodies
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
         # From the robot's frame to the floor: rotate by the heading, then shift by the position.
         fresh = [
             _Sighting(
@@ -81,7 +82,8 @@ class BodyMemory:
         kept = fresh
         for old in self._sightings if self._remembers else ():
             age = in_seconds(now - old.at)
-            x, y = old.x + old.vx * age, old.y + old.vy * age
+            x = old.x + old.vx * age
+            y = old.y + old.vy * age
             if age > MEMORY_S or any(hypot(x - f.x, y - f.y) < self._shape.radius for f in fresh):
                 continue
             if any(old.superseded_by(other, self._shape.radius) for other in heard):
@@ -112,5 +114,6 @@ class BodyMemory:
 
 def _in_frame(pose: Pose, cos: float, sin: float, x: float, y: float, vx: float, vy: float) -> SeenBody:
     """Return a body at floor point (x, y) in the frame of a robot at `pose`; (vx, vy) is in that frame already."""
-    dx, dy = x - pose.x, y - pose.y
+    dx = x - pose.x
+    dy = y - pose.y
     return SeenBody(dx * cos + dy * sin, dy * cos - dx * sin, vx, vy)

@@ -75,7 +75,9 @@ class Follower:
 
     def locate(self, pose: Pose) -> None:
         """Bring progress up to `pose`; it never goes back by more than `BACK_M`."""
-        route, x, y = self.route, pose.x, pose.y
+        route = self.route
+        x = pose.x
+        y = pose.y
         self.s = route.project(x, y, max(0.0, self.s - BACK_M), self.s + WINDOW_M)
         left = route.at_m[-1] - self.s
         if left < NEARS_M:
@@ -90,9 +92,11 @@ class Follower:
     def _look_ahead(self, pose: Pose) -> tuple[float, float, float]:
         """Return how far ahead the look-ahead point is along x and y, and how far off the heading."""
         if self._seen is not pose or self._seen_s != self.s:
-            self._seen, self._seen_s = pose, self.s
+            self._seen = pose
+            self._seen_s = self.s
             x, y = self.route.place(self.s + LOOK_AHEAD_M)
-            dx, dy = x - pose.x, y - pose.y
+            dx = x - pose.x
+            dy = y - pose.y
             self._aim = dx, dy, wrap(math.atan2(dy, dx) - pose.theta)
         return self._aim
 

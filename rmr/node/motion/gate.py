@@ -133,10 +133,13 @@ class EntryGate:
 
     def _meets(self, route: Route, s: float, standing: Iterable[Point]) -> bool:
         """Return whether the robot is in the entrance without its turn, or before one of those `standing` in it."""
-        gate, room = route.gate_m or 0.0, self.room(route)
+        gate = route.gate_m or 0.0
+        room = self.room(route)
         if gate - s <= room - HOLD_MARGIN_M:
             return True
-        here, mouth, near = route.point(s), route.point(gate), MEETS_RADII * self.shape.radius
+        here = route.point(s)
+        mouth = route.point(gate)
+        near = MEETS_RADII * self.shape.radius
         return any(distance(*here, *other) < near and distance(*mouth, *other) < room for other in standing)
 
     def room(self, route: Route) -> float:

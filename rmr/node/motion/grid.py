@@ -148,8 +148,14 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 
     Where that is `enough_m` or more, `enough_m`: what is farther away need not be looked at.
     """
-    ax, ay, bx, by = a.x, a.y, b.x, b.y
-    left, right, low, high = min(ax, bx), max(ax, bx), min(ay, by), max(ay, by)
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
+    left = min(ax, bx)
+    right = max(ax, bx)
+    low = min(ay, by)
+    high = max(ay, by)
     least = min(enough_m, left)
     least = min(least, low)
     least = min(least, arena.width - right)
@@ -166,16 +172,21 @@ def segment_clearance(arena: Arena, a: Point, b: Point, enough_m: float = math.i
 def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
     """Return the distance of an obstacle from the segment a-b, at most 0 when they meet."""
     # Bare numbers: this is what most of a plan's time goes by.
-    ax, ay, bx, by = a.x, a.y, b.x, b.y
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
     if isinstance(obstacle, Disc):
         return point_segment_distance(obstacle.centre.x, obstacle.centre.y, ax, ay, bx, by) - obstacle.radius
     if obstacle.contains(ax, ay) or obstacle.contains(bx, by):
         return 0.0
     least = math.inf
     c = obstacle.corners[-1]
-    cx, cy = c.x, c.y
+    cx = c.x
+    cy = c.y
     for d in obstacle.corners:
-        dx, dy = d.x, d.y
+        dx = d.x
+        dy = d.y
         if (
             _side(ax, ay, bx, by, cx, cy) * _side(ax, ay, bx, by, dx, dy) < 0.0
             and _side(cx, cy, dx, dy, ax, ay) * _side(cx, cy, dx, dy, bx, by) < 0.0
@@ -184,7 +195,8 @@ def _obstacle_distance(obstacle: Obstacle, a: Point, b: Point) -> float:
         least = min(least, point_segment_distance(dx, dy, ax, ay, bx, by))
         least = min(least, point_segment_distance(ax, ay, cx, cy, dx, dy))
         least = min(least, point_segment_distance(bx, by, cx, cy, dx, dy))
-        cx, cy = dx, dy
+        cx = dx
+        cy = dy
     return least
 
 

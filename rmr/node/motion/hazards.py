@@ -157,7 +157,9 @@ class QueueRule(Hazard):
 
     def limit(self, around: Surroundings, v: float) -> float:
         """Return 0 while a robot that goes first still stands on the route before the gate."""
-        follower, gate, queue = around.follower, around.gate, around.queue
+        follower = around.follower
+        gate = around.gate
+        queue = around.queue
         if not around.parked or follower is None:
             return v
         if around.silence:  # the queue is not watched meanwhile: patience does not begin
@@ -184,7 +186,9 @@ class DangerRule(Hazard):
 
     def limit(self, around: Surroundings, v: float) -> float:
         """Return the least of what the bodies ahead allow by their closest point of approach."""
-        radius, ranked, cap = around.arena.shape.radius, around.ranked, around.cap
+        radius = around.arena.shape.radius
+        ranked = around.ranked
+        cap = around.cap
         for index, body in enumerate(around.bodies):
             if body.x <= 0.0:
                 continue
@@ -204,7 +208,8 @@ class StoppingRule(Hazard):
 
     def limit(self, around: Surroundings, v: float) -> float:
         """Return the least speed from which the robot stops before each body ahead, should that brake now."""
-        radius, cap = around.arena.shape.radius, around.cap
+        radius = around.arena.shape.radius
+        cap = around.cap
         for index, body in enumerate(around.bodies):
             if body.x > 0.0 and (allowed := stopping_speed(cap, body, radius)) < v:
                 v = allowed
@@ -225,7 +230,9 @@ class ArcRule(Hazard):
         turn = chord_angle(around.twist)
         if abs(turn) <= STRAIGHT_RAD:
             return v
-        bodies, ranked, cap = around.bodies, around.ranked, around.cap
+        bodies = around.bodies
+        ranked = around.ranked
+        cap = around.cap
         around.bodies = [turned(body, turn) for body in bodies]
         if ranked:
             pairs = zip(around.bodies, bodies, strict=True)

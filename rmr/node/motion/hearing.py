@@ -136,7 +136,8 @@ class Hearing:
 
     def update(self, pose: Pose, known: Sequence[ReportedState]) -> None:
         """Take in what is known of the others; a few times a second, by a robot at `pose`."""
-        self._silent, self._silent_from = [other for other in known if other.silent], 0
+        self._silent = [other for other in known if other.silent]
+        self._silent_from = 0
         self.fresh = [
             other for other in known if not other.silent and hypot(other.x - pose.x, other.y - pose.y) < HEARD_NEAR_M
         ]
@@ -162,23 +163,34 @@ class Hearing:
         self.hides_remembered = False
         if not self.fresh:
             return heard
-        own_x, own_y, radius = pose.x, pose.y, self._shape.radius
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        own_x = pose.x
+        own_y = pose.y
+        radius = self._shape.radius
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
         for other in self.fresh:
-            parked, vx, vy, age = other.parked, other.vx, other.vy, (now - other.at) / NS_PER_S
+            parked = other.parked
+            vx = other.vx
+            vy = other.vy
+            age = (now - other.at) / NS_PER_S
             # Dead reckoning since the hello, then into the robot's frame.
-            dx, dy = other.x + vx * age - own_x, other.y + vy * age - own_y
+            dx = other.x + vx * age - own_x
+            dy = other.y + vy * age - own_y
             if parked:
                 spare = 1.0 + PARKED_SPARE_M / max(SPARE_FROM_M, hypot(dx, dy))
-                dx, dy = dx * spare, dy * spare
-            x, y = dx * cos + dy * sin, dy * cos - dx * sin
+                dx = dx * spare
+                dy = dy * spare
+            x = dx * cos + dy * sin
+            y = dy * cos - dx * sin
             if x <= beyond_m:
                 continue
             # Behind: a robot that drives off may have stopped since, and nobody sees it. The nearer place counts.
             if x < 0.0 and not parked:
-                was_x, was_y = other.x - own_x, other.y - own_y
+                was_x = other.x - own_x
+                was_y = other.y - own_y
                 if hypot(was_x, was_y) < hypot(x, y):
-                    x, y = was_x * cos + was_y * sin, was_y * cos - was_x * sin
+                    x = was_x * cos + was_y * sin
+                    y = was_y * cos - was_x * sin
             for index, body in enumerate(seen):
                 if hypot(body.x - x, body.y - y) <= radius:
                     self.hides_remembered = self.hides_remembered or index >= in_view
@@ -192,13 +204,17 @@ class Hearing:
         ranked: dict[SeenBody, bool] = {}
         if not bodies:
             return ranked
-        cos, sin, radius = math.cos(pose.theta), math.sin(pose.theta), self._shape.radius
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
+        radius = self._shape.radius
         for other in self.fresh:
             if other.parked or not other.rank:
                 continue
             age = (now - other.at) / NS_PER_S
-            dx, dy = other.x + other.vx * age - pose.x, other.y + other.vy * age - pose.y
-            ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
+            dx = other.x + other.vx * age - pose.x
+            dy = other.y + other.vy * age - pose.y
+            ahead = dx * cos + dy * sin
+            left = dy * cos - dx * sin
             for body in bodies:
                 if hypot(body.x - ahead, body.y - left) <= radius:
                     ranked[body] = self.order < order_key(other.rank, other.robot)
@@ -233,7 +249,8 @@ class Hearing:
         """Return whether one that is near has not been heard when it should have been, and is not behind."""
         if now <= self._overdue_at(other) or not self._reaches(now, other, pose):
             return False
-        dx, dy = other.x - pose.x, other.y - pose.y
+        dx = other.x - pose.x
+        dy = other.y - pose.y
         return dx * math.cos(pose.theta) + dy * math.sin(pose.theta) > BEHIND * hypot(dx, dy)
 
     def _reaches(self, now: Instant, other: ReportedState, pose: Pose) -> bool:
@@ -245,12 +262,15 @@ class Hearing:
         if hypot(other.x - pose.x, other.y - pose.y) < touch:
             return True
         way = 0.5 * speed * STOP_S
-        x, y = pose.x + way * math.cos(pose.theta), pose.y + way * math.sin(pose.theta)
+        x = pose.x + way * math.cos(pose.theta)
+        y = pose.y + way * math.sin(pose.theta)
         return hypot(other.x - x, other.y - y) < touch + speed * STOP_S
 
     def _reach_from(self, now: Instant, pose: Pose) -> Instant:
         """Return before when no silent robot can reach this one, wherever both drive: most of a crowd are far away."""
-        speed, x, y = self._shape.speed, pose.x, pose.y
+        speed = self._shape.speed
+        x = pose.x
+        y = pose.y
         touch = 2.0 * self._shape.radius + POSITION_ERROR_M + 1.5 * speed * STOP_S + JUMP_M
         # Both drive towards each other at full speed at worst, so the gap closes at twice that.
         gap = min(hypot(other.x - x, other.y - y) - speed * in_seconds(now - other.at) for other in self._silent)
@@ -258,7 +278,8 @@ class Hearing:
 
     def _in_view(self, now: Instant, pose: Pose, seen: Sequence[SeenBody], near: Sequence[ReportedState]) -> bool:
         """Return whether each of `near` is a body of its own among those seen that nobody else accounts for."""
-        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        cos = math.cos(pose.theta)
+        sin = math.sin(pose.theta)
         places = [Point(pose.x + b.x * cos - b.y * sin, pose.y + b.x * sin + b.y * cos) for b in seen]
         heard = [other for other in self.fresh if other not in near]
         free = [place for place in places if not any(self._may_be(now, other, place) for other in heard)]

@@ -27,22 +27,13 @@ from rmr.node.motion.replanning import ordered_route, replanned
 from rmr.node.motion.route import DriveOrder, Route, gated_again, shared_part
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
-from rmr.node.motion.speed_law import HAZARDS
 from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
-from rmr.node.motion.standoff.escapes import ESCAPES, Excursion, Impasse, Symptom
-from rmr.node.motion.standoff.policy import EscapePolicy
+from rmr.node.motion.standoff.escapes import Excursion, Impasse, Symptom
+from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
 RETRY_S: Final = 0.5
-"""Between two tries to find a route when blocked."""
-
-
-def check_names(without: frozenset[str]) -> None:
-    """Raise ValueError if one of the rules to be left out does not exist."""
-    known = [rule.name for rule in HAZARDS] + [escape.name for escape in ESCAPES]
-    for name in sorted(without):
-        if name not in known:
-            raise ValueError(f"no rule of motion is called {name!r}; there are {', '.join(known)}")
+"""Time between two tries to find a route when blocked."""
 
 
 class Navigator:
@@ -105,16 +96,19 @@ class Navigator:
             self._stand_off.reset()  # else it is the same drive by another route, in the same deadlock
         self._clear()
         self._order = DriveOrder(goal, shared, through_gate)
-        self._face, self._parked, self._pose = final_heading, tuple(parked), pose
+        self._face = final_heading
+        self._parked = tuple(parked)
+        self._pose = pose
         self._gate = EntryGate(self.arena.shape, holding=through_gate)
         return self._replan(now, pose)
 
     def gate(self, opens_at: Instant | None, opened: bool) -> None:
-        """Tell when the slot at the gate begins (None: unknown, wait before it) and whether entering is allowed."""
-        self._gate.opens_at, self._gate.opened = opens_at, opened
+        """Set when the slot at the gate begins (None: unknown, wait before it) and whether entering is allowed."""
+        self._gate.opens_at = opens_at
+        self._gate.opened = opened
 
     def update_parked(self, points: Sequence[Point]) -> None:
-        """Tell where robots are parked now; a blocked robot tries again at its next step."""
+        """Set where robots are parked now; a blocked robot tries again at its next step."""
         parked = tuple(points)
         if same_places(parked, self._parked):
             return
@@ -124,14 +118,16 @@ class Navigator:
             self._replan_due = True
 
     def update_moving(self, now: Instant, rank: int, others: Sequence[Heard]) -> None:
-        """Tell what robots that drive said about themselves, and this robot's own rank (0: none).
+        """Take in the hellos of robots that drive, and this robot's own rank (0: none); a few times a second.
 
-        A few times a second. On a drive without a gate the robot keeps clear of those that go first, seen or not.
+        On a drive without a gate the robot keeps clear of those that go first, seen or not.
         """
         mine = self.hearing.order = order_key(rank, self.robot)
         self._driving = others
         self._standing.update(now, others)
-        follower, stands = self._follower, self._standing.points
+        follower = self._follower
+        stands = self._standing.points
+        # Before and within the bottleneck the schedule decides who goes first, not this rule.
         if follower is None or (follower.route.gate_m is not None and not self._gate.cleared):
             self._right_of_way = 1.0
             return
@@ -141,12 +137,14 @@ class Navigator:
     def face(self, theta: float) -> None:
         """Turn in place to the heading `theta`, radians."""
         self._clear()
-        self._face, self.status = theta, "moving"
+        self._face = theta
+        self.status = "moving"
 
     def drive(self, v: float, w: float) -> None:
         """Drive by hand at `v` m/s and `w` rad/s until another order; stop-if-dangerous still holds."""
         self._clear()
-        self._driven, self.status = Twist(v, w), "moving"
+        self._driven = Twist(v, w)
+        self.status = "moving"
 
     def stop(self) -> None:
         """Forget every order and stand still."""
@@ -213,11 +211,10 @@ class Navigator:
         follower = self._follower
         if follower is None:
             return now >= self._next_try and self._replan(now, pose)
-        if (
-            self._replan_due
-            and self._excursion is None
-            and not self._gate.holds_for_long(now, follower.route, follower.s)
-        ):
+        if not self._replan_due or self._excursion is not None:
+            return True
+        # A robot that will stand for long replans later: others will have moved by then, and a plan takes milliseconds.
+        if not self._gate.holds_for_long(now, follower.route, follower.s):
             self._replan_due = False
             self._replan(now, pose, keep=True)
         return True
@@ -233,7 +230,8 @@ class Navigator:
     def _escape(self, now: Instant, pose: Pose, symptom: Symptom) -> bool:
         """Have the first escape that serves carried out; return whether there is one."""
         assert self._order is not None
-        stand_off, arena = self._stand_off, self.arena
+        stand_off = self._stand_off
+        arena = self.arena
         others = self._control.others(self._standing.points.values())
         endures = False
         if symptom is Symptom.DEADLOCK:
@@ -275,13 +273,15 @@ class Navigator:
         found = self._replan(now, pose, keep=True)
         follower = self._follower
         assert follower is not None
+        # Without a route it stands at the end of its excursion until the next try.
         self._excursion = None if found else Excursion(follower.route, self._next_try, stays=True)
         if not found:
             self._escape(now, pose, Symptom.NO_WAY_BACK)
 
     def _obstructed(self) -> bool:
         """Return whether a parked robot now stands on the rest of the route."""
-        follower, start = self._follower, Point(self._pose.x, self._pose.y)
+        follower = self._follower
+        start = Point(self._pose.x, self._pose.y)
         if follower is None or self._order is None:
             return False
         discs = discs_around(self._parked, self.arena.shape.radius, start, self._order.goal)
@@ -302,6 +302,7 @@ class Navigator:
                 self._follower = None
                 self.status = "blocked"
             return False
+        # A route that begins inside does not pass the gate behind it; until it is clear the robot has its turn still.
         if self._gate.passed and not self._gate.cleared:
             route = gated_again(self.arena, route)
         self._follower = Follower(route, self.arena.shape)

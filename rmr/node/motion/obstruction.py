@@ -86,7 +86,8 @@ def solid_between(arena: Arena, start: Point, goal: Point) -> str:
         return "the wall"
     steps = max(1, int(distance(*start, *goal) / arena.cell))
     for k in range(steps + 1):
-        x, y = start.x + (goal.x - start.x) * k / steps, start.y + (goal.y - start.y) * k / steps
+        x = start.x + (goal.x - start.x) * k / steps
+        y = start.y + (goal.y - start.y) * k / steps
         for obstacle in arena.obstacles:
             if obstacle.distance(x, y) < arena.shape.radius:
                 return obstacle_named(obstacle)

@@ -72,14 +72,18 @@ class Standing:
         since: dict[int, tuple[float, float, Instant]] = {}
         points: dict[int, Point] = {}
         for other in others:
-            robot, x, y, heard_at = other.robot, other.pose.x, other.pose.y, other.at
+            robot = other.robot
+            x = other.pose.x
+            y = other.pose.y
+            heard_at = other.at
             held = known.get(robot)
             if held is None or hypot(x - held[0], y - held[1]) > STOOD_M:
                 held = x, y, now
             elif now - held[2] >= STOOD and now - heard_at <= AGE_MAX:
                 points[robot] = Point(x, y)
             since[robot] = held
-        self._since, self.points = since, points
+        self._since = since
+        self.points = points
 
 
 def order_key(rank: int, robot: int) -> int:
@@ -92,7 +96,8 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
 
     When none does, the one that keeps the greatest distance.
     """
-    here, speed = route.point(s), shape.speed
+    here = route.point(s)
+    speed = shape.speed
     # Robots that cannot come within `keep` in the horizon, even if both drive towards each other, are left out first.
     keep = 2.0 * shape.radius + CONFLICT_GAP_M
     reach = keep + (2.0 * CONFLICT_HORIZON_S + in_seconds(AGE_MAX)) * speed
@@ -100,7 +105,8 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
     tracks = [_track(now, other, speed) for other in near if _may_meet(now, other, here, speed, keep)]
     if not tracks:
         return 1.0
-    best, best_share = -math.inf, 1.0
+    best = -math.inf
+    best_share = 1.0
     for share in SHARES:
         least = math.inf  # the least distance of centres at this share of the speed
         for i in range(STEPS):
@@ -112,7 +118,8 @@ def share_of_speed(now: Instant, route: Route, s: float, shape: RobotShape, othe
         if least >= keep:
             return share
         if least > best + BETTER_M:
-            best, best_share = least, share
+            best = least
+            best_share = share
     return best_share
 
 
@@ -125,7 +132,9 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
         return False
     age = in_seconds(now - other.at)
     # This robot stays within a disc of radius `near`; the other one covers a segment of its course.
-    near, x, y = keep + CONFLICT_HORIZON_S * speed, other.pose.x, other.pose.y
+    near = keep + CONFLICT_HORIZON_S * speed
+    x = other.pose.x
+    y = other.pose.y
     far = near + speed * (age + CONFLICT_HORIZON_S)
     if abs(x - here.x) > far or abs(y - here.y) > far:
         return False
@@ -136,7 +145,9 @@ def _may_meet(now: Instant, other: Heard, here: Point, speed: float, keep: float
 
 def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]]:
     """Return where `other` will be, step by step, as bare numbers."""
-    x, y, (cos, sin, way) = other.pose.x, other.pose.y, _course(other)
+    x = other.pose.x
+    y = other.pose.y
+    (cos, sin, way) = _course(other)
     age = in_seconds(now - other.at)
     gone = [min(way, speed * (age + STEP_S * i)) for i in range(STEPS)]
     return [(x + g * cos, y + g * sin) for g in gone]
@@ -144,10 +155,13 @@ def _track(now: Instant, other: Heard, speed: float) -> list[tuple[float, float]
 
 def _course(other: Heard) -> tuple[float, float, float]:
     """Return the direction in which `other` drives, as cosine and sine, and how far, metres."""
-    x, y, theta = other.pose.x, other.pose.y, other.pose.theta
+    x = other.pose.x
+    y = other.pose.y
+    theta = other.pose.theta
     if other.goal is None:
         return math.cos(theta), math.sin(theta), math.inf
-    goal_x, goal_y = other.goal.x, other.goal.y
+    goal_x = other.goal.x
+    goal_y = other.goal.y
     way = hypot(goal_x - x, goal_y - y)
     if way > 1e-6:
         return (goal_x - x) / way, (goal_y - y) / way, way

@@ -28,7 +28,8 @@ class Queueing:
 
     def waits(self, now: Instant, arena: Arena, at: Point, parked: Sequence[Point], opens_at: Instant | None) -> bool:
         """Return whether one of `parked` that goes first stands before a robot `at` a place on its way to the gate."""
-        x, y = at.x, at.y
+        x = at.x
+        y = at.y
         near = [p for p in parked if abs(p.x - x) < REACH_M and abs(p.y - y) < REACH_M and distance(*p, x, y) < REACH_M]
         if not near or len(off_queue(arena, at, near)) == len(near):
             self._late_since = None

@@ -80,7 +80,8 @@ class SpeedControl:
         """Return `twist`, slowed as the bodies around demand."""
         if twist.v <= 0.0:
             return twist
-        around, seen = self._around, self._seen
+        around = self._around
+        seen = self._seen
         # On an arc the inner flank sweeps over what is abeam, so those heard a little behind the axle count, too.
         around.bodies = [*seen, *self._heard(-BESIDE_M if twist.w else 0.0)]
         around.heard_from = len(seen)
@@ -97,7 +98,9 @@ class SpeedControl:
         """Return the command that drives straight back, or stands where something is known to be there."""
         if self._switches.off("reverse_guard"):
             return Twist(-REVERSE_MPS, 0.0)
-        around, pose, radius = self._around, self._around.pose, self.arena.shape.radius
+        around = self._around
+        pose = self._around.pose
+        radius = self.arena.shape.radius
         x = pose.x - math.cos(pose.theta) * REVERSE_POLL_M
         y = pose.y - math.sin(pose.theta) * REVERSE_POLL_M
         free = self.arena.clearance(x, y) > radius

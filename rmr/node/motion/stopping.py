@@ -26,13 +26,17 @@ STOPPING_RANGE_M: Final = 0.09
 
 def stopping_speed(v: float, body: SeenBody, radius: float) -> float:
     """Return the greatest speed up to `v` (m/s) from which a robot stops before `body`, should that brake now."""
-    x, y, vx, vy = body.x, body.y, body.vx, body.vy
+    x = body.x
+    y = body.y
+    vx = body.vx
+    vy = body.vy
     touch = 2.0 * radius + STOPPING_GAP_M
     if x <= 0.0 or x * x + y * y > (touch + STOPPING_RANGE_M) * (touch + STOPPING_RANGE_M):
         return v
     # The other one brakes evenly: it moves on for v^2 / (2 a) in its direction, that is for v * (|v| / (2 a)).
     on = hypot(vx, vy) / (2.0 * REACTION_BRAKE)
-    x, y = x + vx * on, y + vy * on
+    x = x + vx * on
+    y = y + vy * on
     if x <= 0.0 or abs(y) >= touch:
         return v
     # Driving straight on, the hulls touch where the other's centre is on the circle of radius `touch`.

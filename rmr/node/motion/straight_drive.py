@@ -39,7 +39,8 @@ class Straight:
         self._took = max(1, ends - begins)
         self.length_m = hypot(goal.x - start.x, goal.y - start.y)
         self._heading = math.atan2(goal.y - start.y, goal.x - start.x)
-        self._cos, self._sin = math.cos(self._heading), math.sin(self._heading)
+        self._cos = math.cos(self._heading)
+        self._sin = math.sin(self._heading)
 
     def share(self, now: Instant) -> tuple[float, float]:
         """Return the share of the way that is due at `now`, and its growth per second.
@@ -51,16 +52,20 @@ class Straight:
         gone = min(max(0, now - self._begins), self._took)
         left = self._took - gone
         if gone < ramp:
-            done, rate = 0.5 * even * gone * gone / ramp, even * gone / ramp
+            done = 0.5 * even * gone * gone / ramp
+            rate = even * gone / ramp
         elif left < ramp:
-            done, rate = 1.0 - 0.5 * even * left * left / ramp, even * left / ramp
+            done = 1.0 - 0.5 * even * left * left / ramp
+            rate = even * left / ramp
         else:
-            done, rate = even * (gone - ramp / 2), even
+            done = even * (gone - ramp / 2)
+            rate = even
         return done, rate / in_seconds(1)
 
     def along(self, pose: Pose) -> tuple[float, float]:
         """Return how far along the line a robot at `pose` is, and how far to the left of it, metres."""
-        x, y = pose.x - self._start.x, pose.y - self._start.y
+        x = pose.x - self._start.x
+        y = pose.y - self._start.y
         return x * self._cos + y * self._sin, y * self._cos - x * self._sin
 
     def ended(self, pose: Pose) -> bool:

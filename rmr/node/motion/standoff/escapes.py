@@ -154,7 +154,10 @@ class Retreat(Escape):
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a drive to free floor; the robot gives back its turn, if it has one and is not beyond."""
-        arena, at, goal, tries = impasse.arena, impasse.at, impasse.goal, impasse.endured
+        arena = impasse.arena
+        at = impasse.at
+        goal = impasse.goal
+        tries = impasse.endured
         paths = paths_of(arena, at, impasse.driving, impasse.parked)
         obstacles = (*impasse.parked, *impasse.others)
         route = retreat_route(arena, at, goal, obstacles, impasse.robot, tries, paths)

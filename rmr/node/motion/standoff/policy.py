@@ -3,6 +3,7 @@
 from typing import Final
 
 from rmr.node.motion.rule_switches import RuleSwitches
+from rmr.node.motion.speed_law import HAZARDS
 from rmr.node.motion.standoff.escapes import ESCAPES, Impasse, Manoeuvre
 
 
@@ -23,3 +24,11 @@ class EscapePolicy:
                 self._switches.count(escape.name)
                 return manoeuvre
         return None
+
+
+def check_names(without: frozenset[str]) -> None:
+    """Raise ValueError if one of the rules to be left out does not exist."""
+    known = [rule.name for rule in HAZARDS] + [escape.name for escape in ESCAPES]
+    for name in sorted(without):
+        if name not in known:
+            raise ValueError(f"no rule of motion is called {name!r}; there are {', '.join(known)}")

@@ -90,7 +90,9 @@ def yield_route(
 
 def _before(entrance: Pose, spot: Point, off_m: float) -> bool:
     """Return whether `spot` is farther than `off_m` from an entrance, on the side from which it is entered."""
-    x, y, theta = entrance.x, entrance.y, entrance.theta
+    x = entrance.x
+    y = entrance.y
+    theta = entrance.theta
     # Component of the vector from the entrance to the spot along the direction of entry.
     ahead = (spot.x - x) * math.cos(theta) + (spot.y - y) * math.sin(theta)
     return ahead < 0.0 and distance(*spot, x, y) > off_m
