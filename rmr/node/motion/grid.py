@@ -18,9 +18,9 @@ from rmr.base.arena import Arena, Disc, Obstacle
 from rmr.base.geometry import Point, distance, hypot, point_segment_distance
 
 PATH_MARGIN_M: Final = 0.03
-"""Added to the radius on the way, and to two radii around parked robots."""
+"""Margin of paths: added to the radius near walls, to two radii near parked robots."""
 TIGHT_MARGIN_M: Final = 0.005
-"""Added to the radius (to two radii around parked robots) near start and goal."""
+"""The same margin near start and goal."""
 SAME_PLACE_M: Final = 0.03
 """A parked robot that is reported this near to where it was has not moved."""
 RELAXED_M: Final = 0.15

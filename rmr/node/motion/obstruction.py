@@ -1,7 +1,7 @@
 """Why a drive finds no way: the reason that a failed action gives to people.
 
-Told are, in this order, what makes the goal itself a place where no hull fits, the obstacles that close every way, and
-the robots that stand on the goal or along the way that there would be without them. Nothing is decided by it.
+In this order: what makes the goal itself a place where no hull fits; the obstacles that close every way; the robots
+that stand on the goal, or along the way that there would be without them. No decision depends on it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from rmr.node.motion.astar import plan
 from rmr.node.motion.grid import PATH_MARGIN_M, TIGHT_MARGIN_M
 
 NAMED_MAX: Final = 5
-"""Robots that are named."""
+"""How many robots are named at most."""
 
 
 def what_bars(arena: Arena, start: Point, goal: Point, parked: Mapping[int, Point]) -> str:

@@ -1,12 +1,12 @@
 """Straight drives in common time: how robots change places together and keep apart.
 
-Robots leave at one instant and arrive at another, each on a straight line, and at any time all have the same share of
-their ways behind them. Then the line between two of them turns evenly from what it was, x, to what it will be, g. If
-x . g >= 0 for each two, which is to say that no two could exchange their goals and lessen the sum of the squared ways,
-robots that start and end at least D apart are never nearer than D / sqrt 2 (Turpin, Michael, Kumar: CAPT, 2014).
+All robots leave at one instant and arrive at another, each on a straight line, and at any time all have covered the
+same share of their lines. Then the vector between two of them goes evenly from its start, x, to its end, g. If
+x . g >= 0 for each two (no two could exchange their goals and lessen the sum of the squared lengths), robots that start
+and end at least D apart are never nearer than D / sqrt 2 (Turpin, Michael, Kumar: CAPT, 2014).
 
-A robot turns before it leaves. It follows the share that is due, not its wishes, so who is late catches up as far as
-its speed allows. Other robots are not looked at here: stop-if-dangerous comes after.
+A robot turns before it leaves. It tracks the share that is due, so one that is late catches up as far as its speed
+allows. Other robots are not considered here: the speed law comes after.
 """
 
 import math
