@@ -192,7 +192,9 @@ def written(folder: Path, rows: Sequence[Row], what: str) -> None:
     ]
     page = ["# Ablation of the rules of motion", "", *NOTE, "", f"{what}.", "", *table(header, lines), ""]
     (folder / "ablation.md").write_text("\n".join(page))
-    (folder / "ablation.json").write_text(json.dumps({"name": "ablation", "runs": what, "rows": rows}, indent=1) + "\n")
+    (folder / "ablation.json").write_text(
+        json.dumps({"name": "ablation", "measured": what, "rows": rows}, indent=1) + "\n"
+    )
 
 
 NOTE = (
