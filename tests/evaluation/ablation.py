@@ -8,7 +8,7 @@ So a rule that did not fire in the run with all rules cannot change that run: it
 the other runs count as equal. The seeds that once failed (tests/sim/kept.toml) are run as well, as the lab `kept`.
 
 All results are kept in a state file, a line of JSON for each run; with `--resume` only what is missing is run. After
-each rule `DIR/ablation.md` (the table) and `DIR/ablation.json` are written.
+each rule `DIR/ablation.md` (the table) and `DIR/ablation.jsonl` (its rows) are written.
 """
 
 import argparse
@@ -192,9 +192,7 @@ def written(folder: Path, rows: Sequence[Row], what: str) -> None:
     ]
     page = ["# Ablation of the rules of motion", "", *NOTE, "", f"{what}.", "", *table(header, lines), ""]
     (folder / "ablation.md").write_text("\n".join(page))
-    (folder / "ablation.json").write_text(
-        json.dumps({"name": "ablation", "measured": what, "rows": rows}, indent=1) + "\n"
-    )
+    (folder / "ablation.jsonl").write_text("".join(f"{json.dumps(row)}\n" for row in rows))
 
 
 NOTE = (
@@ -241,8 +239,6 @@ def arguments() -> argparse.Namespace:
     found.rules = found.rules.split(",")
     if unknown := [rule for rule in found.rules if rule not in RULES]:
         parser.error(f"--rules: no rule is called {', '.join(unknown)}; there are {', '.join(RULES)}")
-    if found.state.absolute() == (found.out / "ablation.json").absolute():
-        parser.error(f"--state: {found.state} is the file of the table's data; name another one")
     found.by_lab = {}
     for text in found.labs.split(","):
         lab, _, own = text.partition("=")

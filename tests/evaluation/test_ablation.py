@@ -35,7 +35,7 @@ def test_a_rule_that_fired_is_left_out_and_others_count_as_equal(tmp_path, monke
         "testbed/testbed/5/",
         "testbed/testbed/5/gate",
     ]
-    gate, give_way = json.loads((out / "ablation.json").read_text())["rows"]
+    gate, give_way = (json.loads(line) for line in (out / "ablation.jsonl").read_text().splitlines())
     assert (gate["fired"], gate["changed"]) == (1, 1)
     assert (give_way["fired"], give_way["changed"], give_way["verdict"]) == (0, 0, "never fires")
     assert "| `gate` | 1 of 1 | 1 |" in (out / "ablation.md").read_text()
