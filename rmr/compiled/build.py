@@ -39,6 +39,7 @@ HOT = (
     "rmr/node/crossing/*.py",
     "rmr/node/logic/*.py",
     "rmr/node/motion/*.py",
+    "rmr/node/motion/standoff/*.py",
     "rmr/node/peers/*.py",
     "rmr/radio/*.py",
     "world/rmr_sim/robot_host.py",

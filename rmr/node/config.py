@@ -10,6 +10,7 @@ from rmr.base.time import Duration, Instant, milliseconds, seconds
 from rmr.base.values import Value
 from rmr.bytecode.program import Anything, Constant
 from rmr.coord.timing import Timing
+from rmr.node.profile import Profile, profile_of
 from rmr.node.trace import TraceLevel
 from rmr.radio.phy import RadioConfig, path_loss_db
 from rmr.vm.engines import Engine
@@ -26,9 +27,6 @@ LISTEN: Final[Duration] = milliseconds(1200)
 LISTEN_FOR_ALL: Final[Duration] = seconds(10)
 """Longest time that a robot listens before it drives on a floor within radio range: until it knows where each of the
 others is. A robot that is silent for longer is taken for absent, and no radio outage is expected to last longer."""
-CROWD_FROM: Final = 21
-"""Size of a roster from which it is a crowd. There the first hellos take longer (2.8 s for fifty robots) than agreeing
-on slots, and each frame has so many receivers that calling all of them costs more than everything else."""
 IN_RANGE_DB: Final = 6.0
 """Margin above the sensitivity at which reception is certain."""
 
@@ -63,10 +61,15 @@ class NodeConfig:
     witness: Callable[[int, Instant, object], None] | None = None
     """Is told what happens inside the robot, event by event, by whoever checks a run; robot, instant and event."""
 
+    without: frozenset[str] = frozenset()
+    """Rules of motion that are left out, by name, in an experiment (`motion.speed_law`, `motion.standoff.escapes`)."""
+    firings: dict[str, int] = field(default_factory=dict)
+    """How often each rule of motion has had an effect; robots of one simulation share it."""
+
     @property
-    def crowded(self) -> bool:
-        """Whether the robot is one of a crowd."""
-        return len(self.roster) >= CROWD_FROM
+    def profile(self) -> Profile:
+        """What robots of a group of this size do."""
+        return profile_of(len(self.roster))
 
     @property
     def listens(self) -> Duration:

@@ -1,10 +1,10 @@
 """The robot as a body: where it is, what it sees, where it drives and which place it takes.
 
 The driver owns localisation and navigator. It takes one of an area's places by the robot's rank in the schedule, and
-another one where somebody else has been faster: places are told in the hellos, and the earlier rank keeps its own.
+another one where a different robot has been faster: hellos tell the places, and the earlier rank keeps its own.
 
-A body goes on while what it senses waits for a processor. So a robot drives on what it has sensed just now alone: the
-longer its wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s it stands.
+A body moves on while its samples wait for a processor. So the speed depends on the age of the newest sample: the longer
+the wheels have turned since, the slower (`watched`), and without a sample of the last 0.1 s the robot stands.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +21,7 @@ from rmr.node.crossing.approach import Approach
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.grid import TIGHT_MARGIN_M
 from rmr.node.motion.navigator import Navigator
+from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.payloads import Hello
 from rmr.node.peers.perception import AT_LEAVE_M, Localiser, Peers, Percept, extent, standing_at
 from rmr.node.ports import BodyPort, SeenBody
@@ -28,17 +29,17 @@ from rmr.node.ports import BodyPort, SeenBody
 ACT_REFRESH: Final[Duration] = milliseconds(33)
 """Greatest time between two wheel commands of a moving robot, two frames: the body brakes 0.1 s after the last one."""
 UNWATCHED: Final[Duration] = milliseconds(50)
-"""Age of the newest sample up to which the wheels may turn at full speed: 1 cm, which the margins of `motion` cover. In
-virtual time it is one frame, in a process that is called on time two."""
+"""The wheels may turn at full speed for this long after the newest sample: 1 cm, which the margins of `motion` cover.
+Samples are one frame old in virtual time, two in a process that is called in time."""
 STALE: Final[Duration] = milliseconds(100)
-"""Age of the newest sample from which the robot stands. A standing body is sampled at least this often, a moving one in
-each frame."""
+"""With an older sample the robot stands: it describes another situation. A body that stands is sampled at least this
+often, one that drives in each frame."""
 APPLY_HELLOS_EVERY: Final[Duration] = milliseconds(200)
-"""Period at which a driving robot takes the hellos of other driving robots into account."""
+"""Period with which a driving robot takes in the hellos of the others that drive."""
 SPOT_GAP_M: Final = 0.06
-"""Between the hulls of two robots that stand in one box."""
+"""Gap between the hulls of two robots that stand in one box."""
 SPOT_INSET_M: Final = 0.03
-"""From a spot to the box's edge, so that localisation noise does not put the robot outside."""
+"""Distance of a spot from the box's edge, so that localisation noise does not put the robot outside."""
 SPOTS_MAX: Final = 64
 """Spots of one box that are considered, from its middle outwards."""
 NO_RANK: Final = 1 << 16
@@ -51,11 +52,12 @@ class Driver:
     def __init__(self, config: NodeConfig, body: BodyPort) -> None:
         self.arena = arena = config.arena
         self.localiser = Localiser(arena)
-        self.navigator = Navigator(arena, config.robot, len(config.roster))
-        self._listens: Duration = config.listens
-        """For how long at most it stands until it has heard of all others of the roster."""
+        self._switches = switches = RuleSwitches(config.without, config.firings)
+        self.navigator = Navigator(arena, config.robot, len(config.roster), switches)
+        self._listens: Duration = 0 if switches.off("listen") else config.listens
+        """How long it stands at most until it has heard of all others of the roster."""
         self.navigator.hearing.listens = self._listens > 0
-        self.approach = Approach(self.navigator, config.crowded)
+        self.approach = Approach(self.navigator, config.profile.finishes_in_order)
         self.place: Point | None = None
         """The slot that the robot has taken."""
         self._home: Point | None = None
@@ -70,16 +72,16 @@ class Driver:
         self._areas = [(area, (Symbol(area.name),), extent(area)) for area in arena.areas]
         self._stated_pose: Pose | None = None
         self._stated_place: Point | None = None
-        """The pose and the place of which the facts tell."""
+        """The pose and the place that the facts hold."""
         self._twist = STILL
         self._acted_at: Instant = -ACT_REFRESH
         self._sensed_at: Instant = 0
         """When the newest sample was taken."""
         self._set_out_at: Instant = 0
-        """Since when the wheels are commanded to turn, if they are."""
+        """When the wheels were commanded to turn, if they are."""
         self._apply_hellos_at: Instant = 0
         self.stays_until: Instant = 0
-        """It has told the others that it will not move before."""
+        """It has promised the others not to move before."""
         self._began: Instant | None = None
 
     @property
@@ -119,20 +121,32 @@ class Driver:
             self._apply_hellos(now, pose, rank, peers)
         self._keep_home(now, pose, peers)
         twist = STILL
-        if now >= self.stays_until and now - self._sensed_at <= STALE:
+        if self._may_move(now):
             twist = navigator.step(now, pose, self.localiser.sigma_m, self._bodies, self._bumped)
-            if self.moving:
-                twist = watched(twist, now - max(self._sensed_at, self._set_out_at))
+            unwatched = now - max(self._sensed_at, self._set_out_at)
+            if self.moving and unwatched > UNWATCHED and not self._switches.off("unwatched"):
+                twist = watched(twist, unwatched)
+                self._switches.count("unwatched")
         if twist != self._twist or (twist != STILL and now - self._acted_at >= ACT_REFRESH):
             self._act(now, twist)
 
+    def _may_move(self, now: Instant) -> bool:
+        """Return whether the robot has not promised to stay, and its newest sample still describes the situation."""
+        if now < self.stays_until and not self._switches.off("promise"):
+            self._switches.count("promise")
+            return False
+        if now - self._sensed_at > STALE and not self._switches.off("unwatched"):
+            self._switches.count("unwatched")
+            return False
+        return True
+
     def _apply_hellos(self, now: Instant, pose: Pose, rank: Callable[[], int], peers: Peers) -> None:
-        """Tell the navigator what the others have said, now and then, and at once where somebody is missed."""
+        """Hand the others' hellos to the navigator: periodically, and at once when one is overdue."""
         navigator = self.navigator
         hearing = self.navigator.hearing
         hearing.stands = self._twist.v == 0.0
         listened = hearing.listens and not self.listens(now, peers)
-        if now < self._apply_hellos_at and now <= hearing.doubts_at and not listened:
+        if now < self._apply_hellos_at and now <= hearing.overdue_at and not listened:
             return
         if now >= self._apply_hellos_at:
             self._apply_hellos_at = now + APPLY_HELLOS_EVERY

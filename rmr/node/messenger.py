@@ -123,7 +123,7 @@ class Messenger:
             return False
         if self._presence.overhear(now, frame):
             return True
-        known = state.config.crowded and frame.source in state.peers.known
+        known = state.config.profile.overhears_passing and frame.source in state.peers.known
         if not known or not self._coordination.overhear(now, frame.payload):
             return False
         state.peers.heard(now, frame.source, frame.rssi_dbm)

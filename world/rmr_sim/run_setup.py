@@ -47,6 +47,8 @@ class Options:
     """The waiting time n of leaders, instead of the one that they compute."""
     duration: Duration | None = None
     """Lab time at which a run ends at the latest, instead of the lab's."""
+    without: frozenset[str] = frozenset()
+    """Rules of motion that robots leave out, by name: for ablation experiments."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,10 @@ class LoadedLab:
             lab = with_chaos(lab, seed)
         timing = Timing(self.options.order, schedule=ScheduleTiming(wait=self.options.wait))
         fresh = partial(load_handlers, program.program, lab.actions) if lab.actions else None
-        simulation = Simulation(lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh)
+        without = self.options.without
+        simulation = Simulation(
+            lab, program.program, program.digest, seed, handlers, trace, self.key, timing, fresh, without
+        )
         attach_checkers(simulation)
         for event in load_events(lab.events, lab, seed):
             simulation.schedule(event)

@@ -13,9 +13,9 @@ from rmr.base.values import Symbol
 from rmr.bytecode.provided import ACTIONS
 from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
 from rmr.node.actions.handle import ActionFailed, Pause, RobotHandle, wait
-from rmr.node.motion.barred import robots_near, solid_between, what_bars
 from rmr.node.motion.grid import off_goal, segment_clearance
-from rmr.node.motion.straight import RAMP, Straight
+from rmr.node.motion.obstruction import robots_near, solid_between, what_bars
+from rmr.node.motion.straight_drive import RAMP, Straight
 from rmr.node.parts import ActionHost
 
 FAILURE_REPEATS: Final = 3
@@ -192,7 +192,8 @@ async def goto(robot: NodeHandle, x: float, y: float) -> None:
 async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: float) -> None:
     """Drive straight to a point of the floor, metres, leaving and arriving at instants of lab time, seconds.
 
-    It turns before it leaves. Several robots that do so keep apart on certain conditions (`rmr.node.motion.straight`).
+    It turns before it leaves. Several robots that do so keep apart on certain conditions
+    (`rmr.node.motion.straight_drive`).
     """
     node = robot.node
     await _located(robot)

@@ -31,9 +31,9 @@ ORDER_MARGIN: Final[Duration] = milliseconds(350)
 class Approach:
     """Estimates of one robot."""
 
-    def __init__(self, navigator: Navigator, crowded: bool = False) -> None:
+    def __init__(self, navigator: Navigator, finishes_in_order: bool = True) -> None:
         self._navigator = navigator
-        self._crowded = crowded
+        self._finishes_in_order = finishes_in_order
         self._made: tuple[Point, Point, Estimate] | None = None
 
     def estimate(self, pose: Pose, goal: Point) -> Estimate | None:
@@ -80,7 +80,7 @@ class Approach:
         """
         arena = self._navigator.arena
         apart = (2 * arena.shape.radius + HEADWAY_MARGIN_M) / arena.shape.speed
-        keeps_order = area.slotted and len(arena.mouths) < 2 and not self._crowded
+        keeps_order = area.slotted and len(arena.mouths) < 2 and self._finishes_in_order
         lengths = departures(arena, area.name, direction) if keeps_order else ()
         spread = max((a - b for a, b in pairwise(lengths)), default=0.0) / arena.shape.speed
         return max(seconds(apart), seconds(spread) + ORDER_MARGIN)

@@ -338,7 +338,7 @@ class Crossing:
         missed = isinstance(event, EntryMissed)
         revised: list[Command] = []
         if missed and self.plan.gated and not situation.ready:
-            cannot_be_passed = situation.crowded and situation.set_out and self.plan.approach <= NEAR_ENTRANCE
+            cannot_be_passed = situation.late_goes_next and situation.set_out and self.plan.approach <= NEAR_ENTRANCE
             revised = self._treat(now, Symptom.RETRY_NEXT if cannot_be_passed else Symptom.SLOT_WASTED)
         self._enter(type(event), Asking(0))
         return [*revised, self.hold_line(), TraceEntry("slot_lost", {"event": self.job.event, "missed": missed})]

@@ -53,7 +53,7 @@ class Observer:
         if crossing.plan.gated if gated is None else gated:
             ready = set_out and navigator is not None and navigator.reaches_gate(READY)
         return Situation(
-            crowded=self._around.config.crowded,
+            late_goes_next=self._around.config.profile.late_goes_next,
             set_out=set_out,
             ready=ready,
             route=None if navigator is None else resource.entered_route(navigator),
@@ -95,7 +95,7 @@ class Observer:
             return True, CrossingPlan(inside=found.approach, headway=found.approach)
         plan = self._gated(around.wheels, found, goal, pose)
         first = isinstance(crossing.phase, Preparing) and not plan.within
-        return not (first and around.config.crowded and around.wheels.listens(now, around.peers)), plan
+        return not (first and around.config.profile.listens_first and around.wheels.listens(now, around.peers)), plan
 
     def _gated(self, wheels: Wheels, found: Estimate, goal: Area, pose: Pose) -> CrossingPlan:
         arena = self._around.config.arena

@@ -42,8 +42,8 @@ class Situation:
     """One robot and one resource, as one step of one crossing sees them. What a phase does not ask is left out."""
 
     pose: Pose | None = None
-    crowded: bool = False
-    """Whether the robot is one of a crowd."""
+    late_goes_next: bool = False
+    """Whether a late robot near its entrance goes next: in a crowd (`rmr.node.profile`)."""
     set_out: bool = False
     """Whether the action is under way."""
     ready: bool = False

@@ -15,7 +15,7 @@ from rmr.base.geometry import Point, Pose, hypot
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, seconds
 from rmr.node.motion.ekf import Ekf, initial_pose
 from rmr.node.motion.estimate import AT_ENTER_M
-from rmr.node.motion.hearing import DEAD, NEAR_M, SILENT_MOVING, SILENT_PARKED, Known
+from rmr.node.motion.hearing import DEAD, HEARD_NEAR_M, SILENT_MOVING, SILENT_PARKED, ReportedState
 from rmr.node.motion.priority import Heard
 from rmr.node.payloads import Hello
 from rmr.node.peers.hello import STAYS
@@ -203,7 +203,7 @@ class Peers:
                     self._standing_until = min(self._standing_until, peer.hello_at + DEAD + 1)
         return self._standing
 
-    def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[Known]:
+    def heard_of(self, now: Instant, pose: Pose, radius: float) -> list[ReportedState]:
         """Return what others last said about where they are: all near a robot at `pose`, and the silent, not dead.
 
         Who sets out with its hull as good as at the robot's, of that `radius`, may not get away: it stands, until it
@@ -217,12 +217,12 @@ class Peers:
                 continue
             at = max(peer.hello_at, min(now, peer.stays_until)) if hello.stays else peer.hello_at
             silent = now - at > (SILENT_PARKED if hello.parked else SILENT_MOVING)
-            if silent or (abs(hello.x - pose.x) < NEAR_M and abs(hello.y - pose.y) < NEAR_M):
+            if silent or (abs(hello.x - pose.x) < HEARD_NEAR_M and abs(hello.y - pose.y) < HEARD_NEAR_M):
                 stands = peer.sets_out and hypot(hello.x - pose.x, hello.y - pose.y) < 2.0 * radius + CLOSE_M
                 v = 0.0 if stands else hello.v
                 vx = v * math.cos(hello.theta)
                 vy = v * math.sin(hello.theta)
-                known.append(Known(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
+                known.append(ReportedState(robot, hello.x, hello.y, vx, vy, at, hello.parked, silent, hello.rank))
         return known
 
     def driving(self, now: Instant) -> list[Heard]:

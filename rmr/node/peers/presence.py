@@ -81,7 +81,7 @@ class Presence:
         """None: a robot without a body has no place to tell."""
         if state.driver is not None:
             rng = stream(f"{state.config.seed}/robot{state.robot}/hello")
-            self._hellos = HelloClock(rng, len(state.config.roster))
+            self._hellos = HelloClock(rng, state.config.profile)
 
     # -- saying -----------------------------------------------------------------------------------------------
 
@@ -103,7 +103,7 @@ class Presence:
     def telemetry(self, now: Instant) -> None:
         """Notice a change that matters to others, as between parked and moving."""
         if self._hellos is not None and self._driver is not None:
-            self._hellos.look(now, parked=self._actions.driving is None, back=self._driver.speed < 0.0)
+            self._hellos.poll(now, parked=self._actions.driving is None, back=self._driver.speed < 0.0)
 
     def wake(self, now: Instant) -> None:
         """Say hello if that is due."""
@@ -113,7 +113,7 @@ class Presence:
 
     def _plan_next(self, now: Instant, hellos: HelloClock) -> None:
         crossing = self._crossings.current
-        if not self._config.crowded:
+        if not self._config.profile.promises_to_stay:
             hellos.rewind(now, waits=crossing is not None)
             return
         leaves = crossing is not None and isinstance(crossing.phase, Slotted) and not self._stays(now)
@@ -121,7 +121,7 @@ class Presence:
 
     def _stays(self, now: Instant) -> bool:
         """Return whether the robot, parked in a crowd, will stand for a while: it has finished, or its slot is far."""
-        if not self._config.crowded or self._driver is None or self._actions.driving is not None:
+        if not self._config.profile.promises_to_stay or self._driver is None or self._actions.driving is not None:
             return False
         crossing = self._crossings.current
         return self._state.finish.holds if crossing is None else crossing.leaves_after(now + STAYS + STAYS_SPARE)

@@ -18,7 +18,8 @@ from rmr.coord.messages import Beacon, Entry, FrameKind, Job, Phase, Sched
 from rmr.coord.timing import Timing
 from rmr.node.config import UNKNOWN_INSIDE
 from rmr.node.crossing import approach, crossing, lateness, phases
-from rmr.node.motion import avoid, gate, route
+from rmr.node.motion import gate, route
+from rmr.node.motion.standoff import detector
 
 PAGE = page("coordination")
 PATH = Path(__file__).parents[3] / "docs" / "coordination.md"
@@ -199,11 +200,11 @@ def test_the_figures_of_motion_are_those_of_the_code():
         f"at the line within {in_seconds(lateness.READY):g} s",
         f"{in_seconds(UNKNOWN_INSIDE):g} s if nothing is known",
         f"| {timing.EXCLUSIVE}: such turns exclude every other one |",
-        f"its front {gate.MARGIN_M * 100:.0f} cm before",
+        f"its front {gate.HOLD_MARGIN_M * 100:.0f} cm before",
         f"a margin of {gate.EARLY_S:g} s and a tenth of the time left",
     ):
         assert figure in text.replace("\n", " ")
     assert gate.EARLY_SHARE == 0.1  # "a tenth"
     assert crossing.POLL_EVERY == 500 * NS_PER_MS  # "every half second"
-    longest = avoid.PATIENCE_S + 3 * avoid.PATIENCE_STEP_S
-    assert f"after {avoid.PATIENCE_S:g} to {longest:g} s of standing" in PAGE
+    longest = detector.PATIENCE_S + 3 * detector.PATIENCE_STEP_S
+    assert f"after {detector.PATIENCE_S:g} to {longest:g} s of standing" in PAGE

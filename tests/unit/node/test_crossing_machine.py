@@ -160,7 +160,7 @@ def any_situation(rng: Random) -> Situation:
         obstructs_exit=rarely(),
     )  # fmt: skip
     return Situation(
-        pose=rng.choice([None, Pose(rng.random(), rng.random(), 0.0)]), crowded=rarely(), set_out=often(),
+        pose=rng.choice([None, Pose(rng.random(), rng.random(), 0.0)]), late_goes_next=rarely(), set_out=often(),
         ready=often(), excused=rarely(), may_ask=often(), plan=rng.choice([None, plan]), beyond=rarely(),
         within=rarely(), in_entrance=rarely(), retreating=rarely(), before_hold_line=often(), cleared=rarely(),
         eta_clear=milliseconds(rng.randrange(3000)),

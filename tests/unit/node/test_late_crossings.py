@@ -43,7 +43,7 @@ def revision(commands) -> Revise | None:
 def wastes_slot(one: Crossing, now: Instant, *, in_a_crowd: bool = False, set_out: bool = False) -> Revise | None:
     """Let a slot pass for which the robot is not ready."""
     one.handle(now, SlotAssigned(GROUP, 0, 1, 1, now, now, 1, 1), Situation())
-    return revision(one.handle(now, EntryMissed(GROUP), Situation(crowded=in_a_crowd, set_out=set_out)))
+    return revision(one.handle(now, EntryMissed(GROUP), Situation(late_goes_next=in_a_crowd, set_out=set_out)))
 
 
 def poll(one: Crossing, now: Instant, *, set_out: bool = False, entrance: bool = False, pose=None) -> Revise | None:

@@ -13,7 +13,7 @@ import math
 from rmr.base.time import NEVER, NS_PER_S, Duration, Instant, in_seconds, seconds
 from rmr.coord.events import Entered
 from rmr.node.crossing.phases import Inside
-from rmr.node.motion.barred import closest_solid, robots_named
+from rmr.node.motion.obstruction import closest_solid, robots_named
 from rmr.vm.machine_events import FactSent, GoalAchieved, JobFinished, RuleFired
 from rmr_sim.checkers.recent_table import RecentTable
 from rmr_sim.checkers.run_view import RunView
