@@ -26,7 +26,7 @@ from runs import LABS, ROOT
 
 from rmr.node.motion.speed_law import HAZARDS
 from rmr.node.motion.standoff.escapes import ESCAPES
-from rmr_sim.run_setup import Loaded, Options, load, report_of
+from rmr_sim.run_setup import LoadedLab, Options, load, report_of
 
 FOUR_LABS = ("corridor", "twoway", "testbed", "hall")
 KEPT = "kept"
@@ -53,7 +53,7 @@ class Case(NamedTuple):
         return "/".join((self.group, self.lab, str(self.seed), self.without))
 
 
-_LOADED: dict[tuple[str, str], Loaded] = {}
+_LOADED: dict[tuple[str, str], LoadedLab] = {}
 """Labs by name and rule left out, once a process."""
 
 

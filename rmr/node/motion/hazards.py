@@ -29,7 +29,7 @@ UNRANKED: Final[Mapping[SeenBody, bool]] = MappingProxyType({})
 """No body has a place in the order."""
 
 
-class Stage(Enum):
+class HazardStage(Enum):
     """Where a rule is applied."""
 
     CAP = "cap"
@@ -42,7 +42,7 @@ class Stage(Enum):
     """To the final command, or to that of a reverse manoeuvre."""
 
 
-class Surroundings:
+class HazardScene:
     """What the rules go by. One object per robot, written anew each tick."""
 
     __slots__ = (
@@ -107,7 +107,7 @@ class Surroundings:
 class Hazard:
     """One rule. Rules of the stages PERCEPTION and WHEELS are asked for by name where they are applied."""
 
-    def __init__(self, name: str, stage: Stage, hazard: str, rule: str, where: str) -> None:
+    def __init__(self, name: str, stage: HazardStage, hazard: str, rule: str, where: str) -> None:
         """`hazard` and `rule` are the columns of docs/motion.md; `where` is the module of the rule."""
         self.name: Final = name
         self.stage: Final = stage
@@ -115,7 +115,7 @@ class Hazard:
         self.rule: Final = rule
         self.where: Final = where
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return the greatest speed up to `v`, m/s, that the rule allows."""
         raise NotImplementedError
 
@@ -123,7 +123,7 @@ class Hazard:
 class GateRule(Hazard):
     """The hold line of the bottleneck."""
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return `v`, or less: not before the slot, and not while the gate is closed."""
         follower = around.follower
         if follower is None:
@@ -134,7 +134,7 @@ class GateRule(Hazard):
 class RightOfWay(Hazard):
     """Predicted conflicts with robots that go first."""
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return `v`, or the speed that keeps clear of those that go first (worked out when hellos are taken in)."""
         return min(v, around.right_of_way * around.arena.shape.speed)
 
@@ -144,10 +144,10 @@ class SilenceRule(Hazard):
 
     def __init__(self, flag: int, name: str, hazard: str, rule: str, where: str) -> None:
         """`flag` is the bit of the reason."""
-        super().__init__(name, Stage.CAP, hazard, rule, where)
+        super().__init__(name, HazardStage.CAP, hazard, rule, where)
         self.flag: Final = flag
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return 0 if somebody who is not heard may be near, for this rule's reason."""
         return 0.0 if around.silence & self.flag else v
 
@@ -155,7 +155,7 @@ class SilenceRule(Hazard):
 class QueueRule(Hazard):
     """Order of the queue before the gate."""
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return 0 while a robot that goes first still stands on the route before the gate."""
         follower = around.follower
         gate = around.gate
@@ -176,7 +176,7 @@ class QueueRule(Hazard):
 class LostRule(Hazard):
     """Uncertain localisation."""
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return at most half of the full speed while the robot's own position is uncertain."""
         return min(v, 0.5 * around.arena.shape.speed) if around.sigma_m > LOST_SIGMA_M else v
 
@@ -184,7 +184,7 @@ class LostRule(Hazard):
 class DangerRule(Hazard):
     """Stop if dangerous (paper IV.E)."""
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return the least of what the bodies ahead allow by their closest point of approach."""
         radius = around.arena.shape.radius
         ranked = around.ranked
@@ -206,7 +206,7 @@ class DangerRule(Hazard):
 class StoppingRule(Hazard):
     """Able to stop short of a body that brakes now."""
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return the least speed from which the robot stops before each body ahead, should that brake now."""
         radius = around.arena.shape.radius
         cap = around.cap
@@ -222,10 +222,10 @@ class ArcRule(Hazard):
 
     def __init__(self, rules: Sequence[Hazard], name: str, hazard: str, rule: str, where: str) -> None:
         """`rules` are those that judge a body straight ahead."""
-        super().__init__(name, Stage.BODY, hazard, rule, where)
+        super().__init__(name, HazardStage.BODY, hazard, rule, where)
         self.rules: Final = tuple(rules)
 
-    def limit(self, around: Surroundings, v: float) -> float:
+    def limit(self, around: HazardScene, v: float) -> float:
         """Return `v`, or less, for bodies abeam on the inner side of a turn: out of view until just before contact."""
         turn = chord_angle(around.twist)
         if abs(turn) <= STRAIGHT_RAD:

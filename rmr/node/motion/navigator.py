@@ -28,7 +28,7 @@ from rmr.node.motion.route import DriveOrder, Route, gated_again, shared_part
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_control import SpeedControl
 from rmr.node.motion.standoff.detector import EARLY_PATIENCE, DeadlockDetector
-from rmr.node.motion.standoff.escapes import Excursion, Impasse, Symptom
+from rmr.node.motion.standoff.escapes import DeadlockCause, Excursion, Impasse
 from rmr.node.motion.standoff.policy import EscapePolicy, check_names
 from rmr.node.ports import SeenBody
 
@@ -181,7 +181,9 @@ class Navigator:
         if follower.arrived:
             return self._turn(pose) if excursion is None else STILL
         standing = self._standing.points.values()
-        if self._gate.blocks(now, follower.route, follower.s, standing) and self._escape(now, pose, Symptom.ENTRANCE):
+        if self._gate.blocks(now, follower.route, follower.s, standing) and self._escape(
+            now, pose, DeadlockCause.ENTRANCE
+        ):
             return STILL
         if now < self._reverse_until and not control.silenced():
             return control.reverse()
@@ -193,14 +195,14 @@ class Navigator:
         cap = control.cap(follower, self._gate, self._queue, self._right_of_way, self._parked)
         wish = follower.steer(pose, cap)
         if self._queue.late and not self._queue.overtakes:
-            self._escape(now, pose, Symptom.QUEUE)
+            self._escape(now, pose, DeadlockCause.QUEUE)
         allowed = control.slowed(wish)
         # Wheels that turn against a hull get nowhere, so a robot that bumps counts as standing.
         stuck = STILL if bumped else allowed
         # Before its slot a robot may well stand: patience is longer then.
         early = stuck is not wish and not bumped and self._gate.waiting(now, follower.route)
         if self._stand_off.blocked(now, wish, stuck, EARLY_PATIENCE if early else 0):
-            self._escape(now, pose, Symptom.DEADLOCK)
+            self._escape(now, pose, DeadlockCause.DEADLOCK)
         self._v = allowed.v
         return allowed
 
@@ -227,17 +229,17 @@ class Navigator:
             return STILL
         return Twist(0.0, turn_towards(error, self.arena.shape))
 
-    def _escape(self, now: Instant, pose: Pose, symptom: Symptom) -> bool:
+    def _escape(self, now: Instant, pose: Pose, symptom: DeadlockCause) -> bool:
         """Have the first escape that serves carried out; return whether there is one."""
         assert self._order is not None
         stand_off = self._stand_off
         arena = self.arena
         others = self._control.others(self._standing.points.values())
         endures = False
-        if symptom is Symptom.DEADLOCK:
+        if symptom is DeadlockCause.DEADLOCK:
             stand_off.mark(now, pose, others, arena.shape.radius)
-        if symptom in (Symptom.DEADLOCK, Symptom.NO_WAY_BACK):
-            walks = symptom is Symptom.DEADLOCK and self._excursion is not None
+        if symptom in (DeadlockCause.DEADLOCK, DeadlockCause.NO_WAY_BACK):
+            walks = symptom is DeadlockCause.DEADLOCK and self._excursion is not None
             endures = stand_off.endures(now, pose, walks=walks)
         manoeuvre = self._policy.choose(
             Impasse(
@@ -276,7 +278,7 @@ class Navigator:
         # Without a route it stands at the end of its excursion until the next try.
         self._excursion = None if found else Excursion(follower.route, self._next_try, stays=True)
         if not found:
-            self._escape(now, pose, Symptom.NO_WAY_BACK)
+            self._escape(now, pose, DeadlockCause.NO_WAY_BACK)
 
     def _obstructed(self) -> bool:
         """Return whether a parked robot now stands on the rest of the route."""

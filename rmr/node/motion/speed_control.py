@@ -14,7 +14,7 @@ from rmr.base.time import Instant
 from rmr.node.motion.body_memory import BodyMemory
 from rmr.node.motion.follow import Follower
 from rmr.node.motion.gate import EntryGate
-from rmr.node.motion.hazards import UNRANKED, Surroundings
+from rmr.node.motion.hazards import UNRANKED, HazardScene
 from rmr.node.motion.hearing import BESIDE_M, LISTENS, OVERDUE_HELLOS, SILENT, Hearing
 from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.rule_switches import RuleSwitches
@@ -39,7 +39,7 @@ class SpeedControl:
         self.arena = arena
         self._switches = switches
         self._law = SpeedLaw(switches)
-        self._around = Surroundings(arena, switches)
+        self._around = HazardScene(arena, switches)
         self._memory = BodyMemory(arena.shape, remembers=not switches.off("memory"))
         self._seen: Sequence[SeenBody] = ()
         """The bodies in view, then those remembered."""

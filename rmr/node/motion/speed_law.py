@@ -12,13 +12,13 @@ from rmr.node.motion.hazards import (
     DangerRule,
     GateRule,
     Hazard,
+    HazardScene,
+    HazardStage,
     LostRule,
     QueueRule,
     RightOfWay,
     SilenceRule,
-    Stage,
     StoppingRule,
-    Surroundings,
 )
 from rmr.node.motion.hearing import LISTENS, OVERDUE_HELLOS, SILENT
 from rmr.node.motion.rule_switches import RuleSwitches
@@ -26,7 +26,7 @@ from rmr.node.motion.rule_switches import RuleSwitches
 STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
     DangerRule(
         "danger",
-        Stage.BODY,
+        HazardStage.BODY,
         "somebody ahead",
         "*stop if dangerous* (paper IV.E): the speed falls with the gap to a body whose closest point of approach is "
         "nearer than two radii and 25 mm",
@@ -34,7 +34,7 @@ STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
     ),
     StoppingRule(
         "stopping",
-        Stage.BODY,
+        HazardStage.BODY,
         "somebody ahead who stops",
         "*able to stop*: never faster than lets the robot stand before the place where the other would stand if it "
         "braked now, even if this robot's own process stops in this very moment",
@@ -46,7 +46,7 @@ STRAIGHT_ON: Final[tuple[Hazard, ...]] = (
 HAZARDS: Final[tuple[Hazard, ...]] = (
     GateRule(
         "gate",
-        Stage.CAP,
+        HazardStage.CAP,
         "the bottleneck, before the robot's slot",
         "the speed with which the robot reaches the commit line as its slot opens; a stop at the hold line while the "
         "gate is closed",
@@ -54,7 +54,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
     ),
     RightOfWay(
         "right_of_way",
-        Stage.CAP,
+        HazardStage.CAP,
         "paths that cross",
         "the earlier in the order goes first; the later takes the greatest share of its speed that keeps clear",
         "priority.py",
@@ -87,21 +87,21 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
     ),
     QueueRule(
         "queue",
-        Stage.CAP,
+        HazardStage.CAP,
         "robots that go first and still stand before the gate",
         "a robot waits for those in the places of the queue before its own to leave",
         "queueing.py",
     ),
     LostRule(
         "lost",
-        Stage.CAP,
+        HazardStage.CAP,
         "an uncertain position",
         "half of the full speed while the standard deviation of the position is above 10 cm",
         "hazards.py",
     ),
     Hazard(
         "memory",
-        Stage.PERCEPTION,
+        HazardStage.PERCEPTION,
         "a body that has left the narrow view",
         "it is remembered for 0.8 s where it would be now, or until its robot says where it is; one that crept, where "
         "it was, too",
@@ -109,7 +109,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
     ),
     Hazard(
         "cooperation",
-        Stage.PERCEPTION,
+        HazardStage.PERCEPTION,
         "somebody from the side, unseen",
         "*cooperative perception*: a robot that is near, not in view and heard is a body all the same, at the place "
         "and with the velocity of its last hello",
@@ -117,7 +117,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
     ),
     Hazard(
         "order",
-        Stage.PERCEPTION,
+        HazardStage.PERCEPTION,
         "paths that converge, as before the gate",
         "the later in the order slows down early for the other, at 2.5 (m/s)/m of gap, the earlier late, at "
         "6 (m/s)/m, on whichever side it has it; without an order the one that has the other on its right gives way",
@@ -135,7 +135,7 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
     ),
     Hazard(
         "reverse_guard",
-        Stage.WHEELS,
+        HazardStage.WHEELS,
         "somebody or something behind a robot that backs up",
         "a reverse manoeuvre stops 3 cm short of a wall and of every body that is known; one behind that drives off "
         "is taken to be where it was heard last, for it may have stopped since",
@@ -143,14 +143,14 @@ HAZARDS: Final[tuple[Hazard, ...]] = (
     ),
     Hazard(
         "promise",
-        Stage.WHEELS,
+        HazardStage.WHEELS,
         "robots that stand in a crowd, of whose hellos some are lost",
         "a robot that has said that it stays does not move for 3 s, and is not silent meanwhile",
         "driver.py",
     ),
     Hazard(
         "unwatched",
-        Stage.WHEELS,
+        HazardStage.WHEELS,
         "a machine that is too slow, on which samples wait to be read",
         "a robot whose wheels have turned for more than 50 ms since its newest sample goes so much slower that it "
         "gets no farther than 1 cm unseen, and with a sample of more than 100 ms it stands until a newer one comes",
@@ -168,10 +168,10 @@ class SpeedLaw:
     def __init__(self, switches: RuleSwitches) -> None:
         self._switches = switches
         in_force = [rule for rule in HAZARDS if not switches.off(rule.name)]
-        self._caps: Final = [rule for rule in in_force if rule.stage is Stage.CAP]
-        self._body_rules: Final = [rule for rule in in_force if rule.stage is Stage.BODY]
+        self._caps: Final = [rule for rule in in_force if rule.stage is HazardStage.CAP]
+        self._body_rules: Final = [rule for rule in in_force if rule.stage is HazardStage.BODY]
 
-    def cap(self, around: Surroundings) -> float:
+    def cap(self, around: HazardScene) -> float:
         """Return the greatest speed with which the path may be followed now, m/s."""
         v = around.arena.shape.speed
         for rule in self._caps:
@@ -180,7 +180,7 @@ class SpeedLaw:
                 v = allowed
         return v
 
-    def slowed(self, around: Surroundings, twist: Twist) -> Twist:
+    def slowed(self, around: HazardScene, twist: Twist) -> Twist:
         """Return `twist`, slowed along its arc as the bodies of `around` demand; a turn or a reverse stays as it is."""
         if twist.v <= 0.0 or not around.bodies:
             return twist

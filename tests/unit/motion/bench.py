@@ -13,7 +13,7 @@ from random import Random
 from rmr.base.arena import Area, Arena, Polygon
 from rmr.base.geometry import Point, Pose, Twist, wrap
 from rmr.base.time import Instant, in_seconds, tick_start
-from rmr.node.motion.hazards import UNRANKED, Surroundings
+from rmr.node.motion.hazards import UNRANKED, HazardScene
 from rmr.node.motion.hearing import ReportedState
 from rmr.node.motion.navigator import Navigator
 from rmr.node.motion.priority import Heard
@@ -55,7 +55,7 @@ TESTBED_STARTS = tuple(Pose(0.10, y, 0.0) for y in (0.15, 0.37, 0.59, 0.91, 1.13
 def limit_twist(twist: Twist, bodies: Sequence[SeenBody], first: Mapping[SeenBody, bool] = UNRANKED) -> Twist:
     """Return `twist` as the speed law allows it; `first`: whether the robot goes before a body that has a rank."""
     switches = RuleSwitches()
-    around = Surroundings(testbed(), switches)
+    around = HazardScene(testbed(), switches)
     around.bodies = list(bodies)
     around.remembered_from = around.heard_from = len(bodies)
     around.ranked = first

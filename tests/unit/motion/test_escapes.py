@@ -13,13 +13,13 @@ from rmr.node.motion.queueing import Queueing
 from rmr.node.motion.route import leader_route
 from rmr.node.motion.rule_switches import RuleSwitches
 from rmr.node.motion.speed_law import HAZARDS
-from rmr.node.motion.standoff.escapes import ESCAPES, REVERSE_S, Impasse, Manoeuvre, Symptom
+from rmr.node.motion.standoff.escapes import ESCAPES, REVERSE_S, DeadlockCause, Impasse, Manoeuvre
 from rmr.node.motion.standoff.policy import EscapePolicy
 
 FLOOR = bench.testbed()
 AT, GOAL = Point(0.3, 0.4), Point(0.3, 1.1)
 DEADLOCK = Impasse(
-    symptom=Symptom.DEADLOCK,
+    symptom=DeadlockCause.DEADLOCK,
     now=0,
     robot=1,
     arena=FLOOR,
@@ -62,8 +62,8 @@ def chosen(impasse: Impasse, without: frozenset[str] = frozenset()) -> tuple[str
         (replace(DEADLOCK, others=[GOAL], tries=2, replan=lambda: True), "yield"),
         (replace(DEADLOCK, endured=1, replan=lambda: True), "retreat"),
         (replace(DEADLOCK, at=Point(0.75, 0.75), goal=Point(1.38, 0.9), endured=4, robot=2), "back_out"),
-        (replace(DEADLOCK, symptom=Symptom.NO_WAY_BACK, endured=1), "retreat"),
-        (replace(DEADLOCK, symptom=Symptom.QUEUE), "overtake_queue"),
+        (replace(DEADLOCK, symptom=DeadlockCause.NO_WAY_BACK, endured=1), "retreat"),
+        (replace(DEADLOCK, symptom=DeadlockCause.QUEUE), "overtake_queue"),
         (within(1), "give_way"),
     ],
 )
@@ -81,7 +81,7 @@ def test_an_escape_that_is_left_out_is_not_taken() -> None:
 
 
 def test_without_a_way_back_a_robot_waits_until_the_deadlock_endures() -> None:
-    assert EscapePolicy(RuleSwitches()).choose(replace(DEADLOCK, symptom=Symptom.NO_WAY_BACK)) is None
+    assert EscapePolicy(RuleSwitches()).choose(replace(DEADLOCK, symptom=DeadlockCause.NO_WAY_BACK)) is None
 
 
 def test_where_there_is_no_way_around_the_reverse_manoeuvre_is_twice_as_long() -> None:

@@ -37,15 +37,15 @@ from rmr.node.crossing.situation import (
     Unforeseen,
     Withdraw,
 )
-from rmr.vm.job import Job
+from rmr.vm.job import TimedJob
 
 PHASES = Phase.__args__
 EVENTS = SlotEvent.__args__
 SOURCES = Path(rmr.node.crossing.__file__).parent
 
 
-def job(serial: int = 1) -> Job:
-    return Job(serial, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(20.0), (), Robot(1))
+def job(serial: int = 1) -> TimedJob:
+    return TimedJob(serial, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(20.0), (), Robot(1))
 
 
 def in_phase(phase: type) -> Phase:
@@ -133,7 +133,7 @@ class Ledger:
         for command in commands:
             match command:
                 case Request(request=request):
-                    assert request.event == one.group_id
+                    assert request.group_id == one.group_id
                     assert one.group_id not in self.live, "requested twice"
                     self.live.add(one.group_id)
                 case Withdraw() | Leave():

@@ -18,8 +18,8 @@ from rmr.node.crossing.resource import in_entrance, obstructs_exit, stands_withi
 from rmr.node.crossing.situation import CrossingPlan, Revise, Situation, Withdraw
 from rmr.node.motion.gate import PUT_OFF_S
 from rmr.node.motion.navigator import Navigator
-from rmr.vm.job import Job
-from rmr_world.lab import load_lab
+from rmr.vm.job import TimedJob
+from rmr_world.lab_file import load_lab
 
 LABS = Path(__file__).parents[3] / "deploy" / "labs"
 GROUP = b"event."
@@ -30,7 +30,7 @@ BLOCKS_AFTER = POLICIES[Symptom.BLOCKING_ENTRANCE].after
 
 def crossing(start_s: float = 0.0, approach_s: float = 2.0) -> Crossing:
     """Return the gated crossing of a robot with a slot at `start_s`."""
-    job = Job(1, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(20.0), (), Robot(1))
+    job = TimedJob(1, 0, "crossing", "crossing(exit)", "at(@1, exit)", 0, seconds(20.0), (), Robot(1))
     plan = CrossingPlan(gated=True, approach=seconds(approach_s), after=seconds(3))
     return Crossing(job, GROUP, 0, None, Slotted(seconds(start_s), 0), plan)
 

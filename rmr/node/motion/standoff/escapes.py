@@ -36,7 +36,7 @@ GIVE_WAY_TRIES_MAX: Final = 5
 """Number of tries after which giving way in the bottleneck gets no longer."""
 
 
-class Symptom(Enum):
+class DeadlockCause(Enum):
     """What has been noticed."""
 
     ENTRANCE = "stands in an entrance"
@@ -75,7 +75,7 @@ class Manoeuvre:
 class Impasse:
     """The situation of a robot that gets nowhere. It is made only when there is a symptom."""
 
-    symptom: Symptom
+    symptom: DeadlockCause
     now: Instant
     robot: int
     arena: Arena
@@ -120,7 +120,7 @@ class ClearEntrance(Escape):
 
     def applies(self, impasse: Impasse) -> bool:
         """Return whether the robot stands in an entrance."""
-        return impasse.symptom is Symptom.ENTRANCE
+        return impasse.symptom is DeadlockCause.ENTRANCE
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a yield to a spot before the entrance, outside the room that is left for others."""
@@ -137,7 +137,7 @@ class OvertakeQueue(Escape):
 
     def applies(self, impasse: Impasse) -> bool:
         """Return whether the queue does not move."""
-        return impasse.symptom is Symptom.QUEUE
+        return impasse.symptom is DeadlockCause.QUEUE
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a new route, in which those in the queue are obstacles."""
@@ -181,7 +181,7 @@ class BackOut(Escape):
         return Manoeuvre(reverse=length) if length else None
 
 
-class Yield(Escape):
+class YieldEscape(Escape):
     """Makes room for a robot that stands on the goal, and may want this one's place."""
 
     def applies(self, impasse: Impasse) -> bool:
@@ -189,7 +189,7 @@ class Yield(Escape):
 
         Not before the end of the bottleneck: on a route without a gate the robot would count as out of it.
         """
-        if impasse.symptom is not Symptom.DEADLOCK or impasse.tries % 2:
+        if impasse.symptom is not DeadlockCause.DEADLOCK or impasse.tries % 2:
             return False
         if impasse.route is not None and impasse.route.gate_m is not None and not impasse.gate.cleared:
             return False
@@ -206,7 +206,7 @@ class Detour(Escape):
 
     def applies(self, impasse: Impasse) -> bool:
         """Return whether there is a deadlock."""
-        return impasse.symptom is Symptom.DEADLOCK
+        return impasse.symptom is DeadlockCause.DEADLOCK
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a short reverse manoeuvre, which makes room to turn; the new route is followed from then on."""
@@ -224,7 +224,7 @@ class GiveWay(Escape):
 
     def applies(self, impasse: Impasse) -> bool:
         """Return whether the robot is in a bottleneck that is entered from both sides."""
-        return impasse.symptom is Symptom.DEADLOCK and impasse.gate.met_by(impasse.route) is not None
+        return impasse.symptom is DeadlockCause.DEADLOCK and impasse.gate.met_by(impasse.route) is not None
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a reverse manoeuvre, none by the first entrance."""
@@ -237,11 +237,11 @@ class Reverse(Escape):
 
     def applies(self, impasse: Impasse) -> bool:
         """Return whether there is a deadlock."""
-        return impasse.symptom is Symptom.DEADLOCK
+        return impasse.symptom is DeadlockCause.DEADLOCK
 
     def act(self, impasse: Impasse) -> Manoeuvre | None:
         """Return a reverse manoeuvre, twice as long as that before a detour."""
-        assert impasse.symptom is Symptom.DEADLOCK
+        assert impasse.symptom is DeadlockCause.DEADLOCK
         return Manoeuvre(reverse=seconds(2.0 * REVERSE_S))
 
 
@@ -288,7 +288,7 @@ ESCAPES: Final[tuple[Escape, ...]] = (
         "the same, within the bottleneck",
         "back towards where it came from, for 1.6 to 6.4 s, at every second try by chance",
     ),
-    Yield(
+    YieldEscape(
         "yield",
         "deadlock: the other stands on the goal, and may want this one's place",
         "at every second try: a step aside, to the right where there is room, for at most 4 s",
