@@ -8,11 +8,14 @@ says so.
 from typing import Any, Protocol
 
 from rmr.base.arena import Area, Arena
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
+from rmr.bytecode.program import Program
 from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.dispatcher import Handler, Permit
+from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
 from rmr.node.config import NodeConfig
+from rmr.node.driver import Driver
+from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
 from rmr.node.peers.perception import Peers, Percept
 
@@ -62,7 +65,7 @@ class DrivingHost(Protocol):
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
 
     def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
-        """Set out for `goal`; by a gated crossing through its gate."""
+        """Set out for `goal`; by a gated crossing through its hold line. The others hear of it."""
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something for whoever watches the robot."""
@@ -88,3 +91,33 @@ class ActionHost(DrivingHost, Protocol):
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
+
+
+class CrossingHost(DrivingHost, Protocol):
+    """What the crossings of shared resources ask of their robot."""
+
+    program: Program
+    driver: Driver | None
+    """None: a robot without a body."""
+    senses: SensedFacts
+
+    @property
+    def pose(self) -> Pose | None:
+        """Where the robot is, as far as it knows."""
+
+    @property
+    def driving(self) -> RunningAction | None:
+        """The action that has the wheels."""
+
+    @property
+    def frame_ends(self) -> Instant:
+        """When the next frame of 1/60 s begins."""
+
+    def announce(self, now: Instant) -> None:
+        """Say hello at once: something that matters to the others has changed."""
+
+    def drives_to_area(self, action: int) -> bool:
+        """Return whether an action drives to the area that it names: it may be gated."""
+
+    def tell(self, event: object) -> None:
+        """Tell whoever checks the run that `event` has happened."""

@@ -23,7 +23,6 @@ AWAITED: dict[str, int] = {
     "rmr.coord": 45,
     "rmr.eval": 7,
     "rmr.lang": 53,
-    "rmr.node.crossing": 24,
     "rmr.node.motion": 102,
     "rmr.radio": 28,
     "rmr.vm": 66,

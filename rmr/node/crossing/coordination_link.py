@@ -36,12 +36,14 @@ class CoordLink:
     @property
     def next_wake(self) -> Instant:
         """When the core or a frame is due."""
-        wake, later = self._core.next_wake, self._later
+        wake = self._core.next_wake
+        later = self._later
         return later[0][0] if later and later[0][0] < wake else wake
 
     def due(self, now: Instant) -> bool:
         """Return whether `run` has something to do."""
-        core, later = self._core, self._later
+        core = self._core
+        later = self._later
         return core.next_wake <= now or core.has_news or bool(later and later[0][0] <= now)
 
     def run(self, now: Instant) -> None:

@@ -157,7 +157,8 @@ class Crossing:
             return NEVER
         if isinstance(phase, Inside):
             return phase.end - self.plan.notice
-        sets_out_at, poll_at = self._sets_out_at, phase.polled_at + POLL_EVERY
+        sets_out_at = self._sets_out_at
+        poll_at = phase.polled_at + POLL_EVERY
         return min(poll_at, sets_out_at) if sets_out_at > phase.polled_at else poll_at
 
     def poll_is_due(self, now: Instant) -> bool:
