@@ -73,7 +73,8 @@ class Node:
         self._presence = Presence(state, radio, self.crossings, self.actions)
         link = self._coordination
         self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries)
-        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services)
+        log = services.action_log
+        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services.handler, log)
         self._proximity = Proximity(state, ports.neighbors)
         runtime = RuntimeSystem(state, self.runner, self.actions, self.crossings, link, self.messenger)
         tasks = [

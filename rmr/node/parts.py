@@ -11,8 +11,7 @@ from rmr.base.arena import Area, Arena
 from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
 from rmr.bytecode.program import Program
-from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.dispatcher import Handler, Permit, RunningAction
+from rmr.node.actions.dispatcher import Permit, RunningAction
 from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.sensed_facts import SensedFacts
@@ -25,30 +24,6 @@ class Radio(Protocol):
 
     def transmit(self, payload: bytes, destination: int | None) -> int:
         """Hand a payload to the radio (None: for everybody); return the handle by which its outcome will be known."""
-
-
-class RunnerHost(Protocol):
-    """What carries out actions, and the report's list of them."""
-
-    action_log: ActionLog
-
-    def handler(self, action: str) -> Handler:
-        """Return what carries out an action; the host's own handlers go before the provided ones."""
-
-
-class Queue(Protocol):
-    """What a waiting action asks about the robot's crossings."""
-
-    @property
-    def slot_wasted(self) -> bool:
-        """Whether a slot has been wasted: the robot could not get to the gate."""
-
-    @property
-    def beyond(self) -> bool:
-        """Whether the robot has the bottleneck behind it."""
-
-    def entered_since(self, instant: Instant) -> bool:
-        """Return whether a turn of this robot has begun after `instant`."""
 
 
 class DrivingHost(Protocol):
@@ -78,9 +53,8 @@ class ActionHost(DrivingHost, Protocol):
     def now(self) -> Instant:
         """The instant of the present call."""
 
-    @property
-    def crossings(self) -> Queue:
-        """The robot's crossings."""
+    def needs_no_queue(self, since: Instant) -> bool:
+        """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
 
     @property
     def motion(self) -> Navigator:

@@ -106,6 +106,10 @@ class RobotServices:
         """Return whether an action drives to the area that it names: it may be gated."""
         return self.handler(self.program.predicates[action].name).to_area
 
+    def needs_no_queue(self, since: Instant) -> bool:
+        """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
+        return self.crossings.needs_no_queue(since)
+
     # -- wheels and places ------------------------------------------------------------------------------------
 
     @property

@@ -46,10 +46,9 @@ class NodeHandle(RobotHandle):
         node: ActionHost = self._node
         return node
 
-    def needless(self) -> bool:
-        """Return whether the robot has no reason to line up: it has had a turn since, wasted a slot, or is beyond."""
-        crossings = self.node.crossings
-        return crossings.slot_wasted or crossings.beyond or crossings.entered_since(self._action.derived)
+    def needs_no_queue(self) -> bool:
+        """Return whether the robot need not line up: it has entered since, wasted a slot, or is beyond."""
+        return self.node.needs_no_queue(self._action.derived)
 
     @property
     def permit(self) -> Permit | None:
@@ -150,7 +149,7 @@ async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     A later `lineup` takes over from this one at once: the robot's turn has changed while it was on its way. It is over
     as soon as the robot has its turn, or has let one pass for it could not get there: then it no longer lines up.
     """
-    if robot.needless():
+    if robot.needs_no_queue():
         return
     area = robot.node.arena.area(area_name)
     if area is None or not area.queue:
@@ -160,7 +159,7 @@ async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     spot = area.queue[min(place, len(area.queue)) - 1]
     ahead = area.queue[0] if place > 1 else area.places[0]
     heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
-    await _drive(robot, spot, final_heading=heading, idle=robot.needless)
+    await _drive(robot, spot, final_heading=heading, idle=robot.needs_no_queue)
 
 
 def _heading(a: Point, b: Point) -> float:

@@ -36,7 +36,6 @@ from rmr.node.crossing.situation import (
     InsideUntil,
     Leave,
     OpenHoldLine,
-    Request,
     Revise,
     SetReady,
     Situation,
@@ -286,7 +285,7 @@ class Crossing:
         self.release = max(self.release, now + plan.approach)
         times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}
         fields = {name: in_seconds(time) for name, time in times.items()}
-        return [TraceEntry("asks", {**fields, "way": plan.direction}), Request(self._job_request())]
+        return [TraceEntry("asks", {**fields, "way": plan.direction}), self._job_request()]
 
     def _job_request(self) -> JobRequest:
         plan = self.plan

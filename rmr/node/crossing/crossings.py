@@ -16,6 +16,7 @@ from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
+    JobRequest,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
@@ -36,8 +37,8 @@ from rmr.node.crossing.situation import (
     InsideUntil,
     Leave,
     OpenHoldLine,
-    Request,
     Revise,
+    RobotCommand,
     SetReady,
     TraceEntry,
     Unforeseen,
@@ -184,19 +185,12 @@ class Crossings:
         """The newest crossing that is not over."""
         return next((crossing for crossing in reversed(self._crossings.values()) if not crossing.over), None)
 
-    def entered_since(self, instant: Instant) -> bool:
-        """Return whether the robot has entered after `instant`."""
-        return any(crossing.entered_at > instant for crossing in self._crossings.values())
-
-    @property
-    def slot_wasted(self) -> bool:
-        """Whether a slot has been of no use: the robot could not get to the entrance."""
-        return any(crossing.late.slots_wasted and not crossing.over for crossing in self._crossings.values())
-
-    @property
-    def beyond(self) -> bool:
-        """Whether the robot has a resource behind it: there is no queue in which it should wait for its slot."""
-        return any(crossing.beyond for crossing in self._crossings.values())
+    def needs_no_queue(self, since: Instant) -> bool:
+        """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
+        return any(
+            crossing.entered_at > since or crossing.beyond or (crossing.late.slots_wasted > 0 and not crossing.over)
+            for crossing in self._crossings.values()
+        )
 
     @property
     def rank(self) -> int:
@@ -274,8 +268,8 @@ class Crossings:
                     core.inside_until(now, group_id, end)
                 case Revise(release=release, deadline=deadline, committed=committed):
                     core.revise(now, group_id, release=release, deadline=deadline, underway=committed)
-                case Request(request=request):
-                    core.trigger(now, request)
+                case JobRequest():
+                    core.trigger(now, command)
                 case Withdraw():
                     core.withdraw(now, group_id)
                 case Leave():
@@ -283,9 +277,7 @@ class Crossings:
                 case _:
                     self._execute_here(now, crossing, command)
 
-    def _execute_here(
-        self, now: Instant, crossing: Crossing, command: OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
-    ) -> None:
+    def _execute_here(self, now: Instant, crossing: Crossing, command: RobotCommand) -> None:
         """Carry out what concerns the robot alone."""
         robot = self._robot
         driver = self._robot.driver
