@@ -16,7 +16,7 @@ from rmr.node.config import NodeConfig
 from rmr.node.driver import Driver
 from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
-from rmr.node.peers.perception import Peers, Percept
+from rmr.node.peers.perception import Peers
 
 
 class Radio(Protocol):
@@ -33,8 +33,9 @@ class DrivingHost(Protocol):
     arena: Arena
     peers: Peers
 
-    def percept(self) -> Percept:
-        """Return what the robot senses now."""
+    @property
+    def pose(self) -> Pose | None:
+        """Where the robot is, as far as it knows."""
 
     def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
@@ -74,10 +75,6 @@ class CrossingHost(DrivingHost, Protocol):
     driver: Driver | None
     """None: a robot without a body."""
     senses: SensedFacts
-
-    @property
-    def pose(self) -> Pose | None:
-        """Where the robot is, as far as it knows."""
 
     @property
     def driving(self) -> RunningAction | None:

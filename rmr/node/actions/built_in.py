@@ -120,7 +120,7 @@ async def _under_way(
 
 def _no_way(node: ActionHost, goal: Point) -> str:
     """Return why a drive to `goal` has failed, with who or what is in the way."""
-    pose = node.percept().pose
+    pose = node.pose
     bars = "" if pose is None else what_bars(node.arena, Point(pose.x, pose.y), goal, node.peers.standing(node.now))
     return f"no way there: {bars}" if bars else "no way there"
 
@@ -128,9 +128,9 @@ def _no_way(node: ActionHost, goal: Point) -> str:
 async def _located(robot: NodeHandle) -> None:
     """Wait until the robot knows where it is. Raises ActionFailed when it does not find out."""
     node = robot.node
-    if node.percept().pose is None:
-        await Pause(node.now + seconds(STUCK_S), lambda: node.percept().pose is not None)
-    if node.percept().pose is None:
+    if node.pose is None:
+        await Pause(node.now + seconds(STUCK_S), lambda: node.pose is not None)
+    if node.pose is None:
         raise ActionFailed("the robot does not know where it is")
 
 
@@ -194,7 +194,7 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
     """
     node = robot.node
     await _located(robot)
-    pose = node.percept().pose
+    pose = node.pose
     started = node.now
     assert pose is not None
     start = Point(pose.x, pose.y)
@@ -213,7 +213,7 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
             twist = drive.steer(node.now, pose)
             robot.drive(twist.v, twist.w)
             await Pause(condition=lambda: True)
-            pose = node.percept().pose or pose
+            pose = node.pose or pose
     finally:
         node.halt()
     if drive.astray(pose):
