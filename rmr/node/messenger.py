@@ -103,7 +103,7 @@ class Messenger:
         if kind != PayloadKind.HELLO:
             self._state.reschedule = True
         if kind < PayloadKind.FACT:
-            self._coordination.receive(now, frame.payload, frame.source)
+            self._coordination.core.receive(now, frame.payload, frame.source)
             return
         try:
             self._dispatch(now, frame)
@@ -124,7 +124,7 @@ class Messenger:
         if self._presence.overhear(now, frame):
             return True
         known = state.config.profile.overhears_passing and frame.source in state.peers.known
-        if not known or not self._coordination.overhear(now, frame.payload):
+        if not known or not self._coordination.core.overhear(now, frame.payload):
             return False
         state.peers.heard(now, frame.source, frame.rssi_dbm)
         return True

@@ -23,7 +23,6 @@ from rmr.node.actions.dispatcher import Dispatcher, Handler, check_handlers
 from rmr.node.config import NodeConfig
 from rmr.node.crossing.coordination_link import CoordLink
 from rmr.node.crossing.crossings import Crossings
-from rmr.node.crossing.surroundings import Surroundings
 from rmr.node.executive import Executive, ExecutiveTask
 from rmr.node.logic.deliveries import Deliveries
 from rmr.node.logic.exchange import Exchange
@@ -65,8 +64,7 @@ class Node:
         timing = replace(config.timing, payload_max=payload_max)
         self.core = Coordination(config.robot, stream(f"{name}/coord"), lambda: len(config.roster) - 1, timing)
         """The coordination core, for checkers of a run to look at."""
-        around = Surroundings(services, config, program, self.senses, self.peers, self.driver)
-        self.crossings = Crossings(around, self.core, digest)
+        self.crossings = Crossings(services, self.core, digest)
         self._coordination = CoordLink(self.core, radio.transmit, self._coordinated)
         self.actions = Dispatcher(services)
         exchange = Exchange(digest, config.epoch, stream(f"{name}/exchange"), payload_max)
@@ -75,7 +73,8 @@ class Node:
         self._presence = Presence(state, radio, self.crossings, self.actions)
         link = self._coordination
         self.messenger = Messenger(state, ports.link, radio, link, self._presence, deliveries)
-        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services)
+        log = services.action_log
+        self.runner = MachineRunner(state, deliveries, self.crossings, self.actions, services.handler, log)
         self._proximity = Proximity(state, ports.neighbors)
         runtime = RuntimeSystem(state, self.runner, self.actions, self.crossings, link, self.messenger)
         tasks = [

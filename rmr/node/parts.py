@@ -8,13 +8,15 @@ says so.
 from typing import Any, Protocol
 
 from rmr.base.arena import Area, Arena
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
-from rmr.node.actions.action_log import ActionLog
-from rmr.node.actions.dispatcher import Handler, Permit
+from rmr.bytecode.program import Program
+from rmr.node.actions.dispatcher import Permit, RunningAction
 from rmr.node.config import NodeConfig
+from rmr.node.driver import Driver
+from rmr.node.logic.sensed_facts import SensedFacts
 from rmr.node.motion.navigator import Navigator
-from rmr.node.peers.perception import Peers, Percept
+from rmr.node.peers.perception import Peers
 
 
 class Radio(Protocol):
@@ -24,30 +26,6 @@ class Radio(Protocol):
         """Hand a payload to the radio (None: for everybody); return the handle by which its outcome will be known."""
 
 
-class RunnerHost(Protocol):
-    """What carries out actions, and the report's list of them."""
-
-    action_log: ActionLog
-
-    def handler(self, action: str) -> Handler:
-        """Return what carries out an action; the host's own handlers go before the provided ones."""
-
-
-class Queue(Protocol):
-    """What a waiting action asks about the robot's crossings."""
-
-    @property
-    def slot_wasted(self) -> bool:
-        """Whether a slot has been wasted: the robot could not get to the gate."""
-
-    @property
-    def beyond(self) -> bool:
-        """Whether the robot has the bottleneck behind it."""
-
-    def entered_since(self, instant: Instant) -> bool:
-        """Return whether a turn of this robot has begun after `instant`."""
-
-
 class DrivingHost(Protocol):
     """What drives, and places to drive to."""
 
@@ -55,14 +33,15 @@ class DrivingHost(Protocol):
     arena: Arena
     peers: Peers
 
-    def percept(self) -> Percept:
-        """Return what the robot senses now."""
+    @property
+    def pose(self) -> Pose | None:
+        """Where the robot is, as far as it knows."""
 
     def take_place(self, area: Area, permit: Permit | None) -> Point:
         """Choose the robot's place in `area`; the others hear of it. Raises ActionFailed without a body."""
 
     def depart(self, goal: Point, *, final_heading: float | None, permit: Permit | None) -> None:
-        """Set out for `goal`; by a gated crossing through its gate."""
+        """Set out for `goal`; by a gated crossing through its hold line. The others hear of it."""
 
     def trace(self, now: Instant, what: str, **fields: Any) -> None:
         """Note something for whoever watches the robot."""
@@ -75,9 +54,8 @@ class ActionHost(DrivingHost, Protocol):
     def now(self) -> Instant:
         """The instant of the present call."""
 
-    @property
-    def crossings(self) -> Queue:
-        """The robot's crossings."""
+    def needs_no_queue(self, since: Instant) -> bool:
+        """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
 
     @property
     def motion(self) -> Navigator:
@@ -88,3 +66,29 @@ class ActionHost(DrivingHost, Protocol):
 
     def broadcast_failure(self, assertion: int | None) -> None:
         """Tell the others that a deadline of `assertion` was missed (None: none in particular)."""
+
+
+class CrossingHost(DrivingHost, Protocol):
+    """What the crossings of shared resources ask of their robot."""
+
+    program: Program
+    driver: Driver | None
+    """None: a robot without a body."""
+    senses: SensedFacts
+
+    @property
+    def driving(self) -> RunningAction | None:
+        """The action that has the wheels."""
+
+    @property
+    def frame_ends(self) -> Instant:
+        """When the next frame of 1/60 s begins."""
+
+    def announce(self, now: Instant) -> None:
+        """Say hello at once: something that matters to the others has changed."""
+
+    def drives_to_area(self, action: int) -> bool:
+        """Return whether an action drives to the area that it names: it may be gated."""
+
+    def tell(self, event: object) -> None:
+        """Tell whoever checks the run that `event` has happened."""

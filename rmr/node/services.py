@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rmr.base.arena import Area
-from rmr.base.geometry import Point
+from rmr.base.geometry import Point, Pose
 from rmr.base.time import Instant
 from rmr.base.values import Value
 from rmr.node import payloads
@@ -106,6 +106,10 @@ class RobotServices:
         """Return whether an action drives to the area that it names: it may be gated."""
         return self.handler(self.program.predicates[action].name).to_area
 
+    def needs_no_queue(self, since: Instant) -> bool:
+        """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
+        return self.crossings.needs_no_queue(since)
+
     # -- wheels and places ------------------------------------------------------------------------------------
 
     @property
@@ -114,6 +118,11 @@ class RobotServices:
         if self.driver is None:
             raise ActionFailed(NO_WHEELS)
         return self.driver.navigator
+
+    @property
+    def pose(self) -> Pose | None:
+        """Where the robot is, as far as it knows."""
+        return None if self.driver is None else self.driver.localiser.pose
 
     def percept(self) -> Percept:
         """Return what the robot senses now."""

@@ -47,10 +47,9 @@ class NodeHandle(RobotHandle):
         node: ActionHost = self._node
         return node
 
-    def needless(self) -> bool:
-        """Return whether the robot has no reason to line up: it has had a turn since, wasted a slot, or is beyond."""
-        crossings = self.node.crossings
-        return crossings.slot_wasted or crossings.beyond or crossings.entered_since(self._action.derived)
+    def needs_no_queue(self) -> bool:
+        """Return whether the robot need not line up: it has entered since, wasted a slot, or is beyond."""
+        return self.node.needs_no_queue(self._action.derived)
 
     @property
     def permit(self) -> Permit | None:
@@ -122,7 +121,7 @@ async def _under_way(
 
 def _no_way(node: ActionHost, goal: Point) -> str:
     """Return why a drive to `goal` has failed, with who or what is in the way."""
-    pose = node.percept().pose
+    pose = node.pose
     bars = "" if pose is None else what_bars(node.arena, Point(pose.x, pose.y), goal, node.peers.standing(node.now))
     return f"no way there: {bars}" if bars else "no way there"
 
@@ -130,9 +129,9 @@ def _no_way(node: ActionHost, goal: Point) -> str:
 async def _located(robot: NodeHandle) -> None:
     """Wait until the robot knows where it is. Raises ActionFailed when it does not find out."""
     node = robot.node
-    if node.percept().pose is None:
-        await Pause(node.now + seconds(STUCK_S), lambda: node.percept().pose is not None)
-    if node.percept().pose is None:
+    if node.pose is None:
+        await Pause(node.now + seconds(STUCK_S), lambda: node.pose is not None)
+    if node.pose is None:
         raise ActionFailed("the robot does not know where it is")
 
 
@@ -151,7 +150,7 @@ async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     A later `lineup` takes over from this one at once: the robot's turn has changed while it was on its way. It is over
     as soon as the robot has its turn, or has let one pass for it could not get there: then it no longer lines up.
     """
-    if robot.needless():
+    if robot.needs_no_queue():
         return
     area = robot.node.arena.area(area_name)
     if area is None or not area.queue:
@@ -161,7 +160,7 @@ async def lineup(robot: NodeHandle, area_name: str, place: int) -> None:
     spot = area.queue[min(place, len(area.queue)) - 1]
     ahead = area.queue[0] if place > 1 else area.places[0]
     heading = _heading(spot, ahead) if spot != ahead else _queue_heading(area.queue)
-    await _drive(robot, spot, final_heading=heading, idle=robot.needless)
+    await _drive(robot, spot, final_heading=heading, idle=robot.needs_no_queue)
 
 
 def _heading(a: Point, b: Point) -> float:
@@ -197,7 +196,7 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
     """
     node = robot.node
     await _located(robot)
-    pose = node.percept().pose
+    pose = node.pose
     started = node.now
     assert pose is not None
     start = Point(pose.x, pose.y)
@@ -216,7 +215,7 @@ async def reach(robot: NodeHandle, x: float, y: float, begins_s: float, ends_s: 
             twist = drive.steer(node.now, pose)
             robot.drive(twist.v, twist.w)
             await Pause(condition=lambda: True)
-            pose = node.percept().pose or pose
+            pose = node.pose or pose
     finally:
         node.halt()
     if drive.astray(pose):

@@ -180,7 +180,6 @@ class Dispatcher:
         self.queue: deque[RunningAction] = deque()
         """Waiting for the wheels."""
         self.running: list[RunningAction] = []
-        self.refused = 0
 
     @property
     def idle(self) -> bool:
@@ -216,7 +215,6 @@ class Dispatcher:
     def derive(self, now: Instant, running: RunningAction) -> None:
         """Take on an action: hold it, queue it, or start it."""
         if len(self.held) + len(self.queue) + len(self.running) >= RUNNING_MAX:
-            self.refused += 1
             self._host.action_ended(now, running, f"more than {RUNNING_MAX} actions under way")
         elif running.held(now):
             self.held.append(running)

@@ -42,7 +42,8 @@ class Approach:
         route = navigator.route
         if route is not None and route.gate_m is not None and self._made is not None:
             return self._made[2]._replace(approach=navigator.eta_gate())
-        origin, rest = pose, 0
+        origin = pose
+        rest = 0
         if navigator.status == "moving" and route is not None:
             end = route.points[-1]
             origin = Pose(end.x, end.y, pose.theta)
@@ -89,7 +90,8 @@ class Approach:
 @lru_cache(maxsize=16)
 def departures(arena: Arena, area_name: str, direction: int) -> tuple[float, ...]:
     """Return how far each place of an area is from the entrance of `direction`, metres; empty without a route."""
-    entrance, area = arena.mouth(direction), arena.area(area_name)
+    entrance = arena.mouth(direction)
+    area = arena.area(area_name)
     if entrance is None or area is None:
         return ()
     routes = [leader_route(arena, entrance, place, (), through_gate=False) for place in area.places]

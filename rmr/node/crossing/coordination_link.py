@@ -25,7 +25,7 @@ class CoordLink:
 
     def __init__(self, core: Coordination, transmit: Transmit, handle: Callable[[Instant, CoordEvent], None]) -> None:
         """`handle` is told what the core reports upward."""
-        self._core = core
+        self.core = core
         self._transmit = transmit
         self._handle = handle
         self._handles: dict[int, int] = {}
@@ -36,18 +36,20 @@ class CoordLink:
     @property
     def next_wake(self) -> Instant:
         """When the core or a frame is due."""
-        wake, later = self._core.next_wake, self._later
+        wake = self.core.next_wake
+        later = self._later
         return later[0][0] if later and later[0][0] < wake else wake
 
     def due(self, now: Instant) -> bool:
         """Return whether `run` has something to do."""
-        core, later = self._core, self._later
+        core = self.core
+        later = self._later
         return core.next_wake <= now or core.has_news or bool(later and later[0][0] <= now)
 
     def run(self, now: Instant) -> None:
         """Let the core do what is `due`, and see to what it says."""
-        self._core.wake(now)
-        for out in self._core.drain():
+        self.core.wake(now)
+        for out in self.core.drain():
             if not isinstance(out, Send):
                 self._handle(now, out)
             elif out.at > now:
@@ -65,14 +67,6 @@ class CoordLink:
             if len(self._handles) > UNCONFIRMED_MAX:
                 del self._handles[next(iter(self._handles))]
 
-    def receive(self, now: Instant, payload: bytes, source: int) -> None:
-        """Hand the core a frame of another robot."""
-        self._core.receive(now, payload, source)
-
-    def overhear(self, now: Instant, payload: bytes) -> bool:
-        """Hand the core a frame of which it needs no call; return whether it is one."""
-        return self._core.overhear(now, payload)
-
     def awaits(self, outcome: Confirmed) -> bool:
         """Return whether the outcome is that of a frame of the core's."""
         return outcome.handle in self._handles
@@ -81,4 +75,4 @@ class CoordLink:
         """Hand the core the outcome of a frame, if it is one of its own."""
         handle = self._handles.pop(outcome.handle, None)
         if handle is not None:
-            self._core.confirmed(now, handle, outcome.status)
+            self.core.confirmed(now, handle, outcome.status)

@@ -36,7 +36,6 @@ from rmr.node.crossing.situation import (
     InsideUntil,
     Leave,
     OpenHoldLine,
-    Request,
     Revise,
     SetReady,
     Situation,
@@ -157,7 +156,8 @@ class Crossing:
             return NEVER
         if isinstance(phase, Inside):
             return phase.end - self.plan.notice
-        sets_out_at, poll_at = self._sets_out_at, phase.polled_at + POLL_EVERY
+        sets_out_at = self._sets_out_at
+        poll_at = phase.polled_at + POLL_EVERY
         return min(poll_at, sets_out_at) if sets_out_at > phase.polled_at else poll_at
 
     def poll_is_due(self, now: Instant) -> bool:
@@ -285,7 +285,7 @@ class Crossing:
         self.release = max(self.release, now + plan.approach)
         times = {"approach_s": plan.approach, "inside_s": plan.inside, "after_s": plan.after}
         fields = {name: in_seconds(time) for name, time in times.items()}
-        return [TraceEntry("asks", {**fields, "way": plan.direction}), Request(self._job_request())]
+        return [TraceEntry("asks", {**fields, "way": plan.direction}), self._job_request()]
 
     def _job_request(self) -> JobRequest:
         plan = self.plan

@@ -16,6 +16,7 @@ from rmr.base.values import Symbol, Value
 from rmr.coord.coordination import Coordination
 from rmr.coord.events import (
     CoordEvent,
+    JobRequest,
     LeaderChanged,
     LeadershipBegan,
     LeadershipEnded,
@@ -36,28 +37,28 @@ from rmr.node.crossing.situation import (
     InsideUntil,
     Leave,
     OpenHoldLine,
-    Request,
     Revise,
+    RobotCommand,
     SetReady,
     TraceEntry,
     Unforeseen,
     Withdraw,
 )
-from rmr.node.crossing.surroundings import Surroundings
+from rmr.node.parts import CrossingHost
 from rmr.vm.job import TimedJob
 
 
 class Crossings:
     """All crossings of one robot."""
 
-    def __init__(self, around: Surroundings, core: Coordination, digest: int) -> None:
-        self._around = around
+    def __init__(self, robot: CrossingHost, core: Coordination, digest: int) -> None:
+        self._robot = robot
         self._core = core
         self._digest = digest
-        self._observer = Observer(around, core)
+        self._observer = Observer(robot, core)
         self._crossings: dict[bytes, Crossing] = {}
-        self._paths = SharedPaths(around, core, self.name_of)
-        self.destinations = Destinations(around)
+        self._paths = SharedPaths(robot, core, self.name_of)
+        self.destinations = Destinations(robot)
         self.schedules: dict[bytes, ScheduleChanged] = {}
         """The newest schedule of each group."""
         self.next_wake: Instant = NEVER
@@ -67,11 +68,12 @@ class Crossings:
 
     def started(self, now: Instant, job: TimedJob) -> None:
         """Handle a job that has started: it asks for a slot as soon as the robot knows where it is."""
-        assertion = self._around.program.assertions[job.assertion]
-        alone = self._around.config.timing.order is Order.NONE
+        assertion = self._robot.program.assertions[job.assertion]
+        alone = self._robot.config.timing.order is Order.NONE
         if alone or not assertion.scheduled or not assertion.serving:
             return
-        group_id, goal = self.group_of(job), self._goal_of(job)
+        group_id = self.group_of(job)
+        goal = self._goal_of(job)
         old = self._crossings.get(group_id)
         if old is not None and not old.over:
             self._renewed(now, old, old.restart(now, job, goal))  # what it holds waits for this very crossing
@@ -94,8 +96,8 @@ class Crossings:
 
     def _ask(self, now: Instant, crossing: Crossing) -> None:
         """Ask for a slot; if the job leaves its goal to the action, `step` asks once rules have derived that."""
-        servings = self._around.program.assertions[crossing.job.assertion].serving
-        drives = any(self._around.robot.drives_to_area(serving.action) for serving in servings)
+        servings = self._robot.program.assertions[crossing.job.assertion].serving
+        drives = any(self._robot.drives_to_area(serving.action) for serving in servings)
         if isinstance(crossing.phase, Preparing) and (crossing.goal is not None or not drives):
             self._step(now, crossing)
 
@@ -115,8 +117,8 @@ class Crossings:
         return None if crossing is None or crossing.job is not job else crossing
 
     def _goal_of(self, job: TimedJob) -> Area | None:
-        around = self._around
-        return goal_of(around.program, around.config.arena, around.robot.drives_to_area, job)
+        robot = self._robot
+        return goal_of(robot.program, robot.config.arena, robot.drives_to_area, job)
 
     # -- actions --------------------------------------------------------------------------------------------
 
@@ -132,8 +134,8 @@ class Crossings:
         if crossing.over:
             plan = self._observer.estimate(now, crossing)[1] if crossing.plan.gated else None
             self._renewed(now, crossing, crossing.retry(now, plan))
-        if self._around.robot.drives_to_area(action) and self._goal_of(job) is None:
-            goal = area_among(self._around.config.arena, args)
+        if self._robot.drives_to_area(action) and self._goal_of(job) is None:
+            goal = area_among(self._robot.config.arena, args)
             self._renewed(now, crossing, crossing.lead_to(now, goal))
         return crossing
 
@@ -165,12 +167,12 @@ class Crossings:
 
     def depart(self, now: Instant, goal: Point, heading: float | None, permit: Permit | None) -> None:
         """Set out for `goal`, facing `heading` in the end; by a gated crossing through its hold line."""
-        around = self._around
-        assert around.wheels is not None
+        robot = self._robot
+        assert robot.driver is not None
         crossing = permit if isinstance(permit, Crossing) else None
         gated = crossing is not None and crossing.plan.gated and not crossing.over
         shared = self._paths.path(crossing.group_id, crossing.plan.direction) if crossing and gated else None
-        around.wheels.depart(now, goal, around.peers, heading=heading, gated=gated, shared=shared)
+        robot.driver.depart(now, goal, robot.peers, heading=heading, gated=gated, shared=shared)
         if crossing is not None:
             crossing.course.planned(now)
             if gated:
@@ -183,19 +185,12 @@ class Crossings:
         """The newest crossing that is not over."""
         return next((crossing for crossing in reversed(self._crossings.values()) if not crossing.over), None)
 
-    def entered_since(self, instant: Instant) -> bool:
-        """Return whether the robot has entered after `instant`."""
-        return any(crossing.entered_at > instant for crossing in self._crossings.values())
-
-    @property
-    def slot_wasted(self) -> bool:
-        """Whether a slot has been of no use: the robot could not get to the entrance."""
-        return any(crossing.late.slots_wasted and not crossing.over for crossing in self._crossings.values())
-
-    @property
-    def beyond(self) -> bool:
-        """Whether the robot has a resource behind it: there is no queue in which it should wait for its slot."""
-        return any(crossing.beyond for crossing in self._crossings.values())
+    def needs_no_queue(self, since: Instant) -> bool:
+        """Return whether the robot need not line up: it has entered after `since`, wasted a slot, or is beyond."""
+        return any(
+            crossing.entered_at > since or crossing.beyond or (crossing.late.slots_wasted > 0 and not crossing.over)
+            for crossing in self._crossings.values()
+        )
 
     @property
     def rank(self) -> int:
@@ -222,7 +217,7 @@ class Crossings:
             if not prepared:
                 self._ask(now, crossing)
             soonest = min(soonest, crossing.next_wake)
-        self.next_wake = max(soonest, self._around.robot.frame_ends) if soonest < NEVER else NEVER
+        self.next_wake = max(soonest, self._robot.frame_ends) if soonest < NEVER else NEVER
 
     def _step(self, now: Instant, crossing: Crossing) -> None:
         self._execute(now, crossing, crossing.step(now, self._observer.situation(now, crossing)))
@@ -234,7 +229,7 @@ class Crossings:
             case PathReceived(direction=direction, path=path):
                 self._paths.received(group_id, direction, path)
             case LeadershipBegan(term=term):
-                self._around.robot.trace(now, "leads", term=term)
+                self._robot.trace(now, "leads", term=term)
                 self._leader_changed(now, group_id, leads=True)
                 crossing = self._crossings.get(group_id)
                 if crossing is not None:
@@ -243,7 +238,7 @@ class Crossings:
                 self._leader_changed(now, group_id, leads=False)
             case ScheduleChanged(leader=leader, term=term, order=order):
                 keep(self.schedules, group_id, event)
-                self._around.robot.trace(now, "scheduled", leader=leader, term=term, order=list(order))
+                self._robot.trace(now, "scheduled", leader=leader, term=term, order=list(order))
             case _:
                 self._handle_slot(now, event)
 
@@ -258,12 +253,13 @@ class Crossings:
         if crossing is None:
             return
         if not crossing.over:
-            self.next_wake = min(self.next_wake, self._around.robot.frame_ends)
+            self.next_wake = min(self.next_wake, self._robot.frame_ends)
         self._execute(now, crossing, crossing.handle(now, event, self._observer.at_event(crossing)))
 
     def _execute(self, now: Instant, crossing: Crossing, commands: Sequence[Command]) -> None:
         """Carry out what a crossing orders: nothing else tells the coordination core of it."""
-        core, group_id = self._core, crossing.group_id
+        core = self._core
+        group_id = crossing.group_id
         for command in commands:
             match command:
                 case SetReady(ready=ready):
@@ -272,8 +268,8 @@ class Crossings:
                     core.inside_until(now, group_id, end)
                 case Revise(release=release, deadline=deadline, committed=committed):
                     core.revise(now, group_id, release=release, deadline=deadline, underway=committed)
-                case Request(request=request):
-                    core.trigger(now, request)
+                case JobRequest():
+                    core.trigger(now, command)
                 case Withdraw():
                     core.withdraw(now, group_id)
                 case Leave():
@@ -281,15 +277,14 @@ class Crossings:
                 case _:
                     self._execute_here(now, crossing, command)
 
-    def _execute_here(
-        self, now: Instant, crossing: Crossing, command: OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
-    ) -> None:
+    def _execute_here(self, now: Instant, crossing: Crossing, command: RobotCommand) -> None:
         """Carry out what concerns the robot alone."""
-        robot, wheels = self._around.robot, self._around.wheels
+        robot = self._robot
+        driver = self._robot.driver
         match command:
             case OpenHoldLine(opens_at=opens_at, opened=opened):
-                if wheels is not None and self.crossing(robot.driving) is crossing:
-                    wheels.navigator.gate(opens_at, opened)
+                if driver is not None and self.crossing(robot.driving) is crossing:
+                    driver.navigator.gate(opens_at, opened)
             case ChangeRank():
                 self.destinations.rank_changed(now, crossing)
             case TraceEntry(what=what, fields=fields):

@@ -12,7 +12,7 @@ from rmr.base.time import Duration, Instant, seconds
 from rmr.base.values import Symbol
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.phases import Inside
-from rmr.node.crossing.surroundings import Surroundings
+from rmr.node.parts import CrossingHost
 
 REPLAN_EVERY: Final[Duration] = seconds(1)
 """A route that leads to another place costs nothing for so long: a slot stands for longer before it begins, and with
@@ -22,36 +22,40 @@ it the rank."""
 class Destinations:
     """Where one robot is going by its crossings."""
 
-    def __init__(self, around: Surroundings) -> None:
-        self._around = around
+    def __init__(self, robot: CrossingHost) -> None:
+        self._robot = robot
 
     def current(self) -> Point | None:
         """Return where the robot is going, or the slot on which it stands."""
-        wheels, running = self._around.wheels, self._around.robot.driving
-        if wheels is None:
+        driver = self._robot.driver
+        running = self._robot.driving
+        if driver is None:
             return None
         if running is None:
-            return wheels.place
+            return driver.place
         crossing = running.permit
         if isinstance(crossing, Crossing) and crossing.course.destination is not None:
             return crossing.course.destination
-        return wheels.navigator.goal or wheels.place  # an action that has the wheels may stand or turn there
+        return driver.navigator.goal or driver.place  # an action that has the wheels may stand or turn there
 
     def rank_changed(self, now: Instant, crossing: Crossing) -> None:
         """Handle a new place in the schedule: tell the program, and take another slot while still outside."""
-        around, name, goal, running = self._around, Symbol(crossing.job.name), crossing.goal, crossing.action
-        others = [args for args in around.facts.of("turn") if args[0] != name]
-        around.facts.replace(now, "turn", [*others, (name, crossing.rank)])
+        robot = self._robot
+        name = Symbol(crossing.job.name)
+        goal = crossing.goal
+        running = crossing.action
+        others = [args for args in robot.senses.of("turn") if args[0] != name]
+        robot.senses.replace(now, "turn", [*others, (name, crossing.rank)])
         if goal is None or running is None or running.started is None or isinstance(crossing.phase, Inside):
             return
-        if around.wheels is None or around.wheels.place is None:
+        if robot.driver is None or robot.driver.place is None:
             return  # the action has not taken a place yet
         if goal.slotted and running.handler.to_area:
-            self.redirect(now, around.robot.take_place(goal, crossing), crossing)
+            self.redirect(now, robot.take_place(goal, crossing), crossing)
 
     def change_place(self, now: Instant, place: Point) -> None:
         """Have the driving action go to another place: by a crossing the route is planned in time, else at once."""
-        robot = self._around.robot
+        robot = self._robot
         crossing = None if robot.driving is None else robot.driving.permit
         if isinstance(crossing, Crossing):
             self.redirect(now, place, crossing)
@@ -60,9 +64,10 @@ class Destinations:
 
     def redirect(self, now: Instant, goal: Point, crossing: Crossing) -> None:
         """Go to `goal` instead of the place for which the robot is under way by `crossing`."""
-        wheels, robot = self._around.wheels, self._around.robot
-        assert wheels is not None
-        if goal == self.current() and wheels.navigator.status == "moving":
+        driver = self._robot.driver
+        robot = self._robot
+        assert driver is not None
+        if goal == self.current() and driver.navigator.status == "moving":
             return
         crossing.course.send(goal)
         robot.announce(now)
@@ -70,8 +75,9 @@ class Destinations:
 
     def follow(self, now: Instant, crossing: Crossing) -> None:
         """Plan the route to the place that the robot was sent to, once it has entered or may plan again."""
-        running, course = self._around.robot.driving, crossing.course
+        running = self._robot.driving
+        course = crossing.course
         if course.destination is None or running is None or running.permit is not crossing:
             course.send(None)
         elif not crossing.waits or now >= max(course.planned_at + REPLAN_EVERY, course.replan_from):
-            self._around.robot.depart(course.destination, final_heading=None, permit=crossing)
+            self._robot.depart(course.destination, final_heading=None, permit=crossing)

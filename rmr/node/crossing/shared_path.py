@@ -13,7 +13,7 @@ from rmr.base.time import Instant
 from rmr.base.values import Symbol
 from rmr.coord.coordination import Coordination
 from rmr.node.crossing.crossing import Crossing
-from rmr.node.crossing.surroundings import Surroundings
+from rmr.node.parts import CrossingHost
 
 GROUPS_KEPT: Final = 32
 """Groups of which crossings that are over, schedules and paths are kept; the oldest go first."""
@@ -33,9 +33,9 @@ def keep(table: dict[K, V], key: K, value: V) -> None:
 class SharedPaths:
     """The groups that one robot leads, and the paths that leaders share."""
 
-    def __init__(self, around: Surroundings, core: Coordination, name_of: Callable[[bytes], Symbol | None]) -> None:
+    def __init__(self, robot: CrossingHost, core: Coordination, name_of: Callable[[bytes], Symbol | None]) -> None:
         """`name_of` returns the name of the assertion behind a group."""
-        self._around = around
+        self._robot = robot
         self._core = core
         self._name_of = name_of
         self._led: dict[bytes, None] = {}
@@ -59,16 +59,18 @@ class SharedPaths:
         if name is None:
             return
         if any(self._name_of(led) == name for led in self._led):
-            self._around.facts.add(now, "leads", (name,))
+            self._robot.senses.add(now, "leads", (name,))
         else:
-            self._around.facts.drop(now, "leads", (name,))
+            self._robot.senses.drop(now, "leads", (name,))
 
     def offer(self, now: Instant, crossing: Crossing) -> None:
         """Plan the robot's route by `crossing`, whose group it leads, and offer the part that all need."""
-        wheels, pose, goal = self._around.wheels, self._around.pose, crossing.goal
-        if goal is None or wheels is None or pose is None:
+        driver = self._robot.driver
+        pose = self._robot.pose
+        goal = crossing.goal
+        if goal is None or driver is None or pose is None:
             return
-        place = wheels.place_of(now, goal, crossing.rank, crossing.place, self._around.peers)
-        for direction, path in wheels.approach.shared(pose, place, crossing.plan.direction).items():
+        place = driver.place_of(now, goal, crossing.rank, crossing.place, self._robot.peers)
+        for direction, path in driver.approach.shared(pose, place, crossing.plan.direction).items():
             self.received(crossing.group_id, direction, path)
             self._core.offer_path(now, crossing.group_id, direction, path)

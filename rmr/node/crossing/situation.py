@@ -73,13 +73,6 @@ class Situation:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """Ask for a slot."""
-
-    request: JobRequest
-
-
-@dataclass(frozen=True, slots=True)
 class Revise:
     """Tell the leader another release, and what its order goes by if that is given."""
 
@@ -141,6 +134,8 @@ class Unforeseen:
     event: str
 
 
-Command = (
-    Request | Revise | Withdraw | SetReady | InsideUntil | Leave | OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
-)
+CoreCommand = JobRequest | Revise | Withdraw | SetReady | InsideUntil | Leave
+"""What the coordination core is told; a JobRequest asks it for a slot."""
+RobotCommand = OpenHoldLine | ChangeRank | TraceEntry | Unforeseen
+"""What concerns the robot alone."""
+Command = CoreCommand | RobotCommand

@@ -5,15 +5,16 @@ the crossings, and everything into the trace. An action that has ended brings it
 waits for it, and is reported to the robot that derived it.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from rmr.base.time import Instant, in_seconds
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import Effect, Kind
-from rmr.node.actions.dispatcher import Dispatcher, RunningAction
+from rmr.node.actions.action_log import ActionLog
+from rmr.node.actions.dispatcher import Dispatcher, Handler, RunningAction
 from rmr.node.crossing.crossings import Crossings
 from rmr.node.logic.deliveries import Deliveries
-from rmr.node.parts import RunnerHost
 from rmr.node.robot_state import RobotState
 from rmr.node.trace import TraceLevel, fact_text, goal_text, rule_text
 from rmr.vm.evaluate import NoValue, evaluate
@@ -45,8 +46,15 @@ class MachineRunner:
     """Runs one robot's machine and carries out what it reports."""
 
     def __init__(
-        self, state: RobotState, deliveries: Deliveries, crossings: Crossings, actions: Dispatcher, host: RunnerHost
+        self,
+        state: RobotState,
+        deliveries: Deliveries,
+        crossings: Crossings,
+        actions: Dispatcher,
+        handler: Callable[[str], Handler],
+        action_log: ActionLog,
     ) -> None:
+        """`handler` returns what carries out an action."""
         self._state = state
         self._robot = state.robot
         self._program = state.program
@@ -54,7 +62,8 @@ class MachineRunner:
         self._deliveries = deliveries
         self._crossings = crossings
         self._actions = actions
-        self._host = host
+        self._handler = handler
+        self._action_log = action_log
         self._overrun = False
         """The last run used up its budget of firings: the rest waits for the next frame."""
         self._restless_calls = 0
@@ -155,7 +164,7 @@ class MachineRunner:
         jobs = self._machine.serves(event.predicate, event.args)
         # Jobs come first due first: of several that it serves, an action goes by the crossing of the most urgent one.
         permit = self._crossings.permit(now, jobs[0], event.predicate, event.args) if jobs else None
-        handler = self._host.handler(name)
+        handler = self._handler(name)
         running = RunningAction(event.serial, name, event.args, handler, permit, now, missed, event.origin)
         self._crossings.action_derived(running)
         self._actions.derive(now, running)
@@ -168,7 +177,7 @@ class MachineRunner:
         assert action is not None, running.name
         if failure is None:
             failure = self._handlers_effect(now, running, action)
-        self._host.action_log.end(now, running.text(self._robot), failure)
+        self._action_log.end(now, running.text(self._robot), failure)
         self._state.trace(now, "action_ended", action=running.text(self._robot), failure=failure)
         if running.raised:
             self._state.trace(now, "raised", action=running.text(self._robot), traceback=list(running.raised))

@@ -11,7 +11,7 @@ import rmr.node.crossing
 from rmr.base.geometry import Pose
 from rmr.base.time import milliseconds, seconds
 from rmr.base.values import Robot
-from rmr.coord.events import Entered, EntryMissed, SlotAssigned, SlotLost
+from rmr.coord.events import Entered, EntryMissed, JobRequest, SlotAssigned, SlotLost
 from rmr.node.crossing.crossing import Crossing
 from rmr.node.crossing.phases import (
     IGNORED,
@@ -30,7 +30,6 @@ from rmr.node.crossing.situation import (
     InsideUntil,
     Leave,
     OpenHoldLine,
-    Request,
     Revise,
     SetReady,
     Situation,
@@ -132,8 +131,8 @@ class Ledger:
     def take(self, one: Crossing, commands) -> None:
         for command in commands:
             match command:
-                case Request(request=request):
-                    assert request.group_id == one.group_id
+                case JobRequest(event=group_id):
+                    assert group_id == one.group_id
                     assert one.group_id not in self.live, "requested twice"
                     self.live.add(one.group_id)
                 case Withdraw() | Leave():
