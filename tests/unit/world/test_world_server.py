@@ -71,7 +71,7 @@ def test_stalled_world_keeps_current_disturbances_when_lab_time_is_reset(monkeyp
 
 async def telling(world: WorldServer) -> None:
     """Let the world tell its state once."""
-    task = asyncio.ensure_future(world._tell())
+    task = asyncio.ensure_future(world._publish_periodically())
     await asyncio.sleep(0)
     task.cancel()
 
