@@ -67,18 +67,8 @@ def run(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6
     model.air = Air()
     model.parted = {}
     served = model.run_until(lambda: model.now > ms(21_000) and model.all_served(), ms(90_000))
-    unserved = [] if served else [m.robot for m in model.minds.values() if m.alive and m.job is not None]
     options = f"n={count} {air.loss=} ways={ways} {faults} spread={spread}".replace("air.", "")
-    return Outcome(
-        seed,
-        len(model.entries),
-        len(model.senders),
-        model.violations,
-        unserved,
-        model.leaders(),
-        options,
-        model.excused,
-    )
+    return _outcome(seed, model, served, options)
 
 
 def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = (2, 6)) -> Outcome:
@@ -111,8 +101,13 @@ def run_wide(seed: int, timing: Timing | None = None, robots: tuple[int, int] = 
     model.air, model.parted = Air(), {}
     served = model.run_until(model.all_served, healed + ms(200_000))
     model.run(max(model.now, healed) + ms(4000))  # two leaders have time to hear each other
-    unserved = [] if served else [m.robot for m in model.minds.values() if m.alive and m.job is not None]
     options = f"n={count} {air.loss=} {ways=} {kinds} {spread=} {longest=}".replace("air.", "")
+    return _outcome(seed, model, served, options)
+
+
+def _outcome(seed: int, model: Model, served: bool, options: str) -> Outcome:
+    """Return what the run of `model` showed, which has ended."""
+    unserved = [] if served else [m.robot for m in model.minds.values() if m.alive and m.job is not None]
     return Outcome(
         seed,
         len(model.entries),

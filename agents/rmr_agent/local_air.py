@@ -1,12 +1,12 @@
-"""The part of the lab's air that one robot takes part in: which keys it publishes on and listens to.
+"""The radio keys of one robot: the key it publishes on and those it subscribes to.
 
 A robot publishes each announcement on the key of the cell in which the announcement says that it is, and listens to
 the ring around its own cell (`rmr.radio.cells`). It listens from its first sample on: before that it does not know
 where it is, but neither does it transmit, so nobody can answer it. As all that a session declares and publishes
-reaches the router in order, whoever hears a robot has been told before where that robot listens.
+reaches the router in order, a subscription of a robot is known everywhere before its first frame arrives.
 
-All that is on the air may wait until a robot looks anyway, but for what it must acknowledge: of that the robot whom it
-is for is told once more, at once, on a key of its own. To wake the others for it would cost each of them a look.
+Announcements on the cells' keys are low priority: a robot reads them when it next polls. A frame to be acknowledged is
+also announced to its destination, at once, on the key of that robot, so that no other robot is woken for it.
 
 When the cell changes, what is new is declared first and what is left is withdrawn afterwards; keys of both rings are
 not touched, so nothing on them is missed or comes twice. Publishers of cells that have been left go with the ring,

@@ -65,7 +65,7 @@ def _live(**options: Any) -> int:
         from rmr_agent.agent_process import perform
 
         return perform(Namespace(**options))
-    except KeyboardInterrupt:  # before the signal handlers stood: a robot that is told to stop has not failed
+    except KeyboardInterrupt:  # before the signal handlers are installed: a request to stop is no failure
         from rmr.base.ids import spelled
 
         print(f"rmr-agent {spelled(options['id'])}: ended (SIGINT)", file=sys.stderr)

@@ -1,7 +1,7 @@
-"""What secures a robot's frames: the lab's level, which the world tells, and its key, which only files hold.
+"""Security of a robot's frames: the level of the lab, which the world sends, and the key, which is in files only.
 
-Lab and robot must agree. A robot without a key in a secured lab would be deaf; one with a key in a lab that is said to
-be open was perhaps told so by somebody who would like to listen. Neither starts.
+Lab and robot must agree. A robot without a key in a secured lab would receive nothing. A robot with a key in a lab that
+is announced as open may be the target of a downgrade attack. Neither starts.
 """
 
 from rmr.bus import wire
@@ -10,7 +10,7 @@ from rmr_agent.bytecode import RefusedError
 
 
 def make_security(robot: int, known: wire.Map, run: int, key: bytes | None) -> Security | None:
-    """Return what secures `robot` in the run that the world tells of; None in an open lab. Raises RefusedError."""
+    """Return the security of `robot` in the run that `known` describes; None in an open lab. Raises RefusedError."""
     name = known.radio.get("security", UNSECURED)
     if not isinstance(name, str) or name not in LEVELS:
         raise RefusedError(f"its radio is secured in a way that this robot does not know ({name!r})")

@@ -1,6 +1,6 @@
-"""A robot as a guest of the bus: it finds its world, lives, and survives the world's end.
+"""A robot's connection to the bus: it waits for its world, runs its node, and outlives the world.
 
-    waiting     no world (yet, or any more): the process says so and keeps trying
+    waiting     no world (yet, or any more): the process reports it and keeps trying
     ready       the world has accepted it, its body answers, lab time is known
     running     lab time runs and so does the node
     finished    running, and the lab's finish fact holds
@@ -34,13 +34,13 @@ from rmr_agent.radio_security import make_security
 from rmr_agent.status_publisher import StatusPublisher
 
 SAY_AGAIN_S = 5.0
-"""How often a waiting robot says that it waits."""
+"""Period of the message that the robot waits for its world."""
 
 ASK_S = 1.0
-"""How long the world may take to answer."""
+"""Limit for an answer of the world."""
 
 ASK_AGAIN_S = 0.25
-"""Between questions to a world that is not there."""
+"""Pause between requests while there is no world."""
 
 TAKEN_PATIENCE_S = 2.0
 """How long an id may stay taken: the world notices within that time that its last bearer was killed."""
@@ -53,16 +53,16 @@ CLOCK_BURST = 5
 """Questions in a row when nothing is known of lab time."""
 
 STATUS_S = 0.25
-"""How often the robot's state is looked at for news."""
+"""Period of the check whether the status has changed."""
 
 STATUS_AT_LEAST_S = 0.5
-"""How often it is told without news."""
+"""Longest period between two statuses, without a change."""
 
 FLUSH_S = 0.05
-"""What the last status gets to leave before the session is closed."""
+"""Time for the final status to be sent before the session is closed."""
 
 FAILURES_MAX = 20
-"""Different failures of actions that are told to people; the log has them all."""
+"""Bound of the different action failures shown on standard error; the log has them all."""
 
 log = logging.getLogger("rmr")
 

@@ -1,8 +1,8 @@
-"""How a robot tells its state with its part of the report, however large that has become.
+"""Publication of a robot's status together with its part of the report.
 
-A part of a few kilobytes goes along with every status. A larger one would take time from the robot's frames, so it is
-told as often as `REPORT_OCTETS_PER_S` allows, and with the last status in any case. What does not fit a message in
-parts is left out list by list, which the report says.
+A part of a few kilobytes is sent with every status. A larger one would take time from the robot's frames, so it is sent
+at the rate `REPORT_OCTETS_PER_S`, and always with the final status. Where it exceeds a message in parts, whole lists
+are left out, and the report names them.
 """
 
 import time
@@ -25,7 +25,7 @@ EMPTY: dict[str, Any] = {"goals": {"achieved": [], "open": []}}
 
 
 class StatusPublisher:
-    """Tells one robot's statuses."""
+    """Publishes the statuses of one robot."""
 
     def __init__(self, bus: Bus, warn: Callable[[str], None]) -> None:
         """`warn` takes a sentence for people."""

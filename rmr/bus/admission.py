@@ -72,7 +72,7 @@ def stranger(endpoint: str) -> str:
 
 
 def impostor(endpoint: str, secret: Secret) -> str:
-    """Return the words for a router that lets everybody in but does not know the secret."""
+    """Return the message for a router that admits every client but does not know the secret."""
     return (
         f"what listens at {endpoint} does not know the secret in {secret.file}: it is not the world, "
         "so find out which program it is, or choose another endpoint"

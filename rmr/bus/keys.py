@@ -1,15 +1,15 @@
 """The key space of one lab on the bus: one table, from which publishers, subscribers and docs derive.
 
-    rmr/{lab}/radio/{cx}/{cy}     announcements of radio frames, by the cell of the floor that they come from
+    rmr/{lab}/radio/{cx}/{cy}     announcements of radio frames, by the cell of their sender on the floor
     rmr/{lab}/call/{id}           announcements of frames that this robot must acknowledge
-    rmr/{lab}/body/{id}/sense     world -> robot: what its sensors say
+    rmr/{lab}/body/{id}/sense     world -> robot: sensor samples
     rmr/{lab}/body/{id}/act       robot -> world: its wheel command
-    rmr/{lab}/clock               world: asked for lab time, and tells when lab time starts, stops or jumps
-    rmr/{lab}/map                 world: asked by a robot that arrives for all it must know, and for its place
-    rmr/{lab}/disturbances        world: tells when what disturbs the radio changes; asked by operators to change it
-    rmr/{lab}/truth               world: where the bodies really are, for operators
-    rmr/{lab}/ops/{who}/status    how a robot, or the world, is doing
-    rmr/{lab}/ops/{who}/stop      asks a robot, or the world, for an orderly end
+    rmr/{lab}/clock               world: answers requests for lab time; publishes its start, stop and jumps
+    rmr/{lab}/map                 world: answers a new robot with the map and admits it
+    rmr/{lab}/disturbances        world: publishes changed disturbances of the radio; takes operators' requests
+    rmr/{lab}/truth               world: ground truth of all poses, for operators
+    rmr/{lab}/ops/{who}/status    status of a robot or the world
+    rmr/{lab}/ops/{who}/stop      request to a robot or the world to stop in order
     rmr/{lab}/alive/{role}/{id}   liveliness tokens: ``robot/4``, ``world/0``
 
 `who` is a robot's id or ``world``.

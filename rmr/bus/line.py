@@ -1,8 +1,8 @@
 """The session that the senders of one process share, and the subscriptions on it.
 
-A process that hosts several robots has one session. However many of them listen on a key, it is subscribed to once
-and each message on it is decoded once. zenoh does not bring a session its own messages; what one of the senders
-publishes is therefore handed to the others here, in the order in which it is published, on the loop's next round.
+A process that hosts several robots has one session. It has one subscription to a key for all senders that listen on
+it, and decodes each message once. zenoh does not deliver a session's own messages, so messages from one of the senders
+are handed to the others here, in order of publication, on the next iteration of the loop.
 """
 
 import asyncio

@@ -1,7 +1,7 @@
 """The frame of every process of a run: logging, signals, the lifeline to its launcher.
 
-A process never shows a traceback. Whatever goes wrong is one line for a person on standard error and, under
-``--log``, one JSON object per line for programs; the exit code says which kind of wrong it was.
+A process never shows a traceback. An error is one line on standard error and, under ``--log``, a line of JSON; the exit
+code gives its kind.
 """
 
 import asyncio
@@ -84,7 +84,7 @@ class LogFile(logging.FileHandler):
 
 
 def start_logging(who: str, file: Path | None) -> logging.Logger:
-    """Return the process's logger: people's lines on standard error, JSON lines in `file`. Raises OSError.
+    """Return the process's logger: plain lines on standard error, JSON lines in `file`. Raises OSError.
 
     A second start in one process replaces the first: no line goes to a stream or a file of an earlier one.
     """

@@ -1,8 +1,8 @@
 """Notification that a router has refused a session, which zenoh reports in its log alone.
 
 zenoh can only log to standard output. So standard output becomes a pipe, which a thread reads: a line about a refusal
-is told, any other of that part of zenoh dropped, and the rest passed on to where standard output went before. The pipe
-never blocks zenoh: what does not fit into it is lost, which takes some hundred refusals at a time.
+is reported, other lines of that module of zenoh are dropped, and the rest goes to the former standard output. The pipe
+never blocks zenoh: lines that do not fit into it are lost, which takes some hundred refusals at a time.
 """
 
 import contextlib

@@ -59,7 +59,7 @@ PART_PAUSE_S = 0.002
 """Pause between the parts of a large message: 24 MB/s at most, which the middleware's queue takes without loss."""
 
 Answer = Callable[[wire.Envelope, int], wire.Message | None]
-"""Takes a question and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
+"""Takes a query and the monotonic instant (ns) of its arrival; returns the reply, or None for no reply."""
 
 REFUSED_PATIENCE_S = 2.0
 """Time for which a refused client retries: a router that is starting or ending refuses for a moment."""
@@ -67,7 +67,7 @@ REFUSED_PATIENCE_S = 2.0
 REFUSED_PAUSE_S = 0.4
 """Pause between the attempts of a refused client."""
 
-REFUSALS_TOLD = 2
+REFUSALS_REPORTED = 2
 """Refusals in a row after which a client that has lost its router is notified."""
 
 
@@ -185,8 +185,8 @@ async def open_when_there(
 async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refused: Callable[[str], None]) -> None:
     """Call `refused` with the reason, once, whenever a router that has come back does not let this client in again.
 
-    zenoh connects again by itself, and says nothing where that is refused: the world may have been started anew with
-    another secret. Ends only when it is cancelled.
+    zenoh reconnects by itself, but does not report a refusal: the world may have been restarted with another
+    secret. Ends only when it is cancelled.
     """
     refusals = 0
     while True:
@@ -198,7 +198,7 @@ async def watch_admission(bus: "Bus", connect: str, secret: Secret | None, refus
             (await asyncio.to_thread(_open_session, None, connect, secret)).close()
         except NotAdmittedError as error:
             refusals += 1
-            if refusals == REFUSALS_TOLD:
+            if refusals == REFUSALS_REPORTED:
                 refused(str(error))
         except BusError:
             refusals = 0
@@ -334,7 +334,7 @@ class Bus:
         return withdraw
 
     def serve(self, key: str, answer: Answer) -> None:
-        """Answer the questions asked on `key`."""
+        """Reply to queries on `key` with what `answer` returns."""
 
         def take(query: Any, arrived: int) -> None:
             message = None if self._closed or query.payload is None else self._decode(query.payload)

@@ -27,7 +27,7 @@ def in_state(robot, state):
 # --- in any order -------------------------------------------------------------------------------------------
 
 
-def test_a_robot_that_starts_first_says_that_it_waits_and_runs_once_the_world_is_there(stage):
+def test_robot_started_first_reports_that_it_waits_and_runs_once_the_world_is_up(stage):
     robot = stage.agent(1)
     robot.wait_for(f"waiting for the world at {stage.endpoint}")
     world = stage.world()
@@ -48,7 +48,7 @@ def test_lab_time_stands_at_zero_until_all_robots_are_ready(stage):
     stage.statuses(lambda newest: in_state(1, "finished")(newest) and in_state(2, "running")(newest))
 
 
-def test_several_robots_live_in_one_process_and_one_that_is_asked_to_leave_leaves_the_others_there(stage):
+def test_one_of_several_robots_in_a_process_leaves_without_stopping_the_others(stage):
     stage.world("--when-ready")
     crew = stage.agent("1-2")
     stage.statuses(lambda newest: in_state(1, "finished")(newest) and in_state(2, "running")(newest))
@@ -61,7 +61,7 @@ def test_several_robots_live_in_one_process_and_one_that_is_asked_to_leave_leave
     assert "ended (enough)" in crew.said()
 
 
-def test_on_request_a_robot_and_the_world_tell_for_the_last_time_and_leave(stage):
+def test_robot_and_world_publish_a_final_status_on_a_stop_request_and_leave(stage):
     world, robot = stage.world(), stage.agent(1)
     stage.statuses(in_state(1, "finished"))
     newest = stage.statuses(lambda newest: 1 in newest and newest[1].final, ask_to_stop=[1])
@@ -93,7 +93,7 @@ def test_a_second_world_of_the_same_lab_at_one_router_is_refused(stage):
     assert first.process.poll() is None
 
 
-def test_a_robot_of_one_lab_says_whose_world_it_waits_for_while_another_lab_runs_there(stage):
+def test_robot_names_the_lab_it_waits_for_while_another_lab_runs_at_the_router(stage):
     stage.world()
     robot = stage.agent(1, "--lab", "other")
     robot.wait_for(f"waiting for lab other's world at {stage.endpoint}: a zenoh router answers there, but no such")
@@ -114,7 +114,7 @@ def damaged(octets):
 
 
 @pytest.mark.parametrize("how", damaged(bytes(20)))
-def test_a_robot_without_sound_byte_code_does_not_even_look_for_the_world(stage, how):
+def test_robot_with_invalid_byte_code_fails_before_connecting(stage, how):
     octets = damaged(idle_program())[how]
     if octets is not None:
         (stage.folder / "bad.rbc").write_bytes(octets)
@@ -137,7 +137,7 @@ def test_an_action_without_handler_is_named_before_anything_starts_and_a_file_ca
     stage.agent(1, "--actions", actions, program="acts.rbc").wait_for("robot 1 is in lab bench")
 
 
-def test_a_file_of_actions_that_is_wrong_is_told_in_one_line(stage):
+def test_wrong_actions_file_is_reported_in_one_line(stage):
     (stage.folder / "acts.py").write_text("1 / 0\n")
     robot = stage.agent(1, "--actions", stage.folder / "acts.py")
     assert robot.exit_code() == 3
@@ -145,7 +145,7 @@ def test_a_file_of_actions_that_is_wrong_is_told_in_one_line(stage):
     assert len(robot.said().splitlines()) == 1
 
 
-def test_an_action_that_fails_is_told_with_its_reason_and_the_robot_goes_on(stage):
+def test_failed_action_is_reported_with_its_reason_and_the_robot_continues(stage):
     (stage.folder / "acts.rbc").write_bytes(failing_program())
     (stage.folder / "acts.py").write_text(
         "from rmr import action\n@action('blink')\nasync def blink(robot):\n    raise ValueError('no lamp')\n"
@@ -156,7 +156,7 @@ def test_an_action_that_fails_is_told_with_its_reason_and_the_robot_goes_on(stag
     stage.statuses(in_state(1, "finished"))
 
 
-def test_a_file_of_actions_that_ends_the_process_is_told_as_its_mistake(stage):
+def test_actions_file_that_exits_the_process_is_reported_as_its_mistake(stage):
     (stage.folder / "acts.py").write_text("raise SystemExit(7)\n")
     robot = stage.agent(1, "--actions", stage.folder / "acts.py")
     assert robot.exit_code() == 3
@@ -186,14 +186,14 @@ def test_an_id_that_is_taken_is_refused_and_free_again_when_its_bearer_is_killed
     assert newest[1].report["restarts"] == 1
 
 
-def test_a_robot_that_the_lab_does_not_have_is_told_which_it_has(stage):
+def test_unknown_robot_id_is_refused_with_the_ids_of_the_lab(stage):
     stage.world()
     robot = stage.agent(7)
     assert robot.exit_code() == 2
     assert "lab bench has no robot 7; its robots are 1, 2" in robot.said()
 
 
-def test_a_port_in_use_is_said_and_ends_the_second_world_alone(stage):
+def test_port_in_use_is_reported_and_ends_only_the_second_world(stage):
     first = stage.world()
     first.wait_for("lab time runs")
     second = stage.world()
@@ -219,7 +219,7 @@ def test_a_fact_of_the_lab_that_the_program_does_not_know_stops_the_robot_with_a
     assert "late(...) means nothing to the program" in robot.said()
 
 
-def test_the_world_can_be_told_to_check_the_facts_against_a_program(stage):
+def test_world_option_checks_the_facts_against_a_program(stage):
     lab = stage.folder / "lab.yaml"
     lab.write_text(lab.read_text().replace('"due(@1, 25)"', '"late(@1, 3)", "due(@1)"'))
     world = stage.world("--program", stage.folder / "idle.rbc")

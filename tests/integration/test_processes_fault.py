@@ -29,7 +29,7 @@ def frames(newest):
     return [(part["sent"], part["received"]) for part in parts if part]
 
 
-def test_a_partition_silences_robots_those_there_and_those_to_come_and_clear_heals_it(stage):
+def test_partition_cuts_off_present_and_later_robots_and_clear_heals_it(stage):
     stage.world()
     stage.agent(1)
     stage.statuses(lambda newest: 1 in newest and newest[1].state == "finished")
@@ -45,7 +45,7 @@ def test_a_partition_silences_robots_those_there_and_those_to_come_and_clear_hea
     assert fault(stage, "list")[1].endswith(": nothing disturbs the radio\n")
 
 
-def test_the_world_refuses_robots_that_it_does_not_have_and_nobody_there_is_told(stage):
+def test_fault_for_unknown_robots_is_refused_and_not_published(stage):
     world = stage.world()
     world.wait_for("lab time runs")
     assert fault(stage, "link", "1,7", "--cut") == (
@@ -62,7 +62,7 @@ def test_the_world_refuses_robots_that_it_does_not_have_and_nobody_there_is_told
     assert fault(stage, "list") == (1, "", f"rmr fault: nobody listens at {stage.endpoint}\n")
 
 
-def test_of_several_labs_at_one_router_none_is_disturbed_before_one_is_chosen(stage):
+def test_fault_with_several_labs_at_one_router_requires_a_choice(stage):
     stage.world().wait_for("lab time runs")
     other = stage.folder / "other.yaml"
     other.write_text((stage.folder / "lab.yaml").read_text().replace("lab: bench", "lab: other"))

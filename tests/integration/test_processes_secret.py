@@ -68,7 +68,7 @@ def outsider(mode, endpoint, **settings):
 GUESS = {"transport/auth/usrpwd/user": "rmr", "transport/auth/usrpwd/password": "0" * 64}
 
 
-def test_session_without_the_secret_neither_forges_asks_nor_sees_who_is_alive(endless):
+def test_session_without_the_secret_can_neither_publish_query_nor_see_liveliness(endless):
     for settings in ({}, GUESS):
         with pytest.raises(zenoh.ZError, match="Unable to connect"):
             outsider("client", endless.endpoint, **settings)
@@ -140,7 +140,7 @@ def test_run_folder_is_private_and_the_secret_stands_in_no_command_line_log_or_r
     assert password not in endless.out + endless.err
 
 
-def test_robots_listen_nowhere_so_that_nobody_gets_around_the_router(endless):
+def test_robots_open_no_listening_port(endless):
     listening = sockets_listening()
     world = endless.pids.pop("world")
     assert [name for name, pid in endless.pids.items() if pid != world and inodes(pid) & listening] == []
@@ -167,7 +167,7 @@ def inodes(pid):
 # --- by hand -------------------------------------------------------------------------------------------------
 
 
-def test_robot_started_by_hand_joins_a_run_with_its_secret_and_is_told_what_is_missing_without(endless, stage):
+def test_robot_started_by_hand_joins_with_the_secret_and_is_refused_without_it(endless, stage):
     stage.endpoint = endless.endpoint
     program = endless.folder / "dash.rbc"
     bare = stage.agent(1, program=program)
@@ -184,7 +184,7 @@ def test_robot_started_by_hand_joins_a_run_with_its_secret_and_is_told_what_is_m
     assert "world: rmr-world: refused a process that has no secret" in endless.out + endless.err
 
 
-def test_world_by_hand_makes_the_secret_and_lets_in_only_those_who_have_it(stage):
+def test_world_started_by_hand_creates_the_secret_and_admits_only_its_holders(stage):
     file, other = stage.folder / "lab.secret", stage.folder / "other.secret"
     world = stage.world("--secret", file)
     world.wait_for(f"made a new secret: {file}")

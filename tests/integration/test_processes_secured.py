@@ -25,7 +25,7 @@ def received(newest, robot):
     return status.report.get("frames", {}).get("received", 0) if status is not None else 0
 
 
-def test_robots_with_the_key_hear_each_other_also_after_a_restart_and_one_without_it_does_not_start(stage):
+def test_robots_with_the_key_communicate_after_a_restart_and_one_without_it_does_not_start(stage):
     stage.world()
     bare = stage.agent(1)
     assert bare.exit_code() == 3
@@ -49,7 +49,7 @@ def test_robots_with_the_key_hear_each_other_also_after_a_restart_and_one_withou
         assert [counters[name] for name in ("forged", "replayed", "unsecured")] == [0, 0, 0]
 
 
-def test_a_robot_whose_key_file_holds_none_does_not_even_look_for_the_world(stage):
+def test_robot_with_an_invalid_key_file_fails_before_connecting(stage):
     (stage.folder / "lab.key").write_text(KEY[:-1])
     robot = stage.agent(1, "--radio-key", stage.folder / "lab.key")
     assert robot.exit_code() == 3

@@ -20,7 +20,7 @@ def workers(parent: int) -> list[str]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_processes_that_share_the_work_end_with_the_command(number):
+def test_worker_processes_end_with_the_command(number):
     words = [sys.executable, "-c", "from rmr.cli import main; main()", *LONG]
     with subprocess.Popen(
         words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True, text=True

@@ -59,7 +59,7 @@ def test_ctrl_c_sums_up_the_runs_that_are_over_and_leaves_no_process_behind(tmp_
         eventually(lambda: not any(map(runs, [*both, *after])))
 
 
-def test_no_process_goes_on_when_the_sweep_is_killed(tmp_path):
+def test_killed_sweep_leaves_no_worker_process(tmp_path):
     with Swept(tmp_path) as swept:
         found = eventually(lambda: (now := workers(swept.process.pid)) and len(now) == 2 and now)
         swept.process.kill()

@@ -78,7 +78,7 @@ def test_a_run_that_finishes_leaves_a_report_logs_byte_code_and_no_process(up):
         assert [json.loads(line) for line in log.read_text().splitlines()]
 
 
-def test_robots_that_share_processes_finish_likewise_and_hear_each_other_within_and_between_them(up):
+def test_robots_sharing_processes_finish_and_communicate_within_and_between_processes(up):
     run = up(DASH, "--processes", "2")
     assert run.wait() == 0, run.out + run.err
     assert run.left() == []
@@ -150,7 +150,7 @@ def test_faults_of_rmr_fault_and_of_the_lab_file_stand_in_the_report_and_in_the_
 # --- death --------------------------------------------------------------------------------------------------
 
 
-def test_a_robot_that_is_killed_is_told_of_and_reported_with_its_last_known_part(up):
+def test_killed_robot_is_announced_and_reported_with_its_last_known_status(up):
     run = up(DASH).running()
     os.kill(run.pids["robot-2"], signal.SIGKILL)
     assert run.wait() == 1
@@ -322,7 +322,7 @@ def test_a_lab_that_is_not_there_is_wrong_usage(refused):
 
 
 @pytest.mark.parametrize("seed", [10**18, -1])
-def test_a_seed_that_robots_cannot_be_told_is_wrong_usage(refused, seed):
+def test_seed_out_of_the_range_of_messages_is_wrong_usage(refused, seed):
     code, message = refused(DASH, "--seed", seed)
     assert code == 2
     assert "a whole number from 0 to 999999999999999999" in message

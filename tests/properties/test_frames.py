@@ -82,7 +82,7 @@ KEY = bytes(range(16))
 
 
 @given(st.sampled_from(Level), data_frames, st.integers(0, 255), st.binary(max_size=95), st.data())
-def test_what_is_secured_opens_as_it_was_and_no_part_of_it_may_be_exchanged(
+def test_secured_frame_decrypts_to_its_payload_and_spliced_parts_are_rejected(
     level: Level, frame: DataFrame, life: int, payload: bytes, data: st.DataObject
 ) -> None:
     frame = frame._replace(payload=payload, secured=False)
@@ -99,7 +99,7 @@ def test_what_is_secured_opens_as_it_was_and_no_part_of_it_may_be_exchanged(
 
 
 @given(data_frames, st.sampled_from(Level))
-def test_whatever_stands_where_security_should_is_refused_by_name(frame: DataFrame, level: Level) -> None:
+def test_malformed_security_header_is_refused_by_name(frame: DataFrame, level: Level) -> None:
     with pytest.raises(SecurityError) as refused:
         Security(level, KEY, 1).open(frame)
     assert refused.value.reason in ("forged", "unsecured")

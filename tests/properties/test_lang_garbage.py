@@ -73,13 +73,13 @@ def holds(text):
 
 @given(st.text(max_size=80))
 @settings(max_examples=100, deadline=None)
-def test_any_text_is_answered(text):
+def test_compiler_handles_arbitrary_text(text):
     holds(text)
 
 
 @given(st.lists(st.sampled_from(WORDS.split()), max_size=40))
 @settings(max_examples=300, deadline=None)
-def test_any_words_of_the_language_are_answered(words):
+def test_compiler_handles_arbitrary_token_sequences(words):
     holds(" ".join(words) + ".")
 
 

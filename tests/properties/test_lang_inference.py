@@ -62,7 +62,7 @@ def declarations(declared):
 
 @given(DECLARED, st.lists(ITEMS, min_size=1, max_size=6))
 @settings(max_examples=300, deadline=None)
-def test_any_program_is_answered_and_what_compiles_is_valid(declared, items):
+def test_compiler_handles_any_program_and_writes_valid_byte_code(declared, items):
     compilation = compile_source("\n".join([*declarations(declared), *items]))
     assert (compilation.program is None) == bool(compilation.errors)
     if compilation.program is not None:

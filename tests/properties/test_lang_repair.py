@@ -60,7 +60,7 @@ def with_another_argument(text, number):
     return "".join(lines)
 
 
-def test_the_program_that_is_spoilt_here_is_sound():
+def test_unmodified_program_of_the_repair_tests_is_sound():
     assert errors(WHOLE) == []
     assert len(STATED) >= 4
     for number in STATED:

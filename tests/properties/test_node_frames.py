@@ -72,14 +72,14 @@ def test_random_octets_are_refused_and_never_raise_anything_else(octets):
 
 
 @given(st.sampled_from(DeliveryRole), st.integers(1, 15))
-def test_bits_that_mean_nothing_are_no_delivery(role, low):
+def test_reserved_bits_are_no_delivery(role, low):
     octets = bytearray(written(Delivery(role, 1, ())))
     octets[0] |= low
     assert read(bytes(octets)) is None
 
 
 @given(st.integers(len(DeliveryRole), 15))
-def test_a_role_that_nobody_knows_is_no_delivery(role):
+def test_unknown_role_is_no_delivery(role):
     assert read(struct.pack(">BHBQ", role << 4, 0, 0, 0)) is None
 
 
@@ -99,6 +99,6 @@ def test_the_frames_of_a_delivery_fit_the_radio_and_hold_its_whole_body(digest, 
     assert b"".join(f.piece for f in frames) == body
 
 
-def test_a_text_that_is_no_unicode_cannot_be_told():
+def test_text_that_is_no_unicode_cannot_be_encoded():
     with pytest.raises(WireError, match="no Unicode"):
         written(Delivery(DeliveryRole.FACT, 0, ("\ud800",)))

@@ -77,7 +77,7 @@ def overlooked(config, grid, rng, pairs=300):
 
 
 @given(configs, speeds, st.integers(0, 2**32))
-def test_whoever_is_near_enough_to_matter_is_in_the_ring(config, speed, seed):
+def test_every_robot_within_interference_range_is_in_the_cell_ring(config, speed, seed):
     assert overlooked(config, grid_of(config, speed), Random(seed), pairs=30) == []
 
 
@@ -137,7 +137,7 @@ SLOWEST_TICKS = int(LAG_S * TICK_HZ) - 1
 
 @settings(max_examples=40)
 @given(configs, speeds, st.integers(0, 2**32))
-def test_two_who_drive_miss_nothing_while_their_declarations_are_under_way(config, speed, seed):
+def test_two_driving_robots_miss_no_frame_while_cell_declarations_are_delayed(config, speed, seed):
     rng = Random(seed)
     grid = grid_of(config, speed)
     delays = iter(lambda: rng.choice((0, 1, rng.randrange(SLOWEST_TICKS), SLOWEST_TICKS)), None)
@@ -154,18 +154,18 @@ def at_the_border(grid):
     return unheard(INDOORS, grid, across(grid.width_m, SPEED_MPS, TICKS), standing, slowest)
 
 
-def test_one_who_drives_over_a_border_at_full_speed_misses_nothing_with_the_slowest_declaration():
+def test_robot_crossing_a_cell_border_at_full_speed_misses_no_frame_at_the_longest_delay():
     assert at_the_border(grid_of(INDOORS, SPEED_MPS)) == []
 
 
 @pytest.mark.parametrize(
     "margin_m", [0.0, HYSTERESIS_M, SPEED_MPS * LAG_S, HYSTERESIS_M + 0.9 * SPEED_MPS * LAG_S], ids=str
 )
-def test_with_any_less_of_a_margin_it_would(margin_m):
+def test_robot_crossing_a_cell_border_misses_frames_with_a_smaller_margin(margin_m):
     assert at_the_border(Grid(interference_range_m(INDOORS) + margin_m)) != []
 
 
-def test_one_who_is_pushed_about_on_a_border_or_corner_keeps_its_cell():
+def test_robot_jittering_on_a_cell_border_or_corner_keeps_its_cell():
     grid, rng, cell = grid_of(INDOORS, SPEED_MPS), Random(3), None
     followed = []
     for _ in range(500):

@@ -60,12 +60,12 @@ def check(seed: int) -> tuple[int, int]:
 @pytest.mark.medium
 @settings(deadline=None, max_examples=300)
 @given(st.integers(0, 2**32))
-def test_what_is_shown_to_be_single_is_never_there_twice(seed: int) -> None:
+def test_predicate_proved_single_never_holds_two_facts(seed: int) -> None:
     check(seed)
 
 
 @pytest.mark.medium
-def test_the_drawn_programs_show_and_doubt() -> None:
+def test_drawn_programs_include_proved_and_unproved_predicates() -> None:
     found = [check(seed) for seed in range(300)]
     assert sum(shown > 1 for shown, _ in found) > 60
     assert sum(doubted > 0 for _, doubted in found) > 30

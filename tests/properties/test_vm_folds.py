@@ -50,7 +50,7 @@ def reference(operator: Operator, values: list[Value]) -> Value | None:
 @pytest.mark.medium
 @settings(deadline=None)
 @given(st.sampled_from(list(Operator)), lists, st.booleans())
-def test_an_aggregate_is_what_python_makes_of_the_values_or_the_rule_does_not_fire(
+def test_aggregate_equals_the_python_result_or_the_rule_does_not_fire(
     operator: Operator, values: list[Value], keep: bool
 ) -> None:
     expected = reference(operator, values)

@@ -280,7 +280,7 @@ def test_a_rule_that_consumes_nothing_fires_once_for_each_match_oldest_first(see
 
 @settings(deadline=None, max_examples=200)
 @given(seeds)
-def test_so_it_does_however_few_matches_are_looked_for_at_a_time(seed: int) -> None:
+def test_rule_that_consumes_nothing_fires_once_for_each_match_with_small_search_chunks(seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(once, "CHUNK", 1 + seed % 3)
         compare(Drawn(seed, consuming=0.1, negative=0.0, inner=0.1), [Engine.INTERPRETER])

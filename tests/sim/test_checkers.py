@@ -65,7 +65,7 @@ def idle(folder, robots=2):
 # -- bodies ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_robot_that_drives_into_a_wall_is_told_with_the_place(tmp_path):
+def test_wall_contact_is_reported_with_its_place(tmp_path):
     ram = """
     from rmr import action
 
@@ -116,13 +116,13 @@ class Passage:
             observe(0)
 
 
-def test_an_entry_in_its_window_under_its_lease_is_fine(tmp_path):
+def test_entry_in_its_window_under_its_lease_is_no_violation(tmp_path):
     simulation = idle(tmp_path)
     Passage(simulation, 1).enters(10.25)
     assert found(simulation) == []
 
 
-def test_an_entry_before_or_after_its_window_is_told(tmp_path):
+def test_entry_before_or_after_its_window_is_reported(tmp_path):
     simulation = idle(tmp_path)
     early, late = Passage(simulation, 1, direction=1), Passage(simulation, 2, direction=1, slot_s=20.0)
     early.enters(9.99)
@@ -131,7 +131,7 @@ def test_an_entry_before_or_after_its_window_is_told(tmp_path):
     assert "out of its window, at 260 ms of its slot" in found(simulation)[1][2]
 
 
-def test_an_entry_without_a_slot_or_after_it_was_let_pass_is_told(tmp_path):
+def test_entry_without_a_slot_or_after_a_wasted_slot_is_reported(tmp_path):
     simulation = idle(tmp_path)
     passage = Passage(simulation, 1)
     simulation.tell(1, seconds(10), EntryMissed(EVENT))
@@ -139,7 +139,7 @@ def test_an_entry_without_a_slot_or_after_it_was_let_pass_is_told(tmp_path):
     assert found(simulation) == [("entry", (1,), "robot 1 entered without a slot")]
 
 
-def test_an_entry_under_a_lease_that_has_run_out_is_told(tmp_path):
+def test_entry_under_an_expired_lease_is_reported(tmp_path):
     simulation = idle(tmp_path)
     passage = Passage(simulation, 1)
     passage.job.lease = seconds(10)
@@ -147,14 +147,14 @@ def test_an_entry_under_a_lease_that_has_run_out_is_told(tmp_path):
     assert found(simulation) == [("entry", (1,), "robot 1 entered when its lease had run out")]
 
 
-def test_two_entries_for_one_job_are_told(tmp_path):
+def test_two_entries_for_one_job_are_reported(tmp_path):
     simulation = idle(tmp_path)
     Passage(simulation, 1).enters(10)
     Passage(simulation, 1).enters(10)
     assert found(simulation) == [("entry", (1,), "robot 1 entered twice for one job")]
 
 
-def test_two_inside_opposite_ways_under_one_term_are_told_whatever_is_lost(tmp_path):
+def test_opposed_passages_inside_under_one_term_are_reported_despite_any_loss(tmp_path):
     simulation = idle(tmp_path)
     simulation.disturb(Disturbance(attenuation_db=float("inf")))
     one, other = Passage(simulation, 1, direction=0), Passage(simulation, 2, direction=1)
@@ -173,7 +173,7 @@ def test_one_behind_the_other_is_no_overlap(tmp_path):
 
 
 @pytest.mark.parametrize("excuse", ["", "cut", "stalled", "cautious"])
-def test_two_inside_under_two_terms_are_told_only_where_they_could_have_known(tmp_path, excuse):
+def test_passages_inside_under_two_terms_are_reported_only_where_avoidable(tmp_path, excuse):
     simulation = idle(tmp_path)
     if excuse == "cut":
         simulation.disturb(Disturbance(seconds(9.8), seconds(9.9), attenuation_db=float("inf")))
@@ -186,7 +186,7 @@ def test_two_inside_under_two_terms_are_told_only_where_they_could_have_known(tm
     assert [check for check, _, _ in found(simulation)] == ([] if excuse else ["overlap"])
 
 
-def test_robots_that_follow_each_other_too_closely_are_told(tmp_path):
+def test_headway_violation_is_reported(tmp_path):
     simulation = idle(tmp_path, robots=3)
     passages = [Passage(simulation, robot, direction=0) for robot in (1, 2, 3)]
     passages[1].job.request = replace(passages[1].job.request, headway=milliseconds(300))
@@ -198,7 +198,7 @@ def test_robots_that_follow_each_other_too_closely_are_told(tmp_path):
     assert "entered 250 ms behind robot 1" in words
 
 
-def test_a_leader_that_gives_all_the_same_slot_is_found_out(tmp_path, monkeypatch):
+def test_leader_that_assigns_one_slot_to_all_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(ledger, "place", lambda order, standing, rules: [rules.floor + milliseconds(500)] * len(order))
     monkeypatch.setattr("rmr.coord.fence.Fence._conflict", lambda *_: False)
     simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)")
@@ -206,7 +206,7 @@ def test_a_leader_that_gives_all_the_same_slot_is_found_out(tmp_path, monkeypatc
     assert "overlap" in {check for check, _, _ in found(simulation)}
 
 
-def test_robots_that_keep_the_rules_are_not_told(tmp_path):
+def test_robots_that_keep_the_rules_cause_no_violation(tmp_path):
     simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)", loss=0.2)
     assert simulation.run()
     assert found(simulation) == []
@@ -215,7 +215,7 @@ def test_robots_that_keep_the_rules_are_not_told(tmp_path):
 # -- leaders and schedules -------------------------------------------------------------------------------------------
 
 
-def test_a_term_that_begins_a_second_time_is_told(tmp_path):
+def test_term_that_begins_a_second_time_is_reported(tmp_path):
     simulation = idle(tmp_path)
     simulation.tell(1, 0, LeadershipBegan(EVENT, 3))
     simulation.tell(2, 0, LeadershipBegan(EVENT, 3))  # another leader: another term
@@ -225,7 +225,7 @@ def test_a_term_that_begins_a_second_time_is_told(tmp_path):
 
 
 @pytest.mark.parametrize("heals_s", [0, 4])
-def test_two_leaders_side_by_side_are_told_some_time_after_healing(tmp_path, heals_s):
+def test_two_concurrent_leaders_are_reported_some_time_after_healing(tmp_path, heals_s):
     simulation = idle(tmp_path)
     if heals_s:
         simulation.disturb(Disturbance(0, seconds(heals_s), attenuation_db=float("inf")))
@@ -261,7 +261,7 @@ def test_a_schedule_that_was_overtaken_on_its_way_moves_nothing(tmp_path):
     assert found(simulation) == []
 
 
-def test_a_slot_that_its_owner_let_pass_may_move(tmp_path):
+def test_slot_wasted_by_its_owner_may_move(tmp_path):
     simulation = idle(tmp_path)
     simulation.tell(1, seconds(6), schedule(6.0, 7.0))
     simulation.tell(2, seconds(7.2), EntryMissed(EVENT))
@@ -269,7 +269,7 @@ def test_a_slot_that_its_owner_let_pass_may_move(tmp_path):
     assert found(simulation) == []
 
 
-def test_whoever_passes_a_schedule_on_must_not_change_it(tmp_path):
+def test_relayed_schedule_that_differs_from_the_original_is_reported(tmp_path):
     simulation = idle(tmp_path)
     simulation.tell(1, seconds(5), schedule(5.0, 8.0))
     simulation.tell(2, seconds(5.1), schedule(5.0, 8.0))
@@ -278,7 +278,7 @@ def test_whoever_passes_a_schedule_on_must_not_change_it(tmp_path):
     assert [(check, robots) for check, robots, _ in found(simulation)] == [("schedule", (2, 1))]
 
 
-def test_a_frame_that_does_not_fit_the_radio_is_told(tmp_path):
+def test_frame_too_large_for_the_radio_is_reported(tmp_path):
     simulation = idle(tmp_path)
     simulation.tell(1, 0, Spoken(bytes(117)))
     assert found(simulation) == [("frame", (1,), "robot 1 sent 117 octets where 116 fit")]
@@ -304,14 +304,14 @@ def late_by_s(monkeypatch, late_s):
     monkeypatch.setattr(assertions, "heappush", push_late)
 
 
-def test_a_deadline_that_nobody_notices_is_told(tmp_path, monkeypatch):
+def test_unnoticed_missed_deadline_is_reported(tmp_path, monkeypatch):
     late_by_s(monkeypatch, 10)
     simulation = small_lab(tmp_path, OVERDUE, duration="1s")
     simulation.run()
     assert found(simulation) == [("deadline", (1,), "robot 1 has not noticed that done(@1) is overdue")]
 
 
-def test_a_deadline_noticed_late_is_told(tmp_path, monkeypatch):
+def test_missed_deadline_noticed_late_is_reported(tmp_path, monkeypatch):
     late_by_s(monkeypatch, 0.1)
     simulation = small_lab(tmp_path, OVERDUE, duration="1s")
     simulation.run()
@@ -326,7 +326,7 @@ def test_a_stalled_robot_may_notice_when_it_goes_on(tmp_path):
     assert found(simulation) == []
 
 
-def test_a_deadline_missed_twice_is_told(tmp_path, monkeypatch):
+def test_deadline_missed_twice_is_reported(tmp_path, monkeypatch):
     once = Assertions.overdue
     monkeypatch.setattr(Assertions, "overdue", lambda self, until: [j for job in once(self, until) for j in (job, job)])
     simulation = small_lab(tmp_path, OVERDUE, duration="1s")
@@ -334,7 +334,7 @@ def test_a_deadline_missed_twice_is_told(tmp_path, monkeypatch):
     assert found(simulation)[0] == ("deadline", (1,), "robot 1 missed the deadline of done(@1) a second time")
 
 
-def test_a_violation_action_that_is_not_derived_or_twice_is_told(tmp_path, monkeypatch):
+def test_violation_action_derived_never_or_twice_is_reported(tmp_path, monkeypatch):
     act = Machine._act
     monkeypatch.setattr(Machine, "_act", lambda *_: None)
     silent = small_lab(tmp_path, OVERDUE.replace("$go(R) -o wait(R, 2).", ""), duration="1s")
@@ -370,7 +370,7 @@ def deaf_until_s(monkeypatch, until_s):
     )
 
 
-def test_a_fact_accepted_twice_is_told(tmp_path, monkeypatch):
+def test_fact_accepted_twice_is_reported(tmp_path, monkeypatch):
     deaf_until_s(monkeypatch, 0.5)
     monkeypatch.setattr(Exchange, "_is_repeat", lambda *_: False)
     simulation = greeting(tmp_path)
@@ -378,7 +378,7 @@ def test_a_fact_accepted_twice_is_told(tmp_path, monkeypatch):
     assert ("delivery", (1, 2), "robot 2 accepted the same message of robot 1 twice") in found(simulation)
 
 
-def test_a_fact_acknowledged_but_not_accepted_is_told(tmp_path, monkeypatch):
+def test_fact_acknowledged_but_not_accepted_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(Exchange, "tell", property(lambda self: self.told, keep_all_but_accepted), raising=False)
     simulation = greeting(tmp_path)
     simulation.run()
@@ -390,7 +390,7 @@ def keep_all_but_accepted(exchange, tell):
     exchange.told = lambda progress: None if progress.stage.value == "accepted" else tell(progress)
 
 
-def test_a_fact_that_is_forgotten_on_its_way_is_told(tmp_path, monkeypatch):
+def test_fact_lost_in_transit_without_a_record_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(Exchange, "_transmit", lambda self, now, outgoing: None)
     simulation = greeting(tmp_path, duration="61s")
     simulation.run()
@@ -421,7 +421,7 @@ def test_a_robot_that_drives_but_does_not_move_stands_still(tmp_path):
     assert found(simulation) == [("stands still", (1,), "robot 1 has stood still for 30 s")]
 
 
-def test_standing_still_names_who_is_in_the_way_and_who_has_the_turn(tmp_path):
+def test_standstill_report_names_the_blocking_robot_and_the_holder_of_the_turn(tmp_path):
     hold = """
     from rmr import action
 
@@ -517,7 +517,7 @@ def test_robots_that_wait_for_their_turn_while_others_pass_do_not_stand_still(tm
     assert found(simulation) == []
 
 
-def test_nobody_is_told_to_stand_still_before_all_is_well(tmp_path):
+def test_standstill_is_not_reported_before_all_faults_are_healed(tmp_path):
     simulation = small_lab(tmp_path, IDLE, robots=2, finish="done(R)", duration="35s")
     simulation.disturb(Disturbance(0, seconds(34), loss=0.9))
     assert not simulation.run()

@@ -56,7 +56,7 @@ def test_json_is_the_report_and_everything_else_goes_to_standard_error(tmp_path,
     assert str(tmp_path / "run" / "report.json") in err
 
 
-def test_actions_that_failed_are_told_once_each(tmp_path, capsys):
+def test_failed_actions_are_reported_once_each(tmp_path, capsys):
     lab = tiny(
         tmp_path,
         "type action try(R: robot, N: int) -o ok(R) else no(R).\nno(R).\nno(R) -o try(R, 1).\nok(R) -o done(R).\n",
@@ -70,7 +70,7 @@ def test_actions_that_failed_are_told_once_each(tmp_path, capsys):
     assert err.count("robot 1: action try(@1, 1) failed: ZeroDivisionError: division by zero") == 1
 
 
-def test_no_more_than_five_failures_are_told():
+def test_at_most_five_failures_are_reported():
     entries = [
         {"what": "action_ended", "robot": robot, "action": f"go(@{robot})", "failure": "no way there"}
         for robot in range(8)
@@ -99,7 +99,7 @@ def test_actions_still_under_way_are_named_when_the_run_is_not_finished(tmp_path
     assert "more actions under way\n" in err
 
 
-def test_a_lab_without_its_program_is_told_where_it_names_it(tmp_path, capsys):
+def test_missing_program_is_reported_at_its_place_in_the_lab_file(tmp_path, capsys):
     lab = tiny(tmp_path, "done(R).\n", LAB.replace("tiny.rmr", "tini.rmr"))
     assert main([str(lab), "--run", str(tmp_path / "run")]) == 3
     err = capsys.readouterr().err
@@ -120,7 +120,7 @@ def test_a_run_that_does_not_finish_fails_and_still_leaves_its_report(tmp_path, 
     assert json.loads((tmp_path / "run" / "report.json").read_text())["finished"] is False
 
 
-def test_strict_tells_a_missed_deadline_by_its_exit_code(tmp_path, capsys):
+def test_strict_fails_by_exit_code_on_a_missed_deadline(tmp_path, capsys):
     program = """
     type action wait(R: robot, T: float) -o done(R).
     late: watch(go(R), done(R), 0.5, say(R, "late")).
@@ -142,7 +142,7 @@ def test_strict_tells_a_missed_deadline_by_its_exit_code(tmp_path, capsys):
         ("type action moveto(robot, area).\ndone(R).\ndone(R) -o moveto(R, nowhere).\n", LAB, "nowhere"),
     ],
 )
-def test_an_invalid_program_or_lab_is_told_with_its_place(tmp_path, capsys, program, lab, said):
+def test_invalid_program_or_lab_is_reported_with_its_place(tmp_path, capsys, program, lab, said):
     assert main([str(tiny(tmp_path, program, lab)), "--run", str(tmp_path / "run")]) == 3
     assert said in capsys.readouterr().err
 
@@ -153,7 +153,7 @@ def test_options_out_of_range_are_refused(tmp_path, capsys, options):
     assert options[1] in capsys.readouterr().err
 
 
-def test_a_lab_that_is_not_there_is_told(tmp_path, capsys):
+def test_missing_lab_is_reported(tmp_path, capsys):
     assert code_of([str(tmp_path / "nowhere")]) == 2
     assert "nowhere" in capsys.readouterr().err
 
@@ -188,7 +188,7 @@ def test_ctrl_c_ends_the_run_in_order_and_the_report_is_written(tmp_path, capsys
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_trace_that_cannot_be_written_is_told_before_the_run(tmp_path, capsys):
+def test_unwritable_trace_is_reported_before_the_run(tmp_path, capsys):
     lab = tiny(tmp_path, "done(R).\n")
     assert main([str(lab), "--run", str(tmp_path / "run"), "--trace", str(tmp_path / "nowhere" / "trace")]) == 2
     assert "nowhere" in capsys.readouterr().err
@@ -205,7 +205,7 @@ def test_the_trace_begins_at_the_beginning_however_long_the_run(tmp_path, capsys
     assert sum(entry["what"] == "action" for entry in entries) > 1500
 
 
-def test_a_disk_that_is_full_is_told_where_results_are_written(tmp_path, capsys):
+def test_full_disk_is_reported_where_results_are_written(tmp_path, capsys):
     lab = tiny(tmp_path, 'type action say(R: robot, T: string) -o done(R).\ngo(R).\ngo(R) -o say(R, "x").\n')
     assert main([str(lab), "--run", str(tmp_path / "a"), "--trace", "/dev/full"]) == 1
     out, err = capsys.readouterr()
@@ -229,7 +229,7 @@ def test_a_report_that_cannot_be_written_is_named_and_the_table_comes_out(tmp_pa
 
 
 @pytest.mark.medium
-def test_who_closes_the_pipe_has_seen_enough(tmp_path):
+def test_closed_standard_output_pipe_ends_quietly_and_keeps_the_report(tmp_path):
     read, write = os.pipe()
     os.close(read)
     words = [sys.executable, "-u", "-P", "-m", "rmr_sim.main", str(tiny(tmp_path, "done(R).\n"))]
@@ -241,7 +241,7 @@ def test_who_closes_the_pipe_has_seen_enough(tmp_path):
     assert (tmp_path / "run" / "report.json").exists()
 
 
-def test_a_mistake_of_ours_before_the_run_is_told_without_a_traceback(tmp_path, capsys, monkeypatch):
+def test_internal_error_before_the_run_is_reported_without_a_traceback(tmp_path, capsys, monkeypatch):
     def broken(*_):
         raise AssertionError("never so")
 

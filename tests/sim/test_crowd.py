@@ -52,7 +52,7 @@ def hall() -> Watched:
     return Watched()
 
 
-def test_who_says_that_it_stays_does_not_move(hall: Watched) -> None:
+def test_robot_that_announces_it_stays_does_not_move(hall: Watched) -> None:
     assert hall.promises > ROBOTS // 2
     assert hall.moved == []
 

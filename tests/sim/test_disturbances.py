@@ -30,7 +30,7 @@ def told_s(folder, *lines):
     return [part["finish_s"] for part in simulation.robot_parts().values()]
 
 
-def test_undisturbed_both_are_told_at_once(tmp_path):
+def test_broadcasts_arrive_at_once_without_disturbances(tmp_path):
     assert max(told_s(tmp_path)) < 1.0
 
 
@@ -52,11 +52,11 @@ def test_a_fault_of_the_radio_holds_until_its_end_and_not_beyond(tmp_path, fault
     "radio",
     ["partition: [[1], [2]]", "links: [{link: [1, 2], cut: true}]", "bursts: {good: 1ms, bad: 1min}, seed: 2"],
 )
-def test_what_the_radio_is_said_to_suffer_holds_for_the_whole_run(tmp_path, radio):
+def test_radio_section_disturbances_hold_for_the_whole_run(tmp_path, radio):
     assert told_s(tmp_path, f"radio: {{{radio}}}") == [None, None]
 
 
-def test_one_way_disturbs_the_way_back_no_more_than_its_acknowledgements(tmp_path):
+def test_one_way_cut_affects_only_acknowledgements_in_the_other_direction(tmp_path):
     one_way = "radio: {links: [{link: [1, 2], one_way: true, cut: true}]}"
     first, second = told_s(tmp_path, one_way)
     assert first < 1.0  # robot 2 gets through, though it never hears so

@@ -129,7 +129,7 @@ def test_three_of_the_robots_form_the_shapes_too():
 
 
 @pytest.mark.parametrize("robot", [1, 3])
-def test_a_robot_that_is_started_anew_is_told_where_to_go(robot):
+def test_restarted_robot_receives_its_destination_again(robot):
     """The captain among them: it asks the others where they stand."""
     simulation = formation("lab.yaml")
     at(simulation, 4.0, simulation.kill, robot)
@@ -140,7 +140,7 @@ def test_a_robot_that_is_started_anew_is_told_where_to_go(robot):
     assert report_of(simulation, True)["collisions"] == 0
 
 
-def test_the_others_wait_for_a_dead_robot_and_say_that_the_shape_is_late():
+def test_barrier_waits_for_a_dead_robot_and_the_shape_is_reported_late():
     simulation = formation("lab.yaml")
     at(simulation, 4.0, simulation.kill, 3)
     at(simulation, 16.0, lambda _: simulation.stop(), 3)

@@ -46,7 +46,7 @@ def run_of(lab, folder, capsys):
     return code, json.loads(out)["robots"], err
 
 
-def test_a_fact_that_is_too_large_to_be_sent_is_told_and_counted(tmp_path, capsys):
+def test_fact_too_large_to_send_is_reported_and_counted(tmp_path, capsys):
     code, robots, err = run_of(big_fact(tmp_path, 7000), tmp_path, capsys)
     assert code == 0
     assert robots["1"]["undelivered"] == 1

@@ -160,9 +160,7 @@ def test_a_drive_to_where_nobody_can_stand_fails_in_its_time_and_touches_nothing
 
 @pytest.mark.medium
 @pytest.mark.parametrize(("barred_s", "fails"), [(30, False), (45, True)])
-def test_who_waits_for_its_turn_gives_a_drive_up_later_for_those_before_it_may_bar_the_way(
-    monkeypatch, barred_s, fails
-):
+def test_waiting_robot_has_a_longer_timeout_for_a_blocked_path(monkeypatch, barred_s, fails):
     simulation = prepare(TESTBED, robots=2, seed=1)
     heard = simulation.robots[0].node.peers
     monkeypatch.setattr(heard, "parked", lambda now: WALL if now < seconds(barred_s) else ())

@@ -29,7 +29,7 @@ def test_a_robot_leaves_and_arrives_when_it_is_told_to(tmp_path):
     assert math.dist(simulation.world.pose(1)[:2], (0.7, 0.8)) < 0.03
 
 
-def test_who_is_there_already_has_arrived_when_the_others_do(tmp_path):
+def test_robot_already_at_its_place_arrives_with_the_others(tmp_path):
     simulation = small_lab(tmp_path, PROGRAM.format(where="0.2, 0.2", begins=1, ends=3), finish="there(R)")
     at, failure = ended(simulation)
     assert failure is None
@@ -44,7 +44,7 @@ def test_no_straight_way_into_a_wall_is_tried(tmp_path, where):
     assert at < 1.0
 
 
-def test_who_finds_somebody_in_its_way_gives_up_and_touches_nobody(tmp_path):
+def test_reach_fails_without_contact_when_a_robot_blocks_the_straight_path(tmp_path):
     program = PROGRAM.format(where="0.9, 0.2", begins=0, ends=4)
     simulation = small_lab(tmp_path, program, robots=2, duration="12s")
     at, failure = ended(simulation)
@@ -53,7 +53,7 @@ def test_who_finds_somebody_in_its_way_gives_up_and_touches_nobody(tmp_path):
     assert simulation.world.collisions == 0
 
 
-def test_instants_that_no_lab_reaches_are_no_mistake(tmp_path):
+def test_reach_with_unreachable_instants_is_no_error(tmp_path):
     program = PROGRAM.format(where="0.7, 0.8", begins="-1e300", ends="1e300")
     simulation = small_lab(tmp_path, program, duration="2s")
     assert not traced(simulation, "action_ended")

@@ -220,7 +220,7 @@ def test_a_time_assertion_ends_with_another_robots_fact_over_the_radio(tmp_path,
     assert job.cause is None
 
 
-def test_a_missed_deadline_is_broadcast_on_time_and_heard(tmp_path):
+def test_missed_deadline_is_broadcast_on_time_and_received(tmp_path):
     simulation = small_lab(
         tmp_path,
         """
@@ -381,7 +381,7 @@ def test_a_robot_that_runs_another_program_is_noticed(tmp_path):
     assert noticed == {(1, 2), (2, 1), (2, 3), (3, 2)}
 
 
-def test_a_program_that_never_becomes_quiet_leaves_its_robot_responsive_and_is_told_of(tmp_path):
+def test_program_that_never_quiesces_is_reported_and_its_robot_stays_responsive(tmp_path):
     simulation = small_lab(
         tmp_path,
         """
@@ -453,7 +453,7 @@ def test_a_hello_of_a_known_robot_is_taken_in_as_it_arrives_and_what_needs_a_cal
     assert not heard(b"")
 
 
-def test_a_mind_is_told_the_outcome_of_what_it_asks_after_and_not_that_of_its_hellos(tmp_path):
+def test_node_awaits_confirmation_of_some_frames_and_not_of_beacons(tmp_path):
     simulation = prepare(LABS / "testbed", seed=1)
     robot = simulation.robots[0]
     told, awaited = list[int](), list[int]()
@@ -475,7 +475,7 @@ def test_a_mind_is_told_the_outcome_of_what_it_asks_after_and_not_that_of_its_he
     assert not robot.node.awaits(Confirmed(awaited[0], "ok")), "told already"
 
 
-def test_nothing_is_overheard_where_the_program_asks_who_is_near(tmp_path):
+def test_frames_are_not_overheard_where_the_program_senses_neighbors(tmp_path):
     program = "type seen(robot, robot). neighbor(R, B) -o seen(R, B)."
     simulation = small_lab(tmp_path, program, robots=2, duration="1s")
     simulation.run()

@@ -44,7 +44,7 @@ def crossing(folder, *, cut):
     return simulation
 
 
-def test_robots_that_do_not_hear_each_other_stand_until_they_do(tmp_path):
+def test_robots_without_radio_contact_stop_until_it_returns(tmp_path):
     simulation = crossing(tmp_path, cut=True)
     stood = {}
     simulation.observers.append(
@@ -55,7 +55,7 @@ def test_robots_that_do_not_hear_each_other_stand_until_they_do(tmp_path):
     assert all(all(still) for now, still in stood.items() if milliseconds(5500) < now < seconds(7))
 
 
-def test_the_air_in_order_keeps_nobody_standing(tmp_path):
+def test_working_radio_lets_robots_cross_without_stopping(tmp_path):
     simulation = crossing(tmp_path, cut=False)
     assert simulation.run()
     assert simulation.time_s < 15
@@ -97,7 +97,7 @@ def test_a_robot_that_is_pushed_out_of_its_place_goes_back(tmp_path):
     assert away[-1] < 0.04
 
 
-def test_a_robot_that_slept_takes_what_it_finds_in_its_queue_for_old(tmp_path):
+def test_stalled_robot_treats_queued_beacons_as_old(tmp_path):
     simulation = crossing(tmp_path, cut=False)
     ages = []
 

@@ -30,11 +30,11 @@ def test_stops_that_run_into_each_other_are_one(tmp_path):
     assert held_up(tmp_path, 3, 8.5, *stops) == 9
 
 
-def test_the_dead_are_held_up_for_ever(tmp_path):
+def test_killed_robot_is_held_up_forever(tmp_path):
     assert held_up(tmp_path, 3, 3, (2, "killed", None)) == NEVER
 
 
-def test_who_began_anew_is_held_up_no_longer_by_what_was_before(tmp_path):
+def test_restarted_robot_is_not_held_up_by_earlier_faults(tmp_path):
     life = [(1, "stalled", 9), (2, "killed", None), (4, "restarted", None)]
     assert held_up(tmp_path, 3, 3, *life) == 4
     assert held_up(tmp_path, 5, 6, *life) == 0

@@ -74,7 +74,7 @@ class Strange(Simulation):
         return Security(Level.ENC_MIC_64, bytes(16), robot) if robot == 3 else super().security(robot, life)
 
 
-def test_a_robot_with_another_key_is_deaf_to_the_others_and_unheard_by_them(lab, monkeypatch):
+def test_robot_with_another_key_neither_receives_nor_is_received(lab, monkeypatch):
     monkeypatch.setattr("rmr_sim.run_setup.Simulation", Strange)
     simulation = prepare(lab("{key_file: lab.key}"))
     assert not simulation.run()
@@ -86,7 +86,7 @@ def test_a_robot_with_another_key_is_deaf_to_the_others_and_unheard_by_them(lab,
     assert 2 in simulation.robots[0].node.peers.known
 
 
-def test_a_robot_without_security_is_deaf_and_unheard_likewise(lab, monkeypatch):
+def test_robot_without_security_neither_receives_nor_is_received_in_a_secured_lab(lab, monkeypatch):
     class Open(Simulation):
         def security(self, robot, life):
             return None if robot == 3 else super().security(robot, life)

@@ -133,7 +133,7 @@ def test_provided_lab_is_simulated_by_its_name(tmp_path, monkeypatch):
         rmr.simulate(3)
 
 
-def test_labs_programs_and_files_that_are_wrong_are_told_as_by_the_command(lab, tmp_path, capsys):
+def test_invalid_lab_program_or_file_raises_the_message_of_the_command(lab, tmp_path, capsys):
     with pytest.raises(rmr.UsageError, match=r"there is no .*nowhere"):
         rmr.simulate(tmp_path / "nowhere")
     with pytest.raises(rmr.LabError, match="there are 2 robots in this lab, so not 9"):
@@ -173,7 +173,7 @@ def pytest_in(folder, *words):
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_the_fixture_finds_a_lab_beside_the_test_and_tells_of_one_that_is_not_there(lab):
+def test_fixture_finds_a_lab_beside_the_test_and_reports_a_missing_one(lab):
     (lab.parent / "test_walk.py").write_text(
         "import pytest\n\n"
         "def test_lab(rmr_sim):\n"

@@ -104,7 +104,7 @@ def test_every_kind_occurs_and_none_in_every_run():
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_what_is_drawn_can_be_written_into_a_lab_file(tmp_path, seed):
+def test_drawn_faults_can_be_written_into_a_lab_file(tmp_path, seed):
     text = (LABS / "testbed" / "lab.yaml").read_text()
     (tmp_path / "lab.yaml").write_text(
         text + "faults:\n" + "".join(f"  {line}\n" for line in fault_lines(chaotic(seed)))
@@ -122,7 +122,7 @@ def test_a_lone_robot_has_no_links_to_lose():
         assert all(not disturbance.groups for disturbance in lab.disturbances)
 
 
-def test_robots_whose_death_the_lab_file_tells_are_not_killed_at_random():
+def test_robots_killed_by_the_lab_file_are_not_killed_at_random():
     fated = replace(calm(), faults=(Kill(seconds(1), 2), Restart(seconds(2), 2)))
     for seed in range(40):
         assert sum(isinstance(fault, Kill) and fault.robot == 2 for fault in with_chaos(fated, seed).faults) == 1

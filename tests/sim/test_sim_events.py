@@ -87,7 +87,7 @@ def test_observers_are_called_at_every_tick(tmp_path):
     assert ticks[-1] == NS_PER_S
 
 
-def test_an_event_that_fails_is_told_with_its_place(tmp_path):
+def test_failing_event_is_reported_with_its_place(tmp_path):
     class Broken(Event):
         def callback(self, simulation):
             simulation.kill(9)
@@ -116,7 +116,7 @@ def test_an_event_without_a_callback_says_what_to_do(tmp_path):
         ("simulation.robots.remove(simulation.robots[0])", "AttributeError: 'tuple' object has no attribute 'remove'"),
     ],
 )
-def test_an_event_that_asks_for_what_cannot_be_or_never_ends_is_told(tmp_path, code, complaint):
+def test_event_with_an_impossible_or_endless_request_is_reported(tmp_path, code, complaint):
     names = {"Event": Event, "seconds": seconds}
     exec(f"class Wrong(Event):\n    callback = lambda self, simulation: {code}", names)
     with pytest.raises(EventError, match=re.escape(complaint)):
@@ -190,7 +190,7 @@ def test_a_file_of_events_is_asked_for_those_of_the_run(tmp_path):
         (NEVER_INITIALISED, "TypeError: Mine has no instant: its __init__ must call super().__init__(at)"),
     ],
 )
-def test_a_file_of_events_that_cannot_be_used_is_told(tmp_path, text, complaint):
+def test_unusable_events_file_is_reported(tmp_path, text, complaint):
     _, file = with_file(tmp_path, text)
     with pytest.raises(ProgramError, match=re.escape(complaint)):
         prepare(tmp_path, seed=5, event_file=file)
@@ -246,7 +246,7 @@ def events(lab, seed):
         ("KeyError", "nobody", "event Watch at 0.100 s: NameError: name 'nobody' is not defined ({file}:11)"),
     ],
 )
-def test_an_observer_that_fails_is_told_as_the_users_own_with_its_place(tmp_path, capsys, error, observer, complaint):
+def test_failing_observer_is_reported_as_user_error_with_its_place(tmp_path, capsys, error, observer, complaint):
     _, file = with_file(tmp_path, FAILING.format(error=error, observer=observer) + UNSPEAKABLE)
     assert main([str(tmp_path), "--events", str(file), "--run", str(tmp_path / "run")]) == 1
     said = capsys.readouterr().err
@@ -254,7 +254,7 @@ def test_an_observer_that_fails_is_told_as_the_users_own_with_its_place(tmp_path
     assert "broke down" not in said
 
 
-def test_a_file_of_events_that_fails_is_told_with_its_line(tmp_path):
+def test_failing_events_file_is_reported_with_its_line(tmp_path):
     _, file = with_file(tmp_path, UNSPEAKABLE + "\ndef events(lab, seed):\n    raise Unspeakable\n")
     with pytest.raises(ProgramError, match=re.escape(f"{file}:7: Unspeakable: (its text cannot be had")):
         prepare(tmp_path, seed=5, event_file=file)
@@ -274,7 +274,7 @@ def test_a_drawn_restart_of_a_robot_that_a_user_has_started_again_does_nothing(t
     assert simulation.robots[0].restarts == 1
 
 
-def test_a_users_restart_of_a_robot_that_lives_is_told(tmp_path):
+def test_restart_of_a_running_robot_by_a_user_is_reported(tmp_path):
     class Revive(Event):
         def callback(self, simulation):
             simulation.restart(1)

@@ -59,7 +59,7 @@ def test_a_killed_robot_stays_where_it_is_after_a_few_centimetres(tmp_path):
     assert sum(ways[210:]) == 0.0
 
 
-def test_a_killed_robot_neither_sends_nor_hears_and_what_is_told_it_does_not_arrive(tmp_path):
+def test_killed_robot_neither_sends_nor_receives(tmp_path):
     simulation = small_lab(tmp_path, TELL, robots=2, duration="3s", faults="[{at: 0.5s, kill: 2}]")
     sent_by = []
     simulation.ether.on_air = lambda frame: sent_by.append((frame.source, frame.start))
@@ -82,7 +82,7 @@ def test_a_robot_that_starts_again_begins_anew_where_it_stands_and_finishes(tmp_
     assert len(traced(simulation, "action")) == 2
 
 
-def test_nothing_is_remembered_over_a_restart_but_what_was_counted(tmp_path):
+def test_restart_clears_all_state_except_counters(tmp_path):
     faults = "[{at: 1s, kill: 1}, {at: 2s, restart: 1}]"
     _, report = ran(small_lab(tmp_path, COUNT, duration="2.5s", faults=faults))
     part = report["robots"]["1"]
@@ -100,7 +100,7 @@ def test_the_deadline_of_an_earlier_life_stays_undecided_and_could_not_have_been
     assert report["deadlines"] == {"met": 1, "missed": 0, "best_possible": 1}
 
 
-def test_who_is_alive_cannot_be_started_again(tmp_path):
+def test_restart_of_a_running_robot_is_refused(tmp_path):
     simulation = small_lab(tmp_path, COUNT, duration="1s")
     with pytest.raises(ValueError, match="robot 1 lives: kill it before it is started again"):
         simulation.restart(1)

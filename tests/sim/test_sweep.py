@@ -79,7 +79,7 @@ def test_the_rows_are_the_same_however_many_processes_share_them(tmp_path):
     assert len(times) == 3, "each seed is a run of its own"
 
 
-def test_a_seed_that_fails_is_kept_and_told_with_the_command_that_repeats_it(tmp_path, capsys):
+def test_failing_seed_is_kept_and_reported_with_the_command_to_repeat_it(tmp_path, capsys):
     code, run = swept(tmp_path, NEVER, "--seeds", "7", "--jobs", "1", "--loss", "0.25", "--strict")
     assert code == 1
     command = f"rmr sim {tmp_path} --loss 0.25 --strict --seed 7"
@@ -93,9 +93,7 @@ def test_a_seed_that_fails_is_kept_and_told_with_the_command_that_repeats_it(tmp
     assert json.loads((tmp_path / "again" / "report.json").read_text()) == report
 
 
-def test_a_run_in_which_our_own_code_breaks_down_is_told_without_a_traceback_and_kept_with_it(
-    tmp_path, capsys, monkeypatch
-):
+def test_internal_error_in_a_run_is_reported_without_a_traceback_which_is_kept(tmp_path, capsys, monkeypatch):
     def run(simulation):
         assert simulation.seed != 2, "a bug"
         return True
@@ -110,7 +108,7 @@ def test_a_run_in_which_our_own_code_breaks_down_is_told_without_a_traceback_and
     assert "Traceback" in (folder / "failed" / "seed-2" / "breakdown.txt").read_text()
 
 
-def test_a_single_run_that_breaks_down_is_told_likewise(tmp_path, capsys, monkeypatch):
+def test_internal_error_in_a_single_run_is_reported_without_a_traceback(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(Simulation, "run", lambda _: 1 / 0)
     code, folder = swept(tmp_path, DONE, "--seed", "1")
     assert code == 1
@@ -120,7 +118,7 @@ def test_a_single_run_that_breaks_down_is_told_likewise(tmp_path, capsys, monkey
     assert "Traceback" in (folder / "breakdown.txt").read_text()
 
 
-def test_a_missed_deadline_is_no_failure_but_tells_under_strict(tmp_path, capsys):
+def test_missed_deadline_fails_a_sweep_under_strict_only(tmp_path, capsys):
     assert swept(tmp_path, LATE, "--seeds", "1-2", "--jobs", "1", name="a")[0] == 0
     assert "0 met, 2 missed" in capsys.readouterr().out
     code, run = swept(tmp_path, LATE, "--seeds", "1-2", "--jobs", "1", "--strict", name="b")
@@ -143,7 +141,7 @@ def test_a_missed_deadline_is_no_failure_but_tells_under_strict(tmp_path, capsys
         (["--seed", "9" * 5000], "a whole number from 0, of 18 digits at most, not '999"),
     ],
 )
-def test_wrong_usage_is_told(tmp_path, capsys, words, said):
+def test_wrong_usage_of_a_sweep_is_reported(tmp_path, capsys, words, said):
     assert code_of([str(tiny(tmp_path, DONE)), *words]) == 2
     assert said in capsys.readouterr().err
 
@@ -171,7 +169,7 @@ def test_what_a_users_file_prints_is_kept_apart_from_the_report(tmp_path, capfd,
     assert {"loaded", "happened"} <= set(err.split())
 
 
-def test_a_file_of_actions_that_is_wrong_is_told_once_before_all_runs(tmp_path, capsys):
+def test_wrong_actions_file_is_reported_once_before_all_runs(tmp_path, capsys):
     (tmp_path / "actions.py").write_text("nonsense\n")
     code, run = swept(tmp_path, DONE, "--seeds", "1-3", "--jobs", "2", "--actions", str(tmp_path / "actions.py"))
     assert code == 3
@@ -208,7 +206,7 @@ def test_a_summary_takes_times_of_finished_runs_alone_and_counts_the_rest():
     ]
 
 
-def test_of_many_failing_seeds_the_first_are_told():
+def test_first_of_many_failing_seeds_are_reported():
     lines = failing_lines([row(seed, collisions=1) for seed in range(30)], "rmr sim lab")
     assert lines[-1] == "and 10 more seeds; sweep.json has all of them"
 

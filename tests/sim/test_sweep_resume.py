@@ -113,7 +113,7 @@ def vanish(monkeypatch, folder, leave):
     monkeypatch.setattr(Simulation, "run", run)
 
 
-def test_a_run_folder_that_goes_is_told_once_and_made_anew_for_the_rows(tmp_path, capsys, monkeypatch):
+def test_removed_run_folder_is_reported_once_and_recreated_for_the_rows(tmp_path, capsys, monkeypatch):
     vanish(monkeypatch, tmp_path / "run", lambda: None)
     code, run = swept(tmp_path, NEVER, "--seeds", "1-4", "--jobs", "1")
     out, err = capsys.readouterr()
@@ -142,7 +142,7 @@ def test_a_sweep_with_a_contact_ends_with_exit_code_1(tmp_path, monkeypatch):
     assert swept(tmp_path, DONE, "--seeds", "1-3", "--jobs", "1", "--strict", name="strict")[0] == 1
 
 
-def test_progress_without_a_terminal_is_told_at_widening_intervals():
+def test_progress_without_a_terminal_is_printed_at_growing_intervals():
     now, lines = 0.0, []
     spoken = ProgressLines(1000, lambda: now, lines.append)
     for n in range(1000):

@@ -30,7 +30,7 @@ def test_four_and_four_robots_get_across_without_contact(passed):
     assert all("across" in "".join(part["facts"]) for part in report["robots"].values())
 
 
-def test_nobody_enters_while_another_comes_towards_it(passed):
+def test_entry_waits_while_an_opposed_robot_is_inside(passed):
     simulation, _ = passed
     entered, left = instants(simulation, "entered"), instants(simulation, "left")
     assert set(entered) == set(left) == EASTWARD | WESTWARD

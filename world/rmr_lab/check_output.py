@@ -15,7 +15,7 @@ from rmr_world.validate.first_instant import first_destinations
 
 
 def perform(paths: Sequence[Path], *, as_json: bool, svg: Path | None) -> int:
-    """Check `paths`, tell what is wrong, draw the lab if asked to; return the exit code."""
+    """Check `paths`, print the findings, draw the lab if `svg` is given; return the exit code."""
     found = [check(path) for path in paths]
     if as_json:
         print(json.dumps([listed for each in found for listed in each.as_json()], indent=2))

@@ -4,6 +4,7 @@
 import json
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from rmr.entry import ExitCode
@@ -110,19 +111,10 @@ def _declare_copy(parser: Parser) -> None:
 
 def _copy(name: str, folder: Path | None) -> int:
     """Copy a provided lab; return the exit code."""
-    from rmr_lab.lab_copies import CopyError
-    from rmr_lab.lab_copies import copy as copied
+    from rmr_lab.lab_copies import copy as copy_lab
 
     target = Path(name) if folder is None else folder
-    try:
-        files = copied(name, target)
-    except CopyError as error:
-        raise CommandLineError(str(error)) from None
-    except OSError as error:
-        print(f"rmr lab copy: {error.filename or target}: {error.strerror}", file=sys.stderr)
-        return ExitCode.USAGE
-    _tell_written(target, files)
-    return ExitCode.OK
+    return _write("rmr lab copy", target, lambda: copy_lab(name, target))
 
 
 _COPY = Command(
@@ -139,18 +131,9 @@ def _declare_new(parser: Parser) -> None:
 
 def _new(name: Path, origin: str | None) -> int:
     """Write a lab; return the exit code."""
-    from rmr_lab.lab_copies import CopyError
     from rmr_lab.scaffold import write_lab
 
-    try:
-        files = write_lab(name, origin)
-    except CopyError as error:
-        raise CommandLineError(str(error)) from None
-    except OSError as error:
-        print(f"rmr new: {error.filename or name}: {error.strerror}", file=sys.stderr)
-        return ExitCode.USAGE
-    _tell_written(name, files)
-    return ExitCode.OK
+    return _write("rmr new", name, lambda: write_lab(name, origin))
 
 
 new = Command(
@@ -164,10 +147,21 @@ It holds the lab file, a program, an action in Python, a test, and a README that
 )
 
 
-def _tell_written(folder: Path, files: list[Path]) -> None:
+def _write(shown: str, folder: Path, written: Callable[[], list[Path]]) -> int:
+    """Write a lab into `folder` and print its files; return the exit code. `shown` is the command, for errors."""
+    from rmr_lab.lab_copies import CopyError
+
+    try:
+        files = written()
+    except CopyError as error:
+        raise CommandLineError(str(error)) from None
+    except OSError as error:
+        print(f"{shown}: {error.filename or folder}: {error.strerror}", file=sys.stderr)
+        return ExitCode.USAGE
     for file in files:
         print(os.fspath(file))
     print(f"now: rmr check {folder} && rmr sim {folder} && rmr up {folder}", file=sys.stderr)
+    return ExitCode.OK
 
 
 def _entry(summary: str, command: Runnable) -> Subcommand:

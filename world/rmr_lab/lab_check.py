@@ -39,12 +39,12 @@ class CheckResult:
     """The findings about one program or lab."""
 
     path: Path
-    """As the user named it."""
+    """Path as given on the command line."""
     diagnostics: Sequence[Diagnostic] = ()
     """Diagnostics of the compiler."""
     sources: Mapping[str, SourceText] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
-    """CheckResult about the lab and its files, and about the lab and its program together."""
+    """Findings about the lab and its files, and about the lab and its program together."""
     lab: Lab | None = None
     """The lab, if its file is valid."""
     program: Program | None = None

@@ -1,6 +1,6 @@
-"""Copies of the provided labs: a folder of one's own with all that the lab needs.
+"""Copies of the provided labs: a new folder with all files of the lab.
 
-A lab may run the program of another folder; its copy has the program beside it, and names it there.
+The program of a lab may be in another folder. The copy then holds the program itself, and its lab file names that one.
 """
 
 import re
@@ -11,25 +11,25 @@ from rmr_world.provided_labs import LAB_FILE, missing, provided_labs
 
 SCHEMA_FILE = "lab.schema.json"
 HEADER = f"# yaml-language-server: $schema={SCHEMA_FILE}\n"
-"""The line by which editors find the schema of a YAML file."""
+"""First line of a lab file: editors find the schema of the file by it."""
 _PROGRAM = re.compile(r"^program:[^\n#]*", re.MULTILINE)
 
 
 class CopyError(Exception):
-    """Nothing is written; the message says what is wrong with what was asked for."""
+    """A copy was refused before anything was written; the message gives the reason."""
 
 
 def about(folder: Path) -> str:
-    """Return the first line of comment in a lab's file."""
+    """Return the first comment line of the lab file in `folder`, or an empty string."""
     lines = (folder / LAB_FILE).read_text(encoding="utf-8").splitlines()
     comments = [line.removeprefix("#").strip() for line in lines if line.startswith("# ") and "$schema" not in line]
     return comments[0] if comments else ""
 
 
 def copy(name: str, folder: Path) -> list[Path]:
-    """Copy the provided lab `name` to `folder`, which must not exist; return the files.
+    """Copy the provided lab `name` to `folder`, which must not exist; return the files that were written.
 
-    Raises CopyError, or OSError when it cannot be written.
+    Raises CopyError, or OSError when a file cannot be written.
     """
     source = provided_labs().get(name)
     if source is None:
@@ -42,16 +42,16 @@ def copy(name: str, folder: Path) -> list[Path]:
             continue
         text = file.read_text(encoding="utf-8")
         if file.suffix == ".yaml":
-            text, program = _beside(text, file)
+            text, program = _copied_lab_file(text, file)
             if program is not None and not (source / program.name).exists():
-                written.append(_written(folder / program.name, program.read_text(encoding="utf-8")))
-        written.append(_written(folder / file.name, text))
+                written.append(write_file(folder / program.name, program.read_text(encoding="utf-8")))
+        written.append(write_file(folder / file.name, text))
     written.append(write_schema(folder))
     return sorted(set(written))
 
 
 def refuse_existing(folder: Path) -> None:
-    """Raise CopyError if `folder` is there already."""
+    """Raise CopyError if `folder` exists."""
     if folder.exists() or folder.is_symlink():
         raise CopyError(f"{folder} is there already, and nothing is ever overwritten; name a folder that is new")
 
@@ -62,11 +62,14 @@ def write_schema(folder: Path) -> Path:
 
     from rmr_world.schema import json_schema  # noqa: PLC0415 - pydantic loads only where it is needed
 
-    return _written(folder / SCHEMA_FILE, json.dumps(json_schema(), indent=1) + "\n")
+    return write_file(folder / SCHEMA_FILE, json.dumps(json_schema(), indent=1) + "\n")
 
 
-def _beside(text: str, file: Path) -> tuple[str, Path | None]:
-    """Return a lab file's text with its program beside it and the header, and where the program lies now."""
+def _copied_lab_file(text: str, file: Path) -> tuple[str, Path | None]:
+    """Return the text of the copied lab file, with the header and the bare name of its program, and the program's path.
+
+    The path is that of the original program; None where the lab file names none.
+    """
     value = read(file).value
     name = value.get("program") if isinstance(value, dict) else None
     if not isinstance(name, str):
@@ -75,6 +78,7 @@ def _beside(text: str, file: Path) -> tuple[str, Path | None]:
     return HEADER + _PROGRAM.sub(f"program: {program.name}", text, count=1), program
 
 
-def _written(file: Path, text: str) -> Path:
+def write_file(file: Path, text: str) -> Path:
+    """Write `text` to `file` in UTF-8; return `file`. Raises OSError."""
     file.write_text(text, encoding="utf-8")
     return file

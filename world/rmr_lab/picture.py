@@ -1,8 +1,8 @@
-"""A lab as a picture: an SVG of the floor, to look at before a run.
+"""Drawing of a lab as an SVG: the floor before a run.
 
-Drawn are obstacles, areas with their slots, boxes and queues, beacons, the bottleneck, the robots with their headings
-and fields of view, and the way of each robot to where it goes, as its own planner finds it. Metres become pixels, and y
-points up.
+The layers are obstacles, areas with their slots, boxes and queues, beacons, the bottleneck, the robots with their
+headings and fields of view, and the route of each robot to its destination, from the robots' own planner. Metres are
+scaled to pixels; y points up.
 """
 
 import math
@@ -17,11 +17,13 @@ from rmr_world.bound import bound_s
 from rmr_world.lab import Lab, RobotStart
 
 SIDE_PX = 900.0
-"""The longer side of the floor."""
+"""Length of the longer side of the floor."""
 MARGIN_PX = 30.0
+"""Margin around the floor, which holds the coordinates of the grid."""
 HEADER_PX = 26.0
-WAYS_MAX = 100
-"""Ways that are planned; a plan costs milliseconds."""
+"""Height of the title."""
+ROUTES_MAX = 100
+"""Bound of the routes that are planned and drawn: each plan takes milliseconds."""
 STYLE = """
 .floor { fill: #fbfbf8; stroke: #333; stroke-width: 2 }
 .grid { stroke: #e4e4de; stroke-width: 1 }
@@ -44,7 +46,7 @@ text { font-family: sans-serif; font-size: 13px; fill: #222 }
 
 
 def draw(lab: Lab, goals: Mapping[int, Area]) -> str:
-    """Return `lab` as the text of an SVG; `goals` says to which area each robot goes."""
+    """Return `lab` as the text of an SVG; `goals` holds the destination of each robot by its id."""
     return _Picture(lab, goals).text()
 
 
@@ -60,7 +62,7 @@ class _Picture:
     def text(self) -> str:
         width = self._arena.width * self._scale + 2 * MARGIN_PX
         height = self._arena.height * self._scale + 2 * MARGIN_PX + HEADER_PX
-        parts = [*self._floor(), *self._obstacles(), *self._areas(), *self._bottleneck(), *self._ways()]
+        parts = [*self._floor(), *self._obstacles(), *self._areas(), *self._bottleneck(), *self._routes()]
         parts += [*self._beacons(), *self._robots(), *self._labels()]
         size = f'width="{width:.0f}" height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<style>{STYLE}</style>\n'
@@ -140,9 +142,9 @@ class _Picture:
         if len(mouths) == 2:
             yield self._line("passage", *mouths)
 
-    def _ways(self) -> Iterator[str]:
+    def _routes(self) -> Iterator[str]:
         taken: dict[str, int] = {}
-        for robot in self._lab.robots[:WAYS_MAX]:
+        for robot in self._lab.robots[:ROUTES_MAX]:
             goal = self._goals.get(robot.id)
             if goal is None:
                 continue
@@ -179,7 +181,7 @@ class _Picture:
             for t in (theta - half, theta + half)
         )
         reach = shape.view_depth * self._scale
-        wide = int(half > math.pi / 2.0)
+        wide = int(half > math.pi / 2.0)  # the large-arc flag of an SVG path
         arc = f"A {reach:.1f} {reach:.1f} 0 {wide} 0 {self._points([b])}"
         return f'<path class="view" d="M {self._points([Point(x, y), a])} {arc} Z"/>'
 
@@ -199,6 +201,6 @@ class _Picture:
 
 
 def _grid_step(side_m: float) -> float:
-    """Return a round distance between lines of which a side has 3 to 8."""
+    """Return the spacing of the grid, 1, 2 or 5 times a power of ten, so that `side_m` has 3 to 8 lines."""
     power = 10.0 ** math.floor(math.log10(side_m / 3.0))
     return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= side_m / 3.0)

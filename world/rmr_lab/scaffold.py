@@ -1,17 +1,17 @@
-"""`rmr new`: the files of a lab of one's own, which run as they are.
+"""`rmr new`: templates of a new lab, which runs unchanged.
 
-The lab is small and shows what a lab has: a floor, a program with a time assertion, an action in Python, a test.
-Nothing is ever overwritten.
+The lab is a small example of each part: a floor, a program with a time assertion, an action in Python, a test.
+Existing files are never overwritten.
 """
 
 import re
 from pathlib import Path
 
-from rmr_lab.lab_copies import HEADER, CopyError, copy, refuse_existing, write_schema
+from rmr_lab.lab_copies import HEADER, CopyError, copy, refuse_existing, write_file, write_schema
 from rmr_world.provided_labs import LAB_FILE
 
 LAB_NAME = re.compile(r"[a-z][a-z0-9_-]{0,63}")
-"""What a lab may be called (`rmr_world.schema.LAB_NAME`)."""
+"""Valid names of labs, as in the lab file (`rmr_world.schema.LAB_NAME`)."""
 
 LAB = """\
 # Three robots drive to a shelf and pack there, one at a time, each by its deadline.
@@ -98,9 +98,9 @@ Editors that know YAML complete `lab.yaml` by `lab.schema.json`; `rmr lab schema
 
 
 def write_lab(folder: Path, origin: str | None = None) -> list[Path]:
-    """Write a lab named like `folder`, which must not exist; `origin` is a provided lab to begin with.
+    """Write a lab named like `folder`, which must not exist; `origin` is the name of a provided lab to copy.
 
-    Returns the files. Raises CopyError, or OSError when it cannot be written.
+    Returns the files that were written. Raises CopyError, or OSError when a file cannot be written.
     """
     name = folder.resolve().name
     if LAB_NAME.fullmatch(name) is None:
@@ -110,28 +110,23 @@ def write_lab(folder: Path, origin: str | None = None) -> list[Path]:
         return _from_provided(folder, name, origin)
     texts = {LAB_FILE: HEADER + LAB, f"{name}.rmr": PROGRAM, "actions.py": ACTIONS}
     folder.mkdir(parents=True)
-    written = [_written(folder / file, text.replace("NAME", name)) for file, text in texts.items()]
+    written = [write_file(folder / file, text.replace("NAME", name)) for file, text in texts.items()]
     about = " `actions.py` has the program's action in Python."
-    return sorted([*written, write_schema(folder), *_beside(folder, name, f"{name}.rmr", about)])
+    return sorted([*written, write_schema(folder), *_write_test_and_readme(folder, name, f"{name}.rmr", about)])
 
 
 def _from_provided(folder: Path, name: str, origin: str) -> list[Path]:
-    """Write the files of the provided lab `origin`, under another name."""
+    """Copy the files of the provided lab `origin` and set the name in its lab file."""
     files = copy(origin, folder)
     file = folder / LAB_FILE
     text = file.read_text(encoding="utf-8")
     file.write_text(re.sub(r"^lab:[^\n#]*", f"lab: {name}", text, count=1, flags=re.MULTILINE), encoding="utf-8")
     program = next(each.name for each in files if each.suffix in {".rmr", ".rbc"})
-    return sorted([*files, *_beside(folder, name, program, "")])
+    return sorted([*files, *_write_test_and_readme(folder, name, program, "")])
 
 
-def _beside(folder: Path, name: str, program: str, actions: str) -> list[Path]:
-    """Write what goes with any lab: a test and a README."""
+def _write_test_and_readme(folder: Path, name: str, program: str, actions: str) -> list[Path]:
+    """Write the test and the README, which every lab has."""
     readme = README.replace("NAME", name).replace("PROGRAM", program).replace("ACTIONS", actions)
     test = folder / f"test_{name.replace('-', '_')}.py"
-    return [_written(test, TEST), _written(folder / "README.md", readme)]
-
-
-def _written(file: Path, text: str) -> Path:
-    file.write_text(text, encoding="utf-8")
-    return file
+    return [write_file(test, TEST), write_file(folder / "README.md", readme)]

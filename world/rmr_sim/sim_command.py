@@ -154,7 +154,7 @@ def _writable(trace: Path) -> bool:
 
 
 def _broke_down(error: Exception, folder: Path | None) -> int:
-    """Tell that this project's own code went wrong; where it did so is kept for whoever mends it."""
+    """Report an internal error on standard error and write its traceback to the run folder; return the exit code."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     where = f"in {last.name}, line {last.lineno} of {Path(last.filename).name}"
     if folder is not None:

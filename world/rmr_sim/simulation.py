@@ -164,8 +164,8 @@ class Simulation(RobotHost):
 
     def tell(self, robot: int, now: Instant, event: object) -> None:
         """Pass `event`, which happened to or inside `robot`, to the subscribers of its type."""
-        for hear in self.subscribers.get(type(event), ()):
-            hear(robot, now, event)
+        for callback in self.subscribers.get(type(event), ()):
+            callback(robot, now, event)
 
     def schedule(self, event: Event) -> None:
         """Schedule `event` at its instant. When its callback fails, `run` raises EventError.

@@ -1,6 +1,6 @@
-"""`rmr.simulate`: what `rmr sim` does, as a function that returns plain data and the ways of the robots.
+"""`rmr.simulate`: `rmr sim` as a function that returns plain data and the trajectories of the robots.
 
-It raises what `rmr.base.errors` names, prints nothing and writes no file.
+It raises the exceptions of `rmr.base.errors`, prints nothing and writes no file.
 """
 
 import math
@@ -28,22 +28,22 @@ Trajectory = npt.NDArray[np.float64]
 """Rows of (t_s, x_m, y_m, heading_rad)."""
 
 RATE_HZ = 10.0
-"""Samples of the robots' true poses per second, unless another rate is named."""
+"""Default rate of the samples of the robots' true poses, per second."""
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedRun:
-    """A lab has been simulated."""
+    """The results of one simulated run."""
 
     report: dict[str, Any] = field(repr=False)
-    """What `rmr sim --json` prints."""
+    """The report, as `rmr sim --json` prints it."""
     trajectories: dict[int, Trajectory] = field(repr=False)
     """By robot: an array of shape (samples, 4), rows (t_s, x_m, y_m, heading_rad) of its true pose; heading is
     counter-clockwise from the x axis, in [-pi, pi]."""
     trace: list[dict[str, Any]] = field(repr=False)
-    """What `rmr sim --trace` writes (docs/trace.md), in order of time."""
+    """The trace in order of time, as `rmr sim --trace` writes it (docs/trace.md)."""
     warnings: list[str]
-    """What `rmr sim` says of the lab and its program before it runs."""
+    """Warnings about the lab and its program, as `rmr sim` prints them before the run."""
 
     @property
     def lab(self) -> str:
@@ -52,7 +52,7 @@ class SimulatedRun:
 
     @property
     def seed(self) -> int:
-        """What all chance was drawn from."""
+        """The seed of the run."""
         return int(self.report["seed"])
 
     @property
@@ -62,7 +62,7 @@ class SimulatedRun:
 
     @property
     def time_s(self) -> float:
-        """How long it took in lab time."""
+        """Duration of the run in lab time, in seconds."""
         return float(self.report["time_s"])
 
 
@@ -137,7 +137,7 @@ class Sampler:
         }
 
     def sample(self, now: Instant) -> None:
-        """Take a sample if it is time."""
+        """Take a sample if one is due at `now`."""
         if now + 1 < self._taken * NS_PER_S / self._rate_hz:  # ticks begin at whole nanoseconds
             return
         self._taken += 1

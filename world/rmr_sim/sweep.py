@@ -1,8 +1,8 @@
-"""A sweep: a lab's runs of many seeds, and what they leave.
+"""A sweep: runs of one lab with many seeds, and the files that they write.
 
-The run folder gets `rows.jsonl`, a row for each seed as it comes, in the end `sweep.json`, all rows and their summary,
-and for each seed that failed a folder `failed/seed-N` with its report, its trace and, where this project's own code
-broke down, `breakdown.txt`. A folder that cannot be written any more costs the sweep nothing but these files.
+The run folder gets `rows.jsonl`, with a row for each seed as soon as its run ends, and finally `sweep.json`, with all
+rows and their summary. Each seed that failed gets a folder `failed/seed-N` with its report, its trace and, after an
+internal error, `breakdown.txt`. A folder that becomes unwritable does not end the sweep: only these files are lost.
 """
 
 import json
@@ -24,19 +24,19 @@ from rmr_world.run_report import write
 SWEEP_FILE = "sweep.json"
 BREAKDOWN_FILE = "breakdown.txt"
 TRACE_FILE = "trace.jsonl"
-SPOKEN_FIRST_S = 10.0
-"""When progress is told for the first time where there is no terminal ..."""
-SPOKEN_EVERY_S_MAX = 600.0
-"""... and the longest time between two lines."""
+PROGRESS_FIRST_S = 10.0
+"""Time of the first line of progress, where standard error is no terminal."""
+PROGRESS_PERIOD_S_MAX = 600.0
+"""Longest time between two lines of progress; the time doubles up to this bound."""
 KEPT_MAX = 100
-"""Failing seeds whose report and trace are kept: each takes a megabyte, and a hundred show what is wrong."""
+"""Bound of the failing seeds whose report and trace are kept: each takes a megabyte of disk."""
 
 
 class Sweep:
-    """What has come of a sweep so far."""
+    """A sweep and the rows of the runs that have ended."""
 
     def __init__(self, loaded: LoadedLab, seeds: range, folder: Path, file: Rows, rows: Sequence[Row] = ()) -> None:
-        """`rows` are there already, of a sweep that is resumed; further ones go to `file`, too."""
+        """`rows` are those of the runs before a sweep was resumed; the rows of further runs are added to `file`."""
         self._loaded = loaded
         self._seeds = seeds
         self._folder = folder
@@ -62,7 +62,7 @@ class Sweep:
             return
         for seed in self._left:
             result = run_seed(self._loaded, seed, interruption)
-            if interruption.came:  # it was stopped on its way
+            if interruption.came:  # the run was cut short: its row is incomplete
                 return
             yield result
 
@@ -72,7 +72,7 @@ class Sweep:
         self._took_s += result.took_s
         if wrong := self._file.add(result.row):
             print(f"rmr sim: {wrong}", file=sys.stderr)
-            self._kept = KEPT_MAX  # it would be written likewise
+            self._kept = KEPT_MAX  # these files are in the same folder: writing them would fail, too
         if fails(result.row) and self._kept < KEPT_MAX:
             self._kept += 1
             self._keep(result)
@@ -98,7 +98,7 @@ class Sweep:
         return self._time_s / self._took_s if self._took_s > 0 else 0.0
 
     def document(self, command: str) -> dict[str, Any]:
-        """Return what `sweep.json` holds; `command` and a seed repeat a run."""
+        """Return the content of `sweep.json`; `command` with `--seed` repeats a run."""
         rows = self.rows
         failing = [row["seed"] for row in rows if fails(row)]
         return {
@@ -113,25 +113,25 @@ class Sweep:
 
 
 class ProgressLines:
-    """Progress in lines of text, each after twice the time of the one before it."""
+    """Progress as lines of text, at intervals that double up to `PROGRESS_PERIOD_S_MAX`."""
 
     def __init__(self, total: int, clock: Callable[[], float], say: Callable[[str], None]) -> None:
-        """`clock` tells seconds."""
+        """`clock` returns seconds; `say` prints a line."""
         self._total = total
         self._clock = clock
         self._say = say
         self._began_s = clock()
-        self._next_s = SPOKEN_FIRST_S
+        self._next_s = PROGRESS_FIRST_S
         self._over = self._failed = 0
 
     def tell(self, failed: bool) -> None:
-        """Take note of a run that is over, and say how far the sweep is if that is due."""
+        """Count a run that has ended, and print a line of progress if one is due."""
         self._over += 1
         self._failed += failed
         took_s = self._clock() - self._began_s
         if took_s < self._next_s or self._over == self._total:
             return
-        self._next_s = took_s + min(took_s, SPOKEN_EVERY_S_MAX)
+        self._next_s = took_s + min(took_s, PROGRESS_PERIOD_S_MAX)
         left_s = took_s / self._over * (self._total - self._over)
         self._say(
             f"{self._over} of {self._total} runs, {self._failed} failed, after {_spell(took_s)}; "
@@ -144,7 +144,7 @@ def _spell(length_s: float) -> str:
 
 
 def keep(result: Result, folder: Path) -> None:
-    """Leave in `folder` what is known of a run that failed."""
+    """Write the report, the trace and the internal error of a failed run to `folder`, as far as they exist."""
     folder.mkdir(parents=True, exist_ok=True)
     if result.report is not None:
         write(result.report, folder)
@@ -155,7 +155,7 @@ def keep(result: Result, folder: Path) -> None:
 
 
 def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
-    """Write what robots noted as JSON lines. Raises OSError, which names the file, when that cannot be done."""
+    """Write a trace as JSON lines. Raises OSError with the name of the file."""
     try:
         with path.open("w") as file:
             for entry in entries:
@@ -166,9 +166,9 @@ def write_trace(entries: Sequence[dict[str, Any]], path: Path) -> None:
 
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[bool], None]]:
-    """Show how many runs are over; what it yields is told of each whether it failed.
+    """Show the progress of a sweep; yields the function to be called after each run with whether the run failed.
 
-    On a terminal a bar, elsewhere a line at widening intervals: a log file stays short, and nobody waits in the dark.
+    A terminal gets a progress bar. Other outputs get a line at growing intervals, which keeps a log file short.
     """
     if not sys.stderr.isatty():
         yield ProgressLines(total, time.monotonic, lambda line: print(line, file=sys.stderr, flush=True)).tell

@@ -1,8 +1,8 @@
-"""The rows of a sweep as they come: one JSON line each in the run folder, so that a sweep that ends early loses none.
+"""The file of a sweep's rows: a JSON line for each run, written as soon as the run ends, so that none is lost.
 
-The first line says what was swept: version, lab, options, seeds, and a digest of the user's files. `--resume` goes on
-only where all of it is the same, for rows of two different sweeps cannot be summed up. A last line that was cut short,
-as by a killed process, is dropped.
+The first line identifies the sweep: version, lab, options, seeds, and a digest of the user's files. `--resume` requires
+all of them to be equal, since rows of different sweeps cannot be summarised together. An incomplete last line, as a
+killed process leaves it, is dropped.
 """
 
 import argparse
@@ -26,15 +26,15 @@ NAMES = {
     "seeds": "seeds",
     "files": "contents of the lab, program or Python files",
 }
-"""What the first line holds, and how a person calls it."""
+"""Key in the first line -> its name in error messages."""
 
 
 class ResumeError(Exception):
-    """A sweep cannot be resumed; the message says why and what to do."""
+    """A sweep cannot be resumed; the message gives the reason and the remedy."""
 
 
 def head(arguments: argparse.Namespace, lab: Lab, seeds: range) -> dict[str, Any]:
-    """Return what is swept. Raises OSError when one of its files cannot be read."""
+    """Return the first line of the file, which identifies the sweep. Raises OSError for an unreadable file."""
     files = [lab.path, lab.program, arguments.actions, arguments.events]
     digest = sha256(b"".join(sha256(file.read_bytes()).digest() for file in files if file is not None))
     return {
@@ -53,12 +53,12 @@ def seeds_of(folder: Path) -> range:
 
 
 def taken_up(folder: Path, wanted: dict[str, Any]) -> list[Row]:
-    """Return the rows of the sweep in `folder`, which is the one that is `wanted`. Raises ResumeError."""
+    """Return the rows of the sweep in `folder`. Raises ResumeError unless its first line equals `wanted`."""
     found, *rows = _read(folder)
     for key, name in NAMES.items():
         if found[key] != wanted[key]:
-            told = f": {found[key]} there, {wanted[key]} here" if key != "files" else " differ"
-            raise ResumeError(f"{folder} cannot be resumed, for it has another sweep; {name}{told}")
+            difference = f": {found[key]} there, {wanted[key]} here" if key != "files" else " differ"
+            raise ResumeError(f"{folder} cannot be resumed, for it has another sweep; {name}{difference}")
     return rows
 
 
@@ -79,10 +79,10 @@ def _read(folder: Path) -> list[dict[str, Any]]:
 
 
 class Rows:
-    """The file of a sweep's rows. What cannot be written is told once; the rows are then the sweep's alone."""
+    """The file of a sweep's rows. A write error is reported once; after it nothing is written."""
 
     def __init__(self, folder: Path, first: dict[str, Any], rows: Iterable[Row]) -> None:
-        """Write the file anew, with the rows that are there already. Raises OSError."""
+        """Write the file with its first line and the rows of earlier runs. Raises OSError."""
         self._path = folder / ROWS_FILE
         partial = self._path.with_suffix(".new")
         with partial.open("w", encoding="utf-8") as file:
@@ -92,11 +92,11 @@ class Rows:
         self._writable = True
 
     def add(self, row: Row) -> str:
-        """Write a row; return what has gone wrong for the first time, in a sentence, or nothing."""
+        """Write a row; return the first write error as a sentence, else an empty string."""
         if not self._writable:
             return ""
         try:
-            with self._path.open("r+", encoding="utf-8") as file:  # opened anew, to notice that it has been removed
+            with self._path.open("r+", encoding="utf-8") as file:  # reopened, since writes to a removed file succeed
                 file.seek(0, SEEK_END)
                 _write(file, row)
         except OSError as error:

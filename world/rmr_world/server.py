@@ -86,7 +86,7 @@ class WorldServer:
         self._map = self._describe()
 
     def _describe(self) -> wire.Map:
-        """Return what every robot must know."""
+        """Return the map: the configuration of the run for every robot."""
         lab, finish = self._lab, self._lab.finish_pattern
         radio = asdict(lab.radio.config) | {
             "seed": self._seed if lab.radio.seed is None else lab.radio.seed,
@@ -111,9 +111,9 @@ class WorldServer:
     # -- run ------------------------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Serve until the end is asked for."""
+        """Serve until the process is asked to end."""
         self._serve()
-        tasks = [asyncio.ensure_future(job) for job in (self._drive(), self._tell())]
+        tasks = [asyncio.ensure_future(job) for job in (self._drive(), self._publish_periodically())]
         if not self._when_ready:
             self._start()
         ended = asyncio.ensure_future(self._ending.wait())
@@ -192,7 +192,7 @@ class WorldServer:
             return None
         wish, wanted = message.body
         disturbed = self._disturbances
-        now = self._unreturned()
+        now = self._bounded_now()
         refused = ""
         before = disturbed.held
         if wish == "clear":
@@ -303,10 +303,10 @@ class WorldServer:
 
     def _disturbances_message(self, refused: str = "") -> wire.Disturbances:
         disturbed = self._disturbances
-        now = self._unreturned()
+        now = self._bounded_now()
         return wire.Disturbances(self._lab.name, now, disturbed.held, len(disturbed.given), refused)
 
-    def _unreturned(self) -> Instant:
+    def _bounded_now(self) -> Instant:
         """Return lab time, limited to what the physics can catch up: later times are about to be set back.
 
         With such a time, disturbances that are still active would be dropped, and new ones would begin too late.
@@ -320,8 +320,8 @@ class WorldServer:
         s = self._physics.sense(robot, tick_start(self._tick))
         self._seen[robot] = self._physics.pose(robot)
         bodies = tuple([(body.x, body.y, body.vx, body.vy) for body in s.bodies])
-        told = wire.Sense(s.stamp, s.left_m, s.right_m, s.gyro, s.compass, s.ranges, bodies, s.bumped, s.truth)
-        self._bus.publish(self._keys.sense(robot), told)
+        sample = wire.Sense(s.stamp, s.left_m, s.right_m, s.gyro, s.compass, s.ranges, bodies, s.bumped, s.truth)
+        self._bus.publish(self._keys.sense(robot), sample)
 
     def _publish_truth(self, *, final: bool) -> None:
         physics = self._physics
@@ -337,11 +337,12 @@ class WorldServer:
         )
         self._bus.publish(self._keys.truth, truth)
 
-    async def _tell(self) -> None:
+    async def _publish_periodically(self) -> None:
+        """Publish the status, and the disturbances and poses where they are due, every `STATUS_S` seconds."""
         while True:
             self._publish_status(final=False)
-            self._disturbances.forget(self._unreturned())
-            if self._disturbances.touched:  # again, for robots that started in between or lost a message
+            self._disturbances.forget(self._bounded_now())
+            if self._disturbances.touched:  # repeated, for robots that started in between or lost a message
                 self._publish_disturbances()
             if self._time.state != "running":
                 self._publish_truth(final=False)

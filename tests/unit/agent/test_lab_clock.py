@@ -15,7 +15,7 @@ def round_trip(clock, true_offset, asked, there, back, *, served=0, state="runni
     clock.sample(state, asked, arrived + true_offset, arrived + served + true_offset, arrived + served + back)
 
 
-def test_equal_ways_give_the_exact_offset_however_long_the_world_took():
+def test_clock_offset_is_exact_for_equal_delays_regardless_of_server_time():
     clock = LabClock()
     round_trip(clock, -5 * NS_PER_S, 100, MS, MS, served=40 * MS)
     assert clock.at(7 * NS_PER_S) == 2 * NS_PER_S
@@ -46,7 +46,7 @@ def test_lab_time_never_goes_back_while_the_same_clock_runs(ways):
     assert seen == sorted(seen)
 
 
-def test_lab_time_stands_before_the_start_and_after_the_end():
+def test_lab_time_is_clamped_to_the_run():
     clock = LabClock()
     assert clock.state == "unknown"
     clock.sample("waiting", 0, 0, 0, MS)
@@ -72,7 +72,7 @@ def test_another_clock_may_be_behind_the_old_one():
     assert clock.at(61 * NS_PER_S) == 2 * NS_PER_S
 
 
-def test_old_samples_give_way_so_that_drift_is_followed():
+def test_clock_drift_is_followed_because_old_samples_expire():
     clock = LabClock()
     round_trip(clock, 0, 0, 0, 0)
     for index in range(SAMPLES_MAX):
@@ -80,7 +80,7 @@ def test_old_samples_give_way_so_that_drift_is_followed():
     assert clock.at(20 * NS_PER_S) == 20 * NS_PER_S + MS
 
 
-def test_a_clock_that_was_set_back_is_followed_at_the_next_sample_however_fast_the_old_ones_were():
+def test_backward_clock_step_is_adopted_at_the_next_sample_despite_faster_old_samples():
     clock = LabClock()
     for index in range(SAMPLES_MAX):
         round_trip(clock, 0, index * MS, 10, 10)
@@ -88,14 +88,14 @@ def test_a_clock_that_was_set_back_is_followed_at_the_next_sample_however_fast_t
     assert clock.at(5 * NS_PER_S) == 2 * NS_PER_S
 
 
-def test_a_slow_answer_is_no_jump():
+def test_slow_clock_reply_is_not_taken_for_a_clock_step():
     clock = LabClock()
     round_trip(clock, 0, 0, 10, 10)
     round_trip(clock, 0, NS_PER_S, 0, 900 * MS)
     assert clock.delay == 20
 
 
-def test_lab_time_stands_rather_than_goes_back_when_the_clock_was_set_back():
+def test_lab_time_freezes_instead_of_going_back_after_a_backward_clock_step():
     clock = LabClock()
     round_trip(clock, 0, 0, MS, MS)
     assert clock.at(4 * NS_PER_S) == 4 * NS_PER_S
@@ -105,7 +105,7 @@ def test_lab_time_stands_rather_than_goes_back_when_the_clock_was_set_back():
     assert clock.at(8 * NS_PER_S) == 5 * NS_PER_S
 
 
-def test_lab_time_stands_soon_after_the_world_has_fallen_silent_and_goes_on_with_it():
+def test_lab_time_freezes_when_the_world_is_silent_and_resumes_with_it():
     clock = LabClock()
     round_trip(clock, 0, 0, MS, MS)
     clock.hear(2 * NS_PER_S)
@@ -115,7 +115,7 @@ def test_lab_time_stands_soon_after_the_world_has_fallen_silent_and_goes_on_with
     assert clock.at(60 * NS_PER_S) == 60 * NS_PER_S
 
 
-def test_another_clock_is_not_believed_to_run_because_the_last_one_did():
+def test_new_world_clock_does_not_inherit_the_running_state_of_the_old_one():
     clock = LabClock()
     clock.sample("running", 0, 100, 100, 0)
     assert clock.running

@@ -18,7 +18,7 @@ def test_a_robot_reads_programs_as_large_as_the_compiler_writes(tmp_path):
     assert len(load_program(tmp_path / "large.rbc").program.facts) == 1500
 
 
-def test_no_more_is_read_than_byte_code_has(tmp_path):
+def test_read_of_byte_code_file_stops_at_the_size_bound(tmp_path):
     path = tmp_path / "endless.rbc"
     path.write_bytes(encode(compile_source("p(@1).").program, debug=False))
     os.truncate(path, 1 << 34)

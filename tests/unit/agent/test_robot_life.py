@@ -68,7 +68,7 @@ def test_processes_have_their_frames_one_after_the_other_and_the_robots_of_one_t
 
 
 @pytest.mark.parametrize("setting", [{"exponent": "3"}, {"tx_power_dbm": float("nan")}])
-def test_a_radio_by_which_the_floor_has_no_cells_is_refused(setting):
+def test_radio_settings_without_a_valid_cell_grid_are_refused(setting):
     config = node_config(1, known(), PROGRAM, 0)
     assert lives.floor_grid(config).width_m > 1.0
     with pytest.raises(RefusedError, match="radio"):
@@ -81,39 +81,39 @@ def test_a_fact_that_does_not_fit_the_program_is_refused(fact):
         node_config(1, known([fact]), PROGRAM, 0)
 
 
-def test_a_finish_fact_of_another_arity_is_refused_and_one_that_only_the_senses_know_is_not():
+def test_finish_fact_of_wrong_arity_is_refused_and_sensed_finish_fact_is_accepted():
     with pytest.raises(RefusedError, match="finish fact due"):
         node_config(1, known(finish=("due", (3, None))), PROGRAM, 0)
     assert node_config(1, known(finish=("at", (Symbol("exit"),))), PROGRAM, 0).finish is not None
 
 
-def test_an_arena_that_is_none_is_malformed_and_one_that_a_host_makes_up_is_refused():
+def test_malformed_arena_is_rejected_and_implausible_arena_is_refused():
     with pytest.raises(MalformedError, match="Map: expected an arena"):
         known(floor={"width": 3})
     with pytest.raises(RefusedError, match="arena"):
         node_config(1, known()._replace(arena={"width": 3}), PROGRAM, 0)
 
 
-def test_the_radio_that_the_world_tells_of_has_its_bursts():
+def test_radio_settings_from_the_world_include_burst_losses():
     config = RadioConfig(loss=0.1, shadowing_db=4.0, bursts=Bursts(2 * NS_PER_S, 200 * MS, 0.9))
     told = wire.decode(wire.encode(-1, 1, 1, known()._replace(radio={"pan": 7, "seed": 1} | asdict(config)))).body
     assert lives.radio_config(told.radio) == config
 
 
 @pytest.mark.parametrize("bursts", [3, {"good": 1}, {"good": 0, "bad": 0}, {"good": "x", "bad": "y"}, {"worse": 1}])
-def test_bursts_that_are_none_are_refused(bursts):
+def test_malformed_burst_settings_are_refused(bursts):
     with pytest.raises(RefusedError, match="radio"):
         lives.radio_config(RADIO | {"bursts": bursts})
 
 
-def test_a_radio_of_settings_that_the_robot_does_not_know_is_refused(monkeypatch):
+def test_unknown_radio_settings_are_refused(monkeypatch):
     with pytest.raises(RefusedError, match="radio"):
         lives.radio_config(RADIO | {"colour": 3})
     with pytest.raises(RefusedError, match="radio"):
         lives.make_station(node_config(1, known(), PROGRAM, 0), {"seed": 1})
 
 
-def test_a_radio_whose_powers_are_beyond_all_numbers_is_refused():
+def test_radio_power_out_of_range_is_refused():
     config = replace(node_config(1, known(), PROGRAM, 0), radio=RadioConfig(sensitivity_dbm=1e9))
     with pytest.raises(RefusedError, match="radio"):
         lives.make_station(config, RADIO)
@@ -206,7 +206,7 @@ def test_a_robot_is_ready_when_its_body_answers_and_it_knows_lab_time(monkeypatc
     live(monkeypatch, scene)
 
 
-def test_what_plans_need_of_the_arena_is_worked_out_before_a_robot_is_ready(monkeypatch):
+def test_planning_grid_is_precomputed_before_a_robot_is_ready(monkeypatch):
     async def scene(life, clock, node, failures):
         floor = node_config(1, known(), PROGRAM, 0).arena
         before = grid_of.cache_info().misses
@@ -217,7 +217,7 @@ def test_what_plans_need_of_the_arena_is_worked_out_before_a_robot_is_ready(monk
     live(monkeypatch, scene)
 
 
-def test_a_robot_listens_from_its_first_sample_to_its_end_and_hears_from_there(monkeypatch):
+def test_robot_receives_frames_from_its_first_sample_to_its_end(monkeypatch):
     async def scene(life, clock, node, failures):
         assert life._air.places == []
         life.sense(sample())
@@ -229,7 +229,7 @@ def test_a_robot_listens_from_its_first_sample_to_its_end_and_hears_from_there(m
     live(monkeypatch, scene)
 
 
-def test_a_robot_hears_nothing_before_it_knows_where_it_is(monkeypatch):
+def test_robot_receives_nothing_before_its_first_position(monkeypatch):
     async def scene(life, clock, node, failures):
         start(clock)
         psdu = encode_data(DataFrame(RADIO["pan"], 1, 2, 5, True, b"x"))
@@ -253,7 +253,7 @@ def test_a_robot_does_not_start_before_lab_time_0(monkeypatch):
     live(monkeypatch, scene)
 
 
-def test_the_node_is_called_when_it_wants_to_be_and_not_before(monkeypatch):
+def test_node_is_called_at_its_next_wake_and_not_before(monkeypatch):
     async def scene(life, clock, node, failures):
         node.wakes = [40 * MS, 80 * MS]
         life.sense(sample())
@@ -268,7 +268,7 @@ def test_the_node_is_called_when_it_wants_to_be_and_not_before(monkeypatch):
     live(monkeypatch, scene)
 
 
-def test_a_sample_wakes_an_idle_node_but_not_one_that_will_look_within_a_frame(monkeypatch):
+def test_sample_wakes_an_idle_node_unless_it_wakes_within_a_frame(monkeypatch):
     async def scene(life, clock, node, failures):
         life.sense(sample())
         start(clock)
@@ -284,7 +284,7 @@ def test_a_sample_wakes_an_idle_node_but_not_one_that_will_look_within_a_frame(m
     live(monkeypatch, scene)
 
 
-def test_a_node_that_always_wants_more_leaves_the_event_loop_its_turns(monkeypatch):
+def test_busy_node_does_not_starve_the_event_loop(monkeypatch):
     async def scene(life, clock, node, failures):
         node.wakes = [0] * 40
         life.sense(sample())
@@ -312,7 +312,7 @@ def test_an_error_of_the_node_is_handed_to_the_host_once(monkeypatch):
     live(monkeypatch, scene)
 
 
-def test_after_its_end_a_life_is_never_called_again(monkeypatch):
+def test_ended_incarnation_is_never_called_again(monkeypatch):
     async def scene(life, clock, node, failures):
         life.sense(sample())
         start(clock)

@@ -52,7 +52,7 @@ def test_a_unicast_whose_announcement_is_2_ms_late_arrives_and_is_confirmed():
     assert not ether.links[2].waiting
 
 
-def test_what_is_overheard_waits_for_nobody_unless_something_before_it_waits():
+def test_overheard_frame_is_not_delayed_unless_an_earlier_frame_is():
     ether = Ether(late=0)
     link = ether.links[2]
     link.overhear = lambda _now, frame: frame.payload != b"call"
@@ -62,7 +62,7 @@ def test_what_is_overheard_waits_for_nobody_unless_something_before_it_waits():
     assert [frame.payload for frame in link.receive()] == [b"call", b"after"]
 
 
-def test_a_frame_of_another_run_that_lies_far_ahead_is_not_received_when_its_time_has_come():
+def test_future_frame_of_another_run_is_never_received():
     for ahead, count in ((AHEAD_MAX, 1), (AHEAD_MAX + 1, 0)):
         ether = Ether(late=0)
         psdu = encode_data(DataFrame(7, BROADCAST, 9, 0, False, b"ghost"))
@@ -72,7 +72,7 @@ def test_a_frame_of_another_run_that_lies_far_ahead_is_not_received_when_its_tim
         assert (len(ether.links[1].receive()), ether.links[1].malformed) == (count, 1 - count)
 
 
-def test_frames_that_nobody_fetches_are_bounded():
+def test_queue_of_unfetched_frames_is_bounded():
     ether = Ether(late=0)
     ether.links[1]._received.extend([None] * (FRAMES_MAX + 5))
     assert len(ether.links[1].receive()) == FRAMES_MAX

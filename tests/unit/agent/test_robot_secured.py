@@ -27,13 +27,13 @@ def test_a_robot_without_a_key_does_not_start_in_a_secured_lab():
 
 
 @pytest.mark.parametrize("security", [None, "none"])
-def test_a_robot_with_a_key_does_not_start_in_an_open_lab_or_one_that_is_said_to_be(security):
+def test_robot_with_a_key_does_not_start_in_an_open_lab_or_one_announced_as_open(security):
     with pytest.raises(RefusedError, match="not secured: start the robot without --radio-key, or give the lab a key"):
         make_security(1, known(security), 5, KEY)
 
 
 @pytest.mark.parametrize("security", ["enc-mic-16", "mic-64", 6, None, ["none"]])
-def test_a_level_that_nobody_knows_is_refused(security):
+def test_unknown_security_level_is_refused(security):
     message = known()._replace(radio={"pan": 7, "seed": 1, "security": security})
     with pytest.raises(RefusedError, match="in a way that this robot does not know"):
         make_security(1, message, 5, KEY)
@@ -49,7 +49,7 @@ def spoken(security):
     return decode(security.protect(DataFrame(7, BROADCAST, 1, 0, False, b"hello")))
 
 
-def test_robots_of_one_run_understand_each_other_in_every_life_and_those_of_another_run_or_lab_do_not():
+def test_keys_work_across_restarts_of_one_run_and_not_across_runs_or_labs():
     one = make_security(1, known("enc-mic-32"), 5, KEY)
     again = make_security(1, known("enc-mic-32", lives=1), 5, KEY)
     two = make_security(2, known("enc-mic-32"), 5, KEY)

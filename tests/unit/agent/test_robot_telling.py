@@ -38,7 +38,7 @@ def told(bus, *statuses, report):
     return [body.report for body in bus.published], warnings
 
 
-def test_a_small_report_goes_along_and_a_large_one_only_now_and_then_and_at_the_end():
+def test_small_report_is_sent_with_each_status_and_large_report_rarely_and_at_the_end():
     final = STATUS._replace(final=True)
     large = {"facts": ["x" * 1000] * 5000}
     reports, _ = told(StubBus(), STATUS, STATUS, final, report=large)

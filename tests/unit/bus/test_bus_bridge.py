@@ -90,7 +90,7 @@ def test_an_item_that_arrives_while_draining_is_not_forgotten():
     run(scene())
 
 
-def test_what_comes_after_the_loop_has_closed_is_dropped_in_silence():
+def test_item_after_loop_closed_is_dropped_without_error():
     loop = asyncio.new_event_loop()
     inbox = Inbox(loop)
     loop.close()
@@ -128,7 +128,7 @@ def put_in_sleep(loop, inbox, take, items, patience):
     return thread
 
 
-def test_what_is_patient_is_taken_when_a_timer_rings_anyway_and_before_what_the_timer_does():
+def test_patient_item_is_handled_with_the_next_timer_before_its_callback():
     async def scene(loop, inbox, woken):
         taken, rung = [], asyncio.Event()
         loop.call_later(0.5, lambda: taken.append("timer") or rung.set())
@@ -140,7 +140,7 @@ def test_what_is_patient_is_taken_when_a_timer_rings_anyway_and_before_what_the_
     on_precise_loop(scene)
 
 
-def test_what_may_not_wait_wakes_the_loop_and_so_does_the_patient_where_no_timer_rings_in_time():
+def test_urgent_item_wakes_the_loop_and_patient_item_does_so_without_a_timely_timer():
     async def scene(loop, inbox, woken):
         for patience in (0, PATIENCE):
             taken = asyncio.Event()
@@ -154,7 +154,7 @@ def test_what_may_not_wait_wakes_the_loop_and_so_does_the_patient_where_no_timer
     on_precise_loop(scene)
 
 
-def test_after_it_has_found_something_the_loop_sleeps_no_longer_than_patience():
+def test_loop_sleeps_at_most_patience_after_activity():
     async def scene(loop, inbox, woken):
         taken = []
         for item in range(5):

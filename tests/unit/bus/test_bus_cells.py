@@ -101,7 +101,7 @@ def line(start, end):
     return [tuple(a + (b - a) * step / steps for a, b in zip(start, end, strict=True)) for step in range(steps + 1)]
 
 
-def test_one_who_walks_along_and_across_borders_and_a_corner_is_received_once_each_time_by_one_who_stands_there():
+def test_sender_crossing_cell_borders_is_received_exactly_once_by_a_standing_receiver():
     async def scene(_router, one, two):
         walker = Robot(one, 1, (W - 0.3, W - 0.3))
         stander = Robot(two, 2, (W + 0.05, W + 0.05))
@@ -147,18 +147,18 @@ def listen_on_the_way(grid):
     return found
 
 
-def test_one_who_walks_over_borders_hears_all_that_matters_once():
+def test_receiver_crossing_cell_borders_receives_each_relevant_frame_once():
     sent, heard, different, lost = listen_on_the_way(GRID)
     assert sent > 100
     assert (heard, different, lost) == (sent, sent, 0)
 
 
-def test_with_cells_narrower_than_the_range_it_would_miss_some():
+def test_cells_narrower_than_the_radio_range_lose_frames():
     sent, heard, _, _ = listen_on_the_way(Grid(0.8 * RANGE_M))
     assert 0 < heard < sent
 
 
-def test_one_outside_the_ring_is_told_nothing_and_nobody_loses_anything_by_coming_and_going():
+def test_robot_outside_the_cell_ring_receives_nothing_and_moving_in_and_out_loses_nothing():
     async def scene(_router, one, two, three):
         sender, listener = Robot(one, 1, (0.5 * W, 0.5 * W)), Robot(two, 2, (0.5 * W, 0.5 * W))
         outsider = Robot(three, 3, (-2.5 * W, 0.5 * W))
@@ -188,7 +188,7 @@ def test_one_outside_the_ring_is_told_nothing_and_nobody_loses_anything_by_comin
     on_a_star(scene, clients=3)
 
 
-def test_of_a_frame_that_wants_an_acknowledgement_only_its_receiver_is_told_at_once():
+def test_unicast_with_acknowledgement_is_delivered_at_once_to_its_destination_only():
     async def scene(_router, one, two, three):
         sender, receiver, other = (Robot(bus, n + 1, (0.1 * n, 0.0)) for n, bus in enumerate((one, two, three)))
         called = []
@@ -210,7 +210,7 @@ def test_of_a_frame_that_wants_an_acknowledgement_only_its_receiver_is_told_at_o
     on_a_star(scene, clients=3)
 
 
-def test_one_who_crosses_many_cells_holds_the_keys_of_one_ring():
+def test_robot_crossing_many_cells_subscribes_to_one_ring_only():
     async def scene(_router, one):
         before = len(one._line._topics)
         crosser = Robot(one, 1, (0.0, 0.0))
@@ -228,7 +228,7 @@ def test_one_who_crosses_many_cells_holds_the_keys_of_one_ring():
 
 
 @pytest.mark.parametrize("config", [RadioConfig(), RadioConfig(exponent=2.0)])
-def test_in_a_lab_smaller_than_the_range_all_are_told_of_all(config):
+def test_lab_smaller_than_the_radio_range_delivers_all_frames_to_all(config):
     grid = grid_of(config, 0.2)
     cells = {grid.cell_of(x, y) for x in (0.0, 1.5, 3.0) for y in (0.0, 1.5)}
     assert len(cells) == 1

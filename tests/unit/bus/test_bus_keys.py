@@ -46,7 +46,7 @@ def test_any_lab_matches_the_keys_of_every_lab():
     assert zenoh.KeyExpr(Keys(ANY_LAB).map).intersects(zenoh.KeyExpr(KEYS.map))
 
 
-def test_one_subscription_hears_all_wheel_commands_and_all_statuses():
+def test_one_subscription_matches_all_wheel_commands_and_all_statuses():
     assert zenoh.KeyExpr(KEYS.acts).includes(zenoh.KeyExpr(KEYS.act(3)))
     assert zenoh.KeyExpr(KEYS.statuses).includes(zenoh.KeyExpr(KEYS.status(WORLD)))
     assert zenoh.KeyExpr(KEYS.statuses).includes(zenoh.KeyExpr(KEYS.status(3)))

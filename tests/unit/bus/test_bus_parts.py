@@ -47,7 +47,7 @@ def test_streams_and_sessions_do_not_mix():
     assert unfinished.add("k", other[2]).sender == 5
 
 
-def test_what_unfinished_messages_hold_is_bounded_and_the_oldest_goes_first():
+def test_memory_of_unfinished_messages_is_bounded_and_the_oldest_is_evicted():
     unfinished = Unfinished()
     streams = HELD_OCTETS_MAX // SIZE + 10
     for sender in range(streams):
@@ -65,7 +65,7 @@ def test_parts_that_hold_another_senders_message_or_parts_are_malformed():
         Unfinished().add("k", wire.Envelope(4, 1, 1, wire.Part(1, 0, 1, nested)))
 
 
-def test_what_does_not_fit_even_in_parts_is_refused_with_its_size():
+def test_message_too_large_for_parts_is_refused_with_its_size():
     with pytest.raises(TooLargeError, match=f"{wire.WHOLE_OCTETS_MAX + 1} octets"):
         list(cut(bytes(wire.WHOLE_OCTETS_MAX + 1), 1))
 

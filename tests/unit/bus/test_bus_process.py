@@ -40,7 +40,7 @@ def handlers():
 # --- ends and signals -----------------------------------------------------------------------------------------
 
 
-def test_the_first_reason_for_an_end_stands():
+def test_first_reason_for_stopping_is_kept():
     ending = Ending()
     ending.ask("finished")
     ending.ask("too late", ExitCode.FAILED)
@@ -112,7 +112,7 @@ def test_a_second_start_of_logging_replaces_the_first_so_that_no_line_is_doubled
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_full_disk_is_told_once_in_one_line_and_the_process_goes_on_without_its_log(logger, capsys):
+def test_full_disk_is_reported_once_and_the_process_continues_without_its_log(logger, capsys):
     start_logging("robot", Path("/dev/full"))
     logger.info("one")
     logger.info("two")

@@ -5,7 +5,7 @@ from bus_star import FRAME, on_a_star, until
 KEY = "rmr/x/radio/0/0"
 
 
-def test_those_of_one_session_hear_each_other_but_not_themselves_and_strangers_hear_all_of_them():
+def test_seats_of_one_session_receive_each_other_but_not_themselves():
     async def scene(_router, one, stranger):
         heard = {1: [], 7: [], "stranger": []}
         seat = one.seat(7)
@@ -26,7 +26,7 @@ def test_those_of_one_session_hear_each_other_but_not_themselves_and_strangers_h
     on_a_star(scene)
 
 
-def test_one_who_leaves_takes_neither_the_session_nor_the_others_subscriptions_along():
+def test_closing_a_seat_keeps_the_session_and_the_other_subscriptions():
     async def scene(router, one):
         seat, heard, left, alive = one.seat(7), [], [], {}
         router.watch_alive("rmr/x/alive/robot/*", lambda key, there: alive.update({key[-1]: there}))
@@ -47,7 +47,7 @@ def test_one_who_leaves_takes_neither_the_session_nor_the_others_subscriptions_a
     on_a_star(scene, clients=1)
 
 
-def test_what_several_hear_is_lost_once_if_at_all_and_a_withdrawn_wish_hears_nothing():
+def test_loss_is_counted_once_for_several_subscribers_and_unsubscribed_receives_nothing():
     async def scene(router, one):
         seat, first, second = one.seat(7), [], []
         withdraw = one.subscribe(KEY, lambda _, message: first.append(message.number))

@@ -110,7 +110,7 @@ def with_router(secret, scene):
     asyncio.run(play())
 
 
-def test_client_with_the_secret_publishes_asks_and_sees_who_is_alive(secret):
+def test_client_with_the_secret_publishes_queries_and_sees_liveliness(secret):
     async def scene(router, endpoint):
         heard, alive = [], []
         router.subscribe("rmr/x/ops/1/status", lambda _, message: heard.append(message.sender))
@@ -157,7 +157,7 @@ def test_client_does_not_use_a_router_that_accepts_every_password(secret, monkey
         with_router(secret, scene)
 
 
-def test_waiting_client_that_is_refused_gives_up_after_its_patience(secret, monkeypatch):
+def test_waiting_client_that_is_refused_gives_up_after_its_timeout(secret, monkeypatch):
     monkeypatch.setattr(session, "REFUSED_PATIENCE_S", 0.2)
 
     async def scene(_router, endpoint):
@@ -235,7 +235,7 @@ def test_client_returns_by_itself_to_a_new_router_with_the_same_secret(secret):
     asyncio.run(play())
 
 
-def test_client_that_is_refused_when_its_router_comes_back_is_told_once(secret, monkeypatch):
+def test_client_refused_on_reconnect_is_reported_once(secret, monkeypatch):
     monkeypatch.setattr(session, "REFUSED_PATIENCE_S", 0.1)
 
     async def play():

@@ -32,7 +32,7 @@ def test_what_one_client_publishes_reaches_the_other_through_the_router_in_order
     on_a_star(scene)
 
 
-def test_nobody_hears_his_own_messages():
+def test_client_does_not_receive_its_own_messages():
     async def scene(router, one):
         heard = {"router": [], "one": []}
         router.subscribe("rmr/x/radio/0/0", lambda _, message: heard["router"].append(message.sender))
@@ -50,7 +50,7 @@ def test_nobody_hears_his_own_messages():
     on_a_star(scene, clients=1)
 
 
-def test_a_subscription_that_is_withdrawn_hands_nothing_on_and_what_is_sent_meanwhile_is_not_lost():
+def test_unsubscribed_callback_is_not_called_and_messages_meanwhile_are_not_counted_lost():
     async def scene(_router, one, two):
         key, heard, marks = "rmr/x/radio/-1/3", [], []
         two.subscribe("rmr/x/truth", lambda _, message: marks.append(message))
@@ -71,7 +71,7 @@ def test_a_subscription_that_is_withdrawn_hands_nothing_on_and_what_is_sent_mean
     on_a_star(scene)
 
 
-def test_what_had_arrived_before_a_subscription_was_withdrawn_is_dropped_and_leaves_no_stream():
+def test_messages_queued_before_unsubscribe_are_dropped_and_leave_no_stream():
     async def scene(_router, one, two):
         key, heard, late, put = "rmr/x/radio/0/0", [], [], two._inbox.put
         two._inbox.put = lambda take, item, patience=0: late.append((take, item)) if busy else put(take, item)
@@ -90,7 +90,7 @@ def test_what_had_arrived_before_a_subscription_was_withdrawn_is_dropped_and_lea
     on_a_star(scene)
 
 
-def test_a_publisher_that_was_retired_publishes_again_and_its_numbers_go_on():
+def test_retired_publisher_continues_its_sequence_numbers():
     async def scene(_router, one, two):
         heard = []
         two.subscribe("rmr/x/truth", lambda _, message: heard.append(message.number))
@@ -105,7 +105,7 @@ def test_a_publisher_that_was_retired_publishes_again_and_its_numbers_go_on():
     on_a_star(scene)
 
 
-def test_a_question_is_answered_by_all_who_serve_it_with_the_instants_of_arrival():
+def test_query_gets_a_reply_with_arrival_time_from_every_server():
     async def scene(router, one, two):
         arrivals = []
 
@@ -126,7 +126,7 @@ def test_a_question_is_answered_by_all_who_serve_it_with_the_instants_of_arrival
     on_a_star(scene)
 
 
-def test_a_question_that_nobody_serves_has_no_replies_and_does_not_wait():
+def test_query_without_server_returns_no_replies_at_once():
     async def scene(_router, one):
         begun = time.monotonic()
         assert await one.ask("rmr/x/map", wire.AskMap(1, 1), 5.0) == []
@@ -135,7 +135,7 @@ def test_a_question_that_nobody_serves_has_no_replies_and_does_not_wait():
     on_a_star(scene, clients=1)
 
 
-def test_a_question_that_is_not_answered_ends_after_its_time():
+def test_unanswered_query_times_out():
     async def scene(router, one):
         router.serve("rmr/x/map", lambda message, arrived: None)
         await asyncio.sleep(0.05)
@@ -144,7 +144,7 @@ def test_a_question_that_is_not_answered_ends_after_its_time():
     on_a_star(scene, clients=1)
 
 
-def test_a_malformed_message_or_question_is_counted_and_dropped():
+def test_malformed_message_or_query_is_counted_and_dropped():
     async def scene(router, one):
         heard = []
         router.subscribe("rmr/x/truth", lambda _, message: heard.append(message))
@@ -164,7 +164,7 @@ def test_a_malformed_message_or_question_is_counted_and_dropped():
     on_a_star(scene, clients=1)
 
 
-def test_tokens_show_who_is_alive_those_before_the_watch_too_and_vanish_with_their_session():
+def test_liveliness_tokens_include_earlier_ones_and_vanish_with_their_session():
     async def scene(router, one, two):
         one.declare_alive("rmr/x/alive/robot/1")
         seen = {}
@@ -212,7 +212,7 @@ def test_after_closing_nothing_is_sent_and_nothing_arrives():
     on_a_star(scene, clients=1)
 
 
-def test_a_second_router_at_the_same_place_is_told_that_it_is_in_use():
+def test_second_router_at_the_same_endpoint_fails_with_address_in_use():
     async def play():
         endpoint = free_endpoint()
         router = open_bus(wire.WORLD_ID, listen=endpoint)
@@ -223,7 +223,7 @@ def test_a_second_router_at_the_same_place_is_told_that_it_is_in_use():
     asyncio.run(play())
 
 
-def test_a_client_waits_for_its_router_and_tells_each_time_that_it_is_not_there():
+def test_client_waits_for_its_router_and_reports_each_failed_attempt():
     async def play():
         endpoint = free_endpoint()
         with pytest.raises(NobodyThereError, match="nobody listens"):
@@ -263,13 +263,13 @@ def test_an_endpoint_that_needs_keys_is_refused_in_one_sentence(endpoint):
         check_endpoint(endpoint)
 
 
-def test_a_host_that_does_not_exist_is_told():
+def test_unknown_host_is_reported():
     assert host_problem("tcp/no-such-host.invalid:1") == ": there is no host no-such-host.invalid"
     assert host_problem("tcp/127.0.0.1:1") == host_problem("tcp/[::1]:1") == host_problem("tcp/localhost:1") == ""
 
 
 @pytest.mark.medium
-def test_who_has_an_address_is_told_whether_it_speaks_zenoh_or_not():
+def test_listener_on_an_endpoint_is_identified_as_zenoh_or_other_program():
     async def play():
         endpoint = free_endpoint()
         router = open_bus(wire.WORLD_ID, listen=endpoint)
@@ -303,7 +303,7 @@ def test_the_session_follows_the_rules_of_the_star():
         assert json.loads(each.get_json("connect/exit_on_failure")) is False
 
 
-def test_program_that_is_no_router_is_told_from_nobody():
+def test_program_that_is_no_router_is_distinguished_from_a_free_port():
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
         assert "a program listens there that does not answer as a world does" in stranger(endpoint)

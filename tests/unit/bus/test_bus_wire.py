@@ -243,7 +243,7 @@ def test_the_table_lists_every_message_once_with_a_check_for_each_field():
     ],
     ids=str,
 )
-def test_what_is_no_disturbance_is_malformed(fields):
+def test_invalid_disturbance_is_malformed(fields):
     with pytest.raises(MalformedError):
         decode(msgpack.packb([11, -2, 1, 1, "add", fields]))
 
@@ -265,7 +265,7 @@ def decodes_or_is_malformed(data):
 
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=80))
-def test_no_octets_make_decoding_fail_in_any_other_way(data):
+def test_decoding_arbitrary_octets_raises_only_malformed(data):
     decodes_or_is_malformed(data)
 
 
@@ -331,7 +331,7 @@ def test_whole_numbers_are_accepted_where_fractions_may_stand():
 
 @pytest.mark.parametrize("depth", [PLAIN_DEPTH_MAX + 2, 400, 900])
 @pytest.mark.parametrize("open_", [b"\x91", b"\x81\xa1a"], ids=["lists", "records"])
-def test_plain_data_nested_without_end_are_malformed(depth, open_):
+def test_deeply_nested_plain_data_are_malformed(depth, open_):
     # A `Status` whose report has one entry, of which the rest is the value.
     start = b"\x9a\x09\x01\x01\x01" + b"\xa5ready\xa0\xc2\xc2\x00" + b"\x81\xa1a"
     assert decode(start + open_ * PLAIN_DEPTH_MAX + b"\xc0").body.report
@@ -339,7 +339,7 @@ def test_plain_data_nested_without_end_are_malformed(depth, open_):
         decode(start + open_ * depth + b"\xc0")
 
 
-def test_what_wants_an_answer_within_milliseconds_may_not_wait_and_what_only_tells_may():
+def test_messages_marked_patient_are_those_that_need_no_prompt_reply():
     bodies = {wire.Air: FRAME, wire.Handshake: wire.Handshake(FRAME.announcement), wire.Act: wire.Act(0.0, 0.0, 0)}
     bodies |= {wire.Sense: wire.Sense(0, *[0.0] * 4, (), (), False, (0.0,) * 3), wire.AskClock: wire.AskClock()}
     waits = {kind for kind, body in bodies.items() if wire.is_patient(encode(1, 1, 1, body))}
@@ -347,7 +347,7 @@ def test_what_wants_an_answer_within_milliseconds_may_not_wait_and_what_only_tel
     assert not wire.is_patient(b"")
 
 
-def test_values_nested_without_end_are_malformed():
+def test_deeply_nested_values_are_malformed():
     value = "x"
     for _ in range(100):
         value = ["l", value]
@@ -370,7 +370,7 @@ def test_a_gap_in_the_numbers_is_counted_as_lost():
     assert after(1, 2, 5, 6, 9).lost == 4
 
 
-def test_what_was_sent_before_the_first_message_heard_is_not_lost():
+def test_messages_before_the_first_received_one_are_not_counted_lost():
     assert after(17, 18).lost == 0
 
 
@@ -386,7 +386,7 @@ def test_a_sender_that_restarts_begins_a_new_count():
     assert (losses.lost, losses.repeated) == (1, 0)
 
 
-def test_numbers_that_a_peer_makes_up_leave_a_count_that_can_be_told():
+def test_forged_sequence_numbers_leave_an_encodable_loss_count():
     losses = Losses()
     for run in range(4):
         losses.note("k", Envelope(1, run, 0, wire.AskClock()))
@@ -404,7 +404,7 @@ def test_senders_and_keys_are_counted_apart():
     assert losses.lost == 3
 
 
-def test_what_is_sent_while_nobody_listens_is_not_lost_but_on_other_keys_it_is():
+def test_messages_sent_while_unsubscribed_are_not_counted_lost_on_that_key_only():
     losses = Losses()
     for number in (1, 5):
         for key in ("radio/0/0", "radio/0/1"):

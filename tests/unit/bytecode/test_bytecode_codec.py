@@ -49,7 +49,7 @@ def sealed(data: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"location(R, s).\n", bytes(64)])
-def test_what_is_no_byte_code_is_called_so(data: bytes) -> None:
+def test_file_that_is_no_byte_code_is_reported(data: bytes) -> None:
     with pytest.raises(BytecodeError, match="not RMR byte-code"):
         decode(data)
 
@@ -150,7 +150,7 @@ def test_the_digest_is_the_same_with_and_without_places_in_the_source() -> None:
     assert digest(textual) != digest(debug)
 
 
-def test_what_is_no_byte_code_has_no_digest() -> None:
+def test_file_that_is_no_byte_code_has_no_digest() -> None:
     with pytest.raises(BytecodeError):
         digest(encode(sample(), debug=False)[:-1])
 
@@ -218,7 +218,7 @@ FORGED = {
 
 
 @pytest.mark.parametrize("reason", FORGED)
-def test_what_cannot_be_read_is_refused_with_the_reason(reason: str) -> None:
+def test_undecodable_byte_code_is_refused_with_the_reason(reason: str) -> None:
     data = forged(**FORGED[reason])
     for read in (decode, disassemble):
         with pytest.raises(BytecodeError, match=re.escape(reason)):
@@ -275,7 +275,7 @@ p: watch(p(@6, $1), p($1, $0), 5, give($0, $1))
 """
 
 
-def test_whatever_is_new_comes_back_and_is_shown() -> None:
+def test_every_construct_round_trips_and_is_disassembled() -> None:
     data = encode(everything(), debug=False)
     assert repr(decode(data)) == repr(everything())
     text = disassemble(data)
@@ -293,13 +293,13 @@ def test_leads_take_two_octets_each() -> None:
     assert octets_of(program, "goals") - octets_of(bare, "goals") == 2 * 2
 
 
-def test_what_is_usual_takes_no_octet_of_an_assertion() -> None:
+def test_default_fields_of_an_assertion_take_no_octets() -> None:
     program = everything()
     usual = replace(program.assertions[0], robot=None, finisher=Slot(0))
     assert octets_of(program, "assertions") - octets_of(replace(program, assertions=(usual,)), "assertions") == 2
 
 
-def test_what_a_terminal_would_take_for_a_command_is_shown_as_text() -> None:
+def test_terminal_control_sequences_are_shown_as_text() -> None:
     hand = Hand()
     p = hand.temporary("p", Type(Base.STRING))
     hand.facts.append(InitialFact(p, None, ("\x1b[2J\r",)))
@@ -342,7 +342,7 @@ def test_the_same_octets_are_the_same_program_as_long_as_they_are_remembered():
     assert decode(octets) == program
 
 
-def test_octets_that_are_refused_are_refused_again_and_put_nothing_out_of_mind():
+def test_refused_octets_are_refused_again_and_evict_nothing_from_the_cache():
     octets = encode(sample(), debug=False)
     program = decode(octets)
     for number in range(2 * REMEMBERED_MAX):

@@ -50,7 +50,7 @@ def texts(text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("text", REASONS)
-def test_a_program_does_not_suit_and_it_is_said_why(text: str) -> None:
+def test_program_unsuited_to_columns_is_reported_with_the_reason(text: str) -> None:
     assert REASONS[text] in texts(text)
 
 
@@ -135,7 +135,7 @@ UNSUITABLE = {
 
 
 @pytest.mark.parametrize("case", UNSUITABLE)
-def test_an_expression_that_columns_do_not_hold_is_told(case: str) -> None:
+def test_expression_that_columns_do_not_support_is_an_obstacle(case: str) -> None:
     with pytest.raises(Unsuitable):
         straight(UNSUITABLE[case], {1: Base.INT})
 
@@ -160,5 +160,5 @@ def handmade(what: str) -> Program:
 
 
 @pytest.mark.parametrize("text", HANDMADE)
-def test_what_can_never_be_is_told_as_well(text: str) -> None:
+def test_obstacles_of_hand_made_byte_code_are_reported(text: str) -> None:
     assert text in [each.text for each in obstacles(handmade(HANDMADE[text]))]

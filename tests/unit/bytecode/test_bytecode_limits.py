@@ -44,7 +44,7 @@ TOO_MUCH = {
 
 
 @pytest.mark.parametrize("what", TOO_MUCH)
-def test_what_a_program_has_too_much_of_is_named_with_its_entry(what):
+def test_exceeded_program_limit_is_named_with_its_entry(what):
     made = hand()
     assert list(exceeded(made.program())) == []
     TOO_MUCH[what](made)

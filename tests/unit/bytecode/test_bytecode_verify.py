@@ -289,7 +289,7 @@ def test_every_opcode_has_a_form_and_every_function_a_name_of_its_own():
     assert len({function.name for function in FUNCTIONS}) == len(FUNCTIONS)
 
 
-def test_of_a_program_that_is_wrong_everywhere_some_reasons_are_told():
+def test_number_of_reasons_of_the_verifier_is_bounded():
     hand, p, *_rest = base()
     for _number in range(3 * REASONS_MAX):
         hand.rule([hand.atom(p, V(9))], [], slots=3)

@@ -62,7 +62,7 @@ def test_back_off_of_an_absent_job_doubles_up_to_its_bound() -> None:
     assert len(gaps) >= 10
 
 
-def test_absent_job_gets_a_slot_soon_after_it_becomes_ready_however_long_its_back_off_is() -> None:
+def test_absent_job_gets_a_slot_soon_after_it_becomes_ready_regardless_of_back_off() -> None:
     model = Absentees(3, 3, {1})
     model.trigger(0, 1, deadline=ms(8000), duration=ms(1000), direction=15)
     model.run(ms(40_000))
@@ -74,7 +74,7 @@ def test_absent_job_gets_a_slot_soon_after_it_becomes_ready_however_long_its_bac
     assert model.entries[0].robot == 1
 
 
-def test_job_that_became_ready_goes_by_its_deadline_again() -> None:
+def test_job_that_became_ready_is_ordered_by_deadline_again() -> None:
     model = Absentees(4, 4, {1})
     model.trigger(0, 1, deadline=ms(30_000), duration=ms(2000), direction=15)
     for robot in (2, 3, 4):

@@ -148,14 +148,14 @@ def asks_for_a_leader_that_never_listed_it(robot: Robot) -> float:
         asks_for_a_leader_that_never_listed_it,
     ],
 )
-def test_answers_of_fifty_are_spread_over_5_ms_for_each(answer: Callable[[Robot], float]) -> None:
+def test_answers_are_spread_over_5_ms_per_member(answer: Callable[[Robot], float]) -> None:
     times = sorted(answer(Robot(seed)) for seed in range(100))
     tenth, ninety = times[10], times[90]
     assert ninety - tenth >= 0.7 * PER_ANSWER * PEERS
     assert times[-1] - times[0] <= 1.4 * PER_ANSWER * PEERS
 
 
-def test_a_relay_is_spread_over_as_many_as_follow_once_slots_are_given() -> None:
+def test_relay_jitter_grows_with_the_number_of_followers() -> None:
     def relays(seed: int) -> float:
         robot = Robot(seed).follower()
         return robot.hear(question(), source=5).run(NOW + ms(800)).first(Sched, NOW)
@@ -163,7 +163,7 @@ def test_a_relay_is_spread_over_as_many_as_follow_once_slots_are_given() -> None
     assert max(map(relays, range(50))) <= 20 + 6 + 8
 
 
-def test_a_reminder_that_a_job_is_over_is_spread_over_those_listed() -> None:
+def test_finished_job_reminder_jitter_grows_with_the_listed_robots() -> None:
     def reminds(seed: int) -> float:
         robot = Robot(seed).follower()
         robot.core.withdraw(NOW, EVENT)
@@ -175,21 +175,21 @@ def test_a_reminder_that_a_job_is_over_is_spread_over_those_listed() -> None:
     assert times[90] - times[10] >= 0.7 * PER_ANSWER * 10
 
 
-def test_a_relay_stays_away_when_another_member_has_relayed_the_same_schedule() -> None:
+def test_relay_is_suppressed_when_another_member_relayed_the_same_schedule() -> None:
     robot = Robot().follower()
     robot.hear(question(), source=5)
     robot.hear(sched(entry(1), issued=NOW - ms(5)), source=6).run(NOW + ms(800))
     assert not [message for _, message, _ in robot.sent if isinstance(message, Sched)]
 
 
-def test_an_older_schedule_keeps_nobody_from_relaying() -> None:
+def test_relay_is_not_suppressed_by_an_older_schedule() -> None:
     robot = Robot().follower()
     robot.hear(question(), source=5)
     robot.hear(sched(entry(1), issued=NOW - ms(200)), source=6).run(NOW + ms(800))
     assert [message for _, message, _ in robot.sent if isinstance(message, Sched)]
 
 
-def test_of_two_that_ask_within_one_millisecond_one_goes_on() -> None:
+def test_of_two_candidates_in_one_millisecond_one_continues_its_election() -> None:
     one, two = Robot(robot=1), Robot(robot=2)
     moment = NOW + ms(60)
     for robot in (one, two):
@@ -220,15 +220,15 @@ def leads_when_all_have_asked(*, earlier: int | None = None, silent: int | None 
     return context.role is Role.LEADING
 
 
-def test_who_has_heard_all_others_ask_leads_at_once() -> None:
+def test_candidate_that_heard_all_others_leads_at_once() -> None:
     assert leads_when_all_have_asked()
 
 
-def test_one_that_was_not_heard_may_follow_a_leader_so_who_asks_goes_on() -> None:
+def test_candidate_continues_its_election_while_one_member_is_unheard() -> None:
     assert not leads_when_all_have_asked(silent=17)
 
 
-def test_who_lets_an_earlier_asker_go_first_does_not_lead_though_all_ask() -> None:
+def test_candidate_that_defers_to_an_earlier_one_does_not_lead() -> None:
     assert not leads_when_all_have_asked(earlier=2)
     assert not leads_when_all_have_asked(earlier=PEERS + 1)
 
@@ -238,7 +238,7 @@ def told(robot: Robot, to: int) -> list[int]:
     return [at for at, message, destination in robot.sent if isinstance(message, Job) and destination == to]
 
 
-def test_who_has_heard_another_ask_before_its_job_begins_asks_itself() -> None:
+def test_election_question_heard_before_the_own_job_is_not_answered_with_the_job() -> None:
     robot = Robot().hear(question(asked=NOW - ms(9)), source=5)
     robot.now = NOW + ms(100)
     robot.job().run(NOW + ms(500))
@@ -246,7 +246,7 @@ def test_who_has_heard_another_ask_before_its_job_begins_asks_itself() -> None:
     assert [to for _, message, to in robot.sent if isinstance(message, Job)][:2] == [None, None]
 
 
-def test_who_has_heard_but_a_part_of_a_new_leaders_schedule_tells_it_the_job() -> None:
+def test_follower_that_received_part_of_a_schedule_sends_its_job_to_the_new_leader() -> None:
     robot = Robot().job()
     robot.hear(sched(*(entry(r) for r in range(10, 20)), part=2, parts=5)).run(NOW + ms(400))
     assert joined(robot) > 0
@@ -292,7 +292,7 @@ def test_a_job_that_has_not_arrived_is_repeated_with_back_off(status: str) -> No
     assert 90 <= gaps[1] <= 310
 
 
-def test_news_of_a_listed_job_that_has_not_arrived_is_repeated_with_back_off_too() -> None:
+def test_unacknowledged_update_of_a_listed_job_is_repeated_with_back_off() -> None:
     robot = Robot().follower()
     robot.core.revise(robot.now, EVENT, release=ms(20_000))
     while not joined(robot):
@@ -327,7 +327,7 @@ def test_the_first_slots_of_many_are_sent_whole_and_then_in_turn() -> None:
     assert set().union(*parts[news + 1 :][:3]) == {0, 1, 2}
 
 
-def test_what_many_are_told_grows_with_those_that_pass_and_not_with_those_that_wait() -> None:
+def test_schedule_traffic_grows_with_passing_robots_and_not_with_waiting_ones() -> None:
     model = Model(3, 60)
     issues = parts_sent(model)
     for robot in model.ids:

@@ -30,7 +30,7 @@ def test_lone_robot_starts_within_a_few_ticks_of_its_trigger() -> None:
     assert max(started(1, 1, seed) for seed in range(10)) <= 20 + 3 * TICK_MS
 
 
-def test_of_two_that_ask_together_the_one_that_leads_starts_without_a_claim() -> None:
+def test_of_two_simultaneous_candidates_the_leader_enters_without_a_claim() -> None:
     times = [started(2, 2, seed) for seed in range(20)]
     assert median(times) < 200
 
@@ -67,7 +67,7 @@ def asking(now: int) -> Coordination:
     return core
 
 
-def test_a_stall_ends_the_assurance_that_nobody_else_claims() -> None:
+def test_stall_ends_entry_without_a_claim() -> None:
     now = ms(10_000)
     core = asking(now)
     core.receive(now + ms(70), question(now + ms(65), now + ms(65)), 2)

@@ -32,7 +32,7 @@ def met(order: list[Task], rules: Rules = RULES) -> int:
     return on_time(order, place(order, [], rules))
 
 
-def test_who_is_late_goes_as_early_as_makes_nobody_late_and_all_others_by_deadline() -> None:
+def test_late_jobs_go_as_early_as_delays_no_other_deadline() -> None:
     order = robots(order_jobs(jobs(late=(1, 2)), [], RULES))
     assert [robot for robot in order if robot > 2] == list(range(3, COUNT + 1))
     assert met(order_jobs(jobs(late=(1, 2)), [], RULES)) == COUNT - 2
@@ -42,7 +42,7 @@ def test_who_is_late_goes_as_early_as_makes_nobody_late_and_all_others_by_deadli
     assert few[-2:] == [1, 2], "a few robots get past each other"
 
 
-def test_a_crowd_that_begins_late_is_not_turned_round() -> None:
+def test_late_start_does_not_reverse_the_deadline_order_of_a_crowd() -> None:
     begun = RULES._replace(floor=9000 * MS)
     order = order_jobs(jobs(), [], begun)
     late = [
@@ -56,14 +56,14 @@ def test_a_crowd_that_begins_late_is_not_turned_round() -> None:
     assert max(abs(k - robot) for k, robot in enumerate(robots(order), 1)) < COUNT // 2
 
 
-def test_who_asks_again_comes_in_by_its_deadline() -> None:
+def test_job_that_rejoins_is_inserted_by_its_deadline() -> None:
     late, known = jobs(late=(1,)), list(range(1, COUNT + 1))
     known.remove(7)
     order = robots(order_jobs(late, [], RULES, known))
     assert order.index(6) < order.index(7) < order.index(8)
 
 
-def test_before_one_under_way_go_those_that_do_not_hold_it_up() -> None:
+def test_jobs_that_do_not_delay_a_robot_under_way_go_before_it() -> None:
     rest, far = jobs(5), Task(9, 4000 * MS, 3000 * MS, 0, HEADWAY_MS * MS, 0)
     order = merge([far], rest, [], RULES)
     assert robots(order) == [1, 2, 3, 9, 4, 5]
@@ -87,7 +87,7 @@ def order(ledger: Ledger, now_ms: int) -> list[int]:
     return sorted(ledger.bookings, key=lambda robot: ledger.bookings[robot].start or 0)
 
 
-def test_who_has_set_out_keeps_its_place_in_a_crowd_though_another_order_met_one_deadline_more() -> None:
+def test_robot_under_way_keeps_its_place_even_if_another_order_meets_one_more_deadline() -> None:
     for count, first in ((EXACT_MAX - 1, [1, EXACT_MAX]), (COUNT, [1, 2])):
         ledger = Ledger(99, Timing(), 0, 0)
         for robot in range(1, count + 1):

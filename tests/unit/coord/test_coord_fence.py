@@ -35,7 +35,7 @@ def test_the_headway_behind_a_robot_of_the_same_way_is_kept() -> None:
     assert made.judge(ms(2050), claim()).open
 
 
-def test_an_opposed_robot_inside_closes_it_until_out() -> None:
+def test_opposed_robot_inside_closes_the_fence_until_out() -> None:
     made = fence(beacon(2, Phase.IN, 1100, direction=1))
     assert not made.judge(ms(9000), claim(direction=0)).open
     made.note(beacon(2, Phase.OUT, 9000, direction=1))
@@ -74,7 +74,7 @@ def test_of_two_conflicting_claims_the_smaller_start_then_robot_wins() -> None:
     assert fence(beacon(0, Phase.CLAIM, 1900, direction=1, start=2000)).judge(ms(1950), claim(2000)).lost
 
 
-def test_the_winner_waits_for_the_yield_of_the_loser_however_long_that_is_silent() -> None:
+def test_claim_winner_waits_for_the_yield_of_a_silent_loser() -> None:
     made = fence(beacon(2, Phase.CLAIM, 1500, direction=1, start=2010))
     for now in (1990, 2100, 2250):
         assert made.judge(ms(now), claim(2000)) == (False, False, False)

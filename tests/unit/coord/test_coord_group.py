@@ -37,7 +37,7 @@ def served(model: Model, limit: float = 120_000) -> None:
     assert model.violations == []
 
 
-def test_a_lone_robot_leads_and_passes_without_waiting_for_anybody() -> None:
+def test_lone_robot_leads_and_passes_without_delay() -> None:
     model, _ = fleet(1, 1)
     served(model)
     (entry,) = model.entries
@@ -60,7 +60,7 @@ def test_robots_triggered_together_get_one_leader_and_slots_by_deadline(count: i
     assert median(times) < 200
 
 
-def test_robots_of_one_way_stream_at_their_headway() -> None:
+def test_robots_of_one_direction_follow_at_their_headway() -> None:
     model, by_deadline = fleet(3, 6)
     served(model)
     starts = [entry.start for entry in model.entries]
@@ -114,7 +114,7 @@ def test_ranks_go_on_when_a_later_group_forms() -> None:
     assert [(entry.robot, entry.rank) for entry in model.entries] == [(1, 1), (2, 2), (3, 3)]
 
 
-def test_who_finishes_before_its_predecessor_leaves_the_ranks_as_they_are() -> None:
+def test_job_finished_before_its_predecessor_leaves_the_ranks_unchanged() -> None:
     model = Model(4, 4)
     model.minds[1].overrun = ms(4000)
     for robot in model.ids:
@@ -182,7 +182,7 @@ def test_a_dead_leader_is_replaced_and_all_others_are_served() -> None:
         assert len(model.entries) >= 4
 
 
-def test_a_dead_follower_holds_nobody_up_for_long() -> None:
+def test_dead_follower_delays_the_group_by_a_bounded_time() -> None:
     model, by_deadline = fleet(4, 4)
     model.run(ms(700))
     victim = next(robot for robot in by_deadline if robot not in model.leaders())
@@ -191,7 +191,7 @@ def test_a_dead_follower_holds_nobody_up_for_long() -> None:
     assert max(entry.start for entry in model.entries) < ms(9000)
 
 
-def test_a_leader_that_withdraws_names_an_heir_who_keeps_the_slots() -> None:
+def test_withdrawing_leader_names_a_successor_that_keeps_the_slots() -> None:
     model = Model(6, 4)
     for robot in model.ids:
         model.trigger(ms(robot), robot, deadline=ms(20_000 + 1000 * robot), release=ms(3000))
@@ -250,14 +250,14 @@ def test_a_group_larger_than_one_frame_is_served_in_order() -> None:
 
 @pytest.mark.medium
 @pytest.mark.parametrize("block", range(10))
-def test_random_faults_break_no_guarantee_and_leave_nobody_unserved(block: int) -> None:
+def test_random_faults_break_no_safety_or_liveness_guarantee(block: int) -> None:
     outcomes = [run(seed) for seed in range(20 * block, 20 * block + 20)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
 
 
 @pytest.mark.medium
 @pytest.mark.parametrize("block", range(3))
-def test_nor_where_schedules_are_long_and_sent_by_pieces(block: int) -> None:
+def test_random_faults_break_no_guarantee_with_schedules_of_several_frames(block: int) -> None:
     outcomes = [run(seed, SHORT, (6, 12)) for seed in range(6 * block, 6 * block + 6)]
     assert [outcome for outcome in outcomes if not outcome.ok] == []
 
@@ -333,7 +333,7 @@ def test_an_impossible_request_is_refused_with_the_reason() -> None:
         core.trigger(0, request(direction=16))
 
 
-def test_what_is_no_frame_of_coordination_is_refused_and_malformed_ones_are_counted() -> None:
+def test_frame_of_another_kind_is_refused_and_malformed_coordination_frame_is_counted() -> None:
     core = Coordination(1, Random(1), 3)
     assert not core.receive(0, b"", 2)
     assert not core.receive(0, b"\x10hello", 2)
@@ -375,7 +375,7 @@ def test_a_revised_release_moves_a_slot_that_is_not_frozen() -> None:
     assert slot.start >= ms(8000)
 
 
-def test_who_tells_that_it_is_due_and_there_later_lets_another_go_first() -> None:
+def test_revised_later_release_and_deadline_swap_the_slots() -> None:
     model = Model(8, 2)
     model.trigger(0, 1, deadline=ms(30_000), release=ms(5000))
     model.trigger(ms(3), 2, deadline=ms(40_000), release=ms(5000))
@@ -423,7 +423,7 @@ def test_a_robot_without_a_job_remembers_who_is_inside() -> None:
     assert model.entries[1].cautious
 
 
-def test_a_question_and_a_join_are_told_apart_by_the_term() -> None:
+def test_election_question_and_join_are_distinguished_by_the_term() -> None:
     model, _ = fleet(1, 2)
     jobs: list[Job] = []
     scheds: list[Sched] = []
@@ -444,7 +444,7 @@ def test_a_question_and_a_join_are_told_apart_by_the_term() -> None:
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_robot_that_others_take_for_gone_goes_on_under_a_new_identity(inside: bool) -> None:
+def test_robot_presumed_gone_continues_under_a_new_identity(inside: bool) -> None:
     model = Model(4, 2)
     model.trigger(0, 1, deadline=ms(60_000), duration=ms(8000))
     model.run(ms(2000 if inside else 400))

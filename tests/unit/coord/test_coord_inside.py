@@ -16,24 +16,24 @@ def passages(loss: float, direction: int) -> tuple[tuple[int, int], tuple[int, i
     return by_robot[1], by_robot[2]
 
 
-def test_it_is_inside_at_once_without_a_slot() -> None:
+def test_robot_already_inside_is_registered_without_a_slot() -> None:
     (start, end), _ = passages(0.0, 1)
     assert start == ms(100)
     assert end > start
 
 
-def test_who_comes_towards_it_waits_until_it_is_out() -> None:
+def test_opposed_robot_waits_until_the_one_inside_is_out() -> None:
     for loss in (0.0, 0.2):
         (_, out), (entry, _) = passages(loss, 1)
         assert entry >= out
 
 
-def test_who_goes_the_same_way_follows_by_a_headway() -> None:
+def test_robot_of_the_same_direction_follows_by_a_headway() -> None:
     (start, out), (entry, _) = passages(0.0, 0)
     assert start + ms(950) <= entry < out
 
 
-def test_who_has_not_heard_it_but_the_schedule_that_lists_it_follows_by_a_headway() -> None:
+def test_robot_that_knows_it_from_the_schedule_only_follows_by_a_headway() -> None:
     model = Model(1, 3)
     model.trigger(0, 3, deadline=ms(10_000))
     model.trigger(ms(100), 2, deadline=ms(20_000))

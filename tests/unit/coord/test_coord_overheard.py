@@ -40,7 +40,7 @@ def leads(made: Coordination) -> None:
 
 @pytest.mark.parametrize("phase", [Phase.IN, Phase.OUT, Phase.YIELD])
 @pytest.mark.parametrize("state", [lambda _: None, waits])
-def test_who_stands_by_or_waits_overhears_what_changes_and_is_due_no_sooner(
+def test_overheard_beacon_updates_the_fence_and_leaves_the_next_wake(
     phase: Phase, state: Callable[[Coordination], None]
 ) -> None:
     overhears, is_called = core(), core()
@@ -58,13 +58,13 @@ def test_who_stands_by_or_waits_overhears_what_changes_and_is_due_no_sooner(
     assert overhears.next_wake == wake == is_called.next_wake
 
 
-def test_who_leads_is_called_for_all_that_is_said() -> None:
+def test_leader_overhears_no_beacon_and_is_called_instead() -> None:
     made = core()
     leads(made)
     assert not made.overhear(ms(9000), encode(beacon(Phase.OUT)))
 
 
-def test_who_passes_itself_is_called_for_all_that_is_said() -> None:
+def test_robot_in_passage_overhears_no_beacon_and_is_called_instead() -> None:
     made = core()
     waits(made)
     made._groups[EVENT].context.passage = Passage.CLAIMING
@@ -80,7 +80,7 @@ def test_who_passes_itself_is_called_for_all_that_is_said() -> None:
         beacon(Phase.IN)._replace(time=ms(6000)),
     ],
 )
-def test_claims_jobs_and_what_is_not_understood_wait_for_a_call(message: Message) -> None:
+def test_claims_jobs_and_unknown_frames_are_not_overheard(message: Message) -> None:
     assert not core().overhear(ms(5000), encode(message))
 
 

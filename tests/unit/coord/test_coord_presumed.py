@@ -19,7 +19,7 @@ def stalled(seed: int, duration: float, stall: float) -> Model:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_nobody_enters_against_a_silent_robot_before_its_announced_end(seed: int) -> None:
+def test_entry_against_a_silent_robot_is_barred_until_its_announced_end(seed: int) -> None:
     model = stalled(seed, 20_000, 12_000)
     assert model.run_until(lambda: len(model.entries) == 2, ms(90_000))
     first, second = model.entries
@@ -53,7 +53,7 @@ def test_a_robot_that_was_presumed_gone_and_speaks_again_keeps_others_out() -> N
     assert not third.cautious
 
 
-def test_presumed_end_is_listed_as_gone_and_takes_nobodys_beacon_from_the_fence() -> None:
+def test_presumed_end_is_listed_as_gone_and_keeps_every_beacon_in_the_fence() -> None:
     model = stalled(3, 3000, 40_000)
     phases: list[Phase] = []
     transmit = model._transmit

@@ -28,7 +28,7 @@ def forged(term: Term, now: int) -> bytes:
 
 @pytest.mark.parametrize("leader", [2, STRANGER])
 @pytest.mark.parametrize("counter", [1, 2, 300, 32_767, 32_768, 32_769, COUNTER_MAX - 1, COUNTER_MAX])
-def test_one_forged_schedule_of_any_term_disturbs_a_group_for_one_takeover_only(counter: int, leader: int) -> None:
+def test_forged_schedule_of_any_term_costs_a_group_at_most_one_takeover(counter: int, leader: int) -> None:
     model = waiting_group()
     model.forge(ms(2000), STRANGER, lambda now: forged(Term(counter, leader), now))
     model.run(ms(2000) + RECOVERY)

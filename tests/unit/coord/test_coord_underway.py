@@ -36,11 +36,11 @@ def crowd() -> Ledger:
     return ledger
 
 
-def test_who_is_late_goes_last_as_long_as_it_has_not_set_out() -> None:
+def test_late_robot_that_has_not_set_out_goes_last() -> None:
     assert order(crowd(), 10) == [4, 5, 6, 2, 3]
 
 
-def test_who_is_under_way_goes_first_the_nearest_before_all_whatever_their_deadlines() -> None:
+def test_robots_under_way_go_first_by_distance_regardless_of_deadline() -> None:
     ledger = crowd()
     told(ledger, 3, 20, 3000, 1000, underway=True)
     told(ledger, 5, 20, 4000, 6200, underway=True)
@@ -66,7 +66,7 @@ def test_a_repeated_job_does_not_bring_its_owner_nearer() -> None:
     assert ledger.bookings[3].approach == 1200 * MS
 
 
-def test_who_is_under_way_no_more_goes_by_its_deadline_again() -> None:
+def test_robot_no_longer_under_way_is_ordered_by_deadline_again() -> None:
     ledger = crowd()
     told(ledger, 3, 20, 2000, 1000, underway=True)
     assert order(ledger, 30)[0] == 3

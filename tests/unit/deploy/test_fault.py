@@ -57,7 +57,7 @@ def asked(monkeypatch):
         ("link 1,2 --cut --for 500ms", partition([[1], [2]], 0, 500 * MS)),
     ],
 )
-def test_words_become_a_disturbance(asked, words, added):
+def test_command_line_words_become_a_disturbance(asked, words, added):
     assert run(*words.split()).exit_code == 0
     assert asked == [wire.AskDisturbances("add", added)]
 
@@ -93,14 +93,14 @@ def test_clear_and_list_ask_for_nothing_more(asked, wish):
         ("stall 3", "unknown command 'stall'"),
     ],
 )
-def test_what_makes_no_sense_is_wrong_usage(words, said):
+def test_invalid_fault_arguments_are_wrong_usage(words, said):
     answer = run(*words.split())
     assert answer.exit_code == 2
     assert said in answer.stderr
     assert answer.stdout == ""
 
 
-def test_where_nobody_listens_the_command_fails():
+def test_fault_command_fails_without_a_listener():
     answer = run("list", "--connect", NOBODY)
     assert (answer.exit_code, answer.stderr) == (1, f"rmr fault: nobody listens at {NOBODY}\n")
 
@@ -121,7 +121,7 @@ TOLD = wire.Disturbances(
 )
 
 
-def test_people_see_what_holds_and_what_will_and_not_what_is_over():
+def test_listing_shows_current_and_future_disturbances_and_omits_past_ones():
     assert list(disturb.lines(TOLD)) == [
         "lab x, 6.0 s:",
         "  lab file   0.0 s to the end: between 1 and 2, loss 0.3",
@@ -131,7 +131,7 @@ def test_people_see_what_holds_and_what_will_and_not_what_is_over():
     assert list(disturb.lines(TOLD._replace(held=(), given=0))) == ["lab x, 6.0 s: nothing disturbs the radio"]
 
 
-def test_programs_get_one_json_document(monkeypatch):
+def test_json_output_is_one_document(monkeypatch):
     async def answer(*_question):
         return TOLD
 

@@ -201,7 +201,7 @@ def hosted(process: Process, known: wire.Map) -> HostedRobot:
     return robot
 
 
-def test_a_robot_goes_on_whatever_arrives_on_its_keys():
+def test_robot_survives_hostile_messages_on_its_keys():
     known = wire.decode(wire.encode(wire.WORLD_ID, 9, 1, MAP)).body
 
     async def scene() -> None:
@@ -229,7 +229,7 @@ def test_a_robot_goes_on_whatever_arrives_on_its_keys():
     undisturbed(scene)
 
 
-def test_a_robot_takes_no_harm_from_false_maps():
+def test_robot_survives_forged_maps():
     async def scene() -> None:
         for data in hostile(MAP):
             try:
@@ -248,7 +248,7 @@ def test_a_robot_takes_no_harm_from_false_maps():
     undisturbed(scene)
 
 
-def test_a_world_goes_on_whatever_arrives_on_its_keys():
+def test_world_survives_hostile_messages_on_its_keys():
     async def scene() -> None:
         process = Process(wire.WORLD_ID)
         server = world(process)
@@ -275,7 +275,7 @@ def test_a_liveliness_token_without_a_robots_id_is_none(key):
     assert last_id(f"rmr/dash/alive/robot/{key}") is None
 
 
-def test_the_launcher_reports_whatever_arrives_on_its_keys(tmp_path):
+def test_launcher_survives_hostile_messages_on_its_keys(tmp_path):
     lab = load_lab(DASH)
     plan = RunPlan(RunOptions(lab=DASH), lab, LoadedProgram(None, b"", 0, ""), tmp_path)
 
@@ -303,7 +303,7 @@ def shown(record: dict[str, Any]) -> None:
     assert "\x1b" not in run_report.to_json(record)
 
 
-def test_what_a_world_tells_of_disturbances_is_shown_without_escapes():
+def test_disturbances_from_a_world_are_shown_without_terminal_escapes():
     for data in hostile(of_kind(wire.Disturbances)[0]):
         try:
             told = wire.decode(data).body

@@ -126,7 +126,7 @@ def test_a_run_is_over_when_every_robot_holds_the_finish_fact(start):
     assert report["died"] == {}
 
 
-def test_a_schedule_that_all_robots_tell_stands_in_the_report_once(start):
+def test_schedule_reported_by_all_robots_stands_in_the_report_once(start):
     _, report = end(start("finish", "finish"))
     assert report["schedule"] == [{"event": "crossing(exit)", "leader": 1, "term": 1, "order": [1, 2], "formed_s": 0.1}]
 
@@ -146,7 +146,7 @@ def test_plain_output_of_processes_that_left_in_order_is_not_kept(start):
     assert list(run.plan.logs.glob("*.out")) == []
 
 
-def test_a_robot_that_refuses_its_program_ends_the_run_with_its_words_and_exit_code_3(start):
+def test_robot_that_refuses_its_program_ends_the_run_with_its_message_and_exit_code_3(start):
     run = start("finish", "refuse")
     outcome, report = end(run)
     assert exit_code(outcome, report, strict=False) == 3
@@ -200,7 +200,7 @@ def test_a_run_ends_at_the_labs_duration(start):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_stops_in_order_and_the_last_words_are_in_the_report(start, number):
+def test_signal_stops_the_run_in_order_and_the_report_holds_the_final_statuses(start, number):
     run = start("roam", "roam")
     interrupt_when(run, working, number)
     outcome, report = end(run)
@@ -211,7 +211,7 @@ def test_a_signal_stops_in_order_and_the_last_words_are_in_the_report(start, num
     assert exit_code(outcome, report, strict=False) == 1
 
 
-def test_a_signal_before_anybody_is_ready_stops_as_well(start):
+def test_signal_before_any_robot_is_ready_stops_the_run(start):
     run = start("mute", "mute")
     interrupt_when(run, lambda lines: True)
     outcome, report = end(run)

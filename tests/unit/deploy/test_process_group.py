@@ -58,7 +58,7 @@ def test_a_process_leads_a_session_of_its_own_so_that_ctrl_c_does_not_reach_it(g
     assert os.getsid(child.pid) == child.pid != os.getsid(0)
 
 
-def test_those_that_ended_are_told_with_their_exit_code(group, tmp_path):
+def test_ended_processes_are_returned_with_their_exit_codes(group, tmp_path):
     start(group, tmp_path, OBEDIENT, "world")
     start(group, tmp_path, "raise SystemExit(3)", "robot-1")
     eventually(group.dead)
@@ -66,7 +66,7 @@ def test_those_that_ended_are_told_with_their_exit_code(group, tmp_path):
 
 
 @pytest.mark.parametrize("how", ["leaves in order", "is killed"])
-def test_a_child_process_of_a_robot_does_not_outlive_it(group, tmp_path, how):
+def test_child_process_of_a_robot_is_killed_with_it(group, tmp_path, how):
     """What a user's action starts is in the process group of its robot, and has no launcher of its own."""
     told = tmp_path / "pid"
     code = f"""

@@ -51,7 +51,7 @@ def test_a_change_of_state_is_written_at_once(plain, output):
     ]
 
 
-def test_a_measured_value_that_changes_is_no_news_but_another_turn_is(plain, output):
+def test_changed_measurement_prints_no_line_but_changed_crossing_state_does(plain, output):
     for tenth in range(30):
         plain.show(tenth / 10, [RobotLine(1, "running", f"turn {2 - tenth // 15} in {3 - tenth / 10:.1f} s")])
     assert output.getvalue().splitlines() == [
@@ -66,7 +66,7 @@ def test_nothing_is_written_twice(plain, output):
     assert len(output.getvalue().splitlines()) == 1
 
 
-def test_what_a_robot_says_is_text_and_never_markup_or_control(plain, output):
+def test_robot_output_is_shown_as_text_without_markup_or_control_characters(plain, output):
     plain.show(None, [RobotLine(1, "running", "[bold]x[/bold] \x1b[2J")])
     assert "[bold]x[/bold]" in output.getvalue()
     assert "\x1b" not in output.getvalue()

@@ -106,7 +106,7 @@ def test_each_receiver_of_a_broadcast_loses_by_itself():
     assert heard[2] != heard[3] != heard[4]
 
 
-def test_the_outcome_of_a_coordination_frame_to_one_robot_is_told():
+def test_outcome_of_a_unicast_coordination_frame_is_reported():
     air = Air()
     air.send(1, SCHEDULE, 2, handle=5)
     air.send(1, SCHEDULE, 3, handle=6)
@@ -173,7 +173,7 @@ def conversation(air):
     return answered
 
 
-def test_robots_that_answer_each_other_at_one_instant_without_end_let_time_move_on():
+def test_endless_replies_at_one_instant_do_not_stop_time():
     air = Air(latency=0)
     answered = conversation(air)
     air.kernel.run_until(0)

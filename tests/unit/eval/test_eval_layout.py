@@ -16,7 +16,7 @@ VALUES = st.recursive(
 
 @settings(max_examples=50)
 @given(VALUES)
-def test_what_is_laid_out_is_the_same_json(value):
+def test_layout_keeps_the_json_value(value):
     assert json.loads(laid_out(value)) == value
 
 

@@ -41,7 +41,7 @@ def test_as_many_robots_as_there_are_ids_are_possible():
         ("٣", "is no id"),
     ],
 )
-def test_what_names_no_robots_is_refused_with_the_reason(text, message):
+def test_invalid_robots_option_is_refused_with_the_reason(text, message):
     with pytest.raises(OptionError, match=message):
         robots(text)
 
@@ -64,7 +64,7 @@ def test_durations_are_those_of_the_language_and_plain_numbers_are_seconds(text,
 
 
 @pytest.mark.parametrize("text", ["", "s", "-1s", "5 hours", "1h", "1 s", "nan", "inf", "1_000", "0x10", "५s"])
-def test_what_is_no_duration_is_refused_with_examples(text):
+def test_invalid_duration_is_refused_with_examples(text):
     with pytest.raises(OptionError, match=r"is no duration; write 500ms, 2s, 1\.5min, or a number of seconds"):
         duration(text)
 
@@ -80,7 +80,7 @@ def test_shares_lie_from_0_to_1():
 
 
 @pytest.mark.parametrize("text", ["1.1", "-0.1", "10%", "nan", "", "half"])
-def test_what_is_no_share_is_refused_with_an_example(text):
+def test_invalid_share_is_refused_with_an_example(text):
     with pytest.raises(OptionError, match=r"a share from 0 to 1, not .*; 0\.1 loses one frame in ten"):
         share(text)
 

@@ -97,12 +97,12 @@ def test_a_file_lists_pairs_as_lines_or_as_json(text, tmp_path):
         ("[[1, " + "9" * 5000 + "]]", r"net:1: this is no list of pairs"),
     ],
 )
-def test_a_mistake_in_a_file_is_told_with_its_place(text, message):
+def test_mistake_in_a_topology_file_is_reported_with_its_place(text, message):
     with pytest.raises(OptionError, match=message):
         from_text(text, "net", ids(4))
 
 
-def test_a_name_that_is_none_gets_the_names(tmp_path):
+def test_unknown_topology_name_is_reported_with_the_valid_names(tmp_path):
     with pytest.raises(OptionError, match="there is no file 'rnig'; did you mean `ring`"):
         read("rnig", ids(2))
     with pytest.raises(OptionError, match="write complete, line, ring, grid, star, or a file"):

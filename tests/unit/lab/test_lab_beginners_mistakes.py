@@ -126,7 +126,7 @@ def section(folder, text):
 
 
 @pytest.mark.parametrize("number", range(len(LABS)))
-def test_wrong_lab_file_of_a_beginner_is_told_as_on_the_page(tmp_path, number):
+def test_wrong_lab_file_of_a_beginner_is_reported_as_on_the_page(tmp_path, number):
     found = section(tmp_path, LABS[number])
     if os.environ.get("RMR_REWRITE"):
         with PAGE.open("w" if number == 0 else "a", encoding="utf-8") as page:

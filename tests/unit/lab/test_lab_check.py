@@ -69,7 +69,7 @@ def test_lab_with_actions_has_no_findings(tmp_path):
     assert (found, result.exit_code) == ([], 0)
 
 
-def test_mistakes_of_lab_and_program_are_told_together(tmp_path):
+def test_mistakes_of_lab_and_program_are_reported_together(tmp_path):
     lab, program = LAB.replace("arena:", "seeed: 1\narena:"), PROGRAM.replace("start(R) -o", "start(R) -o nobody(X),")
     found, result = listed(room(tmp_path, lab=lab, program=program))
     assert ("lab.yaml", 5, "error", "seeed: unknown key") in found
@@ -91,7 +91,7 @@ def test_warning_of_the_lab_has_its_severity_and_exit_code_0(tmp_path):
     assert result.exit_code == 0
 
 
-def test_action_without_handler_is_told_where_it_is_declared(tmp_path):
+def test_action_without_handler_is_reported_at_its_declaration(tmp_path):
     found, result = listed(room(tmp_path, lab=LAB.replace("actions: actions.py\n", "")))
     [(file, line, severity, message)] = found
     assert (file, line, severity) == ("room.rmr", 2, "error")
@@ -108,7 +108,7 @@ def test_action_without_handler_is_told_where_it_is_declared(tmp_path):
         ("print('loaded')\n" + ACTIONS, None, ""),
     ],
 )
-def test_mistake_in_the_file_of_actions_is_told_with_its_line(tmp_path, actions, line, message):
+def test_mistake_in_the_actions_file_is_reported_with_its_line(tmp_path, actions, line, message):
     found, _ = listed(room(tmp_path, actions=actions))
     if line is None:
         assert found == []
@@ -118,7 +118,7 @@ def test_mistake_in_the_file_of_actions_is_told_with_its_line(tmp_path, actions,
     assert message in words
 
 
-def test_mistake_in_the_file_of_events_is_told_with_its_line(tmp_path):
+def test_mistake_in_the_events_file_is_reported_with_its_line(tmp_path):
     folder = room(tmp_path, lab=LAB + "events: what.py\n")
     (folder / "what.py").write_text("def events(lab, seed):\n    return lab.nothing\n")
     [(file, line, _, message)], _ = listed(folder)

@@ -62,7 +62,7 @@ def test_new_lab_never_overwrites(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["My Shop", "2nd", "Shop", "a" * 65, "sh$p"])
-def test_name_that_no_lab_can_have_is_told(tmp_path, name):
+def test_invalid_lab_name_is_reported(tmp_path, name):
     result = run(new, tmp_path / name)
     assert result.exit_code == 2
     assert "cannot be the name of a lab: small letters, digits, _ and -, a letter first" in result.output
@@ -94,7 +94,7 @@ def test_new_lab_from_a_provided_one_bears_its_own_name(tmp_path):
     assert (tmp_path / "mine" / "test_mine.py").exists()
 
 
-def test_copy_of_an_unknown_lab_is_told_and_writes_nothing(tmp_path):
+def test_copy_of_an_unknown_lab_is_reported_and_writes_nothing(tmp_path):
     for result in (run(command, "copy", "hal", tmp_path / "x"), run(new, tmp_path / "x", "--from", "hal")):
         assert result.exit_code == 2
         assert "did you mean 'hall'?" in result.output

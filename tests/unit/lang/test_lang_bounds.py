@@ -57,7 +57,7 @@ def repeated(pattern, times):
 
 @pytest.mark.parametrize("pattern", DEEP.values(), ids=DEEP)
 @pytest.mark.parametrize("depth", [15, NESTING_MAX - 10, 400, 10_000])
-def test_what_nests_compiles_or_is_too_deep(pattern, depth):
+def test_nested_program_compiles_or_is_reported_as_too_deep(pattern, depth):
     compilation = compile_source(repeated(pattern, depth))
     assert {each.code for each in compilation.errors} <= {"E001", "E004", "E008", "E023"}
     assert depth < 10_000 or compilation.program is None
@@ -67,7 +67,7 @@ def test_what_nests_compiles_or_is_too_deep(pattern, depth):
 
 @pytest.mark.parametrize("pattern", LONG.values(), ids=LONG)
 @pytest.mark.parametrize("length", [240, 5_000])
-def test_what_goes_on_and_on_compiles_or_is_too_large(pattern, length):
+def test_long_program_compiles_or_is_reported_as_too_large(pattern, length):
     compilation = compile_source(repeated(pattern, length))
     assert {each.code for each in compilation.errors} <= {"E004", "E007", "E008", "E010", "E035"}
     assert length < 5_000 or compilation.program is None
@@ -123,7 +123,7 @@ def test_numbers_of_any_length_are_values_or_out_of_range(number):
     ],
     ids=["empty", "mark", "mark and CRLF", "CRLF", "NUL", "all NUL", "Latin-1", "UTF-16", "binary", "too large"],
 )
-def test_a_file_of_any_octets_is_answered(tmp_path, octets, expected):
+def test_compiler_handles_arbitrary_octets(tmp_path, octets, expected):
     (tmp_path / "a.rmr").write_bytes(octets)
     assert [each.code for each in compile_file(tmp_path / "a.rmr").diagnostics] == expected
 
@@ -140,6 +140,6 @@ def test_more_items_than_a_program_may_have_are_not_read(monkeypatch):
     assert errors("p(R).\n" * 200 + "p(R, X).") == ["E008"]
 
 
-def test_everything_twice_is_reported_once_for_each():
+def test_duplicate_definitions_are_reported_once_each():
     text = "type p(robot).\nconst c = 1.\norder textual.\nx: watch(p(R), p(R), 1, stop(R)).\np(R).\n?p(R).\n"
     assert codes(text * 2) == ["E010"] * 4

@@ -181,7 +181,7 @@ def test_every_error_of_a_file_is_reported_in_source_order():
     assert errors(text) == ["E023", "E021", "E001", "E030"]
 
 
-def test_what_a_broken_item_declared_is_not_reported_again():
+def test_declarations_in_an_item_with_syntax_error_cause_no_further_errors():
     assert errors(
         "type action moveto[robot](area). type p(robot, int). p(R, X) -o moveto(R, X). moveto(R, a) -o 1."
     ) == ["E001"]
@@ -262,7 +262,7 @@ def test_an_assertions_violation_need_not_be_declared():
     assert predicate(text, "alarm").types == (Type(Base.INT),)
 
 
-def test_a_battery_is_doubted_unless_the_program_says_that_something_senses_it():
+def test_battery_without_a_declared_sensor_gets_a_warning():
     rule = "battery(R, V), V < 0.2 -o 1."
     assert places(rule) == [("W102", "battery(R, V)")]
     assert codes(f"type sensor battery(robot, float). {rule}") == []
@@ -273,7 +273,7 @@ def test_a_battery_of_the_programs_own_is_a_fact_as_others_are(text):
     assert errors(text) == []
 
 
-def test_no_hint_leads_to_what_is_not_supported():
+def test_hints_never_suggest_unsupported_syntax():
     hints = [each.hint for each in compile_source("battry(R, V) -o 1. rnge(R, B, D) -o 1.").diagnostics]
     assert hints == ["declare it if it comes from outside: `type battry(...)`", "did you mean `range`?"]
 
@@ -285,7 +285,7 @@ def test_numbers_strings_and_what_nothing_fixes_have_an_order(operator):
     assert errors(f"p(R, X, Y), X {operator} Y -o 1.") == []
 
 
-def test_an_order_of_robots_is_answered_with_that_of_their_numbers():
+def test_comparison_of_robots_gets_a_hint_to_compare_their_numbers():
     [diagnostic] = compile_source("type p(robot, robot). p(R, B), B < R -o 1.").errors
     assert "`id(A) < id(B)`" in (diagnostic.hint or "")
 
@@ -320,12 +320,12 @@ def test_assertions_with_one_finish_fact_and_names_are_two_events():
 # ---- warnings
 
 
-def test_what_is_declared_may_come_from_outside():
+def test_declared_fact_may_be_inserted_from_outside():
     assert codes("type q(robot, int). ?q(R, 1).") == []
     assert codes("type p(robot). type q(robot). watch(p(R), q(R), 1, v(R)).") == []
 
 
-def test_a_declared_fact_of_which_others_are_derived_is_doubted_truly():
+def test_warning_about_a_declared_fact_from_which_others_are_derived():
     text = "type p(robot). type q(robot, int). p(R) -o q(R, 2). ?q(R, 1). x: assert(p(R), q(R, 3), 1, v(R))."
     [goal, finish] = compile_source(text).diagnostics
     assert (goal.code, goal.message) == ("W103", "nothing in the program derives a fact that matches `?q(...)`")
@@ -333,7 +333,7 @@ def test_a_declared_fact_of_which_others_are_derived_is_doubted_truly():
     assert "unless one comes from outside" in finish.message
 
 
-def test_figure_4s_misprint_is_doubted():
+def test_misprint_in_figure_4_gets_a_warning():
     text = "location(R, s). location(R, L), L = S -o moved(R)."
     assert places(text) == [("W101", "S")]
 
@@ -353,16 +353,16 @@ def test_figure_4s_misprint_is_doubted():
         ("type p(robot). type location(robot, area). p(R) -o locatoin(R, s).", "W108", "locatoin(R, s)"),
     ],
 )
-def test_a_doubt_has_its_code_and_its_place(text, code, place):
+def test_warning_has_its_code_and_its_place(text, code, place):
     assert (code, place) in places(text)
     assert compile_source(text).program is not None
 
 
-def test_a_sound_program_is_not_doubted():
+def test_sound_program_has_no_warnings():
     assert codes(CORRIDOR) == []
 
 
-def test_absence_is_not_doubted_after_a_syntax_error():
+def test_missing_definition_gets_no_warning_after_a_syntax_error():
     assert codes("ready(R) -o . go(R) -o 1.") == ["E001"]
 
 

@@ -103,12 +103,12 @@ def test_an_equation_with_a_constant_expression_replaces_its_variable():
         ("const a = [1, a].", "E023", "a"),
     ],
 )
-def test_where_a_constant_is_needed_its_place_and_reason_are_told(text, code, place):
+def test_non_constant_is_reported_with_place_and_reason(text, code, place):
     assert (code, place) in places(text)
     assert errors(text) == [code]
 
 
-def test_types_that_contradict_each_other_in_a_stated_fact_are_told_once():
+def test_type_contradiction_in_a_stated_fact_is_reported_once():
     assert places("p(R, 1 + a).") == [("E020", "a")]
     assert places("p(R, [1, a]).") == [("E020", "a")]
 
@@ -124,13 +124,13 @@ def test_types_that_contradict_each_other_in_a_stated_fact_are_told_once():
         ("type action a(R: robot) -o p(R, nth([1], 4)). p(R, 7) -o a(R).", "nth([1], 4)"),
     ],
 )
-def test_in_a_rule_what_never_has_a_value_is_doubted_and_left_to_the_robots(rule, place):
+def test_constant_expression_without_value_in_a_rule_is_a_warning_and_not_folded(rule, place):
     text = f"p(R, 1). p(R, 2). {rule}"
     assert ("W110", place) in places(text)
     assert compile_source(text).program is not None
 
 
-def test_what_is_lazy_keeps_what_it_may_never_need():
+def test_lazy_operators_keep_operands_that_fail_to_fold():
     program = compiled("p(R, 1). p(R, X), X = 0 || 1 / X > 2 -o p(R, if(true, 1, 1 / 0)).")
     assert [each.op for each in program.rules[0].head[0].args[0]][1] is Op.JUMP_IF_FALSE
     assert codes("p(R, 1). p(R, X) -o ?p(R, if(true, 1, 1 / 0)).") == ["W110"]

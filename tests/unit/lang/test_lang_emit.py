@@ -397,7 +397,7 @@ def test_an_assertion_is_served_through_rules_by_the_first_actions_and_not_by_wh
     assert serving(text) == [("go", (Slot(1),))]
 
 
-def test_the_walk_keeps_constants_and_ends_in_a_circle():
+def test_search_for_serving_actions_keeps_constants_and_ends_on_a_cycle():
     text = """
     type action go(R: robot, A: area) -o here(R, A).
     type action sit(R: robot) -o here(R, chair).
@@ -407,7 +407,7 @@ def test_the_walk_keeps_constants_and_ends_in_a_circle():
     assert serving(text) == [("go", (Constant(Symbol("hall")),))]
 
 
-def test_what_other_robots_send_serves_nothing():
+def test_facts_sent_by_other_robots_do_not_serve_an_assertion():
     text = "type action go(R: robot) -o here(R). assert(s(R), e(R), 1, v(R)). s(R). here(R), near(R, B) -o e(B)."
     assert serving(text) == []
 

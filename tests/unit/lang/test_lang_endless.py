@@ -53,7 +53,7 @@ def test_a_rule_or_cycle_that_satisfies_itself_never_stops(text):
         "a(R). go(R). go(R) -o {X | a(R), peer(R, X) | told(X)}. told(R) -o 1. a(R) -o a(R).",
     ],
 )
-def test_a_rule_that_something_may_end_is_not_doubted(text):
+def test_rule_that_another_rule_may_stop_gets_no_endless_loop_warning(text):
     assert "W113" not in codes(text)
 
 
@@ -81,7 +81,7 @@ def test_a_rule_that_something_may_end_is_not_doubted(text):
         ("!c(@1, 0). !c(R, N), peer(R, B) -o !c(B, N + 1).", False),
     ],
 )
-def test_facts_without_end_are_doubted_where_it_is_certain(text, expected):
+def test_facts_that_certainly_grow_without_bound_get_a_warning(text, expected):
     assert ("W114" in codes(text)) is expected
 
 
@@ -98,11 +98,11 @@ def test_facts_without_end_are_doubted_where_it_is_certain(text, expected):
         ("type s(robot).", False),
     ],
 )
-def test_a_program_whose_rules_all_wait_for_outside_is_doubted(text, expected):
+def test_program_whose_rules_all_need_outside_facts_gets_a_warning(text, expected):
     assert ("W115" in codes(text)) is expected
 
 
-def test_a_program_that_is_given_the_fact_is_not_doubted(tmp_path):
+def test_program_that_is_given_the_outside_fact_gets_no_warning(tmp_path):
     path = tmp_path / "p.rmr"
     path.write_text("type s(robot). type action f(robot). s(R) -o f(R).")
     assert [each.code for each in compile_file(path).diagnostics] == ["W115"]
@@ -130,7 +130,7 @@ def test_a_program_that_is_given_the_fact_is_not_doubted(tmp_path):
         ("inner_x", "inner_y", False),
     ],
 )
-def test_symbols_one_slip_apart_are_doubted_unless_they_are_numbered_or_lettered(one, other, expected):
+def test_symbols_one_typo_apart_get_a_warning_unless_numbered_or_lettered(one, other, expected):
     text = f"type p(robot, area). p(R, {other}). p(R, {other}) -o p(R, elsewhere). ?p(R, {one})."
     assert codes(text) == (["W112"] if expected else ["W103"])
 

@@ -138,7 +138,7 @@ def test_the_limits_of_the_page_are_those_of_the_code() -> None:
 # ---- what is told
 
 
-def test_every_rule_that_has_a_rank_is_told_with_the_fact_that_leads_on() -> None:
+def test_explanation_lists_every_ranked_rule_with_the_fact_that_leads_on() -> None:
     [goal] = explained("?g(R, k). a(R). a(R) -o b(R), x(R). b(R) -o x(R), g(R, k). x(R) -o 1.").goals
     assert [(each.rule, each.rank, each.derives, each.needed_by) for each in goal.rules] == [
         (1, 0, "g(R, k)", None),
@@ -146,7 +146,7 @@ def test_every_rule_that_has_a_rank_is_told_with_the_fact_that_leads_on() -> Non
     ]
 
 
-def test_a_rank_that_depends_on_the_match_is_told_at_its_best() -> None:
+def test_explanation_shows_the_best_rank_where_it_depends_on_the_match() -> None:
     [goal] = explained("?g(R, k). a(R, k). a(R, X) -o g(R, X).").goals
     assert [(each.rank, each.rank_min) for each in goal.rules] == [(None, 0)]
 
@@ -158,7 +158,7 @@ def test_variables_of_inner_bodies_bear_their_names() -> None:
     assert [each.derives for each in goal.rules] == ["g(R, N)", "g(R, _)"]
 
 
-def test_a_goal_that_too_much_leads_to_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explanation_reports_a_goal_whose_search_exceeds_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rmr.lang.lower.goal_paths.COMPARISONS_MAX", 0)
     explanation = explained("?g(R). a(R). a(R) -o g(R).")
     assert not explanation.goals[0].worked_out
@@ -177,7 +177,7 @@ def test_a_text_that_controls_a_terminal_is_made_visible() -> None:
     assert "\x1b" not in show(explanation)
 
 
-def test_what_an_action_brings_about_elsewhere_is_sent_when_it_is_complete() -> None:
+def test_explanation_shows_that_effects_on_other_robots_are_sent_at_completion() -> None:
     text = """
     type action give(R: robot, B: robot, N: int) -o has(B, N), gave(R), seen(@7, N + 1).
     p(R, @2). p(R, C) -o give(R, C, 300).
@@ -190,7 +190,7 @@ def test_what_an_action_brings_about_elsewhere_is_sent_when_it_is_complete() -> 
 # ---- columns
 
 
-def test_a_program_that_suits_columns_is_told_to() -> None:
+def test_explanation_reports_that_a_program_suits_columns() -> None:
     explanation = explained("type a(robot, int). a(R, 1). a(R, X), X < 9 -o a(R, X + 1).")
     assert explanation.columns == told_columns.ExplainedColumns(True, (), 0)
     assert show(explanation).endswith(
@@ -198,7 +198,7 @@ def test_a_program_that_suits_columns_is_told_to() -> None:
     )
 
 
-def test_what_stands_in_the_way_of_columns_is_told_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explanation_lists_obstacles_to_columns_with_their_places(monkeypatch: pytest.MonkeyPatch) -> None:
     text = "a(R, @2).\na(R, B) -o b(B), c(R, B).\n"
     explanation = explained(text)
     [obstacle] = explanation.columns.obstacles
@@ -209,7 +209,7 @@ def test_what_stands_in_the_way_of_columns_is_told_with_its_place(monkeypatch: p
     assert (columns.suited, len(columns.obstacles), columns.obstacles_left_out) == (False, 1, 1)
 
 
-def test_not_all_that_stands_in_the_way_of_columns_is_shown() -> None:
+def test_number_of_obstacles_to_columns_shown_is_bounded() -> None:
     text = show(explained("a(R, @2)." + "a(R, B) -o b(B).\n" * (OBSTACLES_SHOWN_MAX + 3)))
     assert text.count("the rule sends") == OBSTACLES_SHOWN_MAX
     assert text.endswith("    and 3 more\n")
@@ -276,7 +276,7 @@ def test_only_the_nearest_rules_are_shown() -> None:
     assert "more steps\n" in text
 
 
-def test_what_is_told_is_bounded_for_all_goals_and_assertions_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explanation_size_is_bounded_over_all_goals_and_assertions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(told_goals, "WAYS_MAX", 40)
     monkeypatch.setattr(told_assertions, "STEPS_MAX", 50)
     explanation = explained(chain(30, 3))

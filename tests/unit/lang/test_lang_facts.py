@@ -44,7 +44,7 @@ def test_a_variable_owner_is_every_robot_and_a_full_stop_is_allowed():
         ('"', "no end"),
     ],
 )
-def test_what_is_no_fact_of_the_program_is_refused_with_the_reason(text, message):
+def test_fact_unknown_to_the_program_is_refused_with_the_reason(text, message):
     with pytest.raises(FactError, match=message):
         parse_fact(text, PROGRAM)
 
@@ -83,7 +83,7 @@ def test_lists_symbols_and_sensed_facts_of_any_kind_may_be_stated():
     assert parse_fact("turn(@2, no_such_event, 3)", program).args == (Symbol("no_such_event"), 3)
 
 
-def test_a_misfit_is_shown_what_the_program_has():
+def test_mismatched_fact_is_reported_with_the_declaration_of_the_program():
     hints = []
     for text in ("due(@1)", "due(@1, exit)", "at(@1, 3)", "start(@1, 2)"):
         with pytest.raises(FactError) as caught:

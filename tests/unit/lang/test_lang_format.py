@@ -160,7 +160,7 @@ def test_a_rule_breaks_if_and_only_if_it_does_not_fit(length):
     """,
     ],
 )
-def test_what_does_not_fit_on_a_line_breaks_like_this(text):
+def test_overlong_lines_break_like_this(text):
     expected = dedented(text)
     assert max(len(line) for line in expected.splitlines()) <= COLUMNS_MAX
     assert formatted(" ".join(expected.split())) == expected

@@ -75,7 +75,7 @@ def test_a_file_is_included_once_however_it_is_spelt():
     assert list(compilation.sources) == ["main.rmr", "a.rmr", "b.rmr"]
 
 
-def test_a_circle_is_an_error_that_shows_the_way_round():
+def test_include_cycle_is_an_error_that_shows_the_cycle():
     files = {"main.rmr": 'include "a.rmr".', "a.rmr": 'include "b.rmr". p(R, X).', "b.rmr": '\ninclude "a.rmr".'}
     compilation = compiled(files)
     assert told(compilation) == [("E023", "a.rmr", "X"), ("E009", "b.rmr", 'include "a.rmr".')]
@@ -84,7 +84,7 @@ def test_a_circle_is_an_error_that_shows_the_way_round():
     assert [(note.span.file, note.message) for note in circle.notes] == [("a.rmr", "includes `b.rmr`")]
 
 
-def test_a_file_that_includes_itself_is_the_smallest_circle():
+def test_file_that_includes_itself_is_an_include_cycle():
     compilation = compiled({"main.rmr": 'include "main.rmr".'})
     assert compilation.diagnostics[0].message == "the file includes itself: main.rmr -> main.rmr"
 
@@ -98,7 +98,7 @@ def test_a_file_that_includes_itself_is_the_smallest_circle():
         (b" " * (SOURCE_OCTETS_MAX + 1), "the file is larger than 4 MiB"),
     ],
 )
-def test_what_cannot_be_read_is_an_error_at_its_include(octets, message):
+def test_unreadable_file_is_an_error_at_its_include(octets, message):
     files = {"main.rmr": 'p(R).\ninclude "part.rmr".'} | ({} if octets is None else {"part.rmr": octets})
     compilation = compiled(files)
     assert told(compilation) == [("E003", "main.rmr", 'include "part.rmr".')]
@@ -118,7 +118,7 @@ def test_a_misspelt_file_gets_the_name_of_one_that_is_there():
     assert compilation.diagnostics[0].hint == "did you mean `formation.rmr`?"
 
 
-def test_what_an_absent_file_may_declare_is_not_missed():
+def test_absent_include_suppresses_undefined_name_errors():
     rule = "p(R), X = total + 1, X > 2 -o q(R, X), alarm(R), t(R, Y)."
     text = f'include "absent.rmr". {rule} assert(p(R), q(R, 1), 2, alarm(R)).'
     assert told(compiled({"main.rmr": text})) == [
@@ -143,7 +143,7 @@ def test_mistakes_across_files_are_shown_with_both_files():
     assert [each["file"] for each in to_json(compilation.diagnostics, compilation.sources)] == ["main.rmr"]
 
 
-def test_names_in_a_broken_item_of_another_file_are_not_missed():
+def test_syntax_error_in_an_included_file_suppresses_undefined_name_errors():
     files = {"main.rmr": 'include "a.rmr". q(R) -o moveto(R, b). q(R).', "a.rmr": "type action moveto[robot](area)."}
     assert [code for code, _, _ in told(compiled(files))] == ["E001"]
 

@@ -57,7 +57,7 @@ def test_a_symbol_in_a_list_or_an_aggregate_is_a_constant_too():
         ("a(R) -o ?a(R), b(R). b(R) -o a(R).", ["a(R)"]),
     ],
 )
-def test_rules_that_wait_for_each_other_are_doubted_once_for_each_circle(text, expected):
+def test_mutually_dependent_rules_get_one_warning_for_each_cycle(text, expected):
     assert sorted(place for code, place in doubts(text) if code == "W102") == expected
 
 
@@ -72,11 +72,11 @@ def test_rules_that_wait_for_each_other_are_doubted_once_for_each_circle(text, e
         "at(R, exit) -o a(R). a(R) -o b(R). b(R) -o a(R).",
     ],
 )
-def test_a_circle_that_something_begins_is_not_doubted(text):
+def test_rule_cycle_with_an_initial_fact_gets_no_warning(text):
     assert "W102" not in codes(text)
 
 
-def test_what_does_not_happen_is_said_of_the_part_that_does_not():
+def test_warning_names_the_comprehension_or_aggregate_that_finds_nothing():
     text = """t(R). t(R) -o {X | a(R, X) | c(R, X)}, [count => N | b(R, _), false | n(R, N)],
     {X | t(R), X = 1, X = 2 | t(R)}."""
     assert messages(text, "W102") == [
@@ -87,7 +87,7 @@ def test_what_does_not_happen_is_said_of_the_part_that_does_not():
     ]
 
 
-def test_a_function_that_stands_alone_is_told_from_a_fact():
+def test_function_used_as_a_fact_gets_a_hint():
     [hint] = hints("p(R, 1). p(R, X), max(R, X) -o 1.", "W102")
     assert "`(max(...))`" in hint
 
@@ -132,7 +132,7 @@ def test_a_goal_and_a_finish_fact_are_reached_by_whatever_derives_them(deriving)
         ("t(R, s). t(R, L), L = s -o g(R, L), ?g(R, t).", "?g(R, t)"),
     ],
 )
-def test_a_goal_that_no_rule_can_reach_is_doubted(text, place):
+def test_unreachable_goal_gets_a_warning(text, place):
     assert ("W103", place) in doubts(text)
 
 
@@ -160,7 +160,7 @@ LONG = '"' + "x" * 50 + '"'
         f"q(B, [{LONG} | [{LONG}, {LONG}]])",
     ],
 )
-def test_a_fact_for_another_robot_that_exceeds_a_frame_is_doubted(derived):
+def test_fact_for_another_robot_larger_than_a_frame_gets_a_warning(derived):
     derived = derived.replace(", 1", ', "1"').replace(", 2", ', "2"').replace(", N]", ', "N"]')
     text = f"type p(robot, robot). type q(robot, list string). type t(robot). p(R, B), t(R) -o {derived}."
     assert "W105" in [code for code, _ in doubts(text)]
@@ -168,13 +168,13 @@ def test_a_fact_for_another_robot_that_exceeds_a_frame_is_doubted(derived):
 
 
 @pytest.mark.parametrize(("letters", "expected"), [(6905, ["W105"]), (6906, ["E008"])])
-def test_a_fact_for_another_robot_that_exceeds_one_delivery_is_an_error(letters, expected):
+def test_fact_for_another_robot_larger_than_one_delivery_is_an_error(letters, expected):
     text = f'p(R, 1). type told(robot, string). p(R, _), peer(R, B) -o told(B, "{"x" * letters}").'
     assert codes(text) == expected
     assert codes(text.replace("told(B", "told(R")) == []
 
 
-def test_the_bound_of_one_delivery_is_that_of_the_node():
+def test_delivery_size_limit_equals_that_of_the_node():
     kind = Type(Base.STRING)
     fits, exceeds = ("x" * (DELIVERY_OCTETS_MAX - value_octets("", kind) + more) for more in (0, 1))
     assert len(encode_fact_frames(0, 0, 0, encode_delivery(Delivery(DeliveryRole.FACT, 0, (fits,)), {}))) == PARTS_MAX
@@ -182,20 +182,20 @@ def test_the_bound_of_one_delivery_is_that_of_the_node():
         encode_fact_frames(0, 0, 0, encode_delivery(Delivery(DeliveryRole.FACT, 0, (exceeds,)), {}))
 
 
-def test_of_an_if_the_smaller_branch_decides_what_can_never_be_sent():
+def test_smaller_branch_of_an_if_decides_whether_a_fact_is_too_large_to_send():
     long = '"' + "x" * 7000 + '"'
     text = f'p(R, 1). type told(robot, string). p(R, X), peer(R, B) -o told(B, if(X > 1, {long}, "s")).'
     assert codes(text) == ["W105"]
     assert codes(text.replace('"s"', long)) == ["E008"]
 
 
-def test_a_violation_for_another_robot_that_exceeds_a_frame_is_doubted():
+def test_violation_for_another_robot_larger_than_a_frame_gets_a_warning():
     text = f"p(R, @2). p(R, B) -o q(R). watch(p(R, B), q(R), 1, say(B, {LONG} + {LONG} + {LONG}))."
     assert [code for code, _ in doubts(text)] == ["W105"]
     assert codes(text.replace("say(B", "say(R")) == []
 
 
-def test_an_effect_on_another_robot_that_exceeds_a_frame_is_doubted():
+def test_effect_on_another_robot_larger_than_a_frame_gets_a_warning():
     text = f"type action give(R: robot, B: robot) -o q(B, {LONG} + {LONG} + {LONG})."
     assert [code for code, _ in doubts(text)] == ["W105"]
     assert codes(text.replace("q(B", "q(R")) == []
@@ -212,14 +212,14 @@ def test_an_effect_on_another_robot_that_exceeds_a_frame_is_doubted():
         (((1, 300), ()), Type(Base.LIST, element=Type(Base.LIST, element=Type(Base.INT)))),
     ],
 )
-def test_values_take_what_they_take_in_a_frame(value, kind):
+def test_value_sizes_equal_those_in_a_frame(value, kind):
     empty, full = (len(encode_delivery(Delivery(DeliveryRole.FACT, 0, args), {})) for args in ((), (value,)))
     assert value_octets(value, kind) == full - empty
     assert FACT_BODY_OCTETS_MAX - empty == FACT_OCTETS_MAX
 
 
 @pytest.mark.parametrize("deadline", ["5ms", "1 / 100", "0", "2 * 8ms", "const tick"])
-def test_a_deadline_below_a_tick_is_doubted(deadline):
+def test_deadline_below_a_tick_gets_a_warning(deadline):
     before, written = ("const tick = 1ms.", "tick") if deadline == "const tick" else ("", deadline)
     text = f"{before} p(R). watch(p(R), q(R), {written}, stop(R)). p(R) -o q(R)."
     assert doubts(text) == [("W106", written)]
@@ -243,7 +243,7 @@ def test_a_deadline_below_a_tick_is_doubted(deadline):
         ("type p(robot, colours).", "colours", "colour"),
     ],
 )
-def test_a_type_that_looks_like_another_is_doubted(declarations, doubted, meant):
+def test_type_name_similar_to_a_known_one_gets_a_warning(declarations, doubted, meant):
     text = declarations
     assert [(code, place) for code, place in doubts(text) if code == "W111"] == [("W111", doubted)]
     assert hints(text, "W111") == [f"did you mean `{meant}`?"]
@@ -259,21 +259,21 @@ def test_a_type_that_looks_like_another_is_doubted(declarations, doubted, meant)
         "type p(robot, zoen). type q(robot, zoen). type r(robot, zone). type s(robot, zone).",
     ],
 )
-def test_a_set_of_its_own_is_not_doubted(declarations):
+def test_distinct_type_name_gets_no_warning(declarations):
     assert "W111" not in codes(declarations)
 
 
 # ---- effort
 
 
-def test_the_search_for_what_was_meant_is_bounded_and_the_first_names_get_it():
+def test_spelling_suggestions_are_bounded_and_go_to_the_first_names():
     known = "".join(f"type thing{k}(robot). " for k in range(120))
     misspelt = "".join(f"thign{k}(R) -o 1. " for k in range(120))
     found = [hint for hint in hints(known + misspelt, "W102") if hint and hint.startswith("did you mean")]
     assert 50 <= len(found) <= 100
 
 
-def test_names_without_bound_are_not_searched_for():
+def test_overlong_names_get_no_spelling_suggestions():
     long = "a" * 50_000
     assert (
         hints(f"type p(robot, {long}). type q(robot, {long}). type r(robot, {long}s). {long}(R) -o {long}b(R).", "W111")
@@ -281,7 +281,7 @@ def test_names_without_bound_are_not_searched_for():
     )
 
 
-def test_places_of_doubts_are_in_source_order():
+def test_warnings_are_in_source_order():
     spans = [each.span.start for each in compile_source("b(R) -o a(R). ?c(R). d(R), e(R) -o f(R).").diagnostics]
     assert spans == sorted(spans)
     assert places("b(R) -o a(R).")[0] == ("W102", "b(R)")

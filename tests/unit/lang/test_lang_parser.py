@@ -166,7 +166,7 @@ def test_a_missing_full_stop_is_reported_at_the_end_of_its_item_and_both_are_rea
         ("const a = 1\n!p(R).", "."),
     ],
 )
-def test_whether_a_comma_or_a_full_stop_is_missing_is_seen_from_what_follows(text, sign):
+def test_missing_comma_and_missing_full_stop_are_distinguished_by_the_next_token(text, sign):
     [(_, message, _)] = told(text)
     assert message.startswith(f"a `{sign}` is missing") == (sign is not None)
 
@@ -266,7 +266,7 @@ def test_garbage_is_a_diagnostic(text):
     assert errors(text)[0] == "E001"
 
 
-def test_an_empty_program_is_legal_and_doubted():
+def test_empty_program_is_legal_and_gets_a_warning():
     assert codes("") == ["W107"]
     assert codes("// nothing\n") == ["W107"]
     assert compiled("").rules == ()

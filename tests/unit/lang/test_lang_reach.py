@@ -39,7 +39,7 @@ def test_a_rank_that_depends_on_the_match_is_left_to_the_robot() -> None:
     assert leads(text) == {0: None, 1: 0}
 
 
-def test_more_than_depends_than_does_not_is_not_written_down() -> None:
+def test_ranks_of_a_goal_are_omitted_when_most_depend_on_the_match() -> None:
     text = "?at(R, c). go(R). near(R, c). go(R), near(R, X) -o at(R, X)."
     assert leads(text) is None
     assert ways(text) == {0: None}
@@ -49,7 +49,7 @@ def test_a_goal_that_nothing_reaches_has_no_leads_and_needs_no_search() -> None:
     assert leads("?at(R, c). at(R, a). at(R, a) -o at(R, b). at(R, b) -o at(R, a).") == {}
 
 
-def test_what_stands_behind_an_inner_body_may_not_come_about() -> None:
+def test_heads_of_comprehensions_do_not_count_towards_a_goal_rank() -> None:
     text = "?g(R, 1). t(R). n(R, 1). $t(R) -o {N | n(R, N) | g(R, 1)}. t(R) -o {N | n(R, N) | g(R, 2)}."
     assert ways(text) == {0: None}
     assert ways(text.replace("{N | n(R, N) | g(R, 1)}", "{N | n(R, N) | g(R, 1)}, g(R, 1)")) == {0: 0}
@@ -64,7 +64,7 @@ def test_every_step_counts() -> None:
     assert leads(text) == {0: 1, 1: 0}
 
 
-def test_an_effect_is_wanted_through_its_action_unless_it_may_have_no_value() -> None:
+def test_goal_ranks_pass_through_action_effects_unless_they_may_have_no_value() -> None:
     text = """
     type action go(R: robot, N: int) -o over(R, 8 / N), gone(R).
     ?{}. t(R). t(R) -o go(R, 2). t(R) -o x(R). x(R) -o 1.
@@ -87,7 +87,7 @@ def test_a_rule_of_one_robot_leads_on_at_that_robot_only() -> None:
     assert ways(text.replace("?g(R)", "?g(@2)")) == {}
 
 
-def test_the_robot_itself_is_no_constant() -> None:
+def test_own_robot_is_no_constant_in_goal_ranks() -> None:
     text = "?link(R, R). t(R). t(R) -o link(R, R). t(R) -o link(R, @2)."
     assert ways(text) == {0: 0, 1: None}
     assert ways(text.replace("?link(R, R)", "?link(@2, @2)")) == {0: 0, 1: 0}
@@ -102,7 +102,7 @@ def test_conditions_that_contradict_each_other_lead_nowhere() -> None:
     assert ways("?g(R). a(R, 1). a(R, X), X = 1, X = 2 -o g(R).") == {}
 
 
-def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_goal_search_work_is_bounded_and_the_rest_is_left_to_the_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     text = " ".join(["?p(R, 30).", *(f"p(R, {n}) -o p(R, {n + 1})." for n in range(30)), "?q(R).", "p(R, 0) -o q(R)."])
     assert leads(text) is not None
     monkeypatch.setattr(goal_paths, "COMPARISONS_MAX", 20)
@@ -115,7 +115,7 @@ def test_the_work_is_bounded_and_what_is_beyond_is_left_to_the_robot(monkeypatch
         GoalPaths(program).ways(program.goals[0])
 
 
-def test_once_the_work_is_used_up_no_further_goal_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_goal_search_stops_when_its_work_bound_is_reached(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(goal_paths, "STEPS_MAX", 10)
     program = compiled("".join(f"p(R, {i}) -o p(R, {i + 1}). ?p(R, {i}). " for i in range(20)) + "p(R, 0).")
     found = GoalPaths(program)
@@ -126,7 +126,7 @@ def test_once_the_work_is_used_up_no_further_goal_is_looked_at(monkeypatch: pyte
         assert found.leads(goal) is None
 
 
-def test_no_more_is_written_down_than_in_proportion_to_the_program() -> None:
+def test_size_of_goal_ranks_is_proportional_to_the_program() -> None:
     chain = " ".join(f"p(R, {n}) -o p(R, {n + 1})." for n in range(9))
     assert leads(f"?p(R, 9). ?p(R, 8). p(R, 0). {chain}") is not None
     goals = " ".join(f"?p(R, {n})." for n in range(5, 10))

@@ -23,7 +23,7 @@ def test_conditions_that_equate_say_which_arguments_serve() -> None:
     assert serving(text) == [("go", (Constant(Symbol("hall")), Constant(3)))]
 
 
-def test_what_a_comprehension_or_a_step_derives_is_served_as_well() -> None:
+def test_facts_derived_by_comprehensions_and_steps_serve_an_assertion() -> None:
     text = """
     type action go(R: robot, N: int) -o here(R, N).
     type action look(R: robot) -o seen(R).
@@ -34,7 +34,7 @@ def test_what_a_comprehension_or_a_step_derives_is_served_as_well() -> None:
     assert serving(text) == [("go", (Slot(1),)), ("look", ())]
 
 
-def test_what_a_count_comes_to_may_be_anything() -> None:
+def test_count_result_serves_an_assertion_with_any_value() -> None:
     text = """
     type action fetch(R: robot, N: int) -o box(R, N).
     assert(s(R, X), e(R, X), 9, v(R)). s(R, 1). tick(R).
@@ -90,7 +90,7 @@ def test_the_way_from_an_effect_to_the_finish_fact_is_the_shortest() -> None:
     assert way == [("a", 0), ("b", 3)]
 
 
-def test_how_far_is_walked_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_search_for_serving_actions_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     rules = " ".join(f"p(R, {n}) -o p(R, {n + 1})." for n in range(30))
     text = f"type action go(R: robot) -o p(R, 0). assert(s(R), p(R, 30), 9, v(R)). s(R). {rules}"
     assert serving(text) == [("go", ())]

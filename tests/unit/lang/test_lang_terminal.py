@@ -36,13 +36,13 @@ def test_a_terminal_gets_colour(program):
 
 
 @pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "dumb"}], ids=str)
-def test_who_wants_none_gets_none(program, environment):
+def test_colour_is_off_with_no_color_or_dumb_terminal(program, environment):
     shown = on_a_terminal(program, **({"TERM": "xterm"} | environment))
     assert b"E023" in shown
     assert COLOUR not in shown
 
 
-def test_a_pipe_gets_none(program):
+def test_pipe_gets_no_colour(program):
     answer = subprocess.run([*COMMAND, program], capture_output=True, env=os.environ | {"TERM": "xterm"}, check=False)
     assert answer.returncode == 3
     assert b"E023" in answer.stderr

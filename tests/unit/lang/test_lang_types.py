@@ -125,7 +125,7 @@ def test_a_type_without_end_is_an_error_at_the_list_that_makes_it(text, place):
     assert place in [found for code, found in places(text) if code == "E020"]
 
 
-def test_what_only_uses_a_type_without_end_is_not_blamed():
+def test_use_of_an_infinite_type_is_no_error_beside_its_definition():
     text = "p(R, X) -o p(R, [X]), q(R, [X, X]). q(R, Y), Z = [Y, Y] -o s(R, Z)."
     assert [found for code, found in places(text) if code == "E020"] == ["[X]"]
 
@@ -254,7 +254,7 @@ def test_a_bang_and_a_contradiction_count_across_files(tmp_path):
     assert (predicate.kind, predicate.types[0].base) == (Kind.PERSISTENT, Base.FLOAT)
 
 
-def test_of_all_that_asks_an_open_type_the_narrowest_decides():
+def test_open_type_is_inferred_as_the_narrowest_of_its_uses():
     asking = ["p(R, X) -o a(R, X).", "p(R, X) -o b(R, X)."]
     for items in (asking, asking[::-1]):
         text = "type a(robot, int). type b(robot, float). " + " ".join(items)

@@ -109,7 +109,7 @@ def test_an_announcement_within_the_turnaround_costs_nothing_and_is_not_late() -
     assert listener.counters.late == 0
 
 
-def test_a_frame_sent_into_a_channel_that_was_not_clear_is_told_when_the_late_announcement_comes() -> None:
+def test_transmission_on_a_busy_channel_is_reported_when_the_late_announcement_arrives() -> None:
     for started, blind in ((0, 1), (MS, 0)):
         ether = Ether([(0, 0)], grace=GRACE)
         ether.send(0, 0, b"mine")

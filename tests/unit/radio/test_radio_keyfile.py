@@ -29,7 +29,7 @@ def test_a_key_is_32_hexadecimal_digits_with_white_space_anywhere(tmp_path, text
         (b" " * FILE_OCTETS_MAX + DIGITS.encode(), f"more than {FILE_OCTETS_MAX} octets are no key"),
     ],
 )
-def test_what_is_no_key_is_told_with_file_reason_and_remedy_and_without_the_key(tmp_path, octets, what):
+def test_invalid_key_file_is_reported_with_reason_and_remedy_and_without_the_key(tmp_path, octets, what):
     path = tmp_path / "lab.key"
     path.write_bytes(octets)
     with pytest.raises(KeyFileError) as wrong:
@@ -40,7 +40,7 @@ def test_what_is_no_key_is_told_with_file_reason_and_remedy_and_without_the_key(
     assert DIGITS[:8] not in message.replace(str(tmp_path), "")
 
 
-def test_a_file_that_cannot_be_read_is_told_likewise(tmp_path):
+def test_unreadable_key_file_is_reported_with_reason_and_remedy(tmp_path):
     with pytest.raises(KeyFileError, match=r"none\.key: No such file or directory; to make a key: openssl"):
         read_key(tmp_path / "none.key")
     with pytest.raises(KeyFileError, match="Is a directory; to make a key"):

@@ -81,7 +81,7 @@ def test_a_link_is_bad_both_ways_at_the_same_time_and_other_links_at_other_times
 # --- the same for everybody ------------------------------------------------------------------------------------
 
 
-def test_what_is_asked_before_or_never_does_not_matter():
+def test_link_gain_and_loss_do_not_depend_on_earlier_queries():
     asked = [(a, b, at) for a, b in PAIRS[:30] for at in (0, 3 * STRETCH, 17, STRETCH - 1, STRETCH)]
     config = RadioConfig(loss=0.1, shadowing_db=4.0, bursts=BURSTS)
 
@@ -135,7 +135,7 @@ def test_shadowing_is_cut_at_three_deviations():
 # --- disturbances ------------------------------------------------------------------------------------------------
 
 
-def test_without_anything_links_are_what_distance_makes_them():
+def test_links_without_disturbances_depend_on_distance_only():
     links = Links(PLAIN, 7)
     assert (links.fades, links.loses, links.even) == (False, False, True)
     assert (links.gain_db(1, 2, 0), links.loss(1, 2, 0)) == (0.0, 0.0)
@@ -147,7 +147,7 @@ def test_a_disturbance_holds_from_its_first_instant_until_before_its_end():
     assert [links.gain_db(1, 2, at) for at in (S - 1, S, 2 * S - 1, 2 * S)] == [0.0, -20.0, -20.0, 0.0]
 
 
-def test_groups_are_cut_off_from_each_other_and_robots_of_no_group_from_nobody():
+def test_partition_cuts_groups_off_from_each_other_and_ungrouped_robots_from_none():
     links = Links(PLAIN, 7, [partition([[1, 2], [3], [4, 5]])])
     cut = {pair for pair in permutations(range(1, 7), 2) if links.gain_db(*pair, 0) == -inf}
     apart = [(1, 3), (2, 3), (1, 4), (1, 5), (2, 4), (2, 5), (3, 4), (3, 5)]
@@ -173,7 +173,7 @@ def test_losses_are_independent_and_attenuations_add_up():
     assert (links.gain_db(1, 2, 0), links.gain_db(1, 3, 0)) == (-7.0, -4.0)
 
 
-def test_disturbances_are_replaced_whole_and_the_weather_stays():
+def test_replaced_disturbances_leave_bursts_and_shadowing_unchanged():
     config = RadioConfig(shadowing_db=4.0, bursts=BURSTS)
     links, untouched = Links(config, 7, [Disturbance(loss=0.5)]), Links(config, 7)
     links.replace([partition([[1], [2]])])
@@ -201,7 +201,7 @@ def test_disturbances_are_replaced_whole_and_the_weather_stays():
     ],
     ids=lambda value: value if isinstance(value, str) else None,
 )
-def test_what_cannot_be_a_disturbance_is_refused_and_changes_nothing(wrong, said):
+def test_invalid_disturbance_is_refused_and_changes_nothing(wrong, said):
     links = Links(PLAIN, 7, [Disturbance(loss=0.5)])
     with pytest.raises(ValueError, match=said):
         links.replace([Disturbance(loss=0.1), wrong])

@@ -36,7 +36,7 @@ def transmit(machine: Mac) -> Transmission:
     return out
 
 
-def test_an_idle_machine_wants_nothing() -> None:
+def test_idle_mac_has_no_timer() -> None:
     assert mac().next_wake == NEVER
 
 

@@ -71,7 +71,7 @@ def test_at_the_sensitivity_a_frame_of_20_octets_is_lost_about_once_in_a_hundred
     assert reception(below, [below], [], CAPTURE).success < 0.2
 
 
-def test_equal_power_destroys_both_frames_and_three_decibels_save_the_stronger() -> None:
+def test_capture_effect_needs_three_decibels_and_equal_power_destroys_both_frames() -> None:
     assert [v.cause for v in verdicts(signal(1, 0), signal(2, 0))] == ["collision", "collision"]
     weaker, stronger = verdicts(signal(1, 0), signal(2, 0, STRONG_DBM + 3.01))
     assert (weaker.success, stronger.success) == (0.0, 1.0)
@@ -133,7 +133,7 @@ def test_as_noise_each_stretch_of_interference_counts_by_its_own_length() -> Non
     assert half.success == pytest.approx(whole.success**0.5, rel=1e-9)
 
 
-def test_whoever_is_in_a_crowd_pays_for_no_sums_unless_it_may_be_locked_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interference_sums_are_skipped_for_frames_that_cannot_be_locked_on(monkeypatch: pytest.MonkeyPatch) -> None:
     summed = []
     monkeypatch.setattr(phy, "interference", lambda *arguments: summed.append(1) or interference(*arguments))
     crowd = [signal(source, source) for source in range(100)]

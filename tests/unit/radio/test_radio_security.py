@@ -88,7 +88,7 @@ def test_every_station_has_an_extended_address_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(("level", "limit"), [(Level(5), 107), (Level(6), 103), (Level(7), 95)])
-def test_what_security_leaves_of_a_payload_is_filled_and_no_more(level: Level, limit: int) -> None:
+def test_payload_limit_of_a_secured_frame_is_reached_and_not_exceeded(level: Level, limit: int) -> None:
     security = secured(1, level=level)
     assert len(security.protect(frame(bytes(limit)))) == PSDU_MAX
     with pytest.raises(ValueError, match=f"at most {limit}"):
@@ -97,7 +97,7 @@ def test_what_security_leaves_of_a_payload_is_filled_and_no_more(level: Level, l
 
 @pytest.mark.parametrize("level", list(Level))
 @pytest.mark.parametrize("payload", [b"", b"x", bytes(95)])
-def test_what_is_protected_comes_back_as_it_was(level: Level, payload: bytes) -> None:
+def test_protected_frame_decrypts_to_its_payload(level: Level, payload: bytes) -> None:
     psdu = secured(1, level=level).protect(frame(payload))
     assert opened(secured(2, level=level), psdu) == frame(payload)
 
@@ -175,7 +175,7 @@ def test_a_stations_own_frames_do_not_open_when_they_are_thrown_back_at_it() -> 
     assert refusal(sender, sender.protect(frame(to=BROADCAST))) == "replayed"
 
 
-def test_a_restarted_sender_is_heard_at_once_and_its_earlier_life_no_more() -> None:
+def test_restarted_sender_is_received_at_once_and_its_earlier_incarnation_is_not() -> None:
     receiver, before = secured(2), secured(1, life=0)
     old, older = before.protect(frame()), [before.protect(frame()) for _ in range(3)]
     assert opened(receiver, old) == frame()
@@ -190,7 +190,7 @@ def counter(psdu: bytes) -> int:
     return int.from_bytes(psdu[10:14], "little")
 
 
-def test_lives_count_in_parts_of_the_counter_that_do_not_overlap() -> None:
+def test_frame_counter_ranges_of_incarnations_do_not_overlap() -> None:
     assert [counter(secured(1, life=life).protect(frame())) for life in (0, 1, LIVES_MAX - 1)] == [
         0,
         FRAMES_MAX,
@@ -201,7 +201,7 @@ def test_lives_count_in_parts_of_the_counter_that_do_not_overlap() -> None:
 
 
 @pytest.mark.parametrize(("life", "frames"), [(0, FRAMES_MAX), (LIVES_MAX - 1, FRAMES_MAX - 1)])
-def test_a_life_that_has_used_its_counter_up_sends_nothing_more(life: int, frames: int) -> None:
+def test_incarnation_with_exhausted_frame_counter_sends_nothing(life: int, frames: int) -> None:
     one = secured(1, life=life)
     one._counter += frames - 1  # as after so many frames
     assert counter(one.protect(frame())) == life * FRAMES_MAX + frames - 1 < 0xFFFF_FFFF
@@ -265,7 +265,7 @@ def counts(ether: Ether) -> dict[str, int]:
     return {name: value for name, value in ether.stations[0].counters.as_dict().items() if value}
 
 
-def test_of_a_frame_altered_in_every_bit_cut_everywhere_and_of_other_keys_nothing_reaches_the_node() -> None:
+def test_altered_truncated_or_foreign_secured_frames_never_reach_the_node() -> None:
     to = 0
     body = secured(1).protect(frame(to=to))[:-FCS_OCTETS]
     flipped = [

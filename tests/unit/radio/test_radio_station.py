@@ -131,7 +131,7 @@ def test_two_stations_that_start_together_destroy_each_other_at_equal_power() ->
     assert listener.counters.collided == 2
 
 
-def test_of_two_that_start_together_the_one_three_decibels_stronger_survives() -> None:
+def test_capture_effect_of_simultaneous_frames_needs_three_decibels() -> None:
     listener = station()
     listener.hear(transmission(2, MS, x=3.0))
     listener.hear(transmission(3, MS, x=2.0))
@@ -279,7 +279,7 @@ def test_a_full_queue_is_an_access_failure_known_at_once() -> None:
     assert one.advance(0, 0, 0) == [Confirmed(QUEUE_MAX + 1, "access_failure")]
 
 
-def test_a_host_that_calls_late_loses_nothing_but_is_told_so() -> None:
+def test_late_host_loses_no_frame_and_is_notified() -> None:
     prompt, tardy = station(), station()
     for one in (prompt, tardy):
         one.request(0, b"x" * 20, None, 1)
@@ -320,7 +320,7 @@ def test_an_announcement_survives_the_wire() -> None:
         {"psdu": bytes(128)},
     ],
 )
-def test_an_announcement_that_cannot_be_one_is_refused(change: dict[str, object]) -> None:
+def test_invalid_announcement_is_refused(change: dict[str, object]) -> None:
     fields = tuple(transmission(9, MS, x=2.0)._replace(**change))
     with pytest.raises(ValueError, match="announcement"):
         Announcement.from_wire(fields)

@@ -68,7 +68,7 @@ def test_the_same_seeds_give_the_same_row_in_whatever_order_they_are_run_and_oth
 # ---- contention
 
 
-def test_a_lone_sender_loses_nothing_and_waits_for_nobody() -> None:
+def test_lone_sender_has_no_loss_and_no_channel_wait() -> None:
     row = contention.run(contention.Contention(1, 5.0, measured_s=20.0), Runs(seeds=range(1)))
     assert row["delivery_ratio_sink"]["mean"] == row["delivery_ratio_all_receivers"]["mean"] == 1.0
     assert row["channel_access_failure_ratio"]["mean"] == 0.0
@@ -101,7 +101,7 @@ def test_more_load_costs_more_frames_and_more_time() -> None:
 # ---- hidden stations and storms
 
 
-def test_those_who_cannot_hear_each_other_lose_more_than_those_who_can() -> None:
+def test_hidden_terminals_lose_more_frames_than_visible_ones() -> None:
     heard, unheard = (
         hidden.run(hidden.Hidden(case, 50.0, measured_s=5.0), Runs(seeds=range(2)))["both_delivery_ratio"]["mean"]
         for case in ("exposed_control", "hidden")
@@ -127,7 +127,7 @@ def test_stations_that_would_hear_each_other_are_not_called_hidden(case: str) ->
     assert hidden.distances("exposed_control", RadioConfig(exponent=2.5))
 
 
-def test_a_second_frame_that_no_nearness_makes_so_strong_is_refused() -> None:
+def test_second_frame_stronger_than_any_distance_allows_is_refused() -> None:
     case = overlap.Overlap(-29.0, 1.0)
     assert overlap.second_m(case, RadioConfig(exponent=3.0)) == pytest.approx(1.08, abs=0.01)
     with pytest.raises(ValueError, match="write -20 or more"):
@@ -221,6 +221,6 @@ def test_losses_come_on_top_and_shadowing_blurs_the_border() -> None:
         (lambda: Runs(seeds=[-1]), "seed -1: write 0 or more"),
     ],
 )
-def test_what_cannot_be_run_is_refused_with_the_limit(make: Callable[[], object], message: str) -> None:
+def test_trial_settings_out_of_range_are_refused_with_the_limit(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message.replace("(", r"\(")):
         make()

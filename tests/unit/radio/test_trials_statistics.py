@@ -30,7 +30,7 @@ def test_wilsons_intervals_are_those_of_the_reference(successes: int, trials: in
     assert wilson(successes, trials) == pytest.approx(interval, abs=1e-6)
 
 
-def test_nothing_tried_may_be_anything() -> None:
+def test_interval_of_no_trials_spans_everything() -> None:
     assert share(0, 0) == {"p": 0.0, "ci95": [0.0, 1.0], "k": 0, "n": 0}
 
 
@@ -47,12 +47,12 @@ def test_a_single_replication_has_no_interval() -> None:
     assert over_few([0.25]) == over_many([0.25]) == {"mean": 0.25, "ci95": None, "n_reps": 1}
 
 
-def test_a_percentile_is_the_value_that_so_many_do_not_exceed() -> None:
+def test_percentile_is_the_value_that_its_share_of_samples_does_not_exceed() -> None:
     values = [float(value) for value in range(1, 101)]
     assert percentile(values, 0.95) == 95.0
     assert percentile(values[::-1], 0.5) == 50.0
     assert percentile([7.0], 0.99) == 7.0
 
 
-def test_of_nothing_the_statistics_are_zero() -> None:
+def test_statistics_of_no_samples_are_zero() -> None:
     assert mean([]) == ratio(0, 0) == percentile([], 0.5) == 0.0

@@ -78,7 +78,7 @@ def test_an_unknown_name_gets_the_nearest_one_and_the_list(data, capsys):
     assert "known in" in told
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path, capsys):
+def test_missing_folder_is_reported(tmp_path, capsys):
     assert plotted(tmp_path / "nowhere", "kinds") == 2
     assert "there is no folder" in capsys.readouterr().err
 
@@ -101,7 +101,7 @@ def test_a_folder_that_is_not_there_is_told(tmp_path, capsys):
         ("\x00\xff", "expected"),
     ],
 )
-def test_a_broken_file_is_told_with_the_place_and_nothing_is_drawn(data, capsys, content, told):
+def test_broken_file_is_reported_with_its_place_and_nothing_is_drawn(data, capsys, content, told):
     (data / "broken.json").write_text(content)
     assert plotted(data, "kinds", "broken") == 3
     message = capsys.readouterr().err
@@ -124,7 +124,7 @@ def test_many_mistakes_are_counted_and_not_all_shown(data):
         (ImportError("libpng is broken"), "libpng is broken"),
     ],
 )
-def test_without_a_matplotlib_that_works_it_says_what_to_do(data, capsys, monkeypatch, error, told):
+def test_missing_or_broken_matplotlib_is_reported_with_the_remedy(data, capsys, monkeypatch, error, told):
     real = builtins.__import__
 
     def absent(name, *rest, **more):
@@ -137,7 +137,7 @@ def test_without_a_matplotlib_that_works_it_says_what_to_do(data, capsys, monkey
     assert told in capsys.readouterr().err
 
 
-def test_a_folder_that_cannot_be_written_is_told(data, capsys):
+def test_unwritable_folder_is_reported(data, capsys):
     (data / "file").write_text("")
     assert plotted(data, "kinds", "-o", str(data / "file" / "deeper")) == 2
     assert "rmr plot: " in capsys.readouterr().err
@@ -159,7 +159,7 @@ def test_help_and_names_do_not_load_matplotlib(data):
     assert answer.stdout.splitlines() == ["kinds", "False"]
 
 
-def test_what_matplotlib_finds_doubtful_is_told_without_a_place_in_our_source(tmp_path, capsys):
+def test_matplotlib_warning_is_reported_without_a_source_position(tmp_path, capsys):
     shown = figure({**SERIES, "label": "\N{ROBOT FACE}"}, title="\N{CJK UNIFIED IDEOGRAPH-6A5F}")
     (tmp_path / "odd.json").write_text(json.dumps({"name": "odd", "rows": [1], "figure": shown}))
     assert plotted(tmp_path, "odd") == 0

@@ -79,7 +79,7 @@ def test_there_are_no_facts_of_actions_and_of_predicates_that_are_not_there() ->
             hand.machine().insert(0, predicate, ())
 
 
-def test_what_refuses_is_not_remembered_for_each_number_that_names_nothing() -> None:
+def test_unknown_predicate_numbers_are_not_cached() -> None:
     hand = Hand()
     hand.temporary("p")
     machine = hand.machine()

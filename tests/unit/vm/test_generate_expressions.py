@@ -79,7 +79,7 @@ def both(left: Code, right: Code, op: Op = Op.AND) -> Code:
         (("call:now",), "(now / 1000000000)"),
     ],
 )
-def test_what_cannot_fail_is_written_in_place_without_a_check(parts: tuple[object, ...], text: str) -> None:
+def test_generated_expression_that_cannot_fail_is_inlined_without_a_check(parts: tuple[object, ...], text: str) -> None:
     source = written(*parts)
     assert source.text == text
     assert not source.fails
@@ -101,7 +101,9 @@ def test_what_cannot_fail_is_written_in_place_without_a_check(parts: tuple[objec
         ((ANY, Op.NOT), "(not truth(any))"),
     ],
 )
-def test_what_may_fail_has_the_check_that_is_left_or_is_a_call(parts: tuple[object, ...], text: str) -> None:
+def test_generated_expression_that_may_fail_has_the_remaining_check_or_is_a_call(
+    parts: tuple[object, ...], text: str
+) -> None:
     source = written(*parts)
     assert source.text == text
     assert source.fails
@@ -156,7 +158,7 @@ def test_a_branch_knows_its_condition() -> None:
     assert expression(guarded, NAMES, KNOWN, Pool()).text == "((n != 0) or (n > 0))"
 
 
-def test_a_guard_that_is_no_boolean_says_so() -> None:
+def test_non_boolean_guard_is_reported() -> None:
     pool = Pool()
     source = condition(code(ANY), NAMES, KNOWN, pool)
     assert source.fails
@@ -190,7 +192,7 @@ def test_code_that_jumps_otherwise_is_interpreted() -> None:
 
 @pytest.mark.parametrize("depth", [DEPTH_MAX - 1, DEPTH_MAX, 1000])
 @pytest.mark.parametrize("more", [code(1, Op.ADD), code(X, Op.DIV), code(X, "call:max"), code("call:abs")])
-def test_however_deep_code_nests_it_becomes_source_that_python_takes(depth: int, more: Code) -> None:
+def test_deeply_nested_code_generates_source_that_python_accepts(depth: int, more: Code) -> None:
     deep = (*code(N), *more * depth)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -75,7 +75,7 @@ def test_an_aggregate_makes_one_value_of_all_matches(operator: Operator, values:
         (Operator.MAX, None),
     ],
 )
-def test_of_no_match_there_is_nothing_to_count_and_nothing_to_choose(operator: Operator, expected: Value) -> None:
+def test_aggregate_of_no_match_counts_zero_and_has_no_minimum_or_maximum(operator: Operator, expected: Value) -> None:
     machine = folding(operator, [])
     assert machine.firings == 1
     assert result(operator, []) == expected

@@ -28,7 +28,7 @@ def multiplying() -> Hand:
     return hand
 
 
-def test_a_program_that_multiplies_facts_stays_bounded_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fact_limit_bounds_a_multiplying_program_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "FACTS_MAX", 20)
     robot = multiplying().machine(firing_budget=50)
     assert len(robot.facts()) == 20
@@ -39,7 +39,7 @@ def test_a_program_that_multiplies_facts_stays_bounded_and_is_told_once(monkeypa
     assert robot.dropped == {"facts": 100 - 19}
 
 
-def test_what_does_not_fit_neither_meets_a_goal_nor_starts_a_job(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fact_dropped_by_the_limit_neither_achieves_a_goal_nor_starts_a_job(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "FACTS_MAX", 1)
     hand = Hand()
     a, alarm = hand.temporary("a", INT), hand.action("alarm")
@@ -88,7 +88,7 @@ def test_facts_that_grow_are_dropped_once_all_together_are_too_long(monkeypatch:
     assert 100 <= sum(len(args[0]) for table in (a, b) for args in robot.held(table)) <= 2 * 100
 
 
-def test_what_is_consumed_makes_room_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_consumed_facts_make_room_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "FACTS_LENGTH_MAX", 10)
     hand = Hand()
     a = hand.temporary("a", NUMBERS)
@@ -143,7 +143,7 @@ def dividing() -> tuple[Hand, int, int]:
     return hand, n, tick
 
 
-def test_a_failure_is_told_once_though_its_match_is_looked_at_again() -> None:
+def test_rule_failure_is_reported_once_though_its_match_is_tried_again() -> None:
     hand, n, tick = dividing()
     robot = hand.machine()
     robot.insert(0, n, (0,))
@@ -154,7 +154,7 @@ def test_a_failure_is_told_once_though_its_match_is_looked_at_again() -> None:
     assert robot.expression_failures == 6
 
 
-def test_failures_that_are_remembered_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_of_reported_failures_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(failures, "FAILURES_MAX", 3)
     hand, n, tick = dividing()
     robot = hand.machine()
@@ -167,7 +167,7 @@ def test_failures_that_are_remembered_are_bounded(monkeypatch: pytest.MonkeyPatc
     assert (robot.expression_failures, robot.dropped, reached(events)) == (3, {"failures": 2}, [("failures", 3)])
 
 
-def test_failures_are_told_again_when_those_before_are_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failures_are_reported_again_after_eviction_of_earlier_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(failures, "FAILURES_MAX", 3)
     hand = Hand()
     s, out = hand.sensed("s", INT), hand.action("out", INT)
@@ -215,7 +215,7 @@ def test_matches_that_an_absent_fact_allows_are_looked_for_again_and_none_is_los
 
 
 @pytest.mark.parametrize("consumes", [False, True])
-def test_a_search_that_finds_nothing_ends_and_is_told(consumes: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fruitless_search_ends_at_the_budget_and_is_reported(consumes: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a bound, three conjuncts over 600 facts take minutes within one call."""
     monkeypatch.setattr(match, "LOOKS_MAX", 100)
     hand = Hand()

@@ -16,7 +16,7 @@ def reasons(events):
 
 
 @pytest.mark.parametrize(("stated", "derived"), [(1, ["p(@1, 1)"]), (1.0, []), ("a", []), ((1,), [])])
-def test_what_nothing_fixes_is_derived_only_where_its_type_is_declared(stated, derived):
+def test_value_of_open_type_is_derived_only_into_a_matching_declared_type(stated, derived):
     hand = Hand()
     q, p = hand.temporary("q", OPEN), hand.temporary("p", INT)
     hand.fact(q, stated)
@@ -46,7 +46,7 @@ def test_an_expression_that_yields_another_type_does_not_fire():
     assert machine.expression_failures == 1
 
 
-def test_the_smallest_of_what_has_no_fixed_type_is_derived_only_if_it_fits():
+def test_minimum_of_open_type_is_derived_only_if_it_fits_the_declared_type():
     hand = Hand()
     q, p = hand.temporary("q", FLOAT), hand.temporary("p", INT)
     hand.fact(q, 1.5)
@@ -56,7 +56,7 @@ def test_the_smallest_of_what_has_no_fixed_type_is_derived_only_if_it_fits():
     assert reasons(machine.drain()) == ["argument 2 of p is no int"]
 
 
-def test_an_effect_of_another_type_is_left_out_and_told():
+def test_effect_of_wrong_type_is_dropped_and_reported():
     hand = Hand()
     p = hand.temporary("p", AREA)
     hand.action("go", OPEN, effects=(Effect(p, (code(V(1)),)),))
@@ -68,7 +68,7 @@ def test_an_effect_of_another_type_is_left_out_and_told():
     assert reasons(machine.drain()) == ["argument 2 of p is no symbol"]
 
 
-def test_a_violation_of_another_type_is_left_out_and_told():
+def test_violation_of_wrong_type_is_dropped_and_reported():
     hand = Hand()
     s, f, act = hand.temporary("s", OPEN), hand.temporary("f"), hand.action("act", INT)
     hand.asserts(hand.keep(s, V(1)), hand.keep(f), 1, hand.head(act, V(1)))
@@ -80,7 +80,7 @@ def test_a_violation_of_another_type_is_left_out_and_told():
     assert reasons(events) == ["argument 2 of act is no int"]
 
 
-def test_where_the_text_tells_the_type_nothing_is_in_doubt():
+def test_statically_known_types_leave_no_runtime_check():
     hand = Hand()
     q, p = hand.temporary("q", INT), hand.temporary("p", INT, OPEN)
     scope = Scope()

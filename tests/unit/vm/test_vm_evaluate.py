@@ -67,7 +67,7 @@ def test_an_expression_has_the_value_of_its_operators(parts: tuple[object, ...],
         (3, "call:id"),
     ],
 )
-def test_what_is_out_of_range_or_of_the_wrong_type_has_no_value(parts: tuple[object, ...]) -> None:
+def test_result_out_of_range_or_operand_of_wrong_type_has_no_value(parts: tuple[object, ...]) -> None:
     with pytest.raises(NoValue):
         result(*parts)
 
@@ -155,7 +155,7 @@ def test_lists_are_built_taken_apart_and_searched(parts: tuple[object, ...], exp
         ((1,), 1, Op.ADD),
     ],
 )
-def test_what_a_list_does_not_have_has_no_value(parts: tuple[object, ...]) -> None:
+def test_missing_list_item_has_no_value(parts: tuple[object, ...]) -> None:
     with pytest.raises(NoValue):
         result(*parts)
 

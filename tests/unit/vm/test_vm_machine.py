@@ -30,7 +30,7 @@ EXIT = Symbol("exit")
         ("go", (EXIT,)),
     ],
 )
-def test_what_does_not_fit_from_outside_is_refused_by_name(name: str, args: tuple[Value, ...]) -> None:
+def test_inserted_fact_of_wrong_type_or_arity_is_refused_by_name(name: str, args: tuple[Value, ...]) -> None:
     hand = Hand()
     hand.sensed("at", AREA), hand.temporary("speed", FLOAT), hand.temporary("count", INT), hand.action("go", AREA)
     machine = hand.machine()
@@ -297,7 +297,7 @@ def test_an_action_serves_the_jobs_of_its_arguments_first_due_first() -> None:
     assert machine.serves(go, (EXIT,)) == []
 
 
-def test_a_missed_job_is_still_served_for_it_still_wants_its_turn() -> None:
+def test_job_that_missed_its_deadline_is_still_served() -> None:
     hand, due, _at, go = crossing()
     machine = hand.machine()
     machine.insert(0, due, (EXIT, 5))
@@ -305,7 +305,7 @@ def test_a_missed_job_is_still_served_for_it_still_wants_its_turn() -> None:
     assert [job.missed for job in machine.serves(go, (EXIT,))] == [True]
 
 
-def test_jobs_that_wait_are_bounded_and_what_is_given_up_is_counted() -> None:
+def test_waiting_jobs_are_bounded_and_dropped_ones_are_counted() -> None:
     hand = Hand()
     start, end, alarm = hand.temporary("start", INT), hand.temporary("end", INT), hand.action("alarm")
     hand.asserts(hand.atom(start, V(1)), hand.atom(end, V(1)), 10, hand.head(alarm))

@@ -87,7 +87,7 @@ def test_a_machine_has_no_dictionary() -> None:
             each.anything = 1  # type: ignore[union-attr]
 
 
-def test_what_is_asked_of_a_machine_without_jobs_and_goals_is_nothing() -> None:
+def test_queries_of_a_machine_without_jobs_and_goals_are_empty() -> None:
     hand, begun, _ = everything()
     machine = Bare(hand.program(), 3)
     assert (machine.jobs, machine.serves(2, ()), machine.dropped, machine.quiescent) == ([], [], {}, True)
@@ -101,7 +101,7 @@ def test_what_is_asked_of_a_machine_without_jobs_and_goals_is_nothing() -> None:
 
 
 @pytest.mark.parametrize(("robot", "jobs"), [(7, 2), (8, 1), (9, 1)])
-def test_robots_that_an_assertion_names_have_affairs_of_their_own(robot: int, jobs: int) -> None:
+def test_robots_named_in_an_assertion_get_their_own_job_tables(robot: int, jobs: int) -> None:
     hand, begun, done = everything()
     program = hand.program()
     affairs, others = Bare(program, robot)._affairs, Bare(program, 10)._affairs

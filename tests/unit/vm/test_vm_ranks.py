@@ -302,7 +302,7 @@ def test_the_way_through_a_grid_of_rules_is_the_shortest() -> None:
     assert level(grid(7), "in", "a0_0") == 12
 
 
-def test_how_far_is_looked_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_goal_rank_search_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(goal_levels, "STEPS_MAX", 20)
     text = "?p(R, 9, 9). " + " ".join(f"p(R, {n}, X) -o p(R, {n + 1}, X)." for n in range(30))
     assert level(text, "p", 8, 9) == 1
@@ -329,7 +329,7 @@ def test_goals_that_the_compiler_has_worked_out_need_no_search(monkeypatch: pyte
         way(TWO_WAYS + " go(R). go(R) -o ?h(R), i(R). i(R) -o h(R). h(R) -o 1.")
 
 
-def test_what_depends_on_the_match_is_searched_for_among_goals_that_are_worked_out() -> None:
+def test_match_dependent_rank_is_searched_at_run_time_beside_precomputed_goals() -> None:
     text = """
     ?at(R, c). go(R). near(R, d). near(R, a). near(R, b).
     go(R), near(R, X) -o at(R, X).
@@ -347,7 +347,7 @@ def test_several_goals_give_a_rule_the_rank_of_the_nearest() -> None:
     assert ranks.merged(goals) == ranks.merged(reversed(goals))
 
 
-def test_a_goal_for_anything_is_met_by_any_way() -> None:
+def test_goal_with_open_arguments_is_achieved_by_any_derivation() -> None:
     program = compiled("type g(robot, int). a(R). a(R) -o g(R, 3).")
     ranked = Levels(Backwards(program), [(0, (ANY,)), (0, (Constant(3),))], Robot(1))
     assert ranked.lowest([(0, (5,))]) == 0

@@ -59,7 +59,7 @@ def places(made: Machine, name: str = "location") -> str:
         "type sensor pose(robot, float). location(R, A), door(R, A, B), not pose(R, 1.0) -o location(R, B).",
     ],
 )
-def test_a_search_over_a_map_does_not_go_to_and_fro_for_ever(rule):
+def test_map_search_does_not_oscillate_forever(rule):
     found = places(machine(MAP.format(goal="e") + LINE + rule, 10))
     assert found == "ababcbabcde" or found.index("e") <= 20
 
@@ -94,7 +94,7 @@ def test_without_an_open_goal_the_oldest_facts_go_first_as_ever():
     assert places(machine(text, 6)) == "abababa"
 
 
-def test_matches_of_a_better_rank_go_first_however_often_they_have_fired():
+def test_matches_of_a_better_rank_fire_first_regardless_of_earlier_firings():
     text = "type action push(R: robot, W: way) -o open(R, W) else at(R).\ntype !door(robot, way).\n"
     text += "at(R). door(R, a). door(R, e). ?open(R, e).\nat(R), door(R, W) -o push(R, W)."
     made = machine(text, 1)
@@ -131,14 +131,14 @@ def test_more_matches_than_are_compared_leave_the_oldest_of_them_in_turn(monkeyp
     assert Counter(places(made)) == {"a": 6, "b": 3, "c": 2}
 
 
-def test_the_least_recent_firings_are_forgotten_beyond_the_bound_and_that_is_told(monkeypatch):
+def test_least_recent_firings_are_evicted_beyond_the_bound_and_reported(monkeypatch):
     monkeypatch.setattr(rotor, "ROTOR_MEMORY_MAX", 2)
     made = machine(MAP.format(goal="e") + LINE + WALK, 4)
     assert BoundReached("rotor", 2, 0) in made.drain()
     assert made.dropped["rotor"] >= 1
 
 
-def test_a_rule_that_repeats_itself_while_its_goal_is_open_is_told_once():
+def test_rule_repeating_while_its_goal_is_open_is_reported_once():
     events = machine(MAP.format(goal="nowhere") + LINE + WALK, 500).drain()
     assert [event for event in events if isinstance(event, RuleRepeats)] == [RuleRepeats(0, 20, 0)]
     assert sum(isinstance(event, RuleFired) for event in events) == 500
@@ -153,7 +153,7 @@ def test_a_rule_that_repeats_itself_while_its_goal_is_open_is_told_once():
     ],
     ids=["counts", "achieves its goals", "has no goal"],
 )
-def test_a_rule_that_gets_on_is_not_told(text):
+def test_rule_that_makes_progress_is_not_reported_as_repeating(text):
     events = machine(text, 300).drain()
     assert not [event for event in events if isinstance(event, RuleRepeats)]
     assert sum(isinstance(event, RuleFired) for event in events) == 300

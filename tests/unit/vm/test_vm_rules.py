@@ -181,7 +181,7 @@ def test_comprehensions_run_left_to_right() -> None:
     assert [(a.predicate, a.args) for a in actions(machine.drain())] == [(first, (1,)), (second, (2,))]
 
 
-def test_what_belongs_to_another_robot_is_sent_there() -> None:
+def test_derived_fact_of_another_robot_is_sent_to_it() -> None:
     hand = Hand()
     peer, hello, wave = hand.temporary("peer", ROBOT), hand.temporary("hello", INT), hand.action("wave")
     rule = [hand.head(hello, 5, to=V(1)), hand.want(hello, 6, to=V(1)), hand.head(wave, to=V(1))]
@@ -273,7 +273,7 @@ def test_the_budget_bounds_a_run_and_the_rest_goes_on_at_the_next() -> None:
     assert (machine.firings, machine.next_wake) == (20, 7)
 
 
-def test_the_trace_shows_what_comes_and_goes() -> None:
+def test_trace_shows_inserted_and_removed_facts() -> None:
     hand = Hand()
     a, b = hand.temporary("a"), hand.temporary("b")
     hand.fact(a)
@@ -282,7 +282,7 @@ def test_the_trace_shows_what_comes_and_goes() -> None:
     assert events == [FactInserted(a, (), 0), FactRemoved(a, (), 0), FactInserted(b, (), 0)]
 
 
-def test_facts_of_other_robots_in_the_program_are_not_this_ones() -> None:
+def test_stated_facts_of_other_robots_are_not_inserted() -> None:
     hand = Hand()
     a = hand.temporary("a", INT)
     hand.fact(a, 1)

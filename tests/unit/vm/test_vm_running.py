@@ -19,7 +19,7 @@ a(R, X), {} b(R, Y) -o {{U, V | !p(R, U), !p(R, V), U + V < 0 | q(R, U)}}, out(R
 
 
 @pytest.mark.parametrize("absent", ["", "not z(R),"])
-def test_a_comprehension_that_looks_at_too_much_does_not_end_the_search_around_it(
+def test_comprehension_over_its_search_budget_does_not_end_the_outer_search(
     absent: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(match, "LOOKS_MAX", 1000)

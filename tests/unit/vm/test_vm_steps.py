@@ -111,7 +111,7 @@ def test_all_arguments_are_worked_out_when_the_rule_fires() -> None:
     assert machine.facts() == ["n(@1, 0)", "out(@1, 3)"]
 
 
-def test_several_chains_go_on_side_by_side() -> None:
+def test_several_step_chains_run_concurrently() -> None:
     shop = Shop()
     machine = shop.steps(shop.hand.head(shop.fetch, V(1)), shop.hand.head(shop.bring, V(1)))
     machine.insert(1, shop.order, (Symbol("y"),))
@@ -159,7 +159,7 @@ def test_a_failure_elsewhere_drops_the_rest_here() -> None:
     assert (actions(machine.drain()), machine.facts()) == ([], [])
 
 
-def test_no_robot_ends_an_action_that_it_does_not_execute() -> None:
+def test_action_end_reported_by_a_robot_that_does_not_execute_it_is_ignored() -> None:
     shop, machine, fetch = remote()
     assert not machine.complete(1, fetch.serial, True, executor=5)
     assert not machine.complete(1, fetch.serial + 1, True, executor=4)
@@ -170,7 +170,7 @@ def test_no_robot_ends_an_action_that_it_does_not_execute() -> None:
     assert machine.complete(1, fetch.serial, True, executor=4)
 
 
-def test_chains_that_wait_are_bounded_and_what_is_dropped_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_step_chains_are_bounded_and_dropped_ones_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(underway, "CHAINS_MAX", 2)
     shop = Shop()
     machine = shop.steps(shop.hand.head(shop.fetch, V(1)), shop.hand.head(shop.bring, V(1)))

@@ -56,7 +56,7 @@ class Pair:
                 self.giver.finish_seen(at, 2, event.assertion, event.args, event.at)
 
 
-def test_the_other_robot_is_asked_for_the_finish_fact_and_reports_it() -> None:
+def test_finish_fact_is_requested_from_the_other_robot_and_reported() -> None:
     pair = Pair()
     events = pair.give(seconds(1))
     (job,) = pair.giver.jobs
@@ -139,7 +139,7 @@ def test_a_sensed_fact_that_held_when_the_job_started_counts_though_it_is_gone()
         assert pair.taker.drain() == news
 
 
-def test_news_after_the_deadline_does_not_undo_the_miss_but_says_why() -> None:
+def test_late_finish_report_keeps_the_miss_and_explains_it() -> None:
     for taken, cause in ((seconds(10), "network"), (seconds(10) + 1, "local")):
         pair = Pair()
         pair.carry(0, pair.give(0, within_s=10))
@@ -156,7 +156,7 @@ def test_news_after_the_deadline_does_not_undo_the_miss_but_says_why() -> None:
         assert (job.missed, job.finish, job.cause) == (True, taken, cause)
 
 
-def test_news_that_arrives_before_the_machine_has_run_comes_after_the_miss() -> None:
+def test_finish_report_before_the_next_run_is_handled_after_the_miss() -> None:
     pair = Pair()
     pair.carry(0, pair.give(0, within_s=10))
     pair.carry(seconds(12), pair.take(seconds(9)))
@@ -165,7 +165,7 @@ def test_news_that_arrives_before_the_machine_has_run_comes_after_the_miss() -> 
     assert job.cause == "network"
 
 
-def test_a_job_that_starts_anew_asks_again_and_old_news_does_not_end_it() -> None:
+def test_restarted_job_requests_again_and_is_not_ended_by_an_old_report() -> None:
     pair = Pair()
     pair.carry(0, pair.give(0))
     old = pair.take(seconds(1))
@@ -186,7 +186,7 @@ def test_a_later_request_takes_the_place_of_the_older_watch() -> None:
     assert pair.take(seconds(3)) == [FinishSeen(1, 0, (A, X), seconds(3))]
 
 
-def test_news_belongs_to_the_job_that_ran_at_the_time() -> None:
+def test_finish_report_belongs_to_the_job_of_its_time() -> None:
     pair = Pair()
     pair.carry(0, pair.give(0, within_s=5))
     news = pair.take(seconds(4))
@@ -199,7 +199,7 @@ def test_news_belongs_to_the_job_that_ran_at_the_time() -> None:
     assert (first.cause, second.finish) == ("network", None)
 
 
-def test_news_from_the_future_is_news_of_now() -> None:
+def test_finish_report_with_a_future_time_counts_as_now() -> None:
     pair = Pair()
     pair.give(0)
     assert pair.giver.finish_seen(seconds(1), 2, 0, (A, X), seconds(99))
@@ -264,7 +264,7 @@ def test_a_request_about_another_robots_job_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("assertion", "args"), [(1, (A, X)), (-1, (A, X)), (0, (A,)), (0, (A, 4))])
-def test_news_that_no_robot_of_the_program_sends_is_refused(assertion: int, args: tuple[Value, ...]) -> None:
+def test_finish_report_that_no_robot_of_the_program_sends_is_refused(assertion: int, args: tuple[Value, ...]) -> None:
     pair = Pair()
     pair.give(0)
     with pytest.raises(ValueError, match=r"assertion|took"):
@@ -291,7 +291,7 @@ def test_the_memory_of_insertions_is_bounded(monkeypatch: pytest.MonkeyPatch) ->
     assert pair.taker.drain() == []
 
 
-def test_robots_that_nobody_can_ask_remember_nothing() -> None:
+def test_robots_without_possible_requests_keep_no_insertion_history() -> None:
     pair = Pair(finisher=V(0))
     pair.take(1)
     assert not pair.taker._affairs.asked

@@ -11,7 +11,7 @@ def test_a_run_in_which_nothing_went_wrong_has_no_troubles():
     assert run_warnings({"robots": {"1": robot(), "2": {}}}) == []
 
 
-def test_failed_actions_are_counted_over_all_robots_and_the_earliest_is_told():
+def test_failed_actions_are_counted_over_all_robots_and_the_earliest_is_named():
     first = robot(actions_failed=2, first_failure=[3.0, "act(@1)", "late"])
     second = robot(actions_failed=1, actions_omitted=7, first_failure=[1.5, "act(@2)", "KeyError: 'x' (acts.py:7)"])
     assert run_warnings({"robots": {"1": first, "2": second}}) == [
@@ -20,7 +20,7 @@ def test_failed_actions_are_counted_over_all_robots_and_the_earliest_is_told():
     ]
 
 
-def test_what_was_not_delivered_is_counted_and_a_long_fact_is_cut():
+def test_undelivered_facts_are_counted_and_a_long_fact_is_cut():
     fact = 'got(@2, "' + "x" * 7000
     (line,) = run_warnings({"robots": {"1": robot(undelivered=1, first_undelivered=[0.0, fact, "too large"])}})
     assert line.startswith(
@@ -29,7 +29,7 @@ def test_what_was_not_delivered_is_counted_and_a_long_fact_is_cut():
     assert line.endswith(f"{fact[:TEXT_MAX]}...: too large")
 
 
-def test_what_was_dropped_or_left_out_is_told():
+def test_dropped_and_omitted_entries_are_reported():
     part = robot(actions_omitted=5, assertions_omitted=2, goals_omitted=1, dropped={"facts": 3})
     assert run_warnings({"robots": {"1": part}, "violations_omitted": 4}) == [
         "robot 1 dropped 3 facts: more than it keeps (`bound_reached` in its trace)",

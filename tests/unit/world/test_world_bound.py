@@ -181,7 +181,7 @@ def test_all_deadlines_of_both_labs_can_be_met():
         assert best_possible(lab, jobs(lab, deadlines)) == 6
 
 
-def test_a_deadline_before_the_free_flow_trip_is_lost():
+def test_deadline_before_the_free_flow_trip_cannot_be_met():
     lab = load_lab(LABS / "corridor")
     assert best_possible(lab, jobs(lab, [30, 30, 30, 30, 30, 5])) == 5
 
@@ -221,7 +221,7 @@ def test_as_many_deadlines_count_as_possible_as_the_best_of_all_orders_meets():
     assert len(seen) > 2
 
 
-def test_what_was_met_was_possible():
+def test_best_possible_counts_every_deadline_that_was_met():
     lab = load_lab(LABS / "corridor")
     assert best_possible(lab, jobs(lab, [1.0] * 6, met=True)) == 6
 

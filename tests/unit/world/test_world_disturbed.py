@@ -17,12 +17,12 @@ def disturbed():
     return DisturbanceList("x", (1, 2, 3), [GIVEN])
 
 
-def test_what_is_added_begins_soon_and_lasts_its_time(disturbed):
+def test_added_disturbance_begins_soon_and_lasts_its_duration(disturbed):
     assert disturbed.add(NOISE, 10 * S) == ""
     assert disturbed.held == (GIVEN, NOISE._replace(since=10 * S + LEAD, until=15 * S + LEAD))
 
 
-def test_what_is_added_without_an_end_lasts_for_ever(disturbed):
+def test_added_disturbance_without_a_duration_never_ends(disturbed):
     disturbed.add(partition([[1], [2]]), 10 * S)
     assert disturbed.added == (partition([[1], [2]], 10 * S + LEAD, NEVER),)
 
@@ -59,13 +59,13 @@ def test_clear_ends_what_was_added_and_leaves_what_the_lab_file_says(disturbed):
     assert disturbed.given == (GIVEN,)
 
 
-def test_what_has_not_begun_is_cleared_without_a_trace(disturbed):
+def test_clear_removes_disturbances_that_have_not_begun(disturbed):
     disturbed.add(NOISE, S)
     disturbed.clear(S)
     assert disturbed.held == (GIVEN,)
 
 
-def test_what_is_over_is_kept_until_all_frames_of_its_time_are_decided(disturbed):
+def test_expired_disturbance_is_kept_until_all_frames_of_its_time_are_decided(disturbed):
     disturbed.add(NOISE, 0)
     end = disturbed.added[0].until
     disturbed.forget(end + LINGER - 1)

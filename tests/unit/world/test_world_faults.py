@@ -51,7 +51,7 @@ def test_an_outage_may_name_some_robots(tmp_path):
         ("{at: 3s, kill: 1}, {at: 4s, kill: 1}", "robot 1 is dead at 4 s: start it again before it is killed"),
     ],
 )
-def test_a_mistake_is_told(tmp_path, faults, complaint):
+def test_mistake_in_faults_is_reported(tmp_path, faults, complaint):
     found = complaints(tmp_path, TWO + f"faults: [{faults}]\n")
     assert len(found) == 1
     assert complaint in found[0]
@@ -83,11 +83,11 @@ EVERY_KIND = """\
 """
 
 
-def test_faults_are_told_as_a_lab_file_has_them_in_order_of_their_beginning(tmp_path):
+def test_faults_are_listed_as_in_the_lab_file_in_order_of_start(tmp_path):
     lab = lab_of(tmp_path, TWO + "  - {id: 3, pose: [1.6, 0.2, 0]}\nfaults:\n" + EVERY_KIND)
     assert "".join(f"{line}\n" for line in fault_lines(lab)) == EVERY_KIND
     assert fault_entries(lab)[1] == {"at": 1.0, "kill": 2}
 
 
-def test_what_is_wrong_with_the_radio_for_the_whole_run_is_not_told_among_the_faults(tmp_path):
+def test_permanent_radio_disturbances_are_not_listed_among_the_faults(tmp_path):
     assert fault_entries(lab_of(tmp_path, TWO + "radio: {links: [{link: [1, 2], loss: 0.5}]}\n")) == []

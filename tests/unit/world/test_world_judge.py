@@ -88,14 +88,14 @@ def test_a_door_must_be_wider_than_a_robot_by_what_its_planner_keeps(tmp_path, g
     assert (problems == []) is fits
 
 
-def test_a_robot_that_alone_is_shut_in_is_named_alone(tmp_path):
+def test_only_the_enclosed_robot_is_named(tmp_path):
     cage = "{box: [0.64, 0.0, 0.68, 0.6]}, {box: [0.64, 0.56, 1.0, 0.6]}, {box: [0.96, 0.0, 1.0, 0.6]}"
     problems, _ = told(room(tmp_path, obstacles=cage))
     assert len(problems) == 1
     assert "robot 2 finds no way to area 'yard'" in problems[0]
 
 
-def test_a_slot_that_nobody_can_reach_is_named_by_itself(tmp_path):
+def test_unreachable_slot_is_named_individually(tmp_path):
     closet = "{box: [2.3, 0.6, 2.34, 1.5]}, {box: [2.3, 0.6, 3.0, 0.64]}"
     problems, _ = told(room(tmp_path, obstacles=closet, yard="{slots: [[2.5, 0.3], [2.6, 1.0]]}"))
     assert problems == ["lab.yaml:7:36: areas.yard.slots.1: no robot finds a way to place 1 of area 'yard'"]
@@ -136,7 +136,7 @@ def test_of_a_deadline_that_each_run_draws_the_latest_counts(tmp_path):
     assert "lab.yaml:11:9: facts.0: warning: robot 1 cannot be at yard within 9 s" in warning
 
 
-def test_a_deadline_that_the_program_states_is_told_with_the_program(tmp_path):
+def test_deadline_stated_in_the_program_is_reported_with_its_place_in_the_program(tmp_path):
     program = PROGRAM.replace("at(R, yard), D", "at(R, yard), 3s").replace("crossing: assert", "crossing: watch")
     problems, warnings = told(room(tmp_path, program=program))
     assert problems == []
@@ -144,7 +144,7 @@ def test_a_deadline_that_the_program_states_is_told_with_the_program(tmp_path):
     assert warnings[0].startswith("lab.yaml:2:10: program: warning: robot 1 cannot be at yard within 3 s")
 
 
-def test_what_begins_later_or_ends_elsewhere_is_left_to_the_report(tmp_path):
+def test_jobs_that_start_later_or_finish_elsewhere_get_no_deadline_warning(tmp_path):
     later = PROGRAM.replace("start(R), due(R, D) -o", "started(R), due(R, D) -o")
     assert told(room(tmp_path, due="1", program=later)) == ([], [])
     elsewhere = PROGRAM.replace("at(R, yard), D", "done(R), D")
@@ -194,7 +194,7 @@ def test_a_deadline_of_the_labs_own_finish_fact_is_judged_by_where_its_facts_lea
         ),
     ],
 )
-def test_what_can_hardly_be_meant_is_a_warning(tmp_path, written, instead, said):
+def test_implausible_lab_settings_are_warnings(tmp_path, written, instead, said):
     file = room(tmp_path) / "lab.yaml"
     file.write_text(file.read_text().replace(written, instead))
     problems, warnings = told(tmp_path)
@@ -209,7 +209,7 @@ def test_a_program_that_does_not_drive_needs_no_beacons(tmp_path):
     assert told(tmp_path) == ([], [])
 
 
-def test_rmr_sim_runs_on_with_an_impossible_deadline_and_its_exit_code_tells(tmp_path, capsys):
+def test_rmr_sim_runs_with_an_impossible_deadline_and_fails_by_exit_code(tmp_path, capsys):
     folder = room(tmp_path, due="9")
     assert main([str(folder), "--robots", "1", "--run", str(tmp_path / "a"), "--trace", str(tmp_path / "trace")]) == 0
     assert "the way alone takes 10.00 s" in capsys.readouterr().err
@@ -217,7 +217,7 @@ def test_rmr_sim_runs_on_with_an_impossible_deadline_and_its_exit_code_tells(tmp
     assert main([str(folder), "--robots", "1", "--run", str(tmp_path / "b"), "--strict"]) == 4
 
 
-def test_rmr_sim_and_rmr_up_refuse_what_no_robot_can_reach(tmp_path, capsys):
+def test_rmr_sim_and_rmr_up_refuse_an_unreachable_destination(tmp_path, capsys):
     folder = room(tmp_path, obstacles=WALL)
     assert main([str(folder), "--run", str(tmp_path / "run")]) == 3
     assert "lab.yaml:7:15: areas.yard: robots 1, 2 find no way" in capsys.readouterr().err
@@ -300,7 +300,7 @@ def test_area_with_room_for_one_is_no_warning_where_a_handler_drives_there_by_tu
 DOOR = "{box: [1.45, 0.0, 1.55, 0.6]}, {box: [1.45, 0.9, 1.55, 1.5]}"
 
 
-def test_bottleneck_that_nobody_passes_is_a_warning(tmp_path):
+def test_bottleneck_off_every_route_is_a_warning(tmp_path):
     folder = room(tmp_path, obstacles=DOOR)
     text = (folder / "lab.yaml").read_text()
     door = text.replace("robots:", "bottleneck: door\nrobots:").replace("yard:", "door: {at: [1.4, 0.75]}, yard:")

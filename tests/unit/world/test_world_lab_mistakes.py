@@ -157,7 +157,7 @@ ROBOT_MISTAKES = [
 
 
 @pytest.mark.parametrize(("item", "complaint"), ROBOT_MISTAKES, ids=[item[:40] for item, _ in ROBOT_MISTAKES])
-def test_a_robot_that_cannot_be_there_is_named(tmp_path, item, complaint):
+def test_robot_at_an_impossible_place_is_named(tmp_path, item, complaint):
     found = complaints(tmp_path, ROOM + f"  - {item}\n")
     assert len(found) == 1
     assert found[0].startswith("6:")
@@ -242,7 +242,7 @@ def test_more_robots_than_exit_slots_can_never_finish(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["corridor.rmr", "corridor.rbc"])
-def test_a_program_in_place_of_a_lab_is_told_what_is_wanted(tmp_path, name):
+def test_program_in_place_of_a_lab_file_is_reported_with_the_remedy(tmp_path, name):
     with pytest.raises(LabError, match="is a program: name the lab file that it stands in, or its folder"):
         load_lab(tmp_path / name)
 
@@ -265,7 +265,7 @@ def test_a_program_in_place_of_a_lab_is_told_what_is_wanted(tmp_path, name):
         (b"{a: " * 500, "1:69: is nested too deeply"),
     ],
 )
-def test_what_is_no_yaml_mapping_is_refused_with_its_position(tmp_path, data, complaint):
+def test_lab_file_that_is_no_yaml_mapping_is_refused_with_its_position(tmp_path, data, complaint):
     found = complaints(tmp_path, data)
     assert len(found) == 1
     assert found[0].startswith(complaint)
@@ -313,7 +313,7 @@ def test_words_that_older_yaml_takes_for_other_types_stay_words(tmp_path):
     assert found == ["6:7: seed: should be a valid integer, not '1:30'"]
 
 
-def test_a_file_that_is_something_else_tells_a_bounded_number_of_mistakes_soon(tmp_path):
+def test_foreign_file_yields_a_bounded_number_of_mistakes_quickly(tmp_path):
     began = time.process_time()
     problems = problems_of(tmp_path, "".join(f"key{k}: 1\n" for k in range(3000)))
     assert len(problems) == 201

@@ -115,7 +115,7 @@ def test_a_command_that_overtakes_a_later_one_is_dropped(tmp_path):
 
 
 @pytest.mark.parametrize("twist", [Twist(math.nan, 0.0), Twist(0.0, math.inf)])
-def test_commands_that_are_no_numbers_are_dropped(tmp_path, twist):
+def test_wheel_commands_with_nan_or_infinity_are_dropped(tmp_path, twist):
     world = world_of(tmp_path, (0.5, 0.5, 0))
     world.act(1, twist, 0, 0)
     world.step(seconds(0.4))

@@ -27,9 +27,7 @@ def secured(folder, settings, digits=DIGITS):
         ("{key_file: lab.key, security: enc-mic-128}", "enc-mic-128"),
     ],
 )
-def test_a_key_file_stands_beside_the_lab_file_and_means_8_octets_of_integrity_unless_told_else(
-    tmp_path, settings, level
-):
+def test_key_file_is_relative_to_the_lab_file_and_defaults_to_8_octets_of_integrity(tmp_path, settings, level):
     lab = secured(tmp_path, settings)
     assert lab.radio.security == level
     assert radio_key(lab) == bytes.fromhex(DIGITS)
@@ -47,7 +45,7 @@ def test_the_names_of_levels_are_those_of_the_radio():
     assert names == list(LEVELS)
 
 
-def test_a_key_that_would_not_be_used_and_a_level_that_nobody_knows_are_mistakes(tmp_path):
+def test_unused_key_and_unknown_security_level_are_mistakes(tmp_path):
     [unused] = complaints(tmp_path, ROOM + "radio: {security: none, key_file: lab.key}\n")
     assert unused.startswith("6:8: radio: ")
     assert "uses no key: remove security, or key_file" in unused
@@ -56,14 +54,14 @@ def test_a_key_that_would_not_be_used_and_a_level_that_nobody_knows_are_mistakes
     assert "enc-mic-64" in unknown
 
 
-def test_a_lab_that_names_no_key_loads_and_who_starts_its_robots_is_told_what_is_missing(tmp_path):
+def test_secured_lab_without_a_key_file_loads_and_starting_its_robots_names_what_is_missing(tmp_path):
     lab = secured(tmp_path, "{security: enc-mic-128}")
     with pytest.raises(LabError, match=r"lab\.yaml:6:19: radio\.security: enc-mic-128 needs a key: .*radio\.key_file"):
         radio_key(lab)
 
 
 @pytest.mark.parametrize(("digits", "what"), [("xyz", "line 1"), (DIGITS[:-2], "30 hexadecimal digits instead of 32")])
-def test_a_file_without_a_key_is_told_of_at_its_place_in_the_lab_file(tmp_path, digits, what):
+def test_key_file_without_a_key_is_reported_at_its_place_in_the_lab_file(tmp_path, digits, what):
     lab = secured(tmp_path, "{key_file: lab.key}", digits)
     with pytest.raises(LabError) as wrong:
         radio_key(lab)
@@ -73,7 +71,7 @@ def test_a_file_without_a_key_is_told_of_at_its_place_in_the_lab_file(tmp_path, 
     assert message.endswith("openssl rand -hex 16 > lab.key")
 
 
-def test_what_the_world_tells_its_robots_names_the_level_and_neither_the_key_nor_its_file(tmp_path):
+def test_setup_message_of_the_world_holds_the_security_level_but_not_the_key_or_its_file(tmp_path):
     lab = secured(tmp_path, "{key_file: lab.key}")
     told = WorldServer(lab, 1, None, Ending(), when_ready=False)._map
     assert told.radio["security"] == "enc-mic-64"

@@ -44,7 +44,7 @@ def lab_with(tmp_path, *facts):
     return lab_of(tmp_path, ROOM + f"facts: {list(facts)}\n")
 
 
-def test_the_seed_decides_and_nothing_else(tmp_path):
+def test_ranges_drawn_depend_on_the_seed_only(tmp_path):
     lab = lab_with(tmp_path, "due(@1, 0..1000000)")
     other = replace(lab, seed=lab.seed + 1)
     assert lab.initial_facts == lab.initial_facts
@@ -75,5 +75,5 @@ def test_fewer_robots_leave_the_others_numbers(tmp_path):
         ("due(@1, 0.61..0.68)", "6:9: facts.0: the range 0.61..0.68 holds no number with one decimal"),
     ],
 )
-def test_a_range_without_a_number_is_told_with_its_place(tmp_path, fact, complaint):
+def test_range_without_a_number_is_reported_with_its_place(tmp_path, fact, complaint):
     assert complaints(tmp_path, ROOM + f"facts: ['{fact}']\n") == [complaint]

@@ -55,7 +55,7 @@ def test_floats_are_rounded_and_what_json_lacks_is_null():
     json.dumps(report, allow_nan=False)
 
 
-def test_a_robot_that_said_nothing_stands_in_the_report():
+def test_silent_robot_stands_in_the_report():
     report = report_of(robots={})
     assert report["robots"]["2"]["assertions"] == []
     assert report["robots"]["2"]["finish_s"] is None
@@ -66,7 +66,7 @@ def test_the_world_s_distance_counts_not_the_robot_s_own():
     assert report["robots"]["1"]["distance_m"] == 1.6123
 
 
-def test_the_schedule_is_the_newest_of_each_term_that_any_robot_tells_of():
+def test_report_holds_the_newest_schedule_of_each_term_from_any_robot():
     def schedule(leader, term, order, formed_s=1.0):
         return {"event": "crossing(exit)", "leader": leader, "term": term, "order": order, "formed_s": formed_s}
 

@@ -42,19 +42,19 @@ class Held:
         return self.server._report()
 
 
-def test_a_tick_that_is_made_up_for_is_counted_once(monkeypatch):
+def test_late_tick_that_is_caught_up_is_counted_once(monkeypatch):
     held = Held(monkeypatch)
     assert held.catch_up(1, 1)["ticks_late"] == 0
     behind = 3 * CATCH_UP_MAX
     assert held.catch_up(1 + behind, 3)["ticks_late"] == behind - 1
 
 
-def test_a_world_that_is_too_far_behind_sets_lab_time_back_and_makes_up_for_nothing(monkeypatch):
+def test_world_too_far_behind_resets_lab_time_and_catches_up_no_tick(monkeypatch):
     report = Held(monkeypatch).catch_up(BEHIND_MAX + 10, 1)
     assert (report["ticks_late"], report["set_back"]) == (0, 1)
 
 
-def test_a_world_that_was_held_up_forgets_no_disturbance_that_still_holds_once_lab_time_is_set_back(monkeypatch):
+def test_stalled_world_keeps_current_disturbances_when_lab_time_is_reset(monkeypatch):
     held = Held(monkeypatch)
     wish = wire.Envelope(wire.OPERATOR_ID, 1, 1, wire.AskDisturbances("add", Disturbance(0, 5 * NS_PER_S, loss=0.5)))
     held.server._answer_disturbances(wish, 0)
@@ -71,7 +71,7 @@ def test_a_world_that_was_held_up_forgets_no_disturbance_that_still_holds_once_l
 
 async def telling(world: WorldServer) -> None:
     """Let the world tell its state once."""
-    task = asyncio.ensure_future(world._tell())
+    task = asyncio.ensure_future(world._publish_periodically())
     await asyncio.sleep(0)
     task.cancel()
 
@@ -101,7 +101,7 @@ class Asked:
         return answer
 
 
-def test_what_an_operator_changes_is_told_to_the_robots_there_and_to_those_that_come():
+def test_disturbances_of_the_operator_are_sent_to_present_and_later_robots():
     world = Asked()
     held = world.ask("add", partition([[1], [2]])).held
     assert len(held) == 1
@@ -112,7 +112,7 @@ def test_what_an_operator_changes_is_told_to_the_robots_there_and_to_those_that_
     assert world.arrives(2).disturbances == cleared
 
 
-def test_once_people_have_disturbed_it_the_list_is_told_again_even_when_all_is_cleared_before_it_began():
+def test_disturbances_changed_by_an_operator_are_sent_even_if_cleared_before_the_start():
     world = Asked()
 
     asyncio.run(telling(world.server))
@@ -124,7 +124,7 @@ def test_once_people_have_disturbed_it_the_list_is_told_again_even_when_all_is_c
     assert world.told[before:] == [()]
 
 
-def test_what_changes_nothing_is_told_to_nobody():
+def test_unchanged_disturbances_are_not_published():
     world = Asked()
     assert world.ask("list").held == ()
     refusal = world.ask("add", partition([[1], [77]]))
@@ -133,7 +133,7 @@ def test_what_changes_nothing_is_told_to_nobody():
     assert world.told == []
 
 
-def test_strangers_that_say_they_are_ready_are_not_counted():
+def test_ready_messages_of_unknown_robots_are_not_counted():
     world = Asked().server
     ready = wire.Status("ready", "", False, False, 0, {})
     for sender in (*range(10_000, 10_100), *world._lab.roster[1:]):

@@ -62,7 +62,7 @@ def test_a_fact_is_its_name_owner_and_values(text, owner, args):
         ("p(@1, " + "[" * 50, "lists are nested too deeply"),
     ],
 )
-def test_what_is_no_fact_says_what_was_expected(text, complaint):
+def test_invalid_fact_is_reported_with_what_was_expected(text, complaint):
     with pytest.raises(TermError) as caught:
         parse_fact(text)
     assert str(caught.value) == complaint
