@@ -7,7 +7,7 @@ import pytest
 from lab_maker import small_lab
 
 from rmr.base.time import milliseconds, seconds
-from rmr.coord import ledger
+from rmr.coord import planner
 from rmr.coord.context import OwnJob
 from rmr.coord.events import Entered, EntryMissed, JobRequest, LeadershipBegan, SlotAssigned
 from rmr.coord.messages import Entry, Phase, Sched, encode
@@ -199,7 +199,7 @@ def test_headway_violation_is_reported(tmp_path):
 
 
 def test_leader_that_assigns_one_slot_to_all_is_reported(tmp_path, monkeypatch):
-    monkeypatch.setattr(ledger, "place", lambda order, standing, rules: [rules.floor + milliseconds(500)] * len(order))
+    monkeypatch.setattr(planner, "place", lambda order, standing, rules: [rules.floor + milliseconds(500)] * len(order))
     monkeypatch.setattr("rmr.coord.fence.Fence._conflict", lambda *_: False)
     simulation = small_lab(tmp_path, CHARGE, robots=3, actions=CHARGER, finish="done(R)")
     simulation.run()

@@ -131,7 +131,7 @@ class Ledger:
     def take(self, one: Crossing, commands) -> None:
         for command in commands:
             match command:
-                case JobRequest(event=group_id):
+                case JobRequest(group_id=group_id):
                     assert group_id == one.group_id
                     assert one.group_id not in self.live, "requested twice"
                     self.live.add(one.group_id)
