@@ -28,7 +28,8 @@ class Disc:
     extent: Extent = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        (x, y), r = self.centre, self.radius
+        (x, y) = self.centre
+        r = self.radius
         object.__setattr__(self, "extent", (x - r, y - r, x + r, y + r))
 
     def distance(self, x: float, y: float) -> float:
@@ -50,12 +51,15 @@ class Polygon:
     def contains(self, x: float, y: float) -> bool:
         """Return whether (x, y) lies inside or on the edge."""
         a = self.corners[-1]
-        ax, ay = a.x, a.y
+        ax = a.x
+        ay = a.y
         for b in self.corners:
-            bx, by = b.x, b.y
+            bx = b.x
+            by = b.y
             if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
                 return False
-            ax, ay = bx, by
+            ax = bx
+            ay = by
         return True
 
     def distance(self, x: float, y: float) -> float:

@@ -103,7 +103,8 @@ def distance(ax: float, ay: float, bx: float, by: float) -> float:
 
 def point_segment_distance(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance of point p from the segment a-b in metres."""
-    dx, dy = bx - ax, by - ay
+    dx = bx - ax
+    dy = by - ay
     length2 = dx * dx + dy * dy
     t = 0.0 if length2 == 0.0 else ((px - ax) * dx + (py - ay) * dy) / length2
     if t < 0.0:

@@ -9,7 +9,10 @@ from collections.abc import Callable
 
 from rmr.base.time import NEVER, Instant
 
-EVENT, AIR, RADIO, ROBOT = -1, 0, 1, 2
+EVENT = -1
+AIR = 0
+RADIO = 1
+ROBOT = 2
 """Priorities: what is done to the run from outside, then what ends on the air, then what radios do of themselves, then
 what robots make of it."""
 

@@ -58,7 +58,8 @@ def _initialiser(names: tuple[str, ...], defaults: dict[str, Any]) -> Callable[.
 def _field(name: str, kind: Any) -> Field[Any]:
     """Return what dataclasses know about a field."""
     made: Field[Any] = Field(MISSING, MISSING, True, True, None, True, {}, False)  # type: ignore[arg-type]
-    made.name, made.type = name, kind
+    made.name = name
+    made.type = kind
     made._field_type = _PATTERN._field_type  # type: ignore[attr-defined]
     return made
 

@@ -314,7 +314,9 @@ class _Decoder:
 
     def aggregate(self, reader: Reader, operator: Operator) -> Aggregate:
         term = None if operator is Operator.COUNT else self.expression(reader)
-        result, slots, body = reader.varint(), self.slots(reader), self.body(reader)
+        result = reader.varint()
+        slots = self.slots(reader)
+        body = self.body(reader)
         return Aggregate(operator, term, result, slots, body, self.item(reader, reader.octet()))
 
     @staticmethod

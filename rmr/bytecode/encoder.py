@@ -46,15 +46,19 @@ from rmr.bytecode.program import (
     Type,
 )
 
-GUARD, BIND = 4, 5
+GUARD = 4
+BIND = 5
 """Tags of conjuncts; 0 to 3 are atoms of that mode."""
 FACT, GOAL, ACTION, COMPREHENSION, STEPS, AGGREGATE = range(6)
 """Tags of heads; those of aggregates go on from the last one, one for each operator."""
 LIST_OF_ANYTHING = 8
 """Tag of a list type without an element type; 0 to 7 are the bases."""
-KIND_MASK, PROVIDED = 3, 4
+KIND_MASK = 3
+PROVIDED = 4
 """Bits of a predicate's first octet."""
-SCHEDULED, FOR_ONE, FINISHED_ELSEWHERE = 1, 2, 4
+SCHEDULED = 1
+FOR_ONE = 2
+FINISHED_ELSEWHERE = 4
 """Bits of an assertion's first octet: the last two say that its robot and the finisher are written."""
 
 HERE = Slot(SELF_SLOT)
@@ -288,7 +292,8 @@ class _Encoder:
             writer.varint(slot)
 
     def assertion(self, writer: Writer, assertion: Assertion) -> None:
-        for_one, elsewhere = assertion.robot is not None, assertion.finisher != HERE
+        for_one = assertion.robot is not None
+        elsewhere = assertion.finisher != HERE
         writer.octet(SCHEDULED * assertion.scheduled | FOR_ONE * for_one | FINISHED_ELSEWHERE * elsewhere)
         if assertion.robot is not None:
             writer.varint(assertion.robot)

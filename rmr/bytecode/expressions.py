@@ -44,7 +44,8 @@ def examine(code: Code, constants: Constants) -> Examined:
 
 def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:
     """Check that the operand is what the opcode table asks for."""
-    op, operand = instruction.op, instruction.operand
+    op = instruction.op
+    operand = instruction.operand
     form = FORMS[op].operand
     if form is Operand.NONE:
         if operand is not None:

@@ -189,7 +189,9 @@ def _id(value: Value) -> Value:
 
 _JOINT_NUMBER = "of ints an int, else a float"
 _FLOATS = "floats, angles in radians"
-_ONE, _TWO, _FOUR = (Takes.NUMBER,), (Takes.NUMBER,) * 2, (Takes.NUMBER,) * 4
+_ONE = (Takes.NUMBER,)
+_TWO = (Takes.NUMBER,) * 2
+_FOUR = (Takes.NUMBER,) * 4
 
 FUNCTIONS: tuple[Function, ...] = (
     Function("abs", "X", _ONE, Gives.NUMBER, abs, _JOINT_NUMBER, source="absolute", columns="absolute"),

@@ -116,7 +116,8 @@ def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[Mod
 
         meant = intended(module, types, first.errors, found)
         if meant is not module:
-            module, first = meant, found.branch()
+            module = meant
+            first = found.branch()
             names = collect(module, first, given)
             types = Inference(names, module.broken, first).run(module)
     found.absorb(first)

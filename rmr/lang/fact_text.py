@@ -61,7 +61,8 @@ def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ..
     A name alone, ``charge``, means every executor and argument; a variable anything, the same one the same. Raises
     FactError.
     """
-    name, fact = text.strip(), None
+    name = text.strip()
+    fact = None
     if not name.isidentifier():
         fact = read_fact(text)
         name = fact.name.text

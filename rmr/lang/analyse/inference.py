@@ -136,9 +136,11 @@ class Inference:
             self._derived(effect, scope)
 
     def _shallow(self, parameter: Parameter) -> None:
-        depth, kind = 0, parameter.type.element
+        depth = 0
+        kind = parameter.type.element
         while kind is not None:
-            depth, kind = depth + 1, kind.element
+            depth = depth + 1
+            kind = kind.element
         if depth > NESTING_MAX:
             self._found.report("E004", f"lists are nested more than {NESTING_MAX} deep", parameter.type.span)
 
@@ -193,7 +195,8 @@ class Inference:
 
     def _gathered(self, part: AggregateNode, inner: TypeScope) -> TypeCell:
         """Return the cell of what an aggregate makes of its matches."""
-        operator, term = part.operator.text, part.term
+        operator = part.operator.text
+        term = part.term
         each = TypeCell(OPEN, None) if term is None else self._expressions.cell(term, inner)
         if operator == "count":
             return TypeCell(INT, part.operator.span, fixed=True)

@@ -119,7 +119,8 @@ class _Reader:
                             "write one rule for each case: `load(R, N), N > 2 -o ...` and `load(R, N), N <= 2 -o ...`"
                         )
                     else:
-                        message, hint = "`if` is no fact", "a condition stands alone: `load(R, N), N > 2 -o ...`"
+                        message = "`if` is no fact"
+                        hint = "a condition stands alone: `load(R, N), N > 2 -o ...`"
                     self._found.report("E012", message, node.span, hint=hint)
                     return True
                 case FactNode(name=Name(text=name)) | Call(name=Name(text=name)) if name in GATHERING:
@@ -160,7 +161,8 @@ class _Reader:
             left = change(node.left)
             if not _is_name(left) or left.span.end + 1 != node.right.span.start or not self._is_wrong(node):
                 return node
-            name, span = f"{left.value}_", node.left.span.to(node.right.span)
+            name = f"{left.value}_"
+            span = node.left.span.to(node.right.span)
             match node.right:
                 case Literal(value=Symbol() as value):
                     self._hyphen(name + value, span)

@@ -142,7 +142,8 @@ class _Lint:
         fact = self._supply.unstarted()
         if fact is None or self._found.failed or self._found.reported("W102"):
             return
-        name, arity = fact.name.text, len(fact.arguments)
+        name = fact.name.text
+        arity = len(fact.arguments)
         arguments = ", ".join(["R", *(["..."] if arity > 1 else [])])
         message = f"nothing states or derives `{name}`, and no rule can fire before there is one"
         hint = f"state one: `{name}({arguments}).`; from outside it comes by `rmr eval --insert` or a lab's `facts`"
@@ -187,7 +188,8 @@ class _Lint:
                     pass
 
     def _never(self, fact: FactNode, what: str) -> None:
-        name, signature = fact.name.text, self._names.of(fact)
+        name = fact.name.text
+        signature = self._names.of(fact)
         if signature.provided:
             known = provided.PREDICATES.get(name)
             unsensed = known is not None and not known.sensed and signature.declaration is None

@@ -72,7 +72,8 @@ class Speller:
 
     def unread(self, fact: FactNode) -> None:
         """Report a fact of a head that nothing reads, if its name is near one that is read or is that of an action."""
-        name, signature = fact.name.text, self._names.of(fact)
+        name = fact.name.text
+        signature = self._names.of(fact)
         if self._supply.is_read(name) or signature.declaration is not None or not signature.is_fact:
             return
         message = f"nothing reads the fact `{name}`"
@@ -116,7 +117,9 @@ class Speller:
 def _slips(name: str) -> Iterator[str]:
     """Yield `name` with two neighbours swapped, a letter left out or typed twice, and in the plural."""
     for place in range(len(name)):
-        before, letter, behind = name[:place], name[place], name[place + 1 :]
+        before = name[:place]
+        letter = name[place]
+        behind = name[place + 1 :]
         yield before + behind
         yield before + letter + letter + behind
         yield before + behind[:1] + letter + behind[1:]

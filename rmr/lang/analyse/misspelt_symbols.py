@@ -70,7 +70,8 @@ def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found
             places.setdefault(name, []).append(place)
     told: set[str] = set()
     for rare, other in pairs:
-        here, there = places.get(rare, []), places.get(other, [])
+        here = places.get(rare, [])
+        there = places.get(other, [])
         if rare in told or len(here) != 1 or not there:
             continue
         if not _are_one_set(here, there) and not _are_open(rare, other, here, there):
@@ -161,7 +162,8 @@ def _is_slip(one: str, other: str) -> bool:
 def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, SymbolUse]]:
     for item in items:
         for use in uses(item):
-            fact, name = use.fact, use.fact.name.text
+            fact = use.fact
+            name = use.fact.name.text
             written = use.role in _WRITING and fact.mark is not Mark.GOAL
             cells = types.positions[name]
             for index, argument in enumerate(fact.arguments[1:], start=1):

@@ -276,7 +276,8 @@ def _open(arity: int) -> tuple[Type, ...]:
 
 
 def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
-    fact, name = use.fact, use.fact.name.text
+    fact = use.fact
+    name = use.fact.name.text
     notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _said(signature)),)
     given = len(fact.arguments)
     if given == 0:
@@ -313,7 +314,9 @@ _FOR_FACTS = {
 
 
 def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
-    fact, name, kind = use.fact, use.fact.name.text, signature.kind
+    fact = use.fact
+    name = use.fact.name.text
+    kind = signature.kind
     word = kind.name.lower()
     if use.role is FactRole.VIOLATION:
         if kind is not Kind.ACTION:
@@ -341,7 +344,8 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...
 
 
 def _check_action_use(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
-    fact, name = use.fact, use.fact.name.text
+    fact = use.fact
+    name = use.fact.name.text
     if use.role in _FOR_FACTS:
         found.report("E012", f"`{name}` is an action", fact.span, hint=_FOR_FACTS[use.role], notes=notes)
     elif fact.mark is not Mark.NONE:

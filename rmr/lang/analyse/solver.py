@@ -65,7 +65,8 @@ class Solver:
         self._widen(target, source.kind, source.origin, mixed=source.mixed)
         if source.kind.base is not Base.LIST or target.kind.base is not Base.LIST:
             return
-        one, other = self._items(source), self._items(target)
+        one = self._items(source)
+        other = self._items(target)
         if one is not None and other is not None and (one, other) not in self._linked:
             self._linked.add((one, other))
             one.targets.append(other)
@@ -79,7 +80,8 @@ class Solver:
             self._fresh.append(cell)
         elif mixes == cell.mixed:
             return
-        cell.kind, cell.mixed = wider, mixes
+        cell.kind = wider
+        cell.mixed = mixes
         self._queue.append((cell, cell.targets))
 
     def _items(self, cell: TypeCell) -> TypeCell | None:
@@ -120,7 +122,8 @@ class Solver:
 
     def _ask_items(self, source: TypeCell, target: TypeCell) -> Iterator[tuple[TypeCell, Sequence[TypeCell]]]:
         """Let the items of `target` fall back on those of `source`; yield these if they have not been asked."""
-        one, other = self._items(source), self._items(target)
+        one = self._items(source)
+        other = self._items(target)
         if one is not None and other is not None and (one, other) not in self._asked:
             self._asked.add((one, other))
             one.fallbacks.append(other)

@@ -256,7 +256,8 @@ def _may_match(wanted: FactNode, known: Known, producer: FactNode, given: Known)
     """Whether the constants of two facts agree, those of variables that stand twice too."""
     bound: dict[tuple[bool, str], Value] = {}
     for one, other in zip(wanted.arguments, producer.arguments, strict=False):
-        here, there = _constant(one, known), _constant(other, given)
+        here = _constant(one, known)
+        there = _constant(other, given)
         if here is not None and there is not None and here.value != there.value:
             return False
         for named, side, value in ((True, one, there), (False, other, here)):

@@ -80,7 +80,8 @@ def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool
     """Return a cell of type `kind`, with cells for the items of lists."""
     whole = cell = TypeCell(kind, origin, fixed=fixed)
     while kind.base is Base.LIST:
-        cell.kind, kind = LIST, kind.element or OPEN
+        cell.kind = LIST
+        kind = kind.element or OPEN
         cell.items = TypeCell(kind, origin, fixed=fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
         cell = cell.items
     cell.mixed = mixed

@@ -41,7 +41,8 @@ def _numbers(source: SourceText, span: Span) -> list[int]:
 
 def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int], str]) -> Iterator[str]:
     """Yield a line and the marks below it, none below a blank line."""
-    line, offset = source.line(number), source.starts[number - 1]
+    line = source.line(number)
+    offset = source.starts[number - 1]
     start = span.start - offset if span.start >= offset else len(line) - len(line.lstrip())
     end = max(start, min(len(line), span.end - offset))
     first = max(0, start - LINE_SHOWN_MAX // 2) if len(line) > LINE_SHOWN_MAX else 0

@@ -31,7 +31,8 @@ class Explanation:
 
 def explain(compilation: Compilation) -> Explanation | None:
     """Explain a program without errors; None if it has some."""
-    program, checked = compilation.program, compilation.checked
+    program = compilation.program
+    checked = compilation.checked
     if program is None or checked is None:
         return None
     texts = Texts(compilation.sources)

@@ -89,8 +89,10 @@ class AssertionExplainer:
 
     def explain(self, watched: Watched, assertion: Assertion) -> ExplainedAssertion:
         """Return what serves an assertion, or where its finish fact comes from if nothing does."""
-        item, line = watched.item, self._texts.line
-        home, owner = line(item.start.arguments[0].span), line(item.finish.arguments[0].span)
+        item = watched.item
+        line = self._texts.line
+        home = line(item.start.arguments[0].span)
+        owner = line(item.finish.arguments[0].span)
         args = [line(each.span) for each in item.finish.arguments[1:]]
         told = _Told(self._program, PredicateNames(watched.environment), home, owner)
         walk = self._servers.walk(assertion)

@@ -87,9 +87,11 @@ class GoalExplainer:
             return None
 
     def _leading(self, way: LeadingRank) -> LeadingRule:
-        brought, wanted = way.brought, way.wanted
+        brought = way.brought
+        wanted = way.wanted
         owner, *args = [resolved(term, brought.known) for term in (brought.owner, *brought.args)]
-        predicates, names = self._program.predicates, self._rules[way.rule]
+        predicates = self._program.predicates
+        names = self._rules[way.rule]
         return LeadingRule(
             rule=way.rule,
             rank=way.rank,

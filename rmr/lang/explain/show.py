@@ -184,7 +184,8 @@ def _part(part: ExplainedPart) -> Iterator[str]:
 
 def _sent(derived: ExplainedDerivation) -> str:
     """Return what goes to another robot, and whether a frame has room for it."""
-    least, most = derived.octets_min, derived.octets_max
+    least = derived.octets_min
+    most = derived.octets_max
     size = (
         f"{least} octets"
         if least == most

@@ -153,7 +153,8 @@ class _Reader:
             frame.parts.append(_Part(marks, None if negates or equates else LEVEL.get(word.text)))
         self._derives = self._derives or word.text == "-o"
         self._prefixed = negates or word.text in PREFIXES
-        self._before_previous, self._previous = self._previous, word
+        self._before_previous = self._previous
+        self._previous = word
 
     def _spaced(self, word: Word) -> list[Mark]:
         """Return the space between the previous word and this one, or nothing."""
@@ -215,7 +216,8 @@ def _brackets(frame: _Frame, closing: Word) -> list[Mark]:
 
 def _element(parts: list[_Part]) -> list[Mark]:
     """Return an element; comments around it break no line inside of it."""
-    first, last = 0, len(parts)
+    first = 0
+    last = len(parts)
     while first < last and parts[first].comment:
         first += 1
     while last > first and parts[last - 1].comment:

@@ -82,7 +82,8 @@ def printed(marks: Sequence[Mark], columns_max: float = COLUMNS_MAX) -> str:
 
 def _widths(marks: Sequence[Mark]) -> dict[int, float]:
     """Return the width of every group, by the index of its beginning; infinite if a comment breaks it."""
-    columns, words = [0], [0]
+    columns = [0]
+    words = [0]
     notes: list[tuple[int, int]] = []
     for mark in marks:
         if isinstance(mark, CommentMark) and mark.alone:

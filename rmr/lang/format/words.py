@@ -105,11 +105,15 @@ def _defer(words: list[Word]) -> None:
     for i, word in enumerate(words):
         if word.text != ",":
             continue
-        previous, following = words[i - 1], words[i + 1]
+        previous = words[i - 1]
+        following = words[i + 1]
         if any(each.alone for each in (*previous.after, *word.before)):
             below = [*word.before, *(replace(each, alone=each.ends_line) for each in word.after)]
             following.before = [*below, *following.before]
-            word.before, word.after, previous.after = (), previous.after, ()
+            word.before = ()
+            word.after = previous.after
+            previous.after = ()
     for previous, word in pairwise(words):
         if word.text == "." and not word.before and not word.after:
-            word.after, previous.after = previous.after, ()
+            word.after = previous.after
+            previous.after = ()

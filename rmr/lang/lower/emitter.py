@@ -159,7 +159,8 @@ class Emitter:
                 return self._aggregate(part)
 
     def _aggregate(self, part: RobotAggregate) -> form.Aggregate:
-        item, inner = part.item, part.environment
+        item = part.item
+        inner = part.environment
         return form.Aggregate(
             operator=OPERATORS[item.operator.text],
             term=None if item.term is None else self._code(item.term, inner),
@@ -190,7 +191,8 @@ class Emitter:
 
     def derived(self, fact: FactNode, environment: Environment) -> form.Derived:
         """Return what a head derives."""
-        predicate, owner = self._at(fact), self._code(fact.arguments[0], environment)
+        predicate = self._at(fact)
+        owner = self._code(fact.arguments[0], environment)
         arguments = self._arguments(fact, environment)
         if self._names.of(fact).kind is Kind.ACTION:
             return form.DeriveAction(predicate, owner, arguments)
@@ -250,7 +252,8 @@ class Emitter:
             case Unary(operator=operator, operand=operand):
                 return (*self._code(operand, environment), Instruction(Op.NOT if operator == "not" else Op.NEG))
             case Binary(operator=operator, left=left, right=right):
-                one, other = self._code(left, environment), self._code(right, environment)
+                one = self._code(left, environment)
+                other = self._code(right, environment)
                 if operator in {"&&", "||"}:  # the left value stays if it decides; else it is popped and the right runs
                     return (*one, Instruction(Op.AND if operator == "&&" else Op.OR, len(other)), *other)
                 return (*one, *other, Instruction(INSTRUCTIONS[operator]))

@@ -263,7 +263,8 @@ def _sides(expression: Expression) -> tuple[tuple[Expression, Expression], ...]:
 
 def _parts(subject: Expression, term: ListTerm) -> Iterator[Conjunct]:
     """Yield what holds of the list `subject` if it is `term`."""
-    span, count = term.span, Literal(len(term.items), term.span)
+    span = term.span
+    count = Literal(len(term.items), term.span)
     length = Binary("=" if term.rest is None else ">=", _call("len", span, subject), count, span)
     yield Condition(length, span)
     for index, item in enumerate(term.items):

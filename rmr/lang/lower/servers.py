@@ -133,7 +133,8 @@ class Servers:
 
     def _declared(self, action: int, arity: int, effect: Effect) -> None:
         """Keep an effect as a derivation of which the action itself is the premise."""
-        owner, args = term_of(effect.owner), tuple([term_of(code) for code in effect.args])
+        owner = term_of(effect.owner)
+        args = tuple([term_of(code) for code in effect.args])
         needed = ((action, tuple([Slot(1 + index) for index in range(arity)])),)
         filed, derives = (self._effects, args) if owner == HOME else (self._given, (owner, *args))
         filed.setdefault(effect.predicate, []).append(Derivation(None, action, HOME, derives, needed))

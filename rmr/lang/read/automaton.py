@@ -52,7 +52,8 @@ class Automaton:
 
     def take(self, token: Token) -> bool:
         """Read `token` and say whether it fits; if it does not, what has been read stays what it is."""
-        states, (actions, _, _, rules, *_) = self.states, self._tables
+        states = self.states
+        (actions, _, _, rules, *_) = self._tables
         while True:
             row = actions[states[-1]]
             action = row.get(token.kind)
@@ -126,7 +127,8 @@ class Automaton:
 
     def feed(self, states: list[int], kind: str, *, named: bool = True) -> bool:
         """Take a word of `kind` in `states`, which changes, and say whether it fits; as a name only if `named`."""
-        actions, rules = self._tables.actions, self._tables.rules
+        actions = self._tables.actions
+        rules = self._tables.rules
         while True:
             row = actions[states[-1]]
             action = row.get(kind)
@@ -145,7 +147,8 @@ class Automaton:
     def reach(self, states: list[int] | None, kinds: Iterable[str]) -> TrialReach:
         """Try words of these `kinds` in `states`; without states, the first of them begins an item."""
         trial = states[:] if states is not None else [self._tables.start]
-        count, commas = 0, 0
+        count = 0
+        commas = 0
         for kind in kinds:
             if not self.feed(trial, kind):
                 if commas == COMMAS_MAX or not (self.feed(trial, "COMMA") and self.feed(trial, kind)):

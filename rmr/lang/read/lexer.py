@@ -13,7 +13,12 @@ from typing import NamedTuple
 from rmr.lang.read.grammar import END
 from rmr.lang.read.tables import tables
 
-OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, QUOTED, UNKNOWN = "/*", '"', "0", "->", "'", "?"
+OPEN_COMMENT = "/*"
+OPEN_STRING = '"'
+BAD_NUMBER = "0"
+FOREIGN = "->"
+QUOTED = "'"
+UNKNOWN = "?"
 """The kinds of what is no word. None can be a terminal's name."""
 
 _NUMBER_LIKE = r"@?[0-9]+(?:\.[0-9]+)?[A-Za-z_][A-Za-z0-9_]*"
@@ -59,7 +64,8 @@ def without_foreign_comments(words: Iterable[Token], text: str) -> Iterator[Toke
                 end = len(text) if end < 0 else end
                 continue
         yield word
-        previous, last = word.kind, word.end
+        previous = word.kind
+        last = word.end
 
 
 class Scanner(NamedTuple):
@@ -76,7 +82,8 @@ class Scanner(NamedTuple):
 @cache
 def scanner() -> Scanner:
     """Return the scanner of the grammar, made once per process."""
-    words, ignored = tables().terminals, tables().ignored
+    words = tables().terminals
+    ignored = tables().ignored
     [name] = [word for word in words if word.name == "NAME"]
     reserved = {
         word.spelling: word.name for word in words if word.spelling and re.fullmatch(name.pattern, word.spelling)

@@ -133,7 +133,9 @@ class _Parser:
         automaton = self._automaton
         automaton.reset()
         self._is_uncertain = False
-        word, previous, repairs = first, first, REPAIRS_MAX
+        word = first
+        previous = first
+        repairs = REPAIRS_MAX
         read: list[Token] = []
         while True:
             if automaton.take(word):
@@ -143,7 +145,8 @@ class _Parser:
                 if len(automaton.states) > STATES_MAX or len(read) > ITEM_WORDS_MAX:
                     self._endless(first, word, len(read))
                     return None
-                previous, word = word, self._next()
+                previous = word
+                word = self._next()
                 continue
             misfit = self._misfit(first, previous, word)
             habit = self._habit(read, misfit) if repairs else None
@@ -286,7 +289,8 @@ class _Parser:
     def _skip(self, first: Token, previous: Token, word: Token, count: int = 0) -> None:
         """Leave out the rest of an item, from `word` on; `count` words have been read of it."""
         while word.kind != END and not self._ends(word) and not self._is_beginning(first, previous, word):
-            previous, word = word, self._next()
+            previous = word
+            word = self._next()
             count += 1
             if count > ITEM_WORDS_MAX:
                 place = Span(self._source.file, first.start, first.end)
@@ -300,7 +304,8 @@ class _Parser:
         """Whether a word that nothing has been made of ends its item; the point of `robot.x` does not."""
         if word.kind != "DOT":
             return False
-        before, behind = self._source.text[word.start - 1 : word.start], self._source.text[word.end : word.end + 1]
+        before = self._source.text[word.start - 1 : word.start]
+        behind = self._source.text[word.end : word.end + 1]
         return not (before.isalnum() and behind.isalnum())
 
     def _is_beginning(self, first: Token, previous: Token, word: Token) -> bool:

@@ -67,7 +67,8 @@ def repair(automaton: Automaton, misfit: Misfit) -> Repair | None:
 
 
 def _options(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
-    stop, comma = _stop(automaton, misfit), _missing(automaton, misfit, "COMMA")
+    stop = _stop(automaton, misfit)
+    comma = _missing(automaton, misfit, "COMMA")
     yield from _instead(automaton, misfit)
     yield from (*stop, *comma) if misfit.begins else (*comma, *stop)
     for kind in CLOSING:
@@ -128,12 +129,14 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
     notes: tuple[DiagnosticNote, ...] = ()
     if kind in CLOSING:
         opening = automaton.unclosed(CLOSING[kind])
-        hint, notes = None, () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
+        hint = None
+        notes = () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
     yield reach._replace(words=reach.words - 1), Repair(words, message, misfit.before, hint, notes)
 
 
 def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
-    previous, word = misfit.previous, misfit.word
+    previous = misfit.previous
+    word = misfit.word
     kinds = [each.kind for each in misfit.following]
     if automaton.last("COMMA"):
         found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=1)

@@ -102,7 +102,8 @@ def _precedence(terminal: TerminalDef) -> tuple[int, bool, int, str]:
 
 
 def _terminal(terminal: TerminalDef) -> Terminal:
-    pattern, is_fixed = terminal.pattern, terminal.pattern.type == "str"
+    pattern = terminal.pattern
+    is_fixed = terminal.pattern.type == "str"
     return Terminal(
         terminal.name,
         pattern.value if is_fixed else None,
