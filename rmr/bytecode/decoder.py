@@ -256,7 +256,7 @@ class _Decoder:
 
     @staticmethod
     def leads(reader: Reader) -> tuple[Lead, ...] | None:
-        # 0: not computed; else the count plus 1. Rules ascend, so each is written as the gap to the last one.
+        # 0: not computed; else the count plus 1. Rules ascend: each is written as the number of rules skipped.
         count = reader.varint()
         if count == 0:
             return None

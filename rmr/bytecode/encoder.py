@@ -215,7 +215,7 @@ class _Encoder:
         self.leads(writer, goal.leads)
 
     def leads(self, writer: Writer, leads: tuple[Lead, ...] | None) -> None:
-        """Write the count plus 1, or 0 if the leads are not computed; each rule as the gap to the last one."""
+        """Write the count plus 1, or 0 if the leads are not computed; each rule as the number of rules skipped."""
         writer.varint(0 if leads is None else len(leads) + 1)
         expected = 0
         for lead in leads or ():

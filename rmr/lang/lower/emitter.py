@@ -95,7 +95,7 @@ class Emitter:
             return ()
         if self._types.arguments(predicate)[0].base not in {Base.SYMBOL, Base.OPEN}:
             return ()
-        # Slot 1 is the action's one argument: `moveto(R, A)` ends with `at(R, A)`.
+        # Slot 1 is the action's one argument: `moveto(R, A)` ends with `location(R, A)`.
         return (form.Effect(self._index[predicate], ((Instruction(Op.LOAD, 1),),)),)
 
     # ---- initial facts and goals
