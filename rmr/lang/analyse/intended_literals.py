@@ -1,8 +1,8 @@
-"""What contradicts itself because one literal is written in the wrong way, put right so that it is told once.
+"""Repair of misspelt literals after a contradiction of types, so that one mistake gives one message.
 
-Looked at only after a contradiction of types. A symbol may be meant as a variable (`location(r, L)`), an int as a
-robot (`location(4, s)`), a difference of names as one name (`left-arm`). The item is read as it was meant, and types
-are inferred again: one mistake is one message, and what else is wrong with the item is found.
+A symbol may be intended as a variable (`location(r, L)`), an int as a robot (`location(4, s)`), a difference of names
+as one name (`left-arm`). The item is replaced by its repaired form and types are inferred again. That suppresses
+consequences of the mistake and still finds other errors of the same item.
 """
 
 from bisect import bisect_left
@@ -45,14 +45,14 @@ GATHERING = {
     ),
     "forall": "{X | offer(R, X) | told(R, X)}",
 }
-"""Calls that gather matches in other languages, and how it is written here."""
+"""Aggregating calls of other languages, with the equivalent in RMR."""
 
 Change = Callable[[Any], Any]
-"""Returns what stands instead of a node: the node itself, if nothing is wrong with it."""
+"""Rewriting function: node to replacement, the same object for no change."""
 
 
 def intended(module: ModuleNode, types: Types, errors: list[Diagnostic], found: Diagnostics) -> ModuleNode:
-    """Return `module` as it was probably meant, and report what was written otherwise; itself if nothing is clear."""
+    """Return the repaired module and report each repair; `module` itself if no error could be explained."""
     looked_at = [each for each in errors if each.code in {"E015", "E020", "E021", "E022"}]
     if not looked_at:
         return module
@@ -77,7 +77,7 @@ def _has_one(item: Item, starts: list[tuple[str, int]]) -> bool:
 
 
 class _Reader:
-    """Reads the items in which something is wrong as they were meant."""
+    """The repairs of the items that have type errors."""
 
     def __init__(
         self, module: ModuleNode, types: Types, wrong: set[Span], no_robots: set[Span], found: Diagnostics
@@ -85,16 +85,16 @@ class _Reader:
         self._module = module
         self._types = types
         self._wrong = wrong
-        """The places of contradictions, and of what they come from."""
+        """Places of contradictions, and the origins in their notes."""
         self._no_robots = no_robots
         self._found = found
         self._counts: Counter[str] = Counter()
         self.has_changed = False
         self.broken: set[str] = set()
-        """Names of items that nothing is made of."""
+        """Names in dropped items and in repaired names: their declarations may be missing."""
 
     def item(self, item: Item) -> Item | None:
-        """Return `item` as it was meant; None if that is not clear."""
+        """Return the repaired item, the same object for no change; None if it is dropped."""
         if isinstance(item, RuleItem) and self._is_foreign(item):
             self.has_changed = True
             self.broken.update(node.name.text for node in walk(item) if isinstance(node, FactNode | Call))
@@ -109,7 +109,7 @@ class _Reader:
     # ---- calls that are neither facts nor functions
 
     def _is_foreign(self, rule: RuleItem) -> bool:
-        """Report a rule that calls what other languages have."""
+        """Whether a rule uses a construct of another language; if so, report it."""
         for node in walk(rule):
             match node:
                 case FactNode(name=Name(text="if")) if not self._is_declared("if"):
@@ -212,7 +212,7 @@ class _Reader:
         return changed
 
     def _robot_numbers(self, item: Item) -> Iterable[Span]:
-        """Yield the places of ints where a robot must be, and of those that a robot's type contradicts."""
+        """Yield the places of ints in robot positions, and of those reported as no robots."""
         for fact in walk(item):
             if isinstance(fact, FactNode) and (cells := self._types.positions.get(fact.name.text)):
                 for argument, cell in zip(fact.arguments, cells, strict=False):
@@ -257,7 +257,7 @@ class _Reader:
         return changed
 
     def _is_own(self, name: str, count: int) -> bool:
-        """Whether the symbol stands in one item only."""
+        """Whether all `count` occurrences of the symbol are in one item."""
         if not self._counts:
             literals = (each for each in walk(self._module.items) if isinstance(each, Literal))
             self._counts.update(str(each.value) for each in literals if isinstance(each.value, Symbol))
@@ -278,7 +278,7 @@ def _is_name(node: object) -> bool:
 
 
 def _robot_number(node: object) -> int | None:
-    """Return the number if a node is one that a robot may have."""
+    """Return the value of an int literal in the range of robot ids, else None."""
     value = node.value if isinstance(node, Literal) else None
     return value if type(value) is int and 0 <= value <= ROBOT_ID_MAX else None
 
@@ -288,14 +288,14 @@ def _capital(name: str) -> str:
 
 
 def _compared(item: Item, wrong: set[Span]) -> Iterable[Expression]:
-    """Yield both sides of the comparisons that contradict themselves."""
+    """Yield both sides of the operations reported as contradictions."""
     for node in walk(item):
         if isinstance(node, Binary) and node.span in wrong:
             yield from (node.left, node.right)
 
 
 def _changed(node: Any, change: Change) -> Any:
-    """Return `node` with all in it that `change` changes, the outermost first."""
+    """Return `node` rewritten by `change`, outermost nodes first; a replaced node is not descended into."""
     new = change(node)
     if new is not node:
         return new

@@ -29,7 +29,7 @@ from rmr.lang.read.syntax import (
 )
 
 COMPARED_MAX = 300_000
-"""Budget of comparisons of wanted with derived facts, about a second's work; beyond it all facts count as matching."""
+"""Budget of comparisons of wanted with derived facts, about a second; beyond it every fact counts as matching."""
 
 _DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT}
 """Roles of facts that the program produces."""
@@ -42,7 +42,7 @@ Known = dict[str, Literal]
 
 @record
 class Firing:
-    """An edge of the dependency graph: premises of a rule (or of an inner body) and the predicates derived from them."""
+    """An edge of the dependency graph: the premises of a rule or an inner body, and the predicates derived from them."""
 
     premises: list[FactNode]
     derived: tuple[str, ...]
