@@ -59,7 +59,7 @@ def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
         return
     consumers = _consumers(rules, names)
     passing: dict[str, tuple[str, FactNode, RuleItem]] = {}
-    """Edges of the graph of cycles: predicate to (derived predicate, derived fact, rule), for rules with one premise."""
+    """Edges of the graph of cycles: predicate to (derived predicate, derived fact, rule of one premise)."""
     for rule in candidates:
         firing = _firing(rule, names)
         if not firing.consumed:

@@ -42,7 +42,7 @@ Known = dict[str, Literal]
 
 @record
 class Firing:
-    """An edge of the dependency graph: the premises of a rule or an inner body, and the predicates derived from them."""
+    """An edge of the dependency graph: the premises of a rule or inner body, and the predicates derived from them."""
 
     premises: list[FactNode]
     derived: tuple[str, ...]
