@@ -48,7 +48,7 @@ from rmr.lang.read.syntax import (
 )
 
 PARTS_MAX = 250
-"""Limit for the conjuncts of a body, the items of a head and the arguments of a fact; no handwritten program has more."""
+"""Limit for the conjuncts of a body, the items of a head and the arguments of a fact; far above handwritten ones."""
 
 STACK_USED_MAX = STACK_MAX - 8
 """Stack depth of an expression of the source; the margin holds what the compiler adds, such as a comparison."""

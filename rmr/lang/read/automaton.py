@@ -130,7 +130,7 @@ class Automaton:
     # ---- trial parses
 
     def feed(self, states: list[int], kind: str, *, named: bool = True) -> bool:
-        """Shift a word of `kind` on `states`, in place, and return whether it fits; keywords as names only if `named`."""
+        """Shift a word of `kind` on `states`, in place; return whether it fits. Keywords are names only if `named`."""
         actions = self._tables.actions
         rules = self._tables.rules
         while True:
