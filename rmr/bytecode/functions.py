@@ -79,7 +79,7 @@ class Function:
     example: str = ""
     """A call with the arguments in the right order, for the hint of an error that swaps them."""
     bounds: tuple[float, float] | None = None
-    """Least and greatest value; None if the type alone bounds it."""
+    """Least and greatest value (for a list, length); None if the type alone bounds it."""
     fallible: bool = True
     """True if arguments of the right types may have no value, for which columns need a mask."""
     timed: bool = False

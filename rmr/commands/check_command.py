@@ -63,7 +63,8 @@ def _is_lab(path: Path) -> bool:
 
 
 def _explain(compilations: Sequence["Compilation"], as_json: bool) -> None:
-    """Print what there is to say about the programs without errors."""
+    """Print the explanations of the programs without errors."""
+
     from rmr.lang.explain import explain
     from rmr.lang.explain.show import show
 
