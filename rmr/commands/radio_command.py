@@ -355,7 +355,7 @@ def _shown(samples: Iterator[_Sample], number: int) -> Iterator[_Sample]:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
-# Ctrl-C is deferred until every worker has started: one interrupted in between would leave the pool hanging.
+# Ctrl-C is deferred while the workers start. They inherit the blocked signal, so that only this process handles it.
 @contextmanager
 def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -> Iterator[Iterator[_Sample]]:
     if jobs == 1:

@@ -33,29 +33,29 @@ from rmr.lang.read.syntax import (
 )
 
 LETTERS_MIN = 4
-"""Shorter symbols are one slip from too many words."""
+"""Shortest symbol that is checked: shorter ones are one slip from too many words."""
 
 CHANGED_LETTERS_MIN = 5
-"""Shorter symbols that differ by another letter are two words more often than one (`load`, `lead`)."""
+"""Shortest symbol for a changed letter: shorter pairs are usually two words (`load`, `lead`)."""
 
 OPEN_LETTERS_MIN = 6
-"""Shorter symbols at different undeclared arguments are two words more often than one."""
+"""Shortest symbol at different undeclared arguments: shorter pairs are usually two words."""
 
 SYMBOLS_MAX = 2000
-"""Symbols of one program that are compared; nobody spells more by hand."""
+"""Largest number of symbols of a program that is checked; more are generated."""
 
 _WRITING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 
 
 @record
 class SymbolUse:
-    """Where a symbol stands."""
+    """One occurrence of a symbol."""
 
     span: Span
     key: str | None
-    """The name of its set, else the argument of the predicate; None: not known."""
+    """The name of its set, else the predicate and position, as in ``p/1``; None if unknown."""
     written: bool
-    """It is stated or derived there, not matched."""
+    """True if it is stated or derived there, not matched."""
 
 
 def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
@@ -111,7 +111,7 @@ def _are_open(rare: str, other: str, here: list[SymbolUse], there: list[SymbolUs
 
 
 def _is_misspelt(here: SymbolUse, there: SymbolUse) -> bool:
-    """Of two symbols that are used once, take the one that is read for the wrong one."""
+    """Whether the first of two symbols used once is the wrong one: it is read, and the other one written."""
     return there.written and not here.written
 
 
