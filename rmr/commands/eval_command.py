@@ -144,13 +144,13 @@ def _evaluate(
     ids = dict.fromkeys(robots)
     action_time, action_times = _action_times(times)
     wanted = Wanted(program, facts, edges, tuple(inserts), tuple(fails), tuple(action_times))
-    befalls = _deaths(tuple(kills), tuple(restarts), ids)
+    deaths = _deaths(tuple(kills), tuple(restarts), ids)
     given, shape = _read(wanted, topology, ids)
     diagnosed.show(given.checked)
     if given.program is None:
         return diagnosed.exit_code(given.checked)
     _warn_of_strangers(given, given.program, ids)
-    conditions = Conditions(ids, shape, seed, loss, latency, action_time, action_times, befalls)
+    conditions = Conditions(ids, shape, seed, loss, latency, action_time, action_times, deaths)
     with _traced(trace, (program, facts)) as sink:
         run = _prepare(engine, _ordered(given.program, strategy), given, conditions, sink)
         interrupted = _run(run, until)
@@ -344,5 +344,5 @@ def _print(run: "Run", one_line: bool) -> None:
     from rmr.eval.eval_report import report
     from rmr.eval.json_layout import laid_out
 
-    told = report(run)
-    print(json.dumps(told) if one_line else laid_out(told))
+    values = report(run)
+    print(json.dumps(values) if one_line else laid_out(values))

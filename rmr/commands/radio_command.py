@@ -117,7 +117,7 @@ def _contention(
     load = "as fast as they can" if saturated else f"{offered_fps:g} frames/s in all"
     to = "to the sink, acknowledged" if unicast else "to all"
     title = f"{counted(senders, 'stations')}, {load}, {payload} octets {to}, {seconds:g} s"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_hidden(parser: Parser) -> None:
@@ -149,7 +149,7 @@ def _hidden(
     load = "as fast as they can" if saturated else f"{load_fps:g} frames/s each"
     to = "acknowledged" if unicast else "to all"
     title = f"A at {a_m:.1f} m and C at {c_m:.1f} m from B, {load}, {payload} octets {to}, {seconds:g} s"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_storm(parser: Parser) -> None:
@@ -173,7 +173,7 @@ def _storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast:
         case = Storm(members, jitter_ms, geometry, payload, unicast)
     to = "acknowledged" if unicast else "to all"
     who = f"{counted(members, 'members')}, {GEOMETRIES[geometry]}"
-    _tell(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
+    _print_result(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
 
 
 def _declare_overlap(parser: Parser) -> None:
@@ -192,7 +192,7 @@ def _overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) -
         case = Overlap(sir, offset, psdu, frames)
         second_m(case, _config(others))
     title = f"the first {sir:g} dB over the second, which begins {offset:g} us later"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_latency(parser: Parser) -> None:
@@ -208,7 +208,7 @@ def _latency(payload: int, unicast: bool, frames: int, **others: Any) -> None:
     with _refused():
         case = Latency(payload, unicast, frames)
     title = f"{payload} octets {'to one, acknowledged' if unicast else 'to all'}, {frames} frames"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_link(parser: Parser) -> None:
@@ -225,7 +225,7 @@ def _link(distance: float, psdu: int, frames: int | None, **others: Any) -> None
     with _refused():
         case = LinkTrial(distance, psdu, frames)
     title = f"{distance:g} m, a frame of {psdu} octets" + (f", {frames} sent" if frames else "")
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 EXPERIMENTS: dict[str, tuple[str, Command]] = {
@@ -313,9 +313,9 @@ def _refused() -> Iterator[None]:
         raise CommandLineError(str(error)) from None
 
 
-def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
+def _print_result(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
     """Run an experiment and print its result row."""
-    from rmr.commands.radio_rows import told
+    from rmr.commands.radio_rows import row_text
     from rmr.radio.trials import Runs
 
     seeds = range(others["seed"], others["seed"] + others["seeds"])
@@ -323,7 +323,7 @@ def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) ->
     if others["as_json"]:
         print_json(row)
     else:
-        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{told(row)}", end="")
+        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{row_text(row)}", end="")
 
 
 def _config(others: dict[str, Any]) -> "RadioConfig":

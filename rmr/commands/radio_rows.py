@@ -52,7 +52,7 @@ NAMES: dict[str, tuple[str, str]] = {
 WIDTH = max(len(words) for words, _ in NAMES.values())
 
 
-def told(row: Mapping[str, Any]) -> str:
+def row_text(row: Mapping[str, Any]) -> str:
     """Return the lines of a table."""
     return "".join(f"{line}\n" for line in _lines(row, ""))
 

@@ -1,7 +1,7 @@
 """Static size of a fact in a radio frame: a bound for whether it fits into one.
 
-A constant counts with its encoded size, an unknown value with the least size of its type. An `if` counts with its larger
-branch, a concatenation with both parts.
+A constant counts with its encoded size, an unknown value with the least size of its type. An `if` counts with its
+larger branch, a concatenation with both parts.
 """
 
 from collections.abc import Callable

@@ -186,27 +186,27 @@ class _Reader:
     # ---- numbers for robots
 
     def _numbers(self, item: Item) -> Item:
-        told: list[tuple[int, Span]] = []
+        replaced: list[tuple[int, Span]] = []
 
         def change(node: Any) -> Any:
             if not isinstance(node, FactNode):
                 return node
             cells = self._types.positions.get(node.name.text, ())
             arguments = list(node.arguments)
-            before = len(told)
+            before = len(replaced)
             for index, argument in enumerate(arguments):
                 is_robot = index < len(cells) and cells[index].kind.base is Base.ROBOT
                 number = _robot_number(argument)
                 if number is not None and argument.span in self._wrong and (is_robot or index):
-                    told.append((number, argument.span))
+                    replaced.append((number, argument.span))
                     arguments[index] = Literal(Robot(number), argument.span)
-            return node if len(told) == before else replace(node, arguments=tuple(arguments))
+            return node if len(replaced) == before else replace(node, arguments=tuple(arguments))
 
         if not any(span in self._wrong for span in self._robot_numbers(item)):
             return item
         changed: Item = _changed(item, change)
-        if told:
-            value, span = told[0]
+        if replaced:
+            value, span = replaced[0]
             message = f"`{value}` is a number, where a robot is needed"
             self._found.report("E021", message, span, hint=f"robot {value} is written `@{value}`")
         return changed

@@ -68,17 +68,17 @@ def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found
     for name, place in _places(module.items, types):
         if name in wanted:
             places.setdefault(name, []).append(place)
-    told: set[str] = set()
+    reported: set[str] = set()
     for rare, other in pairs:
         here = places.get(rare, [])
         there = places.get(other, [])
-        if rare in told or len(here) != 1 or not there:
+        if rare in reported or len(here) != 1 or not there:
             continue
         if not _are_one_set(here, there) and not _are_open(rare, other, here, there):
             continue
         if counts[other] == 1 and not _is_misspelt(here[0], there[0]):
             continue
-        told.update((rare, other))
+        reported.update((rare, other))
         notes = (DiagnosticNote(there[0].span, "used here"),)
         message = f"`{rare}` is used only here"
         found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)

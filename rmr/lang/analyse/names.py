@@ -283,7 +283,7 @@ def _open(arity: int) -> tuple[Type, ...]:
 def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
     fact = use.fact
     name = use.fact.name.text
-    notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _said(signature)),)
+    notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _place_note(signature)),)
     given = len(fact.arguments)
     if given == 0:
         message = f"`{name}` has no argument; the first argument is its owner, a robot"
@@ -298,7 +298,7 @@ def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
     _check_kind(use, signature, notes, found)
 
 
-def _said(signature: Signature) -> str:
+def _place_note(signature: Signature) -> str:
     if signature.declaration is not None:
         return "declared here"
     return "first used here"

@@ -151,7 +151,7 @@ class Diagnostics:
         """Suppress all but syntax errors in the item at `span`, whose repair may have changed its meaning."""
         self._uncertain.append(span)
 
-    def _is_told(self, each: Diagnostic) -> bool:
+    def _is_shown(self, each: Diagnostic) -> bool:
         if each.code.startswith("E00"):
             return True
         inside = (span.start <= each.span.start < span.end for span in self._uncertain if span.file == each.span.file)
@@ -187,7 +187,7 @@ class Diagnostics:
     def in_order(self, files: Iterable[str] = ()) -> list[Diagnostic]:
         """Return the diagnostics in source order, file by file as in `files`, then the numbers of dropped ones."""
         rank = {file: index for index, file in enumerate(files)}
-        every = [each for found in self._found.values() for each in found.values() if self._is_told(each)]
+        every = [each for found in self._found.values() for each in found.values() if self._is_shown(each)]
         every.sort(key=lambda each: (rank.get(each.span.file, 0), each.span.start, each.code))
         for severity, code in ((Severity.ERROR, "E007"), (Severity.WARNING, "W109")):
             if dropped := self._dropped[severity]:

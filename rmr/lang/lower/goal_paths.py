@@ -89,9 +89,9 @@ class GoalPaths:
             leads = tuple([Lead(way.rule, way.rank) for way in self.ways(goal)])
         except TooMuch:
             return None
-        seeming = sum(1 for _ in self._seeming(goal))
+        candidates = sum(1 for _ in self._candidates(goal))
         dependent = sum(1 for lead in leads if lead.rank is None)
-        return leads if dependent <= seeming - dependent else None
+        return leads if dependent <= candidates - dependent else None
 
     def ways(self, goal: InitialGoal) -> list[LeadingRank]:
         """Return the rules that lead to `goal`, in their order.
@@ -109,10 +109,10 @@ class GoalPaths:
             self._steps_left = 0
             raise TooMuch
         self._steps_left -= possible.steps
-        found = [self._way(rule, robot, possible, sure) for rule in self._seeming(goal)]
+        found = [self._way(rule, robot, possible, sure) for rule in self._candidates(goal)]
         return [way for way in found if way is not None]
 
-    def _seeming(self, goal: InitialGoal) -> Iterator[int]:
+    def _candidates(self, goal: InitialGoal) -> Iterator[int]:
         """Yield the candidate rules, by predicates alone: those that produce one on a path to the goal's."""
         distances = self._backwards.distances(goal.predicate)
         yield from sorted({rule: None for predicate in distances for rule in self._bringing.get(predicate, ())})

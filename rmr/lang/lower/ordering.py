@@ -100,10 +100,10 @@ class Orderer:
         missing = [each for each in walk(node) if isinstance(each, Variable) and not environment.knows(each.name)]
         anonymous = [each for each in missing if each.anonymous]
         given = self._given(node, missing)
-        is_told = isinstance(node, Condition) and self._found.wrong_within(node.span)
-        for each in anonymous if not is_told else ():
+        is_reported = isinstance(node, Condition) and self._found.wrong_within(node.span)
+        for each in anonymous if not is_reported else ():
             self._found.report("E030", "`_` has no value", each.span, hint="`_` matches anything in a fact")
-        for variable in missing if not anonymous and not is_told else ():
+        for variable in missing if not anonymous and not is_reported else ():
             if variable.name != given and not environment.knows(variable.name):
                 hint = self._bound_hint(variable, environment)
                 self._found.report("E030", f"nothing in the body binds `{variable.name}`", variable.span, hint=hint)

@@ -112,7 +112,7 @@ class Servers:
             wanted = (owner, *args) if away else here.args
             for derivation in (self._given if away else self._effects).get(here.predicate, ()):
                 for action, patterns in premises(wanted, derivation, robot):
-                    serving = Serving(action, tuple([told(each) for each in patterns]))
+                    serving = Serving(action, tuple([assertion_term(each) for each in patterns]))
                     served.setdefault(serving, Served(serving, here))
             for derivation in self._rules(here, away):
                 for predicate, patterns in premises(wanted, derivation, robot):
@@ -150,7 +150,7 @@ def asked(assertion: Assertion) -> Patterns:
     return numbered([Slot(-each.index) if isinstance(each, Slot) and each.index in bound else each for each in terms])
 
 
-def told(term: Pattern) -> Pattern:
+def assertion_term(term: Pattern) -> Pattern:
     """Return a term of the search in the slots of the assertion; a variable that it does not bind is a wildcard."""
     if not isinstance(term, Slot):
         return term

@@ -81,4 +81,4 @@ HABITS = (
     _comprehension,
     _assertion,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""

@@ -151,4 +151,4 @@ HABITS = (
     _chain,
     _cut,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""

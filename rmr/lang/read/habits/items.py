@@ -126,4 +126,4 @@ HABITS = (
     _declared_kind,
     _attribute,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""

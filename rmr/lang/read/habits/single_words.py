@@ -142,4 +142,4 @@ HABITS = (
     _empty,
     _division,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""
