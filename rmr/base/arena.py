@@ -1,7 +1,7 @@
-"""The arena as both the world and the robots know it: its size, its obstacles and its named areas.
+"""The arena, shared by world and robots: its size, its obstacles and its named areas.
 
-Plain data, made by the lab file's loader and carried to the robots over the bus as the result of `to_data`;
-the physics and the planner are built from the same value.
+Plain data, made by the loader of the lab file and sent to the robots over the bus in the form of `to_data`. Physics and
+planner are built from the same value.
 """
 
 import math
@@ -11,11 +11,11 @@ from typing import Any, Final
 from rmr.base.geometry import Point, distance, point_segment_distance
 
 Extent = tuple[float, float, float, float]
-"""The least x and y of an obstacle, and the greatest."""
+"""Axis-aligned bounding box of an obstacle: least x, least y, greatest x, greatest y, metres."""
 
 
 ROUNDING_M: Final = 1e-9
-"""More than arithmetic may take from a distance: obstacles whose box is farther away than this are not looked at."""
+"""Margin of the bounding-box test, metres: an upper bound of the rounding error of a distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,8 @@ class Disc:
     extent: Extent = field(init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        (x, y), r = self.centre, self.radius
+        (x, y) = self.centre
+        r = self.radius
         object.__setattr__(self, "extent", (x - r, y - r, x + r, y + r))
 
     def distance(self, x: float, y: float) -> float:
@@ -49,13 +50,17 @@ class Polygon:
 
     def contains(self, x: float, y: float) -> bool:
         """Return whether (x, y) lies inside or on the edge."""
+        # Cross product of each edge with the point: negative means right of the edge, so outside.
         a = self.corners[-1]
-        ax, ay = a.x, a.y
+        ax = a.x
+        ay = a.y
         for b in self.corners:
-            bx, by = b.x, b.y
+            bx = b.x
+            by = b.y
             if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
                 return False
-            ax, ay = bx, by
+            ax = bx
+            ay = by
         return True
 
     def distance(self, x: float, y: float) -> float:
@@ -77,21 +82,21 @@ class Area:
 
     name: str
     places: tuple[Point, ...]
-    """For `at` the one point, for `slots` and `line` the slots in order, for `box` its centre."""
+    """The points of the area: the one of `at`, the slots of `slots` and `line` in order, the centre of `box`."""
     box: tuple[float, float, float, float] | None = None
-    """x0, y0, x1, y1 of a `box` area: a robot is at the area anywhere inside."""
+    """x0, y0, x1, y1 of a `box` area, metres: a robot anywhere inside is at the area."""
     slotted: bool = False
     """Whether the K-th robot of the schedule takes the K-th place."""
     queue: tuple[Point, ...] = ()
-    """Where the K-th robot waits (`lineup`), K from 1; as many as fit on the queue's path."""
+    """Waiting points for `lineup`, the K-th robot's at index K - 1; as many as fit on the path of the queue."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotShape:
-    """What all robots of a lab have in common."""
+    """The body, drive and field of view, equal for all robots of a lab."""
 
     radius: float = 0.07
-    """Metres."""
+    """Radius of the body, metres."""
     speed: float = 0.2
     """Greatest forward speed, m/s."""
     turn: float = math.pi
@@ -104,21 +109,21 @@ class RobotShape:
 
 @dataclass(frozen=True, slots=True)
 class Arena:
-    """Everything about the lab's floor."""
+    """The floor of a lab."""
 
     width: float
     height: float
     cell: float
-    """Edge of a grid cell, metres (paper IV.D.2: 0.05)."""
+    """Edge length of a grid cell, metres (paper IV.D.2: 0.05)."""
     obstacles: tuple[Obstacle, ...] = ()
     areas: tuple[Area, ...] = ()
     beacons: tuple[Point, ...] = ()
     """Ultrasonic beacons of the localisation service."""
     bottleneck: tuple[str, ...] = ()
-    """The areas at the mouths of what robots pass one at a time: its entry, or both ends where they come from both."""
+    """Names of the areas at the entrances of the bottleneck: one, or two if robots enter at both ends."""
     shape: RobotShape = RobotShape()
     _hash: int = field(init=False, compare=False, repr=False)
-    """Worked out once: what depends on the arena alone is kept by arena."""
+    """The hash, computed once, since arenas are keys of caches."""
 
     def __post_init__(self) -> None:
         parts = (self.width, self.height, self.cell, self.obstacles, self.areas, self.beacons, self.bottleneck)
@@ -133,12 +138,12 @@ class Arena:
 
     @property
     def mouths(self) -> tuple[Point, ...]:
-        """The bottleneck's entries: none, one, or two; one for each way through it."""
+        """The entrances of the bottleneck: none, one, or two, one for each direction."""
         areas = (self.area(name) for name in self.bottleneck)
         return tuple(area.places[0] for area in areas if area is not None)
 
     def mouth(self, way: int) -> Point | None:
-        """Return where robots of `way` enter the bottleneck; None when there is none."""
+        """Return the entrance of the bottleneck for direction `way`; None without a bottleneck."""
         mouths = self.mouths
         return mouths[way % len(mouths)] if mouths else None
 
@@ -146,6 +151,7 @@ class Arena:
         """Return the distance from (x, y) to the nearest obstacle or wall in metres; 0 when inside one."""
         nearest = min(x, y, self.width - x, self.height - y)
         for obstacle in self.obstacles:
+            # The distance to the bounding box is a lower bound: a farther box cannot hold the nearest obstacle.
             x0, y0, x1, y1 = obstacle.extent
             if max(x0 - x, x - x1, y0 - y, y - y1) <= nearest + ROUNDING_M:
                 nearest = min(nearest, obstacle.distance(x, y))
@@ -153,11 +159,11 @@ class Arena:
 
 
 NOWHERE: Final = Arena(1.0, 1.0, 0.05)
-"""The arena of robots without bodies: a floor that nobody stands on."""
+"""Placeholder arena for robots without bodies."""
 
 
 def to_data(arena: Arena) -> dict[str, Any]:
-    """Return `arena` as plain dicts, lists and numbers (what msgpack carries)."""
+    """Return `arena` as dicts, lists and numbers, for msgpack."""
     return {
         "width": arena.width,
         "height": arena.height,
@@ -191,7 +197,7 @@ def to_data(arena: Arena) -> dict[str, Any]:
 
 
 def from_data(data: dict[str, Any]) -> Arena:
-    """Return the arena that `to_data` described. Raises KeyError or TypeError when `data` is something else."""
+    """Return the arena of `to_data`'s form. Raises KeyError or TypeError for any other data."""
     return Arena(
         width=data["width"],
         height=data["height"],

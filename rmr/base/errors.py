@@ -1,4 +1,4 @@
-"""What `import rmr` raises for a caller's mistake: the same sentences that the commands print."""
+"""Exceptions of the Python interface for a caller's mistake, with the messages that the commands print."""
 
 import reprlib
 from typing import Any
@@ -9,7 +9,7 @@ class Error(Exception):
 
 
 class UsageError(Error, ValueError):
-    """An argument cannot be used: a file that is not there, a value that is none."""
+    """An invalid argument, such as a missing file or a value of the wrong type."""
 
 
 def require(name: str, value: object, kinds: type | tuple[type, ...], takes: str) -> None:
@@ -34,5 +34,5 @@ class CompileError(ProgramError):
         """Errors and warnings as `rmr check --json` lists them."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how another process makes it."""
+        """Return the arguments for unpickling: the default would drop the diagnostics."""
         return CompileError, (str(self), self.diagnostics)

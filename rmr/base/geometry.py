@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple, final, overload
 
 hypot: Final = math.hypot
-"""A constant of its own, for compiled code looks up what belongs to `math` each time."""
+"""`math.hypot` as a constant: compiled code would look up the attribute of `math` at every call."""
 _remainder: Final = math.remainder
 
 
@@ -18,10 +18,10 @@ class Point(NamedTuple):
 
 @final
 class Pose:
-    """Where a robot is (metres) and where it faces (radians). It is never changed.
+    """Position (metres) and heading (radians) of a robot. Immutable.
 
-    Like `Twist` no named tuple: those are made and taken apart by the interpreter, compiled or not. It can be unpacked,
-    indexed, cut, copied and pickled like one; what is asked for often is asked by name, which costs nothing.
+    Like `Twist` no named tuple: even in compiled code those are built and unpacked by the interpreter. It can be
+    unpacked, indexed, sliced, copied and pickled like one; access by name is the fast one.
     """
 
     __slots__ = ("theta", "x", "y")
@@ -59,7 +59,7 @@ class Pose:
 
 @final
 class Twist:
-    """A wheel command: forward speed in m/s, turn rate in rad/s (counter-clockwise). It is never changed."""
+    """A wheel command: forward speed in m/s, turn rate in rad/s (counter-clockwise). Immutable."""
 
     __slots__ = ("v", "w")
 
@@ -84,7 +84,7 @@ class Twist:
 
 
 PI: Final = 3.141592653589793
-"""Spelled out: a number stands in compiled code itself, what `math` has is looked up."""
+"""`math.pi` as a literal, which compiled code contains as a constant."""
 STILL: Final = Twist(0.0, 0.0)
 
 
@@ -103,7 +103,9 @@ def distance(ax: float, ay: float, bx: float, by: float) -> float:
 
 def point_segment_distance(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance of point p from the segment a-b in metres."""
-    dx, dy = bx - ax, by - ay
+    dx = bx - ax
+    dy = by - ay
+    # The projection of p on the line, as a share of the segment, clamped to it; a segment of length 0 is a point.
     length2 = dx * dx + dy * dy
     t = 0.0 if length2 == 0.0 else ((px - ax) * dx + (py - ay) * dy) / length2
     if t < 0.0:

@@ -20,6 +20,7 @@ class GridPath:
         cells = [(column, row)]
         for step in self.steps:
             dc, dr = STEPS[step]
-            column, row = column + dc, row + dr
+            column = column + dc
+            row = row + dr
             cells.append((column, row))
         return cells

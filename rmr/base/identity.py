@@ -1,7 +1,7 @@
-"""What is worked out of a large immutable object once and shared by all who hold that very object.
+"""Memoisation by object identity, for functions of large immutable objects.
 
-Many robots of one process run one program, and most of what a robot needs to know of it is the same for all. The
-program itself is no key: comparing and hashing it means to walk all of it.
+Many robots of one process run one program, and most data derived from it is equal for all. The program itself is no
+key: comparing and hashing it would traverse all of it.
 """
 
 from collections import deque
@@ -9,21 +9,21 @@ from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
 REMEMBERED_MAX: Final = 8
-"""Objects remembered; a process seldom has to do with more than two programs at a time."""
+"""Size of the cache; a process seldom uses more than two programs at a time."""
 
 K = TypeVar("K")
 V = TypeVar("V")
 
 
 class ByIdentity(Generic[K, V]):
-    """A function of one object, remembered for the newest objects that it was called with."""
+    """A function of one object with a cache of its newest results."""
 
     def __init__(self, work_out: Callable[[K], V]) -> None:
         self._work_out = work_out
         self._known: deque[tuple[K, V]] = deque(maxlen=REMEMBERED_MAX)
 
     def __call__(self, key: K) -> V:
-        """Return what the function makes of `key`; the same object for the same one."""
+        """Return the function's result for `key`; a cached key gives the same result object."""
         for known, value in self._known:
             if known is key:
                 return value

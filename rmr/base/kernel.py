@@ -9,13 +9,16 @@ from collections.abc import Callable
 
 from rmr.base.time import NEVER, Instant
 
-EVENT, AIR, RADIO, ROBOT = -1, 0, 1, 2
-"""Priorities: what is done to the run from outside, then what ends on the air, then what radios do of themselves, then
-what robots make of it."""
+EVENT = -1
+AIR = 0
+RADIO = 1
+ROBOT = 2
+"""Priorities of calls at one instant, in this order: interventions from outside (EVENT), ends of transmissions (AIR),
+timers of radios (RADIO), robots (ROBOT)."""
 
 
 class Kernel:
-    """Runs calls in the order of their instants."""
+    """The event queue: calls in the order of instant, priority and sequence."""
 
     def __init__(self) -> None:
         self.now: Instant = 0
@@ -23,22 +26,22 @@ class Kernel:
         self._sequence = 0
 
     def at(self, when: Instant, priority: int, call: Callable[[Instant], None]) -> None:
-        """Make `call(now)` at `when`; what is due already is made at the present instant."""
+        """Schedule `call(now)` at `when`; a past instant counts as the present one."""
         self._sequence += 1
         heapq.heappush(self._heap, (when if when > self.now else self.now, priority, self._sequence, call))
 
     @property
     def due(self) -> Instant:
-        """When the next call is due; NEVER if there is none."""
+        """The instant of the next call; NEVER if there is none."""
         return self._heap[0][0] if self._heap else NEVER
 
     def step(self) -> None:
-        """Make the next call, of which there must be one."""
+        """Run the next call; the queue must not be empty."""
         self.now, _, _, call = heapq.heappop(self._heap)
         call(self.now)
 
     def run_until(self, limit: Instant) -> None:
-        """Make every call due before or at `limit`."""
+        """Run every call due before or at `limit`, and advance to `limit`."""
         heap = self._heap
         while heap and heap[0][0] <= limit:
             self.now, _, _, call = heapq.heappop(heap)
@@ -58,7 +61,7 @@ class Alarm:
         self.when: Instant = NEVER
 
     def set(self, when: Instant) -> None:
-        """Ring at `when` instead of whenever it was to ring; NEVER cancels."""
+        """Reschedule the call to `when`; NEVER cancels it."""
         if when == self.when:
             return
         self.when = when
@@ -66,6 +69,7 @@ class Alarm:
             self._kernel.at(when, self._priority, self._ring)
 
     def _ring(self, now: Instant) -> None:
+        # Lazy deletion: superseded entries stay in the heap and are ignored when they come up.
         if now >= self.when:
             self.when = NEVER
             self._call(now)

@@ -1,4 +1,4 @@
-"""A mistake in a user's Python code, in words: what was raised, and where in the user's own file."""
+"""Description of an exception in a user's Python code: its type and text, and the line in the user's own file."""
 
 import os
 import traceback
@@ -7,7 +7,7 @@ _RMR = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 
 
 def words(error: BaseException) -> str:
-    """Return what was raised: its type and text, also where that cannot be had."""
+    """Return the type and text of an exception, even if its `__str__` raises."""
     try:
         text = str(error)
     except Exception as worse:
@@ -16,7 +16,7 @@ def words(error: BaseException) -> str:
 
 
 def place(error: BaseException, file: str, otherwise: int | None = None) -> str:
-    """Return `file` and the line in it that `error` came through last; `otherwise` is the line where it did not."""
+    """Return `file` and the last line of it in the traceback of `error`, or the line `otherwise` if there is none."""
     path = os.path.abspath(file)  # Python makes absolute names of those of the files that it loads
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if os.path.abspath(frame.filename) == path]
@@ -25,17 +25,17 @@ def place(error: BaseException, file: str, otherwise: int | None = None) -> str:
 
 
 def place_in(error: BaseException, file: str) -> str:
-    """Return the name of `file`, without its folder, and the line that `error` came through last; empty if none."""
+    """Return the base name of `file` and its last line in the traceback of `error`; empty if there is none."""
     path = os.path.abspath(file)
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if _path(frame) == path]
     return f"{os.path.basename(path)}:{lines[-1]}" if file and lines else ""
 
 
 def frames(error: BaseException, file: str) -> tuple[str, ...]:
-    """Return the traceback of `error` from the first line in `file` on, a line of text for each call, last one last.
+    """Return the traceback of `error` from the first line in `file` on, one text for each call, the innermost last.
 
-    Calls inside rmr itself are left out: they differ between its compiled and its interpreted form. Files have no
-    folders, so that equal runs on two machines give equal texts. Empty if `error` did not come through `file`.
+    Calls inside rmr are left out: they differ between its compiled and its interpreted form. File names have no
+    folders, so that equal runs on two machines give equal texts. Empty if `file` is not in the traceback.
     """
     found = traceback.extract_tb(error.__traceback__)
     path = os.path.abspath(file)
@@ -52,5 +52,5 @@ def _path(frame: traceback.FrameSummary) -> str:
 
 
 def _of_rmr(frame: traceback.FrameSummary) -> bool:
-    """Return whether a call is inside rmr; its compiled modules tell their sources' names from the project's folder."""
+    """Return whether a call is inside rmr; compiled modules name their sources relative to the project's folder."""
     return _path(frame).startswith(_RMR + os.sep) or frame.filename.startswith("rmr/")

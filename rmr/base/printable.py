@@ -1,7 +1,7 @@
-"""Text from elsewhere, before a person sees it: nothing in it can steer a terminal.
+"""Sanitising of untrusted text before it is shown on a terminal.
 
-Escape sequences, control characters and marks that turn the direction of writing become ``?``. Texts on the bus,
-the lines of logs for people, tables and screens all go through here.
+Escape sequences, control characters and marks of writing direction become ``?``. Texts from the bus, log lines for
+people, tables and screens are all sanitised here.
 """
 
 

@@ -1,9 +1,9 @@
-"""Records: what `@dataclass(frozen=True, slots=True)` declares, made and filled in a fraction of the time.
+"""Records: classes like `@dataclass(frozen=True, slots=True)`, faster to define and to construct.
 
-A compiler that is called for thirty lines spends most of its time on its own classes, and one that is called for
-thousands on making nodes. A record's class is made with one `exec` instead of seven, and making a record is plain
-assignment: that nobody assigns again is held by the type checker alone. The functions of `dataclasses` (`replace`,
-`fields`, ...) take records for dataclasses.
+Compiling thirty lines, most time goes into defining the compiler's own classes; compiling thousands, into constructing
+nodes. The class of a record is defined with one `exec` instead of seven, and its constructor is plain assignment:
+immutability is checked by the type checker alone. The functions of `dataclasses` (`replace`, `fields`, ...) accept
+records.
 """
 
 from collections.abc import Callable
@@ -21,12 +21,12 @@ class _Pattern:
 
 [_PATTERN] = fields(_Pattern)
 _FIELDS: Final = "__dataclass_fields__"
-"""Where dataclasses keep what is known about their fields."""
+"""The attribute in which `dataclasses` stores the fields of a class."""
 
 
 @dataclass_transform(frozen_default=True)
 def record(cls: type[T]) -> type[T]:
-    """Make `cls` a class with a slot for each annotation, in their order; two are equal if all slots are."""
+    """Return `cls` as a record: a slot for each annotation, in their order, and equality by all slots."""
     names = tuple(cls.__annotations__)
     defaults = {name: cls.__dict__[name] for name in names if name in cls.__dict__}
     own = {key: value for key, value in cls.__dict__.items() if key not in {*names, "__dict__", "__weakref__"}}
@@ -56,9 +56,10 @@ def _initialiser(names: tuple[str, ...], defaults: dict[str, Any]) -> Callable[.
 
 
 def _field(name: str, kind: Any) -> Field[Any]:
-    """Return what dataclasses know about a field."""
+    """Return the descriptor of a field for `dataclasses`."""
     made: Field[Any] = Field(MISSING, MISSING, True, True, None, True, {}, False)  # type: ignore[arg-type]
-    made.name, made.type = name, kind
+    made.name = name
+    made.type = kind
     made._field_type = _PATTERN._field_type  # type: ignore[attr-defined]
     return made
 

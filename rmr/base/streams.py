@@ -10,7 +10,7 @@ from random import Random
 from typing import ClassVar, Final
 
 SEED_MAX: Final = 10**18 - 1
-"""The greatest seed of a lab; the least is 0. Robots are told it in 64 bits."""
+"""Largest seed of a lab, sent to the robots in 64 bits; the smallest is 0."""
 
 
 def stream(name: str) -> Random:
@@ -19,9 +19,9 @@ def stream(name: str) -> Random:
 
 
 class Normals:
-    """Draws standard normal numbers: those of `rng.gauss(0.0, 1.0)`, in half of its time.
+    """Standard normal numbers, equal to those of `rng.gauss(0.0, 1.0)`, in half of its time.
 
-    Between them `rng` may be asked for other numbers, but not for `gauss`.
+    Other numbers may be drawn from `rng` in between, but not by `gauss`, which has a buffer of its own.
     """
 
     __slots__ = ("_another", "_random", "_second")
@@ -32,7 +32,7 @@ class Normals:
         self._another = False
 
     def draw(self) -> float:
-        """Return the next one. They are made in pairs (Box and Muller, 1958)."""
+        """Return the next number. They are made in pairs (Box and Muller, 1958)."""
         if self._another:
             self._another = False
             return self._second
@@ -44,7 +44,7 @@ class Normals:
 
 
 class Choices:
-    """A stream of small random numbers in 8 octets: what one robot draws when several rules are satisfied.
+    """A random stream with 8 octets of state, for a robot's choice among satisfied rules.
 
     SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014). A million
     robots in columns of numpy draw the same numbers as a million machines.
@@ -61,7 +61,7 @@ class Choices:
         self.state = stable_hash(name)
 
     def below(self, bound: int) -> int:
-        """Return one of 0 .. `bound` - 1, each as likely as the others but for `bound` in 2**32."""
+        """Return a number of 0 .. `bound` - 1, uniform up to a bias of `bound` in 2**32."""
         one, other = self.MULTIPLIERS
         self.state = mixed = (self.state + self.GAMMA) & self.MASK
         mixed = ((mixed ^ (mixed >> 30)) * one) & self.MASK
@@ -75,5 +75,5 @@ def stable_hash(text: str, octets: int = 8) -> int:
 
 
 def uniform(*parts: int | str) -> float:
-    """Return a number in [0, 1) that depends on nothing but `parts`; two processes agree on it."""
+    """Return a number in [0, 1) that is a function of `parts` alone, equal in all processes."""
     return stable_hash("/".join(map(str, parts)), 7) / (1 << 56)

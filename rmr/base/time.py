@@ -21,7 +21,7 @@ TICK_HZ: Final = 60
 TICK_S: Final = 1.0 / TICK_HZ
 
 NEVER: Final[Instant] = (1 << 62) - 1
-"""Later than any instant of any run; the greatest int that compiled code holds without an object."""
+"""An instant after the end of any run: the greatest int that compiled code holds unboxed."""
 
 
 def seconds(value: float) -> Duration:

@@ -1,10 +1,10 @@
-"""What operators make of values (paper III.A).
+"""Semantics of the operators (paper III.A).
 
-Integers are 64-bit and checked, floats finite; what leaves these ranges, divides by zero or mixes types has no
-value. An int and a float may be mixed: the result is a float. Numbers of different types are equal when they
-denote the same number; values of different kinds (a robot and an int, a symbol and a string) are never equal,
-and only numbers and strings are ordered. Strings and lists are joined; what an expression builds is bounded in
-size and depth, so that no program makes a value that takes for ever to compare or to write.
+Integers are 64-bit and checked, floats finite. Overflow, division by zero and mixed types have no value. An int and a
+float may be mixed: the result is a float. Numbers of different types are equal when they denote the same number.
+Values of different kinds (a robot and an int, a symbol and a string) are never equal. Only numbers and strings are
+ordered. `+` concatenates strings and lists; results are bounded in size and depth, so that comparing and writing any
+value takes bounded time.
 """
 
 import math
@@ -20,7 +20,7 @@ class NoValue(Exception):  # noqa: N818  (an outcome, not a fault)
 
 
 class OutOfRange(NoValue):
-    """It would be a number that does not fit into 64 bits."""
+    """Overflow: the result would not fit into 64 bits."""
 
 
 def is_number(value: Value) -> bool:
@@ -30,7 +30,7 @@ def is_number(value: Value) -> bool:
 
 
 def same(left: Value, right: Value) -> bool:
-    """Tell whether two values are one: 1 is 1.0, but @1 is not 1, true not 1, and ``a`` not ``"a"``."""
+    """Tell whether two values are equal in the language: 1 is 1.0, but @1 is not 1, true not 1, ``a`` not ``"a"``."""
     if left != right:
         return False
     if type(left) is tuple and type(right) is tuple:
@@ -74,7 +74,7 @@ def less(left: Value, right: Value) -> bool:
 
 
 def built(items: tuple[Value, ...]) -> Value:
-    """Return a list that an expression has built. Raises NoValue if facts may not carry it."""
+    """Return a list that an expression has built. Raises NoValue if it exceeds the bounds of values."""
     if not sound(items):
         raise NoValue("a list that is too long or nested too deep")
     return items

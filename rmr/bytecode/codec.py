@@ -1,10 +1,9 @@
-"""Programs to octets and back (paper IV.A).
+"""The codec: programs to octets and back (paper IV.A).
 
-`encode` and `decode` are inverse to each other but for what makes no difference to a run (the debug table).
-`decode` is the gate through which everything passes that a robot will run: whatever is wrong with the octets
-(no byte-code, another version, truncated, damaged, malformed, or well-formed but unsound) ends in a
-`BytecodeError` with the reason, never in another exception and never in a program. Octets that have passed are
-known by their hash for a while: they are the same program again.
+`encode` and `decode` are inverse to each other except for the debug table. Every program that a robot runs has passed
+`decode`. Every defect of the octets (no byte-code, another version, truncated, damaged, malformed, or well-formed but
+unsound) is a `BytecodeError` with the reason, never another exception and never a program. The newest programs are
+cached by the hash of their octets.
 """
 
 import hashlib
@@ -20,11 +19,11 @@ from rmr.bytecode.verify import verify
 __all__ = ["VERSION", "BytecodeError", "decode", "digest", "encode"]
 
 _passed: dict[bytes, Program] = {}
-"""The newest programs that have passed, by the SHA-256 hash of their octets."""
+"""Cache of the newest verified programs, by the SHA-256 hash of their octets."""
 
 
 def encode(program: Program, *, debug: bool) -> bytes:
-    """Return `program` as byte-code; with `debug` the places in the source go along if the program has them.
+    """Return `program` as byte-code; with `debug` including the places in the source, if the program has them.
 
     Raises:
         BytecodeError: the program does not verify (the compiler's bug).
@@ -39,11 +38,12 @@ def encode(program: Program, *, debug: bool) -> bytes:
 
 
 def decode(data: bytes) -> Program:
-    """Return the verified program in `data`, the same object for the same octets as long as they are remembered.
+    """Return the verified program in `data`; equal octets give the same object while it is cached.
 
     Raises:
-        BytecodeError: with the reason.
+        BytecodeError: the octets are no sound program.
     """
+    # A cryptographic hash: a forged file must not pass for one that has been verified.
     key = hashlib.sha256(data).digest()
     program = _passed.get(key)
     if program is None:
@@ -63,10 +63,9 @@ def _verified(data: bytes) -> Program:
 
 
 def digest(data: bytes) -> int:
-    """Return a 32-bit number by which robots tell whether they run the same program.
+    """Return the 32-bit fingerprint by which robots compare their programs.
 
-    It is the BLAKE2b hash of the byte-code as it is without a debug table: what makes no difference to a run
-    makes no other program.
+    It is the BLAKE2b hash of the byte-code without the debug table, which a run does not read.
 
     Raises:
         BytecodeError: `data` is no intact byte-code.

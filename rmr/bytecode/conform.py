@@ -1,8 +1,8 @@
-"""Which values there are, and which of them a type takes.
+"""Admissible values, and their conformance to types.
 
-The one place that says so: the verifier asks it about a program's constants, the virtual machine about what
-comes from outside and about what an expression yields. A value is bounded in every direction: 64 bits, finite,
-texts that can be written in UTF-8, lists neither too deep nor, counted with all that is in them, too long.
+The single definition: the verifier applies it to a program's constants, the virtual machine to values from outside and
+to the results of expressions. Every value is bounded: ints have 64 bits, floats are finite, texts are encodable in
+UTF-8, lists have bounded depth and a bounded total length.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.program import Base, Type
 
 NESTING_MAX = 16
-"""Lists in lists, in values and types; deeper ones have no use and could exhaust a reader's stack."""
+"""Depth of nested lists, in values and types; deeper ones have no use and could exhaust a reader's stack."""
 
 LENGTH_MAX = 65536
-"""Characters of a text; items of a list, with the characters and items of its items: a robot has a small memory."""
+"""Characters of a text; total items and characters of a list with all its parts: a robot has a small memory."""
 
 _NUMBERS: dict[type, Callable[..., bool]] = {
     float: isfinite,
@@ -23,7 +23,7 @@ _NUMBERS: dict[type, Callable[..., bool]] = {
     Robot: lambda value: 0 <= value <= ROBOT_ID_MAX,
     bool: lambda _: True,
 }
-"""Tell of values that are no texts and no lists whether they are in range."""
+"""Range checks by class, for values that are neither texts nor lists."""
 
 _CLASSES: dict[Base, type] = {
     Base.ROBOT: Robot,
@@ -36,12 +36,12 @@ _CLASSES: dict[Base, type] = {
 
 
 def sound(value: Value) -> bool:
-    """Tell whether `value` is one that facts may carry."""
+    """Tell whether facts may carry `value`."""
     return length(value) <= LENGTH_MAX
 
 
 def length(value: Value, nesting: int = 0) -> int:
-    """Return how many characters and items `value` holds; more than LENGTH_MAX if it is not sound."""
+    """Return the total number of characters and items of `value`; more than LENGTH_MAX if it is not sound."""
     kind = type(value)
     if kind is tuple:
         return _list_length(value, nesting)  # type: ignore[arg-type]
@@ -52,7 +52,7 @@ def length(value: Value, nesting: int = 0) -> int:
 
 
 def _list_length(items: tuple[Value, ...], nesting: int) -> int:
-    """Add up; stop at once when it is too much, for the same list may stand in a list many times."""
+    """Return the total length of a list; counting stops at the limit, since shared sublists multiply the total."""
     if nesting >= NESTING_MAX:
         return LENGTH_MAX + 1
     total = len(items)
@@ -64,12 +64,12 @@ def _list_length(items: tuple[Value, ...], nesting: int) -> int:
 
 
 def _is_text(text: str) -> bool:
-    """Tell whether UTF-8 has octets for `text`: it has none for half of a surrogate pair."""
+    """Tell whether `text` is encodable in UTF-8, that is, contains no surrogate."""
     return text.isascii() or not any("\ud800" <= each <= "\udfff" for each in text)
 
 
 def conforms(value: Value, kind: Type) -> bool:
-    """Tell whether `value` may stand where `kind` is declared (an int is no float)."""
+    """Tell whether `value` is of type `kind`; an int is no float."""
     return checker(kind)(value)
 
 
@@ -88,7 +88,7 @@ def checker(kind: Type) -> Callable[[Value], bool]:
 
 
 def fits(kind: Type, wanted: Type) -> bool:
-    """Tell whether every value of `kind` is one of `wanted`; the names of symbol sets make no difference."""
+    """Tell whether `kind` is a subtype of `wanted`; the names of symbol sets are ignored."""
     if wanted.base is Base.OPEN:
         return True
     if kind.base is not wanted.base:

@@ -1,7 +1,7 @@
-"""Which constants a program may hold, found out once for each however many entries share it.
+"""Checks of a program's constants, memoised by identity.
 
-Decoded entries share the values of the table of constants, so a value is known by its identity: looking at a
-long list again for each of the entries that name it would make a small file take hours.
+Decoded entries share the values of the table of constants. Checking a long list again for every entry that refers to
+it would let a small forged file take hours.
 """
 
 import re
@@ -14,12 +14,12 @@ _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
 def is_name(text: str) -> bool:
-    """Tell whether `text` names something: a predicate, a symbol, a symbol set, an assertion."""
+    """Tell whether `text` is an identifier: of a predicate, a symbol, a symbol set or an assertion."""
     return _NAME.fullmatch(text) is not None
 
 
 class Constants:
-    """Remembers what it was asked; the values live as long as it does."""
+    """Memoised checks; the checked values must outlive the object, since their identities are the keys."""
 
     def __init__(self) -> None:
         self._proper: dict[int, bool] = {}
@@ -34,7 +34,7 @@ class Constants:
         return self._proper[id(value)]
 
     def conforms(self, value: Value, kind: Type) -> bool:
-        """Tell whether `value` may stand where `kind` is declared."""
+        """Tell whether a program may hold `value` in the place of type `kind`."""
         if type(value) is not tuple:
             return self.proper(value) and conforms(value, kind)
         key = (id(value), _shape(kind))
@@ -50,7 +50,7 @@ def _is_proper(value: Value) -> bool:
 
 
 def _shape(kind: Type) -> str:
-    """Return what of a type a value can contradict: not the name of a symbol set."""
+    """Return a key of the type without the names of symbol sets, which conformance ignores."""
     if kind.base is Base.LIST:
         return "list " + (_shape(kind.element) if kind.element is not None else "")
     return kind.base.name

@@ -1,9 +1,8 @@
-"""From the octets of the tables to a program; the mirror of `encoder`.
+"""Decoder: the octets of the tables to a program; the inverse of `encoder`.
 
-The decoder checks what it needs in order to read on (indices, counts, tags, nesting); whether what it read
-makes a sound program is the verifier's business. Entries that name the same constant or expression share it,
-so that a program takes memory in proportion to its octets. The decoder can leave notes about what it found
-where, from which the disassembler makes its text.
+Checked here is only what reading on depends on: indices, counts, tags, nesting. Soundness of the program is checked
+by the verifier. Entries with the same index share one constant or expression object, so that a program takes memory
+in proportion to its octets. On request the decoder notes each part with its offsets, for the disassembler.
 """
 
 from collections.abc import Callable
@@ -70,15 +69,17 @@ from rmr.bytecode.program import (
 T = TypeVar("T")
 
 OPS = {int(op): op for op in Op}
+"""Opcodes by octet: a lookup is cheaper than `Op(octet)` and returns None for an unknown one."""
 DERIVED = {tag: kind for kind, tag in TAGS.items()}
+"""Classes of derived items by the tag of a head."""
 
 
 INSTRUCTION = "instruction"
-"""What notes of the parts of an expression have in place of a table."""
+"""The `table` of a note about one instruction of an expression."""
 
 
 class Note(NamedTuple):
-    """What stands in the octets ``start`` to ``end``."""
+    """The decoded meaning of the octets ``start`` to ``end`` (exclusive)."""
 
     table: str
     start: int
@@ -87,7 +88,7 @@ class Note(NamedTuple):
 
 
 class _Raw(NamedTuple):
-    """A predicate whose effects are not read yet."""
+    """A predicate with the number of its effects; the effects have a table of their own, which is read later."""
 
     name: str
     kind: Kind
@@ -101,13 +102,13 @@ def decode_tables(data: bytes, layout: Layout, notes: list[Note] | None = None) 
     """Return the program in `data`, unverified.
 
     Raises:
-        BytecodeError: something in a table cannot be read.
+        BytecodeError: a table is malformed.
     """
     return _Decoder(data, layout, notes).program()
 
 
 class _Decoder:
-    """Reads table after table; later ones refer to earlier ones."""
+    """Reads the tables in order of dependence: an entry refers to earlier tables only."""
 
     def __init__(self, data: bytes, layout: Layout, notes: list[Note] | None) -> None:
         self.data = data
@@ -116,6 +117,7 @@ class _Decoder:
         self.constants: list[Value] = []
         self.codes: list[Code] = []
         self.raw: list[_Raw] = []
+        # Shared instances: an instruction without operand and an equal pattern are one object each.
         self.bare = {op: Instruction(op) for op, form in FORMS.items() if form.operand is Operand.NONE}
         self.shared: dict[int, Pattern] = {0: ANY}
 
@@ -136,7 +138,7 @@ class _Decoder:
         )
 
     def table(self, name: str, read: Callable[[Reader], T]) -> list[T]:
-        """Return the entries of a table, which must fill its octets."""
+        """Return the entries of a table; octets left over are an error."""
         count, start, end = self.layout.tables[name]
         reader = Reader(self.data, start, end)
         entries = []
@@ -149,6 +151,7 @@ class _Decoder:
             raise reader.fail(f"{end - reader.position} octets too many in the table of {name}")
         return entries
 
+    # Tuples are built from lists, not from generators: that is faster, and every entry comes through here.
     def code(self, reader: Reader) -> Code:
         return tuple([self.instruction(reader) for _ in range(reader.count())])
 
@@ -208,7 +211,7 @@ class _Decoder:
         return Type(base, element=self.type(reader, nesting + 1)) if base is Base.LIST else Type(base)
 
     def predicates(self, effects: list[Effect]) -> tuple[Predicate, ...]:
-        """Hand each action its share of the table of effects."""
+        """Return the predicates, each action with its slice of the table of effects."""
         reader = Reader(self.data, self.layout.tables["effects"].end, self.layout.tables["effects"].end)
         if sum(raw.effects + raw.else_effects for raw in self.raw) != len(effects):
             raise reader.fail("the actions' effects do not fill their table")
@@ -232,6 +235,7 @@ class _Decoder:
         return Effect(predicate, self.codes_for(reader, predicate), owner)
 
     def owner(self, reader: Reader) -> int | None:
+        # 0: every robot; else the robot's id plus 1.
         number = reader.varint()
         return None if number == 0 else number - 1
 
@@ -252,6 +256,7 @@ class _Decoder:
 
     @staticmethod
     def leads(reader: Reader) -> tuple[Lead, ...] | None:
+        # 0: not computed; else the count plus 1. Rules ascend: each is written as the number of rules skipped.
         count = reader.varint()
         if count == 0:
             return None
@@ -275,6 +280,7 @@ class _Decoder:
         return known
 
     def new_pattern(self, reader: Reader, number: int) -> Pattern:
+        # The lowest bit tells slots (odd) from constants (even, from 2: 0 is the wildcard).
         if number & 1:
             return Slot(number >> 1)
         index = (number >> 1) - 1
@@ -314,7 +320,9 @@ class _Decoder:
 
     def aggregate(self, reader: Reader, operator: Operator) -> Aggregate:
         term = None if operator is Operator.COUNT else self.expression(reader)
-        result, slots, body = reader.varint(), self.slots(reader), self.body(reader)
+        result = reader.varint()
+        slots = self.slots(reader)
+        body = self.body(reader)
         return Aggregate(operator, term, result, slots, body, self.item(reader, reader.octet()))
 
     @staticmethod
@@ -336,6 +344,7 @@ class _Decoder:
         flags = reader.octet()
         if flags & ~(SCHEDULED | FOR_ONE | FINISHED_ELSEWHERE):
             raise reader.fail(f"unknown kind of assertion 0x{flags:02x}")
+        # Keyword arguments are evaluated in the order written here, which is the order of the octets.
         return Assertion(
             robot=reader.varint() if flags & FOR_ONE else None,
             finisher=self.finisher(reader) if flags & FINISHED_ELSEWHERE else HERE,

@@ -1,7 +1,7 @@
-"""Byte-code as text: every octet of a file with its offset and what it says.
+"""The disassembler: byte-code as text, every octet of a file with its offset and its meaning.
 
 Each line holds the offset in hex, the octets and their meaning. Variables are written as slots (``$0`` is the
-robot itself), expressions in postfix (``{$1 s EQ}``), so that what one reads is what the machine does.
+robot itself), expressions in postfix (``{$1 s EQ}``), in the order of execution.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -45,10 +45,10 @@ from rmr.bytecode.program import (
 )
 
 OCTETS_SHOWN = 12
-"""Octets on a line; what is longer goes on without text."""
+"""Octets on a line; a longer entry continues on lines without text."""
 
 SHARED_MAX = 200
-"""Characters of a constant or expression where it is used: many entries may share a long one. Its own is whole."""
+"""Characters shown of a constant or expression at its uses, since many entries may share a long one."""
 
 T = TypeVar("T")
 
@@ -80,7 +80,7 @@ def disassemble(data: bytes) -> str:
 
 
 def _line(data: bytes, start: int, end: int, text: str) -> Iterator[str]:
-    """Yield the line of the octets `start` to `end`, and lines of octets alone if they are many."""
+    """Yield the lines of the octets `start` to `end`, the text on the first one."""
     text = _printable(text)
     for at in range(start, max(end, start + 1), OCTETS_SHOWN):
         octets = data[at : min(end, at + OCTETS_SHOWN)].hex(" ")
@@ -89,7 +89,7 @@ def _line(data: bytes, start: int, end: int, text: str) -> Iterator[str]:
 
 
 def _printable(text: str) -> str:
-    """Return `text` without characters that a terminal would take for commands."""
+    """Return `text` with control characters escaped."""
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else f"\\u{ord(each):04x}" for each in text)
@@ -119,7 +119,7 @@ def _braced(words: list[str]) -> str:
 
 
 def type_text(kind: Type) -> str:
-    """Return a type as it is declared; ``_`` is what nothing fixes."""
+    """Return a type as in a declaration; ``_`` for an undetermined one."""
     if kind.base is Base.OPEN:
         return "_"
     if kind.base is Base.LIST:
@@ -128,7 +128,7 @@ def type_text(kind: Type) -> str:
 
 
 class _Text:
-    """Renders entries with the names of one program's predicates; what they share is put into words once."""
+    """Renders entries with the names of one program's predicates; the texts of shared parts are cached."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
@@ -163,7 +163,7 @@ class _Text:
         return self._once(code, lambda each: _braced([self._word(instruction) for instruction in each]))
 
     def _once(self, thing: T, write: Callable[[T], str]) -> str:
-        """Return what `write` makes of a thing that entries share, cut short; the program keeps it alive."""
+        """Return the shortened text of a shared object, cached by identity; the program keeps the object alive."""
         text = self._shared.get(id(thing))
         if text is None:
             text = write(thing)

@@ -1,8 +1,8 @@
-"""From a program to the octets of its tables.
+"""Encoder: a program to the octets of its tables; the inverse of `decoder`.
 
-Constants and expressions are pooled: each distinct one is written once and named by its index, so that the
-owner expression that nearly every head has costs one octet. A pattern is one varint: 0 anything, odd a slot,
-even a constant. How many arguments an entry has is not written: its predicate says so.
+Constants and expressions are pooled: each distinct one is written once and referred to by its index. The owner
+expression of nearly every head thus costs one octet. A pattern is one varint: 0 for the wildcard, odd for a slot,
+even for a constant. The number of arguments of an entry is not written: it follows from the predicate.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -46,27 +46,36 @@ from rmr.bytecode.program import (
     Type,
 )
 
-GUARD, BIND = 4, 5
-"""Tags of conjuncts; 0 to 3 are atoms of that mode."""
+GUARD = 4
+"""Tag of a guard among conjuncts; tags 0 to 3 are atoms, with the mode as tag."""
+BIND = 5
+"""Tag of a binding among conjuncts."""
 FACT, GOAL, ACTION, COMPREHENSION, STEPS, AGGREGATE = range(6)
-"""Tags of heads; those of aggregates go on from the last one, one for each operator."""
+"""Tags of heads; an aggregate's tag is AGGREGATE plus its operator."""
 LIST_OF_ANYTHING = 8
-"""Tag of a list type without an element type; 0 to 7 are the bases."""
-KIND_MASK, PROVIDED = 3, 4
-"""Bits of a predicate's first octet."""
-SCHEDULED, FOR_ONE, FINISHED_ELSEWHERE = 1, 2, 4
-"""Bits of an assertion's first octet: the last two say that its robot and the finisher are written."""
+"""Tag of a list type without an element type; tags 0 to 7 are the bases."""
+KIND_MASK = 3
+"""Bits of a predicate's first octet that hold its kind."""
+PROVIDED = 4
+"""Bit of a predicate's first octet: the predicate is provided."""
+SCHEDULED = 1
+"""Bit of an assertion's first octet: `assert`, not `watch`."""
+FOR_ONE = 2
+"""Bit of an assertion's first octet: the one robot that has such jobs follows."""
+FINISHED_ELSEWHERE = 4
+"""Bit of an assertion's first octet: the finisher follows."""
 
 HERE = Slot(SELF_SLOT)
-"""The usual finisher: the robot of the job itself."""
+"""The default finisher, which is not written: the robot of the job."""
 
 TAGS: dict[type[Derived], int] = {DeriveFact: FACT, DeriveGoal: GOAL, DeriveAction: ACTION}
+"""Tags of heads by class of the derived item."""
 
 T = TypeVar("T")
 
 
 class Pools:
-    """The constants and expressions seen so far, in the order of their first use."""
+    """The constants and expressions written so far, in the order of their first use."""
 
     def __init__(self) -> None:
         self.constants: dict[tuple[str, object], int] = {}
@@ -76,6 +85,7 @@ class Pools:
 
     def constant(self, value: Value) -> int:
         """Return the index of `value`."""
+        # Not the value itself as key: 1, 1.0, True and robot 1 are equal and have different octets.
         key = identity(value)
         if key not in self.constants:
             self.constants[key] = len(self.values)
@@ -110,7 +120,7 @@ class Pools:
 
 
 def encode_tables(program: Program, debug: bool) -> dict[str, tuple[int, bytes]]:
-    """Return for each table the number of entries and the octets; `program` is verified."""
+    """Return (number of entries, octets) for each table of `program`, which is verified."""
     encoder = _Encoder(program)
     effects = [e for p in program.predicates for e in (*p.effects, *p.else_effects)]
     tables = {
@@ -122,6 +132,7 @@ def encode_tables(program: Program, debug: bool) -> dict[str, tuple[int, bytes]]
         "assertions": _table(program.assertions, encoder.assertion),
         "debug": _debug_table(program.debug if debug else None),
     }
+    # The pools last: encoding the other tables fills them.
     pools = encoder.pools
     tables["code"] = (len(pools.codes), bytes(pools.code.octets))
     tables["constants"] = _table(pools.values, lambda writer, value: writer.value(value))
@@ -138,7 +149,7 @@ def _table(entries: Iterable[T], write: Callable[[Writer, T], None]) -> tuple[in
 
 
 def _debug_table(debug: Debug | None) -> tuple[int, bytes]:
-    """Return the names of the files, then the places of rules, assertions and predicates."""
+    """Return the debug table: the file names, then the places of rules, assertions and predicates."""
     if debug is None:
         return 0, b""
     writer = Writer()
@@ -188,7 +199,7 @@ class _Encoder:
             self.type(writer, kind.element)
 
     def derived(self, writer: Writer, item: Effect | Derived) -> None:
-        """Write whose it is, what it is, and the arguments."""
+        """Write the owner, the predicate and the arguments."""
         writer.varint(self.pools.expression(item.owner))
         writer.varint(item.predicate)
         for code in item.args:
@@ -204,7 +215,7 @@ class _Encoder:
         self.leads(writer, goal.leads)
 
     def leads(self, writer: Writer, leads: tuple[Lead, ...] | None) -> None:
-        """Write how many there are and one more, 0 if nobody has worked them out; rules as gaps between them."""
+        """Write the count plus 1, or 0 if the leads are not computed; each rule as the number of rules skipped."""
         writer.varint(0 if leads is None else len(leads) + 1)
         expected = 0
         for lead in leads or ():
@@ -223,8 +234,9 @@ class _Encoder:
     def pattern(self, writer: Writer, pattern: Pattern) -> None:
         if isinstance(pattern, Anything):
             writer.varint(0)
-        elif isinstance(pattern, Slot):
+        elif isinstance(pattern, Slot):  # odd numbers; constants take the even ones from 2
             writer.varint(pattern.index * 2 + 1)
+
         else:
             writer.varint(self.pools.constant(pattern.value) * 2 + 2)
 
@@ -288,7 +300,8 @@ class _Encoder:
             writer.varint(slot)
 
     def assertion(self, writer: Writer, assertion: Assertion) -> None:
-        for_one, elsewhere = assertion.robot is not None, assertion.finisher != HERE
+        for_one = assertion.robot is not None
+        elsewhere = assertion.finisher != HERE
         writer.octet(SCHEDULED * assertion.scheduled | FOR_ONE * for_one | FINISHED_ELSEWHERE * elsewhere)
         if assertion.robot is not None:
             writer.varint(assertion.robot)

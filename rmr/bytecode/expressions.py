@@ -1,8 +1,8 @@
-"""What must hold of an expression by itself, whatever uses it.
+"""The verifier's checks of an expression by itself, independent of its uses.
 
-Its operands are in range, jumps stay inside and go forward, every instruction is reached, the stack holds
-what is popped on every way, and exactly one value is left. That is found out once for each expression,
-however many entries share it; what is left to the place that uses it is whether its slots are bound there.
+Operands are in range. Jumps stay inside and go forward. Every instruction is reachable. On every path the stack holds
+the operands of each instruction, and exactly one value is left. An expression is examined once for all entries that
+share it; whether its slots are bound is checked at each use.
 """
 
 from collections.abc import Iterator
@@ -15,23 +15,25 @@ from rmr.bytecode.opcodes import FORMS, Op, Operand
 from rmr.bytecode.program import Code, Instruction
 
 TIMED = frozenset(index for index, function in enumerate(FUNCTIONS) if function.timed)
+"""Indices of the functions of time."""
 JUMPS = (Op.JUMP, Op.JUMP_IF_FALSE, Op.AND, Op.OR)
+"""Instructions with a jump target."""
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """What is known about an expression."""
+    """The properties of an expression."""
 
     wrong: str
-    """Why it cannot be run; empty if it can."""
+    """The first defect; empty for a sound expression."""
     slots: int
-    """The slots that it reads, a bit each."""
+    """The slots that it reads, as a bit mask."""
     timed: bool
-    """Whether it asks for the time."""
+    """Whether it calls a function of time."""
 
 
 def examine(code: Code, constants: Constants) -> Examined:
-    """Return what is known about `code`; only its first mistake is told."""
+    """Return the properties of `code`."""
     wrong = next((reason for each in code for reason in _operand(each, constants)), "") or _unbalanced(code)
     if wrong:
         return Examined(wrong, 0, False)
@@ -43,8 +45,9 @@ def examine(code: Code, constants: Constants) -> Examined:
 
 
 def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:
-    """Check that the operand is what the opcode table asks for."""
-    op, operand = instruction.op, instruction.operand
+    """Check the operand against the opcode table."""
+    op = instruction.op
+    operand = instruction.operand
     form = FORMS[op].operand
     if form is Operand.NONE:
         if operand is not None:
@@ -62,7 +65,10 @@ def _operand(instruction: Instruction, constants: Constants) -> Iterator[str]:
 
 
 def _unbalanced(code: Code) -> str:
-    """Follow the stack's depth; jumps go forward, so one pass sees every way. Return what is wrong, if anything."""
+    """Return the first defect of control flow or stack depth, else an empty string.
+
+    An abstract interpretation with the stack depth as state; one pass suffices, because jumps only go forward.
+    """
     depths: list[int | None] = [0] + [None] * len(code)
     for index, instruction in enumerate(code):
         depth = depths[index]
@@ -81,7 +87,7 @@ def _unbalanced(code: Code) -> str:
 
 
 def _effect(instruction: Instruction) -> tuple[int, int]:
-    """Return how many values an instruction pops and pushes."""
+    """Return the numbers of values that an instruction pops and pushes."""
     form = FORMS[instruction.op]
     if form.pops >= 0:
         return form.pops, form.pushes
@@ -91,11 +97,12 @@ def _effect(instruction: Instruction) -> tuple[int, int]:
 
 
 def _successors(index: int, instruction: Instruction, before: int, after: int) -> Iterator[tuple[int, int]]:
-    """Return the instructions that may come next, with the stack's depth there."""
+    """Yield the possible next instructions, each with the stack depth there."""
     op = instruction.op
     if op is not Op.JUMP:
         yield index + 1, after
     if op in JUMPS:
         assert isinstance(instruction.operand, int)
+        # A short circuit keeps the left operand as the result; falling through has popped it.
         kept = before if op in (Op.AND, Op.OR) else after
         yield index + 1 + instruction.operand, kept

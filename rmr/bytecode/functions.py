@@ -21,7 +21,7 @@ from rmr.bytecode.arithmetic import NoValue, checked, numbers, same
 from rmr.bytecode.conform import LENGTH_MAX
 
 SORTABLE: tuple[set[type], ...] = ({int, float}, {str}, {Symbol}, {Robot})
-"""Kinds of items that `sort` can order among themselves."""
+"""Sets of item classes that have a common order for `sort`."""
 
 
 FLOAT_MAX = 1.7976931348623157e308
@@ -29,16 +29,16 @@ FLOAT_MAX = 1.7976931348623157e308
 
 
 class Takes(Enum):
-    """What an argument must be."""
+    """The demand on an argument."""
 
     NUMBER = auto()
     ROBOT = auto()
     LIST = auto()
     LIST_OR_STRING = auto()
     SORTABLE_LIST = auto()
-    """A list whose items have an order among themselves."""
+    """A list whose items have a common order."""
     POSITION = auto()
-    """An int that counts the items of the list argument from 0."""
+    """An index into the list argument, from 0."""
     ITEM = auto()
     """A value of the type of the list argument's items."""
 
@@ -58,7 +58,7 @@ class Gives(Enum):
 
 
 LISTS = frozenset({Takes.LIST, Takes.LIST_OR_STRING, Takes.SORTABLE_LIST})
-"""The arguments that may be lists."""
+"""The demands that admit a list."""
 
 
 @record
@@ -66,26 +66,26 @@ class Function:
     """A function of expressions."""
 
     name: str
-    """What expressions call it."""
+    """The name in expressions."""
     parameters: str
-    """What documents call its arguments."""
+    """The names of the arguments in documents."""
     takes: tuple[Takes, ...]
     gives: Gives
     scalar: Callable[..., Value]
-    """What it makes of single values. Raises NoValue; with numbers alone as arguments, also ValueError and
-    OverflowError, and its value is checked for its range."""
+    """The function of single values. Raises NoValue; a function of numbers alone also ValueError and OverflowError,
+    and its caller checks the range of the result."""
     doc: str = ""
-    """Its value in words, for the language reference."""
+    """The value in words, for the language reference."""
     example: str = ""
-    """A call with its arguments in the right order, for the hint of an error that swaps them."""
+    """A call with the arguments in the right order, for the hint of an error that swaps them."""
     bounds: tuple[float, float] | None = None
-    """Between which numbers its value lies, or its length if it is a list; None if the type says all."""
+    """Least and greatest value (for a list, length); None if the type alone bounds it."""
     fallible: bool = True
-    """Whether columns provide for arguments of the right types without a value."""
+    """True if arguments of the right types may have no value, for which columns need a mask."""
     timed: bool = False
-    """Its value depends on the instant, lab time in ns, which is all that `scalar` is given."""
+    """True if the value depends on the time; the only argument of `scalar` is then the instant in ns."""
     internal: bool = False
-    """Programs cannot call it: the compiler writes it into byte-code."""
+    """True for a function that only the compiler calls."""
     source: str | None = None
     """The name of its form in `rmr.vm.generate.function_source.FORMS`."""
     columns: str | None = None
@@ -93,7 +93,7 @@ class Function:
 
     @property
     def signature(self) -> str:
-        """How documents show a call of it."""
+        """The call with named arguments, for documents."""
         return f"{self.name}({self.parameters})"
 
     @property
@@ -189,7 +189,9 @@ def _id(value: Value) -> Value:
 
 _JOINT_NUMBER = "of ints an int, else a float"
 _FLOATS = "floats, angles in radians"
-_ONE, _TWO, _FOUR = (Takes.NUMBER,), (Takes.NUMBER,) * 2, (Takes.NUMBER,) * 4
+_ONE = (Takes.NUMBER,)
+_TWO = (Takes.NUMBER,) * 2
+_FOUR = (Takes.NUMBER,) * 4
 
 FUNCTIONS: tuple[Function, ...] = (
     Function("abs", "X", _ONE, Gives.NUMBER, abs, _JOINT_NUMBER, source="absolute", columns="absolute"),

@@ -10,8 +10,8 @@
                     offsets count from the end of the directory
     ...     ...     the tables in the directory's order, one after the other
 
-As the paper wants it, a robot finds the number of facts, of rules and the offset of the first of each without
-reading anything else. The order of the tables is `TABLES`; a table refers to entries of others by index.
+As in the paper, the number of facts and rules and the offset of the first of each are found without reading anything
+else. The order of the tables is `TABLES`; a table refers to entries of others by index.
 """
 
 import struct
@@ -27,16 +27,16 @@ FLAG_DEBUG = 2
 HEADER = struct.Struct("<4sBBII")
 CRC_OFFSET = 10
 SIZE_MAX = 1 << 22
-"""A longer program is refused before it is read: robots have megabytes, not gigabytes (paper V.B.2), and an octet
-may take thirty in memory."""
+"""Largest file in octets: robots have megabytes, not gigabytes (paper V.B.2), and a decoded octet may take thirty in
+memory."""
 
 DEBUG = "debug"
-"""The table that makes no difference to a run."""
+"""The table that a run does not read."""
 TABLES = ("constants", "code", "predicates", "effects", "facts", "goals", "rules", "assertions", DEBUG)
 
 
 class Table(NamedTuple):
-    """One table's place: octets ``start`` to ``end`` hold so many entries."""
+    """The extent of one table: octets ``start`` to ``end`` (exclusive) hold ``entries`` entries."""
 
     entries: int
     start: int
@@ -63,7 +63,7 @@ def assemble(flags: int, tables: dict[str, tuple[int, bytes]]) -> bytes:
     """Return the file made of `tables` (name: number of entries, octets).
 
     Raises:
-        BytecodeError: it is larger than a robot reads.
+        BytecodeError: the file exceeds `SIZE_MAX`.
     """
     directory = Writer()
     offset = 0
@@ -84,8 +84,9 @@ def read_layout(data: bytes) -> Layout:
     """Return the layout of `data`.
 
     Raises:
-        BytecodeError: no byte-code, another version, truncated or longer than it says, damaged.
+        BytecodeError: no byte-code, another version, truncated, longer than the header says, or damaged.
     """
+    # From general to specific: a wrong magic explains every later mismatch, a truncation the checksum's.
     if data[:4] != MAGIC[: len(data)] or not data:
         raise BytecodeError("not RMR byte-code (it does not begin with the magic octets)")
     if len(data) > 4 and data[4] != VERSION:
@@ -105,7 +106,7 @@ def read_layout(data: bytes) -> Layout:
 
 
 def _read_directory(data: bytes) -> dict[str, Table]:
-    """Return the tables' places, each held against the file's end."""
+    """Return the extents of the tables, each within the file and behind the last one."""
     reader = Reader(data, HEADER.size, len(data))
     entries = [(reader.varint(), reader.varint()) for _ in TABLES]
     base = reader.position

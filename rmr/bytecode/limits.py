@@ -1,7 +1,7 @@
-"""How much of everything a program may hold, so that a robot can run whatever it accepts.
+"""Resource limits of a program: every accepted program can be run by a robot.
 
-Each bound is far above what people write. What a program has too much of is a mistake of its author (or of
-whoever forged it), not of the compiler, so it can be asked for by itself: `exceeded`.
+Each limit is far above handwritten programs. Exceeding one is a mistake of the program's author (or of a forger), not
+of the compiler. `exceeded` reports it separately, so that the compiler can turn it into a diagnostic.
 """
 
 from collections.abc import Iterable, Iterator
@@ -11,19 +11,19 @@ from rmr.bytecode import heads
 from rmr.bytecode.program import Bind, Code, Guard, Program
 
 SLOTS_MAX = 1024
-"""Variables of a rule or assertion: a robot holds that many values for each match it looks at."""
+"""Variables of a rule or assertion: a robot holds this many values for each candidate match."""
 
 STACK_MAX = 256
 """Values on the stack of an expression."""
 
 INSTRUCTIONS_MAX = 4096
-"""Instructions of an expression: working it out takes a robot a millisecond or two."""
+"""Instructions of an expression: its evaluation takes a robot a millisecond or two."""
 
 CONJUNCTS_MAX = 256
-"""Conjuncts of one body: the search for a match goes a step deeper with each."""
+"""Conjuncts of one body: the depth of the search for a match."""
 
 HEAD_MAX = 1024
-"""Facts, goals and actions of one rule's head: a firing is atomic and must not take long."""
+"""Facts, goals and actions of one rule's head: a firing is atomic and must be short."""
 
 ARGUMENTS_MAX = 255
 """Arguments of a predicate."""
@@ -32,22 +32,22 @@ EFFECTS_MAX = 255
 """Effects of an action on completion, and on failure."""
 
 SERVING_MAX = 1024
-"""Actions that serve one assertion: each action that is derived is held against them."""
+"""Actions that serve one assertion: each derived action is compared with all of them."""
 
 
 class Excess(NamedTuple):
-    """What a program has too much of."""
+    """An exceeded limit."""
 
     table: str
-    """``predicates``, ``rules`` or ``assertions``."""
+    """The table: ``predicates``, ``rules`` or ``assertions``."""
     entry: int
-    """Its index."""
+    """Index of the entry in its table."""
     text: str
-    """Such as ``2000 variables, at most 1024 are possible``."""
+    """The excess in words, such as ``2000 variables, at most 1024 are possible``."""
 
 
 def exceeded(program: Program) -> Iterator[Excess]:
-    """Yield what `program` has too much of, in the order of its tables."""
+    """Yield the limits that `program` exceeds, in the order of its tables."""
     for table, counted in (("predicates", _predicates), ("rules", _rules), ("assertions", _assertions)):
         for index, counts in enumerate(counted(program)):
             for count, most, what in counts:
@@ -56,7 +56,7 @@ def exceeded(program: Program) -> Iterator[Excess]:
 
 
 Counts = list[tuple[int, int, str]]
-"""How many there are, how many there may be, of what."""
+"""Quantities of one entry: number, limit, and what is counted, in the plural."""
 
 
 def _predicates(program: Program) -> Iterator[Counts]:

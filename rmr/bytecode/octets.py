@@ -1,9 +1,8 @@
 """Octets of the byte-code's parts: varints, texts, values.
 
-Numbers are little-endian base-128 varints (7 bits an octet, the high bit says that more follow), signed ones
-zigzag-coded before. The reader trusts nothing: every length and count is held against the octets that are
-left before anything is allocated, nesting is bounded, and whatever is wrong becomes a `BytecodeError` that
-says what and where.
+Numbers are little-endian base-128 varints (LEB128: 7 bits an octet, the high bit marks continuation); signed ones are
+zigzag-coded before. The input of the reader is untrusted: every length and count is compared with the octets left
+before anything is allocated, nesting is bounded, and every defect is a `BytecodeError` with reason and offset.
 """
 
 import math
@@ -13,10 +12,10 @@ from rmr.base.values import INT_MAX, INT_MIN, ROBOT_ID_MAX, Robot, Symbol, Value
 from rmr.bytecode.conform import NESTING_MAX
 
 VARINT_OCTETS_MAX = 10
-"""Enough for 64 bits."""
+"""Longest varint: ten groups of seven bits hold 64 bits."""
 
 FALSE, TRUE, INT, FLOAT, STRING, SYMBOL, ROBOT, LIST = range(8)
-"""Tags of values."""
+"""Tags of encoded values."""
 
 
 class BytecodeError(Exception):
@@ -24,14 +23,14 @@ class BytecodeError(Exception):
 
 
 def identity(value: Value) -> tuple[str, object]:
-    """Return a key that tells values apart that Python calls equal (1, 1.0, true and @1; `a` and ``"a"``)."""
+    """Return a key that distinguishes values that are equal in Python (1, 1.0, true and @1; `a` and ``"a"``)."""
     if isinstance(value, tuple):
         return ("list", tuple(identity(item) for item in value))
     return (type(value).__name__, repr(value) if isinstance(value, float) else value)
 
 
 class Writer:
-    """Appends parts to a growing run of octets."""
+    """Appends encoded parts to a buffer."""
 
     __slots__ = ("octets",)
 
@@ -60,7 +59,8 @@ class Writer:
         self.octets += octets
 
     def value(self, value: Value) -> None:
-        """Append a value: its tag, then what the tag asks for."""
+        """Append a value: its tag, then the contents."""
+        # Subclasses first: bool and Robot are ints, Symbol is a str.
         if isinstance(value, bool):
             self.octet(TRUE if value else FALSE)
         elif isinstance(value, Robot):
@@ -83,7 +83,7 @@ class Writer:
 
 
 class Reader:
-    """Takes parts from `data` between two offsets; never reads beyond the end."""
+    """Decodes parts of `data` from `position` on; never reads beyond `end`."""
 
     __slots__ = ("data", "end", "position")
 
@@ -111,6 +111,7 @@ class Reader:
             octet = self.octet()
             number |= (octet & 0x7F) << 7 * place
             if octet < 0x80:
+                # The tenth octet has room for six bits more than 64.
                 if number >> 64:
                     break
                 return number
@@ -126,7 +127,7 @@ class Reader:
         return self.fits(self.varint(), limit)
 
     def fits(self, number: int, limit: int | None = None) -> int:
-        """Return `number` if so many entries of an octet, or `limit`, are left."""
+        """Return `number`, a count of entries, if it is within `limit`; without one, within the octets left."""
         bound = self.end - self.position if limit is None else limit
         if number > bound:
             raise self.fail(f"a count of {number} where at most {bound} fit")

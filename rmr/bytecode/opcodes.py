@@ -1,8 +1,8 @@
-"""The one table of instructions: encoder, decoder, verifier, disassembler, interpreter and docs derive from it.
+"""The instruction set: the one table from which encoder, decoder, verifier, disassembler, interpreter and docs derive.
 
-An expression is a sequence of instructions for a stack machine. Jumps go forward only and by a count of
-instructions, so that every expression ends. `pops` and `pushes` are what the verifier balances; for CALL and
-MAKE_LIST the operand (for CALL: the function's arity) says how many are popped.
+An expression is a sequence of instructions for a stack machine. Jumps go forward only, by a count of instructions, so
+that every expression terminates. The verifier balances `pops` and `pushes`; CALL pops the function's arity, LIST its
+operand.
 """
 
 from enum import IntEnum
@@ -11,7 +11,7 @@ from rmr.base.record import record
 
 
 class Operand(IntEnum):
-    """What follows the opcode octet."""
+    """The operand behind the opcode octet."""
 
     NONE = 0
     CONSTANT = 1
@@ -23,9 +23,9 @@ class Operand(IntEnum):
     FUNCTION = 4
     """Index into `rmr.bytecode.functions.FUNCTIONS` (one octet)."""
     SKIP = 5
-    """How many instructions to skip, at least 0 (varint)."""
+    """Number of instructions to skip, at least 0 (varint)."""
     COUNT = 6
-    """How many values (varint)."""
+    """Number of values (varint)."""
 
 
 class Op(IntEnum):
@@ -48,7 +48,7 @@ class Op(IntEnum):
     GE = 0x25
     NOT = 0x28
     FLOAT = 0x29
-    """Convert the int on top of the stack to float (a float predicate's argument), a list's items so; a float stays."""
+    """Convert an int on top of the stack, or the ints of a list, to float, for an argument of a float type."""
     CALL = 0x30
     LIST = 0x31
     """Make a list of COUNT values."""
@@ -63,10 +63,11 @@ class Op(IntEnum):
 
 @record
 class Form:
-    """How one instruction looks and what it does to the stack."""
+    """The operand and the stack effect of one instruction."""
 
     operand: Operand
     pops: int
+    """Number of popped values; -1 if it depends on the operand."""
     pushes: int
 
 

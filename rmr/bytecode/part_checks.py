@@ -1,7 +1,7 @@
-"""What must hold of the parts of an entry: atoms and patterns, expressions and what they derive, whole bodies.
+"""The verifier's checks of the parts of an entry: patterns, atoms, bodies, expressions, derived items.
 
-Each check yields reasons, none if all is well; what an expression or a constant is by itself is found out once
-for all entries that share it.
+Each check is a generator of reasons, empty if the part is sound. A constant or expression is examined once for all
+entries that share it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -31,12 +31,13 @@ from rmr.bytecode.scope import Scope, literal
 
 
 class Checks:
-    """The checks of one program's parts; it remembers what entries share."""
+    """The checks of one program's parts, with the results for shared constants and expressions."""
 
     def __init__(self, predicates: tuple[Predicate, ...]) -> None:
         self.predicates = predicates
         self.constants = Constants()
         self._examined: dict[int, Examined] = {}
+        """Results by identity of the expression, which the program keeps alive; hashing it would visit all of it."""
 
     def usable(self, index: int, arity: int, *, action: bool) -> Iterator[str]:
         """Check that `index` names a predicate (or an action) with `arity` arguments."""
@@ -64,7 +65,7 @@ class Checks:
                 yield f"argument {position + 1} of {predicate.name} has the wrong type"
 
     def body(self, body: Iterable[Conjunct], slots: int, scope: Scope) -> Iterator[str]:
-        """Check a body; `scope` grows by what it binds."""
+        """Check a body; its bindings are added to `scope`."""
         for conjunct in body:
             match conjunct:
                 case Atom():
@@ -75,7 +76,7 @@ class Checks:
                     yield from self._bind(conjunct, slots, scope)
 
     def atom(self, atom: Atom, slots: int, scope: Scope) -> Iterator[str]:
-        """Check an atom; `scope` grows by what it binds."""
+        """Check an atom; its bindings are added to `scope`."""
         wrong = list(self.patterns(atom.predicate, atom.args, slots))
         yield from wrong
         if wrong:
@@ -92,7 +93,7 @@ class Checks:
 
     @staticmethod
     def new(slot: int, kind: Type, slots: int, scope: Scope) -> Iterator[str]:
-        """Check that `slot` exists and has no value yet; `scope` grows by it."""
+        """Check that `slot` is in range and unbound; bind it in `scope`."""
         if not 0 <= slot < slots:
             yield f"binds slot {slot} of {slots}"
         elif scope.has(slot):
@@ -101,7 +102,7 @@ class Checks:
             scope.bind(slot, kind)
 
     def derived(self, item: Derived | Effect, scope: Scope) -> Iterator[str]:
-        """Check what a head, an assertion or the end of an action derives."""
+        """Check an item that a head, a violation or an effect derives."""
         yield from self.robot(item.owner, scope)
         wrong = list(self.usable(item.predicate, len(item.args), action=isinstance(item, DeriveAction)))
         yield from wrong
@@ -118,7 +119,7 @@ class Checks:
                 yield f"argument {position + 1} of {predicate.name} has the wrong type"
 
     def robot(self, code: Code, scope: Scope) -> Iterator[str]:
-        """Check an owner's or executor's expression: it is not certainly anything but a robot."""
+        """Check the expression of an owner or executor: its static type admits a robot."""
         wrong = list(self.code(code, scope))
         yield from wrong
         value = literal(code)
@@ -127,7 +128,7 @@ class Checks:
             yield "an owner or executor that is no robot"
 
     def code(self, code: Code, scope: Scope, *, now: bool = True) -> Iterator[str]:
-        """Check one expression where the slots of `scope` have a value."""
+        """Check one expression under the bindings of `scope`; `now`: the functions of time are allowed."""
         known = self._examined.get(id(code))
         if known is None:
             known = self._examined[id(code)] = examine(code, self.constants)

@@ -1,8 +1,8 @@
-"""The program of one robot, decoded: what the compiler hands to the codec and the codec to the virtual machine.
+"""The program of one robot as immutable data: the output of the compiler, the codec and the input of the machine.
 
-Everything here is immutable and plain. The owner of a fact is not among its arguments: a robot stores only
-its own facts, so `location(R, s)` at home is ``(location, (s,))`` and slot 0 of every rule is the robot
-itself. All indices (predicates, slots) refer to the tables of the same program.
+The owner of a fact is not among its arguments, because a robot stores only its own facts: `location(R, s)` at home is
+``(location, (s,))``, and slot 0 of every rule is the robot itself. All indices (predicates, slots) refer to the tables
+of the same program.
 """
 
 from dataclasses import dataclass, field
@@ -13,11 +13,11 @@ from rmr.base.values import Value
 from rmr.bytecode.opcodes import Op
 
 SELF_SLOT = 0
-"""The slot that holds the robot which runs the rule."""
+"""The slot of the robot that runs the rule."""
 
 
 class Kind(IntEnum):
-    """What a predicate is."""
+    """The kinds of predicates, and actions."""
 
     TEMPORARY = 0
     PERSISTENT = 1
@@ -29,7 +29,7 @@ class Base(IntEnum):
     """The built-in types; a symbol type has a name of its own."""
 
     OPEN = 0
-    """Nothing fixes it; any value."""
+    """An undetermined type: any value."""
     ROBOT = 1
     INT = 2
     FLOAT = 3
@@ -45,9 +45,9 @@ class Type:
 
     base: Base
     name: str = ""
-    """For SYMBOL: the open set it belongs to (``area``)."""
+    """SYMBOL only: the set of symbols (``area``); a set is open, its members are not declared."""
     element: "Type | None" = None
-    """For LIST."""
+    """LIST only: the type of the items; None if it is undetermined."""
 
 
 @record
@@ -59,10 +59,10 @@ class Instruction:
 
 
 Code = tuple[Instruction, ...]
-"""An expression; it leaves exactly one value."""
+"""The code of an expression, in postfix order; it leaves exactly one value on the stack."""
 
 SELF: Code = (Instruction(Op.LOAD, SELF_SLOT),)
-"""The robot that runs the rule or executes the action."""
+"""The expression of the robot that runs the rule or executes the action."""
 
 
 class Anything:
@@ -79,7 +79,7 @@ ANY = Anything()
 
 @record
 class Slot:
-    """A variable in a pattern. Bound already: the argument must equal it. Else: it is bound to the argument."""
+    """A variable in a pattern: an equality test if the slot is bound, else a binding to the argument."""
 
     index: int
 
@@ -95,61 +95,61 @@ Pattern = Anything | Slot | Constant
 
 
 class Mode(IntEnum):
-    """What an atom does with the fact that it matches."""
+    """The use of the fact that an atom matches."""
 
     CONSUME = 0
-    """A temporary fact, taken when the rule fires."""
+    """A temporary fact, removed when the rule fires."""
     READ = 1
-    """A persistent or sensed fact."""
+    """A persistent or sensed fact, never removed."""
     KEEP = 2
-    """``$p(...)``: a temporary fact that must be there and stays."""
+    """``$p(...)``: a temporary fact that is required and not removed."""
     ABSENT = 3
-    """``not p(...)``: no fact matches."""
+    """``not p(...)``: negation, no fact matches."""
 
 
 @record
 class Atom:
-    """A fact of the home robot in a rule's body."""
+    """The pattern of a fact of the home robot in a rule's body."""
 
     predicate: int
     args: tuple[Pattern, ...]
-    """Without the owner."""
+    """The arguments after the owner."""
     mode: Mode
 
 
 @record
 class Guard:
-    """A Boolean expression that must be true; its slots are bound by what stands before it."""
+    """A Boolean expression that must be true; its slots are bound by earlier conjuncts."""
 
     code: Code
 
 
 @record
 class Bind:
-    """``X = expression`` where nothing else binds X."""
+    """``X = expression``, which binds X; no other conjunct does."""
 
     slot: int
     code: Code
 
 
 Conjunct = Atom | Guard | Bind
-"""The compiler orders them so that each one's variables are bound before it is reached; positive atoms keep
-their textual order."""
+"""One element of a body. The compiler orders them so that variables are bound before they are used; positive atoms
+keep their textual order."""
 
 
 @record
 class DeriveFact:
-    """A fact of the head."""
+    """A fact that a head derives."""
 
     predicate: int
     owner: Code
-    """The robot it belongs to; ``LOAD 0`` stays at home, another robot's is sent there."""
+    """The robot it belongs to: with ``LOAD 0`` it is stored at home, else it is sent to the owner."""
     args: tuple[Code, ...]
 
 
 @record
 class DeriveGoal:
-    """``?p(...)`` in a head."""
+    """``?p(...)`` in a head: a goal that is derived."""
 
     predicate: int
     owner: Code
@@ -158,7 +158,7 @@ class DeriveGoal:
 
 @record
 class DeriveAction:
-    """An action of the head."""
+    """An action that a head derives."""
 
     predicate: int
     owner: Code
@@ -166,7 +166,7 @@ class DeriveAction:
 
 
 Derived = DeriveFact | DeriveGoal | DeriveAction
-"""What a head derives, one item."""
+"""One item that a head derives."""
 
 
 @record
@@ -174,13 +174,13 @@ class Comprehension:
     """``{B | edge(A, B) | ready(B, A)}``: for every match of the body, derive the head."""
 
     slots: tuple[int, ...]
-    """The listed (new) variables."""
+    """The variables listed before the bar; the body binds them anew for each match."""
     body: tuple[Conjunct, ...]
     head: tuple[Derived, ...]
 
 
 class Operator(IntEnum):
-    """What an aggregate makes of its matches."""
+    """The operators of aggregates."""
 
     COUNT = 0
     SUM = 1
@@ -191,25 +191,28 @@ class Operator(IntEnum):
 
 @record
 class Aggregate:
-    """``[min D => V | road(A, B, D) | nearest(A, B, V)]``: one value of all matches of the body, one head."""
+    """``[min D => V | road(A, B, D) | nearest(A, B, V)]``: all matches of the body reduced to one value, one head."""
 
     operator: Operator
     term: Code | None
-    """What is added up, compared or collected, over the rule's slots and the body's; None: COUNT."""
+    """The value of each match, over the slots of the rule and of the body; None for COUNT."""
     result: int
-    """The slot of V, bound in the head only."""
+    """The slot of the result V, bound in the head only."""
     slots: tuple[int, ...]
-    """The body's new variables; in the head they are bound for MIN and MAX only, to the winning match."""
+    """The variables that the body binds; the head of MIN and MAX sees those of the winning match."""
     body: tuple[Conjunct, ...]
     head: Derived
 
 
 @record
 class Steps:
-    """``a(R) then b(R)``: each is derived when the one before it is complete; all arguments are worked out at once."""
+    """``a(R) then b(R)``: a sequence, each step derived when the one before it is complete.
+
+    All arguments are evaluated when the rule fires.
+    """
 
     steps: tuple[Derived, ...]
-    """At least two."""
+    """The steps, at least two."""
 
 
 Head = Derived | Comprehension | Aggregate | Steps
@@ -220,7 +223,7 @@ class Rule:
     """One projected rule."""
 
     slots: int
-    """How many variable slots it needs, slot 0 included."""
+    """Number of variable slots, slot 0 included."""
     body: tuple[Conjunct, ...]
     head: tuple[Head, ...]
 
@@ -232,7 +235,7 @@ class Effect:
     predicate: int
     args: tuple[Code, ...]
     owner: Code = SELF
-    """The robot that gets it: the executor (slot 0) or one that the action names."""
+    """The robot that gets the fact: the executor (slot 0) or one of the action's arguments."""
 
 
 @record
@@ -242,24 +245,24 @@ class Predicate:
     name: str
     kind: Kind
     types: tuple[Type, ...]
-    """Without the owner (or executor), which is always a robot."""
+    """Types of the arguments after the owner (or executor), which is always a robot."""
     provided: bool = False
-    """Sensed by every robot without the program's doing: ``at``, ``pose``, ``turn``, ..."""
+    """True if the runtime of every robot maintains the predicate: ``at``, ``pose``, ``turn``, ..."""
     effects: tuple[Effect, ...] = ()
-    """Actions only: inserted on completion."""
+    """Actions only: facts inserted on completion."""
     else_effects: tuple[Effect, ...] = ()
-    """Actions only: inserted on failure."""
+    """Actions only: facts inserted on failure."""
 
 
 @record
 class InitialFact:
-    """A fact that the program states."""
+    """A fact that holds at the start."""
 
     predicate: int
     owner: int | None
-    """None: every robot."""
+    """Id of the robot that has the fact; None: every robot."""
     args: tuple[Value | Slot, ...]
-    """Slot 0 is the robot itself, the only one that stands here."""
+    """Values, or slot 0 for the owner itself; no other slot occurs."""
 
 
 @record
@@ -269,25 +272,26 @@ class Lead:
     rule: int
     """Index into the rules."""
     rank: int | None
-    """How many further firings lead from it to the goal; None: that depends on the instantiation."""
+    """Number of further firings from this rule to the goal; None: it depends on the instantiation."""
 
 
 @record
 class InitialGoal:
-    """A goal that the program states; ANY arguments match anything."""
+    """A goal that holds at the start; ANY arguments are wildcards."""
 
     predicate: int
     owner: int | None
+    """Id of the robot that has the goal; None: every robot."""
     args: tuple[Pattern, ...]
-    """Slot 0 is the robot itself; any other one is a variable that stands more than once and matches the same."""
+    """Slot 0 is the owner itself; any other slot is a variable with several occurrences, which match equal values."""
     leads: tuple[Lead, ...] | None = None
-    """What the compiler found by reasoning backwards, in the rules' order; a rule that is missing never leads there.
-    None: not worked out, the virtual machine does it."""
+    """The rules that lead to the goal, by backward chaining at compile time, in their order; a missing rule never does.
+    None: not computed, the virtual machine searches at run time."""
 
 
 @record
 class Serving:
-    """An action whose completion leads to an assertion's finish fact (held back until the job has its turn)."""
+    """An action whose completion leads to an assertion's finish fact; it is held back until the job has its turn."""
 
     action: int
     args: tuple[Pattern, ...]
@@ -296,10 +300,13 @@ class Serving:
 
 @record
 class Assertion:
-    """``assert(S, F, D, V)``. Slot 0 is S's robot, where the job lives; S binds slots 1..; F, D and V are over them."""
+    """``assert(S, F, D, V)``: start fact, finish fact, deadline, violation.
+
+    Slot 0 is the robot of S, which holds the job. S binds slots 1..; F, D and V use them.
+    """
 
     name: str
-    """As named, else the predicate of F."""
+    """The stated name, else the predicate of F."""
     slots: int
     start: Atom
     finish: Atom
@@ -310,13 +317,13 @@ class Assertion:
     """False for ``watch``."""
     serving: tuple[Serving, ...] = ()
     robot: int | None = None
-    """S names this robot, and no other has such jobs; None: every robot has."""
+    """Id of the one robot that has such jobs, if S names it; None: every robot."""
     finisher: Slot | Constant = Slot(SELF_SLOT)
-    """F's robot, which reports to the job's: a slot that S binds, or a robot."""
+    """The owner of F, which reports to the job's robot: a slot that S binds, or a robot."""
 
 
 class Strategy(IntEnum):
-    """Which of several satisfied rules of equal rank goes first."""
+    """Conflict resolution: the order of satisfied rules of equal rank."""
 
     RANDOM = 0
     TEXTUAL = 1
@@ -324,7 +331,7 @@ class Strategy(IntEnum):
 
 @record
 class Place:
-    """Where something stands in the source."""
+    """A position in the source, line and column from 1."""
 
     file: str
     line: int

@@ -79,6 +79,7 @@ ACTIONS: dict[str, ProvidedAction] = {
 
 
 def is_provided(name: str, kind: Kind, types: tuple[Type, ...]) -> bool:
-    """Tell whether every robot provides a predicate of this name, kind and types, whatever sets symbols are of."""
+    """Tell whether every robot provides a predicate of this name, kind and types; sets of symbols are ignored."""
+
     known = PREDICATES.get(name)
     return known is not None and known.kind is kind and [t.base for t in known.types] == [t.base for t in types]

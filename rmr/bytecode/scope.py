@@ -1,7 +1,7 @@
-"""The slots that have a value at some point of a rule, and of what type it is as far as the text tells.
+"""Scopes of the verifier: the slots that are bound at a point of a rule, with their static types.
 
-A slot has the type of the argument that binds it first; a constant its own; of every other expression nothing
-is known. Nothing known is ``Base.OPEN``.
+A slot has the type of the argument that binds it first, a constant its own type. Every other expression has the
+unknown type ``Base.OPEN``.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,34 +29,34 @@ def literal(code: Code) -> Value | None:
 
 
 def type_of_value(value: Value) -> Type:
-    """Return the type of a constant; of a list nothing is said."""
+    """Return the type of a constant; UNKNOWN for a list."""
     return Type(_BASES[type(value)]) if type(value) in _BASES else UNKNOWN
 
 
 class Scope:
-    """Grows conjunct by conjunct; at first only the robot itself has a slot with a value."""
+    """The bound slots, extended conjunct by conjunct; initially slot 0, the robot itself."""
 
     __slots__ = ("_outer", "_types", "bound")
 
     def __init__(self, outer: "Scope | None" = None) -> None:
-        """Begin with what is bound in `outer`, which grows no more."""
+        """Begin with the bindings of `outer`, which must not be extended afterwards."""
         self._outer = outer
         self._types: dict[int, Type] = {} if outer else {SELF_SLOT: ROBOT}
         self.bound: int = outer.bound if outer else 1 << SELF_SLOT
-        """A bit for each slot."""
+        """The set of bound slots as a bit mask, so that the check of an expression is one operation."""
 
     def has(self, slot: int) -> bool:
-        """Tell whether `slot` has a value."""
+        """Tell whether `slot` is bound."""
         return bool(self.bound >> slot & 1)
 
     def bind(self, slot: int, kind: Type) -> None:
-        """Note that `slot` has a value from here on."""
+        """Bind `slot`; a bound one keeps its type."""
         if not self.has(slot):
             self._types[slot] = kind
             self.bound |= 1 << slot
 
     def match(self, atom: Atom, predicate: Predicate) -> None:
-        """Note what an atom binds."""
+        """Bind the slots of an atom; a negated one binds nothing."""
         if atom.mode is Mode.ABSENT:
             return
         for pattern, kind in zip(atom.args, predicate.types, strict=True):
@@ -64,7 +64,7 @@ class Scope:
                 self.bind(pattern.index, kind)
 
     def grow(self, body: Iterable[Conjunct], predicates: Sequence[Predicate]) -> None:
-        """Note what a verified body binds."""
+        """Bind the slots of a verified body."""
         for conjunct in body:
             if isinstance(conjunct, Atom):
                 self.match(conjunct, predicates[conjunct.predicate])
@@ -72,14 +72,14 @@ class Scope:
                 self.bind(conjunct.slot, self.type_of(conjunct.code))
 
     def type_at(self, slot: int) -> Type | None:
-        """Return the type of what is in `slot`; None if it has no value."""
+        """Return the type of `slot`; None if it is unbound."""
         scope: Scope | None = self
         while scope is not None and slot not in scope._types:
             scope = scope._outer
         return None if scope is None else scope._types[slot]
 
     def type_of(self, code: Code) -> Type:
-        """Return the type of all values that `code` can have."""
+        """Return the static type of `code`; UNKNOWN unless it is one constant or one slot."""
         if len(code) != 1:
             return UNKNOWN
         value = literal(code)

@@ -1,12 +1,12 @@
-"""What must hold of a program before anything of it runs.
+"""Verifier: the static checks that a program passes before any of it runs.
 
-The virtual machine then need not check: every index is in range, every argument list as long as its
-predicate says, every slot bound before it is used, every expression leaves exactly one value and ends
-(jumps go forward only), a body consumes only what can be consumed, constants have the type that the
-predicate declares, what must be a robot is not certainly something else. What only values decide (division
-by zero, whether the value of an expression has the type that its argument declares) stays with the evaluation.
+The virtual machine relies on them and does not check again. Indices are in range. Argument lists have the length
+that the predicate declares, and constants its types. Slots are bound before they are used. Every expression leaves
+exactly one value, and terminates because jumps go forward only. A body consumes temporary facts only. An owner may be
+a robot. Properties that depend on values (division by zero, the type of an expression's value) are checked when the
+expression is evaluated.
 
-The work is linear in the size of a file: what its entries share is looked at once.
+The work is linear in the size of a file: a constant or expression that entries share is examined once.
 """
 
 from collections.abc import Iterator, Sequence
@@ -45,29 +45,31 @@ from rmr.bytecode.provided import is_provided
 from rmr.bytecode.scope import ROBOT, UNKNOWN, Scope
 
 REASONS_MAX = 20
-"""Reasons told: a forged file may be wrong in a million places."""
+"""Largest number of reasons returned; a forged file may have a million."""
 
 RANK_MAX = 65535
-"""Firings between a rule and a goal to which it leads; nobody looks as far."""
+"""Largest rank of a lead, in firings; far beyond the depth of any search for goals."""
 
 PLACE_MAX = (1 << 32) - 1
-"""Lines and columns of a source."""
+"""Largest line or column of a place in a source."""
 
 
 def verify(program: Program) -> list[str]:
-    """Return why `program` must not run: the first reasons in the order of its tables; none if it is sound."""
+    """Return the first reasons to reject `program`, in the order of its tables; none if it is sound."""
+    # Limits first: the other checks may rely on bounded sizes.
     excess = islice(exceeded(program), REASONS_MAX)
     too_much = [f"entry {entry} of the {table}: {text}" for table, entry, text in excess]
     return too_much or list(islice(_Verifier(program).reasons(), REASONS_MAX))
 
 
 class _Verifier:
-    """Walks the tables of one program."""
+    """The checks of one program, table by table, as generators of reasons."""
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.checks = Checks(program.predicates)
         self.names: set[str] = set()
+        """Names of the predicates checked so far: a repeated one is an error."""
 
     def reasons(self) -> Iterator[str]:
         program = self.program
@@ -95,6 +97,7 @@ class _Verifier:
         effects = (*predicate.effects, *predicate.else_effects)
         if effects and predicate.kind is not Kind.ACTION:
             yield "only an action has effects"
+        # In an effect slot 0 is the executor and slots 1.. are the action's arguments.
         scope = Scope()
         for position, kind in enumerate(predicate.types):
             scope.bind(position + 1, kind)
@@ -104,13 +107,14 @@ class _Verifier:
     def effect(self, effect: Effect, scope: Scope) -> Iterator[str]:
         wrong = list(self.checks.derived(effect, scope))
         yield from wrong
+        # `not wrong` implies that the index of the predicate is in range.
         if not wrong and effect.owner != SELF:
             affected = self.program.predicates[effect.predicate]
             if affected.kind is Kind.SENSED:
                 yield f"an effect on what another robot senses, {affected.name}"
 
     def stated(self, index: int, owner: int | None, args: Sequence[Pattern], slots: int) -> Iterator[str]:
-        """Check a fact or goal of the start."""
+        """Check an initial fact or goal."""
         yield from _robot(owner)
         wrong = list(self.checks.patterns(index, tuple(args), slots))
         yield from wrong
@@ -159,7 +163,8 @@ class _Verifier:
                 yield from self.checks.derived(head, scope)
 
     def inner(self, head: Comprehension | Aggregate, slots: int, outer: Scope, inner: Scope) -> Iterator[str]:
-        """Check the body of a comprehension or aggregate; `inner` grows by what it binds."""
+        """Check the body of a comprehension or aggregate; its bindings are added to `inner`."""
+        # Two scopes: `listed` holds what the head declares, `inner` what the body binds; the second is a subset.
         listed = Scope(outer)
         for slot in head.slots:
             yield from self.checks.new(slot, UNKNOWN, slots, listed)
@@ -168,7 +173,7 @@ class _Verifier:
             yield "an inner body binds a variable that is not listed"
 
     def aggregate(self, head: Aggregate, slots: int, scope: Scope) -> Iterator[str]:
-        """Check that the result is new; in the head of min and max the winning match's variables are bound too."""
+        """Check an aggregate; the head of min and max also sees the variables of the winning match."""
         inner = Scope(scope)
         yield from self.inner(head, slots, scope, inner)
         if (head.term is None) != (head.operator is Operator.COUNT):
@@ -192,6 +197,7 @@ class _Verifier:
             yield "start and finish are only looked at"
         scope = Scope()
         yield from self.checks.atom(assertion.start, assertion.slots, scope)
+        # A scope of its own: the finish fact's variables are not bound in the deadline and the violation.
         yield from self.checks.atom(assertion.finish, assertion.slots, Scope(scope))
         yield from self.finisher(assertion.finisher, scope)
         yield from self.checks.code(assertion.deadline, scope)
@@ -218,7 +224,7 @@ def _robot(number: int | None) -> Iterator[str]:
 
 
 def _type(kind: Type | None) -> Iterator[str]:
-    """Check a declared type: only symbols belong to a set, only lists have elements, and not without end."""
+    """Check a declared type: only symbols have a set, only lists have elements, nesting is bounded."""
     for _ in range(NESTING_MAX + 1):
         if kind is None:
             return
@@ -232,7 +238,7 @@ def _type(kind: Type | None) -> Iterator[str]:
 
 
 def _debug(debug: Debug, program: Program) -> Iterator[str]:
-    """Check that all of a table's entries have a place or none."""
+    """Check the debug section: of each table all entries have a place, or none has."""
     tables = (
         (debug.rules, program.rules),
         (debug.assertions, program.assertions),

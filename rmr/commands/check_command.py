@@ -63,13 +63,14 @@ def _is_lab(path: Path) -> bool:
 
 
 def _explain(compilations: Sequence["Compilation"], as_json: bool) -> None:
-    """Print what there is to say about the programs without errors."""
+    """Print the explanations of the programs without errors."""
+
     from rmr.lang.explain import explain
     from rmr.lang.explain.show import show
 
-    told = [each for each in map(explain, compilations) if each is not None]
+    explanations = [each for each in map(explain, compilations) if each is not None]
     if as_json:
-        explanation = {"programs": [asdict(each) for each in told]}
+        explanation = {"programs": [asdict(each) for each in explanations]}
         print_json({"diagnostics": diagnosed.as_json(compilations), "explanation": explanation})
     else:
-        print("\n".join(map(show, told)), end="")
+        print("\n".join(map(show, explanations)), end="")

@@ -1,4 +1,4 @@
-"""What every subcommand shares: JSON on stdout, files written as a whole or not at all, other programs."""
+"""Shared functions of the subcommands: JSON on stdout, atomic writes of files, other programs."""
 # ruff: noqa: PLC0415 - see rmr.commands
 
 import os
@@ -23,7 +23,7 @@ def print_octets(octets: bytes) -> None:
 
 
 def counted(number: object, words: str) -> str:
-    """Return `number` with its `words`, which are in the plural: `1 error`, `2 errors`."""
+    """Return `number` with the noun `words`, given in the plural: `1 error`, `2 errors`."""
     return f"{number} {words}" if number != 1 else f"1 {words[:-1]}"
 
 
@@ -33,9 +33,9 @@ def reason(error: Exception) -> str:
 
 
 def write(target: Path, octets: bytes, mode: int | None = None) -> int:
-    """Write `target` as a whole or not at all, with the permissions `mode` or a new file's; return the exit code.
+    """Write `target` atomically, with the permissions `mode` or those of a new file; return the exit code.
 
-    A link leads to the file that is written; a device or pipe is written to and stays what it is.
+    A symbolic link is followed; a device or pipe is written to in place.
     """
     import tempfile
 
@@ -59,7 +59,7 @@ def write(target: Path, octets: bytes, mode: int | None = None) -> int:
 
 
 def become_program(name: str, arguments: list[str]) -> NoReturn:
-    """Turn this process into the program `rmr-NAME`, which stands beside the interpreter; ends the process."""
+    """Replace this process by the program `rmr-NAME` beside the interpreter; never returns."""
     path = Path(sys.executable).with_name(f"rmr-{name}")
     if not path.is_file():
         print(f"rmr {name}: {path} is not installed; install the package `rmr` there", file=sys.stderr)
@@ -73,7 +73,7 @@ def become_program(name: str, arguments: list[str]) -> NoReturn:
 
 
 def _umask() -> int:
-    """Return the mask of permissions, which can only be read by setting it."""
+    """Return the process's umask, which can only be read by setting it."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -47,7 +47,7 @@ def as_json(compilations: Sequence["Compilation"]) -> list[dict[str, object]]:
 
 
 def exit_code(compilations: Sequence["Compilation"]) -> int:
-    """Return 0, or the code for the worst that is wrong."""
+    """Return 0, or the exit code of the most severe error."""
     if any(each.errors and not each.unreadable for each in compilations):
         return ExitCode.INVALID
     return ExitCode.USAGE if any(each.unreadable for each in compilations) else 0

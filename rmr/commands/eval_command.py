@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from rmr.eval.topology import Topology
 
 PROGRESS_AFTER_S = 2.0
-"""Wall time of a run after which a terminal shows its progress."""
+"""Wall time before the progress line appears on a terminal, seconds."""
 PROGRESS_EVERY_S = 0.5
-"""Period with which the line of progress is renewed."""
+"""Refresh period of the progress line, seconds of wall time."""
 COLUMNAR = "columnar"
-"""The engine that runs all robots at once as columns, where the program suits it."""
+"""The engine that runs all robots at once as columns, if the program is suited."""
 WARNINGS_MAX = 8
-"""Warnings of one kind that are shown; thousands of robots may give the same."""
+"""Number of warnings shown of one kind; thousands of robots may give the same one."""
 
 
 ABOUT = """\
@@ -53,7 +53,7 @@ def _declare(parser: Parser) -> None:
 
 
 def _declare_robots(parser: Parser) -> None:
-    """Declare who takes part and what each is given."""
+    """Declare the robots, their topology and their initial facts."""
     parser.option(
         "--robots", metavar="N|IDS", read=options.robots, default="1", help="How many, with ids from 1, or ids: 0-5,9."
     )
@@ -68,7 +68,7 @@ def _declare_robots(parser: Parser) -> None:
 
 
 def _declare_events(parser: Parser) -> None:
-    """Declare what befalls the robots from outside."""
+    """Declare the events from outside: inserted facts, deaths and restarts."""
     parser.option(
         "--insert", dest="inserts", metavar="'T: FACT'", repeatable=True, help="A fact from outside at T; repeatable."
     )
@@ -89,7 +89,7 @@ def _declare_events(parser: Parser) -> None:
 
 
 def _declare_run(parser: Parser) -> None:
-    """Declare the chances, times and the engine of a run."""
+    """Declare seed, durations, losses, failures and the engine of a run."""
     parser.option("--seed", metavar="S", read=whole(), default=0, help="Of all chance.")
     parser.option("--until", metavar="T", read=options.duration, default="60s", help="Virtual time at most.")
     parser.option("--loss", metavar="SHARE", read=options.share, default="0", help="Share of frames lost.")
@@ -144,13 +144,13 @@ def _evaluate(
     ids = dict.fromkeys(robots)
     action_time, action_times = _action_times(times)
     wanted = Wanted(program, facts, edges, tuple(inserts), tuple(fails), tuple(action_times))
-    befalls = _deaths(tuple(kills), tuple(restarts), ids)
+    deaths = _deaths(tuple(kills), tuple(restarts), ids)
     given, shape = _read(wanted, topology, ids)
     diagnosed.show(given.checked)
     if given.program is None:
         return diagnosed.exit_code(given.checked)
     _warn_of_strangers(given, given.program, ids)
-    conditions = Conditions(ids, shape, seed, loss, latency, action_time, action_times, befalls)
+    conditions = Conditions(ids, shape, seed, loss, latency, action_time, action_times, deaths)
     with _traced(trace, (program, facts)) as sink:
         run = _prepare(engine, _ordered(given.program, strategy), given, conditions, sink)
         interrupted = _run(run, until)
@@ -166,7 +166,7 @@ command = Command(ABOUT, _declare, _evaluate)
 
 
 def _action_times(texts: list[str]) -> tuple[int, dict[str, int]]:
-    """Return the time of every action, and those of single ones."""
+    """Return the default duration of actions, and those of single actions by name."""
     try:
         return options.action_times(texts)
     except OptionError as error:
@@ -174,7 +174,7 @@ def _action_times(texts: list[str]) -> tuple[int, dict[str, int]]:
 
 
 def _read(wanted: "Wanted", topology: str, ids: dict[int, None]) -> tuple["Given", "Topology"]:
-    """Return what the robots are given and who is in range of whom, or end the command with what is wrong."""
+    """Return the robots' input and their topology, or end the command with an error."""
     from rmr.eval.given import InvalidBytecodeError, check_size, read_given
     from rmr.eval.topology import read
 
@@ -228,7 +228,7 @@ def _warn(texts: Iterable[str]) -> None:
 
 @contextmanager
 def _traced(path: Path | None, sources: tuple[Path | None, ...]) -> Iterator["Sink | None"]:
-    """Yield what writes notes into `path`, or None without one; what was read is never overwritten."""
+    """Yield the sink of a trace in `path`, or None without a path; the input files are never overwritten."""
     if path is None:
         yield None
         return
@@ -250,7 +250,7 @@ def _write_notes(file: TextIO, notes: Iterable[dict[str, Any]]) -> None:
 
 
 def _prepare(engine: str, program: "Program", given: "Given", conditions: "Conditions", sink: "Sink | None") -> "Run":
-    """Return the run by an engine; a program that does not suit columns is run by machines, and says why."""
+    """Return the run by an engine; a program unsuited for columns falls back to machines, with a message."""
     from rmr.eval.ensemble import Ensemble
     from rmr.vm.engines import Engine
 
@@ -267,7 +267,10 @@ def _prepare(engine: str, program: "Program", given: "Given", conditions: "Condi
 
 
 def _run(run: "Run", until: int) -> bool:
-    """Run; return whether Ctrl-C ended it. The second Ctrl-C ends the command at once."""
+    """Run; return whether Ctrl-C ended it.
+
+    The first Ctrl-C stops the run and still prints its report; the second one ends the command at once.
+    """
     interrupted = False
 
     def interrupt(*_: object) -> None:
@@ -341,5 +344,5 @@ def _print(run: "Run", one_line: bool) -> None:
     from rmr.eval.eval_report import report
     from rmr.eval.json_layout import laid_out
 
-    told = report(run)
-    print(json.dumps(told) if one_line else laid_out(told))
+    values = report(run)
+    print(json.dumps(values) if one_line else laid_out(values))

@@ -8,7 +8,7 @@ from rmr.commands.common import print_json
 from rmr.entry.command_line import Command, CommandLineError, Parser, did_you_mean
 
 COLUMNS_MAX = 100
-"""Longer lines are hard to read, however wide the terminal is."""
+"""Widest text, in columns: longer lines are hard to read even on a wide terminal."""
 
 
 def _declare(parser: Parser) -> None:
@@ -46,7 +46,7 @@ def _entry(code: str) -> dict[str, object]:
 
 
 def _known(code: str) -> str:
-    """Return the code that `code` means, in whatever letters; raise CommandLineError if there is none."""
+    """Return the code that equals `code` regardless of case; raise CommandLineError if there is none."""
     from rmr.lang.diagnostics.diagnostic import CODES
 
     meant = code.upper()

@@ -30,7 +30,7 @@ STDIN = Path("-")
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """A program's text, what it should be, and what is wrong if that cannot be said."""
+    """A program's text and its canonical form, or the diagnostics that prevent it."""
 
     path: Path
     source: "SourceText"

@@ -29,18 +29,20 @@ if TYPE_CHECKING:
     from rmr.radio.trials import Over, Row, Runs
 
 START_S = 10.0
-"""Limit for a worker process to start; after it the work begins without it."""
+"""Timeout for the start of a worker process, seconds; after it the work begins without that process."""
 JOBS_MAX = 64
-"""Worker processes at most: more than the machine of a lab has cores."""
+"""Largest number of worker processes, above the number of cores of a lab's machine."""
 SEEDS_MAX = 100_000
-"""Replications at most: with these the confidence intervals are far narrower than the error of the model."""
+"""Largest number of replications: confidence intervals are then far narrower than the error of the model."""
 
 _Sample = TypeVar("_Sample")
 
 ANY_REAL = real()
+"""Reader of numbers without limits: the experiment checks the value with a better message."""
 ANY_WHOLE = whole(-(10**18))
-"""Readers without limits, for values that an experiment checks itself with a better message."""
+"""Reader of ints without limits: the experiment checks the value with a better message."""
 CASES = ("hidden", "exposed_control", "near_far_hidden")
+"""Cases of the experiment with hidden stations."""
 
 
 # ---- options
@@ -63,7 +65,7 @@ def _declare_radio(parser: Parser) -> None:
 
 
 def _declare_runs(parser: Parser, seeds: int) -> None:
-    """Declare the radio's settings and how often an experiment is run, by default with so many `seeds`."""
+    """Declare the radio's settings and the options of replication; `seeds` is the default number of runs."""
     _declare_radio(parser)
     _whole(parser, "--seeds", "N", seeds, "How many times, each with chances of its own.", whole(1, SEEDS_MAX))
     _whole(parser, "--seed", "S", 0, "The first seed; the same seeds give the same output.", whole())
@@ -107,7 +109,7 @@ def _declare_contention(parser: Parser) -> None:
 def _contention(
     senders: int, offered_fps: float, saturated: bool, payload: int, unicast: bool, seconds: float, **others: Any
 ) -> None:
-    """How many frames arrive, and how late, when many stations in range of each other send at random."""
+    """Run the experiment of contention: share and latency of frames on a shared channel."""
     from rmr.radio.trials.contention import Contention, run
 
     with _refused():
@@ -115,7 +117,7 @@ def _contention(
     load = "as fast as they can" if saturated else f"{offered_fps:g} frames/s in all"
     to = "to the sink, acknowledged" if unicast else "to all"
     title = f"{counted(senders, 'stations')}, {load}, {payload} octets {to}, {seconds:g} s"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_hidden(parser: Parser) -> None:
@@ -138,7 +140,7 @@ def _declare_hidden(parser: Parser) -> None:
 def _hidden(
     name: str, load_fps: float, saturated: bool, payload: int, unicast: bool, seconds: float, **others: Any
 ) -> None:
-    """How many frames arrive at B from A and C, which cannot hear each other."""
+    """Run the experiment of hidden stations: frames that arrive at B from A and C out of each other's range."""
     from rmr.radio.trials.hidden import Hidden, distances, run
 
     with _refused():
@@ -147,7 +149,7 @@ def _hidden(
     load = "as fast as they can" if saturated else f"{load_fps:g} frames/s each"
     to = "acknowledged" if unicast else "to all"
     title = f"A at {a_m:.1f} m and C at {c_m:.1f} m from B, {load}, {payload} octets {to}, {seconds:g} s"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_storm(parser: Parser) -> None:
@@ -164,14 +166,14 @@ def _declare_storm(parser: Parser) -> None:
 
 
 def _storm(members: int, jitter_ms: float, geometry: str, payload: int, unicast: bool, **others: Any) -> None:
-    """How many answers to one broadcast arrive when all who hear it answer. One run is one storm."""
+    """Run the experiment of a reply storm: answers of all receivers to one broadcast."""
     from rmr.radio.trials.storm import GEOMETRIES, Storm, run
 
     with _refused():
         case = Storm(members, jitter_ms, geometry, payload, unicast)
     to = "acknowledged" if unicast else "to all"
     who = f"{counted(members, 'members')}, {GEOMETRIES[geometry]}"
-    _tell(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
+    _print_result(f"{who}, replies of {payload} octets {to} within {jitter_ms:g} ms", partial(run, case), others)
 
 
 def _declare_overlap(parser: Parser) -> None:
@@ -183,14 +185,14 @@ def _declare_overlap(parser: Parser) -> None:
 
 
 def _overlap(sir: float, offset: float, psdu: int, frames: int, **others: Any) -> None:
-    """Which of two frames at once is received, by their powers. The first comes from 10 m."""
+    """Run the experiment of overlap: capture of one of two simultaneous frames."""
     from rmr.radio.trials.overlap import Overlap, run, second_m
 
     with _refused():
         case = Overlap(sir, offset, psdu, frames)
         second_m(case, _config(others))
     title = f"the first {sir:g} dB over the second, which begins {offset:g} us later"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_latency(parser: Parser) -> None:
@@ -200,13 +202,13 @@ def _declare_latency(parser: Parser) -> None:
 
 
 def _latency(payload: int, unicast: bool, frames: int, **others: Any) -> None:
-    """How long a frame takes over 10 m on a channel that nobody else uses."""
+    """Run the experiment of latency: one sender on an idle channel."""
     from rmr.radio.trials.latency import Latency, run
 
     with _refused():
         case = Latency(payload, unicast, frames)
     title = f"{payload} octets {'to one, acknowledged' if unicast else 'to all'}, {frames} frames"
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 def _declare_link(parser: Parser) -> None:
@@ -217,13 +219,13 @@ def _declare_link(parser: Parser) -> None:
 
 
 def _link(distance: float, psdu: int, frames: int | None, **others: Any) -> None:
-    """How strong a frame is after a distance, and how likely it is received."""
+    """Run the experiment of a link: power and reception over a distance."""
     from rmr.radio.trials.link import LinkTrial, run
 
     with _refused():
         case = LinkTrial(distance, psdu, frames)
     title = f"{distance:g} m, a frame of {psdu} octets" + (f", {frames} sent" if frames else "")
-    _tell(title, partial(run, case), others)
+    _print_result(title, partial(run, case), others)
 
 
 EXPERIMENTS: dict[str, tuple[str, Command]] = {
@@ -304,16 +306,16 @@ beacons. Shares and times come with the interval in which the true value lies 95
 
 @contextmanager
 def _refused() -> Iterator[None]:
-    """Turn the ValueError of an experiment that refuses its values into wrong usage."""
+    """Context that reports a ValueError of an experiment's parameters as wrong usage."""
     try:
         yield
     except ValueError as error:
         raise CommandLineError(str(error)) from None
 
 
-def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
-    """Run an experiment and print its results."""
-    from rmr.commands.radio_rows import told
+def _print_result(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) -> None:
+    """Run an experiment and print its result row."""
+    from rmr.commands.radio_rows import row_text
     from rmr.radio.trials import Runs
 
     seeds = range(others["seed"], others["seed"] + others["seeds"])
@@ -321,7 +323,7 @@ def _tell(title: str, run: Callable[["Runs"], "Row"], others: dict[str, Any]) ->
     if others["as_json"]:
         print_json(row)
     else:
-        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{told(row)}", end="")
+        print(f"{title}; {counted(len(seeds), 'runs')}\n\n{row_text(row)}", end="")
 
 
 def _config(others: dict[str, Any]) -> "RadioConfig":
@@ -344,7 +346,7 @@ def _over(jobs: int) -> "Over":
 
 
 def _shown(samples: Iterator[_Sample], number: int) -> Iterator[_Sample]:
-    """Yield `samples`, of which there are `number`, and keep a line on the terminal up to date meanwhile."""
+    """Yield the `number` `samples` with a progress line on the terminal."""
     try:
         for done, sample in enumerate(samples, 1):
             print(f"\r\x1b[Kruns  {done} of {number}", end="", file=sys.stderr, flush=True)
@@ -353,6 +355,7 @@ def _shown(samples: Iterator[_Sample], number: int) -> Iterator[_Sample]:
         print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
+# Ctrl-C is deferred while the workers start. They inherit the blocked signal, so that only this process handles it.
 @contextmanager
 def _samples(trial: Callable[[int], _Sample], seeds: Sequence[int], jobs: int) -> Iterator[Iterator[_Sample]]:
     if jobs == 1:

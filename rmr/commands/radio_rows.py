@@ -52,7 +52,7 @@ NAMES: dict[str, tuple[str, str]] = {
 WIDTH = max(len(words) for words, _ in NAMES.values())
 
 
-def told(row: Mapping[str, Any]) -> str:
+def row_text(row: Mapping[str, Any]) -> str:
     """Return the lines of a table."""
     return "".join(f"{line}\n" for line in _lines(row, ""))
 
@@ -68,9 +68,9 @@ def _lines(row: Mapping[str, Any], indent: str) -> Iterator[str]:
 
 
 def _value(value: Any, unit: str) -> str:
-    """Return a value with its unit and interval, or a distribution by what 95 and all of 100 do not exceed.
+    """Return a value with unit and confidence interval, or a distribution as mean, 95th percentile and maximum.
 
-    All values that have intervals are counts, times or shares: what an interval says beyond that is not shown.
+    All values with intervals are counts, times or shares: intervals are clipped to the possible range.
     """
     if not isinstance(value, dict):
         return f"{_number(value, unit)} {unit}"

@@ -1,8 +1,8 @@
-"""The checker: runs all checks of a program, in order, and keeps what later phases need of them.
+"""The checker: the semantic analysis of a program, phase by phase; the results are the input of the emitter.
 
 Kinds and arities are checked by `analyse.names`, types by `analyse.inference`, ownership and bound variables by
-`lower.projection` and `lower.time_assertions`; warnings come from `analyse.lint`. Checked here is what the program
-states: facts, goals, effects, the strategy.
+`lower.projection` and `lower.time_assertions`; warnings come from `analyse.lint`. Checked here are stated facts,
+goals, effects and the strategy.
 """
 
 from dataclasses import replace
@@ -48,17 +48,17 @@ from rmr.lang.read.syntax import (
 )
 
 PARTS_MAX = 250
-"""Conjuncts of a body, parts of a head and arguments of a fact: a program with more is not written by hand."""
+"""Limit for the conjuncts of a body, the items of a head and the arguments of a fact; far above handwritten ones."""
 
 STACK_USED_MAX = STACK_MAX - 8
-"""Values that an expression of the source may have on the stack; what it is compared with comes on top."""
+"""Stack depth of an expression of the source; the margin holds what the compiler adds, such as a comparison."""
 
 STRATEGIES = ("random", "textual")
 
 
 @record
 class Checked:
-    """A program without its mistakes; complete only if no error was reported."""
+    """The analysed program; items with errors are missing, so it is complete only if no error was reported."""
 
     module: ModuleNode
     names: Names
@@ -69,7 +69,8 @@ class Checked:
 
 
 def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Checked:
-    """Check `module` as a whole and report to `found`; facts of `given` come from outside."""
+    """Analyse `module` and report to `found`; facts of `given` come from outside."""
+    # The order matters: constants before sizes, names before types, types before projection, warnings last.
     module = resolve(with_conditions(module), found)
     module = replace(module, items=tuple(item for item in module.items if not _too_large(item, found)))
     module, names, types = _analysed(module, found, given)
@@ -107,7 +108,8 @@ def check(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) 
 
 
 def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[ModuleNode, Names, Types]:
-    """Return the names and types of a module; if types contradict each other, of what was probably meant."""
+    """Return the names and types of a module; after a contradiction of types, those of the repaired module."""
+    # On a branch: if a repair explains the contradictions, they are dropped and inference runs again.
     first = found.branch()
     names = collect(module, first, given)
     types = Inference(names, module.broken, first).run(module)
@@ -116,7 +118,8 @@ def _analysed(module: ModuleNode, found: Diagnostics, given: Given) -> tuple[Mod
 
         meant = intended(module, types, first.errors, found)
         if meant is not module:
-            module, first = meant, found.branch()
+            module = meant
+            first = found.branch()
             names = collect(module, first, given)
             types = Inference(names, module.broken, first).run(module)
     found.absorb(first)
@@ -154,7 +157,7 @@ def _parts(node: object) -> tuple[int, Span | None]:
 
 
 def _stack(node: object) -> int:
-    """Return how many values are on the stack at one time while an expression is worked out; nesting is bounded."""
+    """Return the stack depth of an expression's evaluation; the recursion is bounded by the parser."""
     match node:
         case Call(arguments=operands):
             return max((k + _stack(each) for k, each in enumerate(operands)), default=1)
@@ -196,7 +199,7 @@ def _goal(fact: FactNode, found: Diagnostics) -> None:
 
 
 def _varies(argument: Expression) -> bool:
-    """Whether an argument is not constant; one that only has no value has been reported where that was found."""
+    """Whether an argument contains a variable or the time; constant ones without a value are reported by folding."""
     return any(
         isinstance(each, Variable) or (isinstance(each, Call) and each.name.text in TIMED) for each in walk(argument)
     )
@@ -239,7 +242,7 @@ def _no_anonymous(fact: FactNode, found: Diagnostics) -> None:
 
 
 def _untimed(rule: RuleItem, found: Diagnostics) -> None:
-    """`now()` stands in heads only: time alone satisfies no rule."""
+    """Report `now()` in bodies: no fact changes when time passes, so no rule would be matched again."""
     inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
     for body in (rule.body, *inner):
         for conjunct in body:

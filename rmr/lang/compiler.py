@@ -18,12 +18,12 @@ from rmr.lang.read.source_text import SourceError, SourceText, Span, read_source
 from rmr.lang.read.syntax import FactItem, FactNode, GoalItem
 
 UNCERTAIN = frozenset({"E012", "E013", "E020", "E021", "E022", "E023"})
-"""Errors that the declarations of a file which could not be read might disprove, as they might any warning."""
+"""Errors that declarations in an unread file might disprove; they are dropped then, as all warnings are."""
 
 
 @record
 class Compilation:
-    """What became of a source text."""
+    """The result of compiling a source text."""
 
     source: SourceText
     program: Program | None
@@ -31,15 +31,15 @@ class Compilation:
     diagnostics: list[Diagnostic]
     """Errors and warnings in source order."""
     unreadable: bool = False
-    """The file is missing or is no file: the command line is wrong, not the program."""
+    """True if the path is wrong (no file there), not the program."""
     included: tuple[SourceText, ...] = ()
-    """The other files of the program."""
+    """The included files."""
     checked: Checked | None = None
-    """What the program was made from; None if there are errors."""
+    """The analysed form of the program; None if there are errors."""
 
     @property
     def sources(self) -> dict[str, SourceText]:
-        """All texts by the name that diagnostics use."""
+        """All texts by the file names that diagnostics use."""
         return {each.file: each for each in (self.source, *self.included)}
 
     @property
@@ -49,9 +49,9 @@ class Compilation:
 
 
 def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
-    """Compile the program in `path`; a file that cannot be read is a diagnostic as well.
+    """Compile the program in `path`; an unreadable file is a diagnostic as well.
 
-    Facts of the predicates in `given` come from outside, so that no warning says that nothing derives them.
+    Facts of the predicates in `given` come from outside: they are never reported as underivable.
     """
     try:
         source = read_source(path)
@@ -63,7 +63,7 @@ def compile_file(path: Path, given: Given = NOTHING_GIVEN) -> Compilation:
 
 
 def compile_source(text: str, file: str = "<string>") -> Compilation:
-    """Compile a program that is at hand as text; `file` is what diagnostics call it."""
+    """Compile a program given as text; `file` is its name in diagnostics."""
     return compile_text(SourceText(file, text))
 
 
@@ -89,7 +89,7 @@ def compile_text(source: SourceText, given: Given = NOTHING_GIVEN) -> Compilatio
 
 
 def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> None:
-    """Report what is too much for a robot."""
+    """Report the exceeded resource limits at the places of their items."""
     places = {
         "predicates": [each.place for each in checked.names.signatures.values()],
         "rules": [each.rule.span for each in checked.rules],
@@ -100,7 +100,7 @@ def _report_excess(program: Program, checked: Checked, found: Diagnostics) -> No
 
 
 def _report_unserved(program: Program, checked: Checked, sources: Mapping[str, SourceText], found: Diagnostics) -> None:
-    """Report time assertions that are to be scheduled, although no action has a declared effect that leads there."""
+    """Report scheduled time assertions without a serving action: there is nothing to hold back for a turn."""
     for index, assertion in enumerate(program.assertions):
         item = checked.assertions[index].item
         if not assertion.scheduled or assertion.serving or found.reported_at("W104", item.finish.span):

@@ -1,7 +1,6 @@
-"""Facts that arrive as text: a file of facts, an `--insert` on the command line.
+"""Facts given as text: a file of facts, an `--insert` on the command line.
 
-Robots carry no parser, so whoever starts them turns text into values with the help of the program that they
-will run.
+Robots carry no parser. The process that starts them converts text to values, with the types of their program.
 """
 
 from rmr.base.values import Robot, Value
@@ -18,9 +17,9 @@ from rmr.lang.read.syntax import Call, Expression, FactItem, FactNode, Literal, 
 
 
 class FactError(Exception):
-    """The text is no fact of the program; the message says why, without the text itself.
+    """The text is no fact of the program; the message gives the reason, without the text itself.
 
-    `code` is that of the diagnostic which the same mistake would be in a program, `span` its place in the text.
+    `code` is the diagnostic code of the same mistake in a program, `span` its place in the text.
     """
 
     def __init__(self, message: str, code: str = "E001", span: Span | None = None, hint: str | None = None) -> None:
@@ -32,7 +31,7 @@ class FactError(Exception):
 
 
 def parse_fact(text: str, program: Program) -> InitialFact:
-    """Return the fact that `text` states, such as ``due(@1, 25)``; a variable owner is every robot.
+    """Return the fact in `text`, such as ``due(@1, 25)``; a variable as owner means every robot.
 
     Arguments are converted to the types of the program. Raises FactError.
     """
@@ -40,7 +39,10 @@ def parse_fact(text: str, program: Program) -> InitialFact:
 
 
 def stated(fact: FactNode, program: Program) -> InitialFact:
-    """Return what `fact` states, as `parse_fact`; the owner's variable may stand for a robot. Raises FactError."""
+    """Return the initial fact for `fact`, as `parse_fact` does; an argument may repeat the owner's variable.
+
+    Raises FactError.
+    """
     index, predicate = _predicate(fact, program)
     owner = fact.arguments[0]
     args: list[Value | Slot] = []
@@ -56,12 +58,13 @@ def stated(fact: FactNode, program: Program) -> InitialFact:
 
 
 def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ...]]:
-    """Return the name of an action and what matches its arguments, the executor first: of ``charge(@2, _)``.
+    """Return the name of an action and the patterns of its arguments, the executor first, for ``charge(@2, _)``.
 
-    A name alone, ``charge``, means every executor and argument; a variable anything, the same one the same. Raises
-    FactError.
+    A name alone, ``charge``, matches every executor and argument. A variable is a wildcard; its occurrences match equal
+    values. Raises FactError.
     """
-    name, fact = text.strip(), None
+    name = text.strip()
+    fact = None
     if not name.isidentifier():
         fact = read_fact(text)
         name = fact.name.text
@@ -88,7 +91,7 @@ def action_patterns(text: str, program: Program) -> tuple[str, tuple[Pattern, ..
 
 
 def _predicate(fact: FactNode, program: Program) -> tuple[int, Predicate]:
-    """Return the predicate that `fact` names, of which it has the kind and the number of arguments."""
+    """Return index and row of the predicate of `fact`, after a check of kind and arity."""
     name = fact.name.text
     index = program.index(name)
     if index is None:
@@ -113,7 +116,7 @@ def _check_arity(fact: FactNode, predicate: Predicate) -> None:
 
 
 def _signature(predicate: Predicate) -> str:
-    """Return the hint that shows what the arguments of a predicate are."""
+    """Return the hint with the declaration of a predicate."""
     word = {Kind.PERSISTENT: "!", Kind.SENSED: "sensor ", Kind.ACTION: "action "}.get(predicate.kind, "")
     return f"it is `{declaration_text(predicate.name, predicate.types, word)}`"
 
@@ -147,7 +150,7 @@ def _check_robot(argument: Expression, kind: Type, predicate: Predicate) -> None
 
 
 def read_fact(text: str) -> FactNode:
-    """Return the fact that `text` spells, whatever program it is for. Raises FactError."""
+    """Return the syntax tree of the fact in `text`, independent of any program. Raises FactError."""
     found = Diagnostics()
     stripped = text.strip()
     module = parse(SourceText("<fact>", stripped if stripped.endswith(".") else stripped + "."), found)

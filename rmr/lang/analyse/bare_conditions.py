@@ -1,7 +1,7 @@
-"""Calls that stand alone in a body are facts, but for `member`, which everybody writes as a condition.
+"""Boolean functions as bare conditions: a call alone in a body is a fact, except `member`.
 
-So `member(X, L)` and `not member(X, L)` are the function, unless the program has facts of that name: declares,
-states, derives or watches one.
+`member(X, L)` and `not member(X, L)` are calls of the function, as users expect, unless the program has facts of that
+name: declares, states, derives or watches one.
 """
 
 from collections.abc import Iterable
@@ -30,11 +30,11 @@ from rmr.lang.read.syntax import (
 )
 
 CONDITIONS = tuple(function.name for function in CALLABLE.values() if function.gives is Gives.BOOL)
-"""The functions whose value is true or false."""
+"""Names of the Boolean functions."""
 
 
 def with_conditions(module: ModuleNode) -> ModuleNode:
-    """Return `module` with the functions that stand alone in bodies as conditions."""
+    """Return `module` with bare calls of Boolean functions turned into conditions."""
     known = {name for item in module.items for name in _facts_of(item)}
     functions = frozenset(CONDITIONS) - known
     if not functions:
@@ -45,7 +45,7 @@ def with_conditions(module: ModuleNode) -> ModuleNode:
 
 
 def _facts_of(item: Item) -> Iterable[str]:
-    """Yield the names of which `item` says that there are facts."""
+    """Return the predicates that `item` declares, states, derives or watches."""
     match item:
         case TypeDeclaration(name=name, effects=effects, else_effects=others):
             return [name.text, *(fact.name.text for fact in (*effects, *others))]

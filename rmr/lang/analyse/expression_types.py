@@ -1,4 +1,4 @@
-"""The types of expressions: what operators and functions make of the types of their operands."""
+"""Typing rules of expressions: the result types of operators and functions, and their demands on operands."""
 
 from rmr.base.record import record
 from rmr.bytecode.functions import Function, Takes
@@ -25,33 +25,33 @@ from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Un
 
 @record
 class TypeScope:
-    """The variables of a rule, and what a body does with them; a head only uses them."""
+    """The type environment of a rule, with the roles of its variables in the body."""
 
     cells: dict[str, TypeCell]
     constants: dict[str, Literal]
     """Variables that the body equates with a constant."""
     given: frozenset[str] = frozenset()
-    """Variables to which an equation of the body gives their value."""
+    """Variables bound by an equation of the body."""
     taken: frozenset[str] = frozenset()
-    """Variables that get their value only from a list that the body takes apart."""
+    """Variables bound only by destructuring a list."""
 
     def inner(self) -> "TypeScope":
-        """Return the scope of a body within the head; what it adds is its own."""
+        """Return a copy for an inner body, whose variables do not leave it."""
         return TypeScope(dict(self.cells), dict(self.constants))
 
     def using(self) -> "TypeScope":
-        """Return the scope of what gives no variable a value."""
+        """Return the scope of an expression that binds no variable."""
         return TypeScope(self.cells, self.constants) if self.given or self.taken else self
 
     def variable(self, variable: Variable) -> TypeCell:
-        """Return a variable's cell, a new one at its first mention."""
+        """Return a variable's cell, made at its first occurrence."""
         if variable.anonymous:
             return TypeCell(OPEN, None)
         return self.cells.setdefault(variable.name, TypeCell(OPEN, None))
 
 
 class Expressions:
-    """Types the expressions of one program."""
+    """The typing rules applied to the expressions of one program."""
 
     def __init__(self, names: Names, solver: Solver, demands: Demands, found: Diagnostics) -> None:
         self._names = names
@@ -60,12 +60,12 @@ class Expressions:
         self._found = found
         self.lists = Lists(solver, demands, found)
         self.cells: dict[Span, TypeCell] = {}
-        """Every expression's cell."""
+        """Cells of all expressions by place."""
         self.divisions: set[Span] = set()
-        """The places of `/`, which gives a float."""
+        """Places of `/`, for the hint that it always gives a float."""
 
     def cell(self, expression: Expression, scope: TypeScope) -> TypeCell:
-        """Return the cell of `expression`, after those of all within; nesting is bounded by the parser."""
+        """Return the cell of `expression`, after those of its operands; the recursion is bounded by the parser."""
         match expression:
             case Literal():
                 cell = literal_cell(expression)
@@ -98,6 +98,7 @@ class Expressions:
 
     def _binary(self, expression: Binary, scope: TypeScope) -> TypeCell:
         operator = expression.operator
+        # Only a list term directly beside `=` destructures; within any other operand a variable is only used.
         left, right = (
             self.cell(side, scope if operator == "=" and isinstance(side, ListTerm) else scope.using())
             for side in (expression.left, expression.right)
@@ -115,7 +116,7 @@ class Expressions:
         return self._arithmetic(expression, left, right)
 
     def _equation(self, side: Expression, cell: TypeCell, other: TypeCell, scope: TypeScope) -> None:
-        """Let one side of an equation have the other's type where it may have its value."""
+        """Add the flow from the other side of an equation, if this side may be bound by it."""
         if isinstance(side, ListTerm) or (isinstance(side, Variable) and side.name in scope.given):
             self._solver.flow(other, cell)
         elif isinstance(side, Variable):

@@ -1,7 +1,7 @@
-"""How large a fact is on its way to another robot: whether it fits into one radio frame.
+"""Static size of a fact in a radio frame: a bound for whether it fits into one.
 
-What is known before the program runs are the constants; each counts as what it takes in a frame. Of an `if` the
-larger branch counts, of what is joined both parts, and of a value that is not known the least that its kind takes.
+A constant counts with its encoded size, an unknown value with the least size of its type. An `if` counts with its
+larger branch, a concatenation with both parts.
 """
 
 from collections.abc import Callable
@@ -11,25 +11,25 @@ from rmr.bytecode.program import Base, Type
 from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Literal, Variable
 
 FACT_OCTETS_MAX = 106
-"""What a frame of 127 octets leaves for a fact's values: 11 go to the radio, 10 to the fact's own header."""
+"""Octets for a fact's values in a frame of 127: 11 are the radio's, 10 the fact's own header."""
 
 DELIVERY_OCTETS_MAX = 6908
-"""Of a fact's values in one delivery: 64 fragments of 108 octets, less the delivery's header of 4.
+"""Octets for a fact's values in one delivery: 64 fragments of 108 octets, less the delivery's header of 4.
 
 A secured radio leaves less, so that a fact that is just below this may still be refused by its sender.
 """
 
 HEADER_OCTETS = 3
-"""Before a text or the items of a list: a tag and their number."""
+"""Octets before a text or the items of a list: a tag and the length."""
 
 _LEAST = {Base.ROBOT: 3, Base.INT: 2, Base.FLOAT: 9, Base.STRING: 3, Base.SYMBOL: 3, Base.LIST: 3}
-"""By type, a tag and the shortest value; a Boolean is the tag alone."""
+"""Least encoded size by type: a tag and the shortest value; a Boolean is the tag alone."""
 
 
 def octets(argument: Expression, kind: Type, known: dict[str, Literal], branch: Callable[[int, int], int] = max) -> int:
-    """Return how many octets an argument of type `kind` takes at least; `known` variables have constants.
+    """Return the least encoded size of an argument of type `kind`; `known` are variables that equal a constant.
 
-    Of the two values of an `if`, `branch` chooses the number that counts.
+    `branch` chooses between the sizes of the two branches of an `if`.
     """
     if isinstance(argument, Variable) and argument.name in known:
         argument = known[argument.name]
@@ -49,7 +49,7 @@ def octets(argument: Expression, kind: Type, known: dict[str, Literal], branch: 
 
 
 def value_octets(value: Value, kind: Type) -> int:
-    """Return how many octets a value of type `kind` takes; an int given to a float takes a float's."""
+    """Return the encoded size of a value of type `kind`, to which an int is converted if it is a float."""
     match value:
         case tuple():
             items = kind.element or Type(Base.OPEN)

@@ -1,8 +1,8 @@
-"""Folding: expressions that have a value before the program runs.
+"""Constant folding: evaluation of constant expressions at compile time.
 
-A constant expression is worked out by the same functions as in the virtual machine, so that it is what the
-machine would make of it; but only if its types agree, for contradictions are inference's to report. What has no
-value (`1 / 0`, an int beyond 64 bits) stays as it is and is remembered.
+The functions are those of the virtual machine, so that folding never changes a result. An expression is folded only if
+its types agree: contradictions are reported by inference, which needs the unfolded expression. An expression without a
+value (`1 / 0`, an int beyond 64 bits) stays in place and is recorded.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ INSTRUCTIONS = {
     ">": Op.GT,
     ">=": Op.GE,
 }
-"""The instructions of operators that work out both operands."""
+"""Instructions of the strict operators; `&&` and `||` compile to jumps instead."""
 
 
 @record
@@ -54,19 +54,19 @@ class Valueless:
     span: Span
     reason: str
     out_of_range: bool
-    """It is a number that does not fit into 64 bits."""
+    """True for overflow: the number does not fit into 64 bits."""
 
 
 class Folder:
-    """Folds expressions; `named` are the values of the constants that they may name."""
+    """Folds expressions under the constants `named`."""
 
     def __init__(self, named: Mapping[Symbol, Literal]) -> None:
         self._named = named
         self.valueless: list[Valueless] = []
-        """What has been found to have no value, in the order of the text, without what contains it."""
+        """Innermost expressions without a value, in the order of the text."""
 
     def fold(self, expression: Expression) -> Expression:
-        """Return `expression` with all that is constant worked out; nesting is bounded by the parser."""
+        """Return `expression` with its constant parts evaluated; the recursion is bounded by the parser."""
         if isinstance(expression, Variable):
             return expression
         if isinstance(expression, Literal):
@@ -76,6 +76,7 @@ class Folder:
         after = [self.fold(each) for each in before]
         if any(one is not other for one, other in zip(before, after, strict=True)):
             expression = _with_operands(expression, after)
+        # Tested before the operands: `X / 0` has no value for any X.
         if _divides_by_zero(expression):
             self.valueless.append(Valueless(expression.span, "division by zero", out_of_range=False))
             return expression
@@ -90,7 +91,7 @@ class Folder:
 
 
 def _divides_by_zero(expression: Expression) -> bool:
-    """Whether an expression divides by the constant 0, whatever it divides."""
+    """Whether the divisor is the constant 0."""
     match expression:
         case Binary(operator="/" | "%", right=Literal(value=int() | float() as value)):
             return not isinstance(value, bool | Robot) and value == 0
@@ -127,7 +128,7 @@ def _with_operands(expression: Compound, operands: list[Expression]) -> Compound
 
 
 def _widened(expression: Compound, values: list[Value]) -> Value:
-    """Return the value of operands that agree, a float where inference makes int and float a float. Raises NoValue."""
+    """Return the value for operands whose types agree, converted as inference would type it. Raises NoValue."""
     value = _value(expression, values)
     match expression:
         case Call(name=name) if name.text == "if":
@@ -137,7 +138,7 @@ def _widened(expression: Compound, values: list[Value]) -> Value:
 
 
 def _value(expression: Compound, values: list[Value]) -> Value:
-    """Return the value of operands that agree. Raises NoValue."""
+    """Return the value for operands whose types agree. Raises NoValue."""
     match expression:
         case Unary(operator=operator):
             return UNARY[Op.NOT if operator == "not" else Op.NEG](values[0])
@@ -158,11 +159,11 @@ def _value(expression: Compound, values: list[Value]) -> Value:
             return built((*values[:-1], *values[-1]))
 
 
-# ---- whether types agree
+# ---- type check of constant operands
 
 
 def _agrees(expression: Compound, values: list[Value]) -> bool:
-    """Whether constants are what the expression needs."""
+    """Whether constant operands have the types that the expression requires."""
     kinds = [value_type(value) for value in values]
     match expression:
         case Unary(operator=operator):

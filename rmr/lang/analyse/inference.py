@@ -1,10 +1,10 @@
-"""Types: what declarations fix, what uses fix, and where the two contradict each other.
+"""Type inference: constraints from declarations and uses, their solution, and the contradictions between them.
 
-Every argument of a predicate and every variable of a rule is a cell. Types flow forward along the program (a
-constant into an argument, an argument into a variable, an expression into a head) and only ever widen: open,
-then int, then float; a symbol of no particular set, then of a set; a list as its items. What is open after
-that takes its type from where its value goes. Declared cells never change. Contradictions are looked for at
-the end, against the final types, so that each is reported once and with both places.
+A forward data-flow analysis over a lattice (see `types`). Every argument of a predicate and every variable of a rule
+is a cell. Types flow forward (a constant into an argument, an argument into a variable, an expression into a head) and
+only widen: open, then int, then float; a symbol of no particular set, then of a set; a list as its items. A cell still
+open after that takes its type backwards, from the cells its value flows to. Declared cells never change.
+Contradictions are searched at the end, against the final types: each is reported once, with both places.
 """
 
 from collections.abc import Callable, Iterator
@@ -58,7 +58,7 @@ from rmr.lang.read.syntax import (
 
 
 class Inference:
-    """One program's constraints, their solution and what contradicts it."""
+    """The type constraints of one program, collected item by item, then solved and checked."""
 
     def __init__(self, names: Names, broken: frozenset[str], found: Diagnostics) -> None:
         self._names = names
@@ -72,7 +72,7 @@ class Inference:
             self.types.positions[signature.name] = self._positions(signature)
 
     def run(self, module: ModuleNode) -> Types:
-        """Infer, check, report; return the types."""
+        """Return the types of `module`; report contradictions."""
         for item in module.items:
             self._item(item)
         self._solver.solve()
@@ -88,19 +88,21 @@ class Inference:
         owner = TypeCell(ROBOT, signature.place, fixed=True)
         declared = signature.declaration
         cells = [owner]
+        # No owner declared (E021): its parameters may be shifted by one, and fixed types would add false errors.
         if declared is not None and declared.parameters and declared.parameters[0].type.name != "robot":
             return [*cells, *(TypeCell(OPEN, None) for _ in signature.types)]
         for index, kind in enumerate(signature.types, start=1):
             if declared is not None:
                 cells.append(cell_of(kind, declared.parameters[index].span, fixed=True))
             elif kind.base is Base.SYMBOL:
+                # A provided set is a default: it must not contradict the set that the program declares for its own.
                 cells.append(TypeCell(SYMBOL, signature.place))
             else:
                 cells.append(TypeCell(kind, signature.place, fixed=kind.base is not Base.OPEN))
         return cells
 
     def _name_provided_sets(self) -> None:
-        """What is provided is not declared: its symbols are of the program's own sets where it has any."""
+        """Give symbols of provided predicates their provided set where no set of the program's own reached them."""
         for signature in self._names.signatures.values():
             cells = self.types.positions[signature.name][1:]
             for cell, kind in zip(cells, signature.types, strict=True):
@@ -136,9 +138,11 @@ class Inference:
             self._derived(effect, scope)
 
     def _shallow(self, parameter: Parameter) -> None:
-        depth, kind = 0, parameter.type.element
+        depth = 0
+        kind = parameter.type.element
         while kind is not None:
-            depth, kind = depth + 1, kind.element
+            depth = depth + 1
+            kind = kind.element
         if depth > NESTING_MAX:
             self._found.report("E004", f"lists are nested more than {NESTING_MAX} deep", parameter.type.span)
 
@@ -171,6 +175,7 @@ class Inference:
     def _body(self, body: tuple[Conjunct, ...], scope: TypeScope) -> None:
         for name, constant in constants(body).items():
             scope.constants.setdefault(name, constant)
+        # Three kinds of variables, the stronger binding first: matched by a fact, equated, taken out of a list.
         direct = matched_variables(body)
         given = frozenset(_equated(body)) - direct
         reading = TypeScope(scope.cells, scope.constants, given, frozenset(_listed(body)) - direct - given)
@@ -192,12 +197,13 @@ class Inference:
         self._derived(part.head, head)
 
     def _gathered(self, part: AggregateNode, inner: TypeScope) -> TypeCell:
-        """Return the cell of what an aggregate makes of its matches."""
-        operator, term = part.operator.text, part.term
+        """Return the cell of an aggregate's result."""
+        operator = part.operator.text
+        term = part.term
         each = TypeCell(OPEN, None) if term is None else self._expressions.cell(term, inner)
         if operator == "count":
             return TypeCell(INT, part.operator.span, fixed=True)
-        result = value = TypeCell(OPEN, None, mixed=operator == "sum")  # the sum of nothing is the int 0
+        result = value = TypeCell(OPEN, None, mixed=operator == "sum")  # the sum of no match is the int 0
         if operator == "collect":
             value = TypeCell(OPEN, None, depth=1)
             result = TypeCell(LIST, part.span, items=value)
@@ -218,6 +224,8 @@ class Inference:
     def _matched(self, fact: FactNode, scope: TypeScope) -> None:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
             cell = self._expressions.cell(argument, scope)
+            # Matching reads: the predicate's type flows into variables. Only constants, here and in equations, are
+            # evidence of the predicate's type; any other expression is compared with it and nothing more.
             if isinstance(argument, Variable | ListTerm):
                 self._solver.flow(position, cell)
                 self._solver.fall_back(cell, position)
@@ -229,6 +237,7 @@ class Inference:
 
     def _derived(self, fact: FactNode, scope: TypeScope) -> None:
         for argument, position in zip(fact.arguments, self.types.positions[fact.name.text], strict=False):
+            # Deriving writes: the argument's type flows into the predicate, and back only if the argument stays open.
             cell = self._expressions.cell(argument, scope)
             self._solver.flow(cell, position)
             if isinstance(argument, Variable | ListTerm):
@@ -249,6 +258,7 @@ class Inference:
         def check() -> None:
             if good(cell.type, position.type):
                 return
+            # The declaration may be in text that did not parse: an inferred type proves nothing.
             if name in self._broken and not position.fixed:
                 return
             code = "E021" if owner else "E020"
@@ -261,7 +271,7 @@ class Inference:
         self._demands.later(check)
 
     def _float_hint(self, argument: Expression, cell: TypeCell, position: TypeCell) -> str | None:
-        """Return how an int is made of a float."""
+        """Return the hint for a float in the place of an int, or None."""
         if position.kind != INT or cell.kind.base is not Base.FLOAT:
             return None
         divides = any(isinstance(each, Binary) and each.operator == "/" for each in walk(argument))
@@ -271,14 +281,14 @@ class Inference:
 
 
 def _equated(body: tuple[Conjunct, ...]) -> Iterator[str]:
-    """Yield the variables that stand alone on a side of an equation."""
+    """Yield the variables that are one whole side of an equation."""
     for side in _sides(body):
         if isinstance(side, Variable):
             yield side.name
 
 
 def _listed(body: tuple[Conjunct, ...]) -> Iterator[str]:
-    """Yield the variables that a body takes out of lists."""
+    """Yield the variables in list patterns: sides of equations and arguments of positive facts."""
     stack: list[Expression] = [side for side in _sides(body) if isinstance(side, ListTerm)]
     for fact in body:
         if isinstance(fact, FactNode) and not fact.absent:

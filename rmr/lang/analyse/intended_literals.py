@@ -1,8 +1,8 @@
-"""What contradicts itself because one literal is written in the wrong way, put right so that it is told once.
+"""Repair of misspelt literals after a contradiction of types, so that one mistake gives one message.
 
-Looked at only after a contradiction of types. A symbol may be meant as a variable (`location(r, L)`), an int as a
-robot (`location(4, s)`), a difference of names as one name (`left-arm`). The item is read as it was meant, and types
-are inferred again: one mistake is one message, and what else is wrong with the item is found.
+A symbol may be intended as a variable (`location(r, L)`), an int as a robot (`location(4, s)`), a difference of names
+as one name (`left-arm`). The item is replaced by its repaired form and types are inferred again. That suppresses
+consequences of the mistake and still finds other errors of the same item.
 """
 
 from bisect import bisect_left
@@ -45,14 +45,14 @@ GATHERING = {
     ),
     "forall": "{X | offer(R, X) | told(R, X)}",
 }
-"""Calls that gather matches in other languages, and how it is written here."""
+"""Aggregating calls of other languages, with the equivalent in RMR."""
 
 Change = Callable[[Any], Any]
-"""Returns what stands instead of a node: the node itself, if nothing is wrong with it."""
+"""Rewriting function: node to replacement, the same object for no change."""
 
 
 def intended(module: ModuleNode, types: Types, errors: list[Diagnostic], found: Diagnostics) -> ModuleNode:
-    """Return `module` as it was probably meant, and report what was written otherwise; itself if nothing is clear."""
+    """Return the repaired module and report each repair; `module` itself if no error could be explained."""
     looked_at = [each for each in errors if each.code in {"E015", "E020", "E021", "E022"}]
     if not looked_at:
         return module
@@ -77,7 +77,7 @@ def _has_one(item: Item, starts: list[tuple[str, int]]) -> bool:
 
 
 class _Reader:
-    """Reads the items in which something is wrong as they were meant."""
+    """The repairs of the items that have type errors."""
 
     def __init__(
         self, module: ModuleNode, types: Types, wrong: set[Span], no_robots: set[Span], found: Diagnostics
@@ -85,16 +85,16 @@ class _Reader:
         self._module = module
         self._types = types
         self._wrong = wrong
-        """The places of contradictions, and of what they come from."""
+        """Places of contradictions, and the origins in their notes."""
         self._no_robots = no_robots
         self._found = found
         self._counts: Counter[str] = Counter()
         self.has_changed = False
         self.broken: set[str] = set()
-        """Names of items that nothing is made of."""
+        """Names in dropped items and in repaired names: their declarations may be missing."""
 
     def item(self, item: Item) -> Item | None:
-        """Return `item` as it was meant; None if that is not clear."""
+        """Return the repaired item, the same object for no change; None if it is dropped."""
         if isinstance(item, RuleItem) and self._is_foreign(item):
             self.has_changed = True
             self.broken.update(node.name.text for node in walk(item) if isinstance(node, FactNode | Call))
@@ -109,7 +109,7 @@ class _Reader:
     # ---- calls that are neither facts nor functions
 
     def _is_foreign(self, rule: RuleItem) -> bool:
-        """Report a rule that calls what other languages have."""
+        """Whether a rule uses a construct of another language; if so, report it."""
         for node in walk(rule):
             match node:
                 case FactNode(name=Name(text="if")) if not self._is_declared("if"):
@@ -119,7 +119,8 @@ class _Reader:
                             "write one rule for each case: `load(R, N), N > 2 -o ...` and `load(R, N), N <= 2 -o ...`"
                         )
                     else:
-                        message, hint = "`if` is no fact", "a condition stands alone: `load(R, N), N > 2 -o ...`"
+                        message = "`if` is no fact"
+                        hint = "a condition stands alone: `load(R, N), N > 2 -o ...`"
                     self._found.report("E012", message, node.span, hint=hint)
                     return True
                 case FactNode(name=Name(text=name)) | Call(name=Name(text=name)) if name in GATHERING:
@@ -160,7 +161,8 @@ class _Reader:
             left = change(node.left)
             if not _is_name(left) or left.span.end + 1 != node.right.span.start or not self._is_wrong(node):
                 return node
-            name, span = f"{left.value}_", node.left.span.to(node.right.span)
+            name = f"{left.value}_"
+            span = node.left.span.to(node.right.span)
             match node.right:
                 case Literal(value=Symbol() as value):
                     self._hyphen(name + value, span)
@@ -184,33 +186,33 @@ class _Reader:
     # ---- numbers for robots
 
     def _numbers(self, item: Item) -> Item:
-        told: list[tuple[int, Span]] = []
+        replaced: list[tuple[int, Span]] = []
 
         def change(node: Any) -> Any:
             if not isinstance(node, FactNode):
                 return node
             cells = self._types.positions.get(node.name.text, ())
             arguments = list(node.arguments)
-            before = len(told)
+            before = len(replaced)
             for index, argument in enumerate(arguments):
                 is_robot = index < len(cells) and cells[index].kind.base is Base.ROBOT
                 number = _robot_number(argument)
                 if number is not None and argument.span in self._wrong and (is_robot or index):
-                    told.append((number, argument.span))
+                    replaced.append((number, argument.span))
                     arguments[index] = Literal(Robot(number), argument.span)
-            return node if len(told) == before else replace(node, arguments=tuple(arguments))
+            return node if len(replaced) == before else replace(node, arguments=tuple(arguments))
 
         if not any(span in self._wrong for span in self._robot_numbers(item)):
             return item
         changed: Item = _changed(item, change)
-        if told:
-            value, span = told[0]
+        if replaced:
+            value, span = replaced[0]
             message = f"`{value}` is a number, where a robot is needed"
             self._found.report("E021", message, span, hint=f"robot {value} is written `@{value}`")
         return changed
 
     def _robot_numbers(self, item: Item) -> Iterable[Span]:
-        """Yield the places of ints where a robot must be, and of those that a robot's type contradicts."""
+        """Yield the places of ints in robot positions, and of those reported as no robots."""
         for fact in walk(item):
             if isinstance(fact, FactNode) and (cells := self._types.positions.get(fact.name.text)):
                 for argument, cell in zip(fact.arguments, cells, strict=False):
@@ -255,7 +257,7 @@ class _Reader:
         return changed
 
     def _is_own(self, name: str, count: int) -> bool:
-        """Whether the symbol stands in one item only."""
+        """Whether all `count` occurrences of the symbol are in one item."""
         if not self._counts:
             literals = (each for each in walk(self._module.items) if isinstance(each, Literal))
             self._counts.update(str(each.value) for each in literals if isinstance(each.value, Symbol))
@@ -276,7 +278,7 @@ def _is_name(node: object) -> bool:
 
 
 def _robot_number(node: object) -> int | None:
-    """Return the number if a node is one that a robot may have."""
+    """Return the value of an int literal in the range of robot ids, else None."""
     value = node.value if isinstance(node, Literal) else None
     return value if type(value) is int and 0 <= value <= ROBOT_ID_MAX else None
 
@@ -286,14 +288,14 @@ def _capital(name: str) -> str:
 
 
 def _compared(item: Item, wrong: set[Span]) -> Iterable[Expression]:
-    """Yield both sides of the comparisons that contradict themselves."""
+    """Yield both sides of the operations reported as contradictions."""
     for node in walk(item):
         if isinstance(node, Binary) and node.span in wrong:
             yield from (node.left, node.right)
 
 
 def _changed(node: Any, change: Change) -> Any:
-    """Return `node` with all in it that `change` changes, the outermost first."""
+    """Return `node` rewritten by `change`, outermost nodes first; a replaced node is not descended into."""
     new = change(node)
     if new is not node:
         return new

@@ -1,6 +1,6 @@
-"""Lint: warnings about what is legal and probably not meant. Warnings never stop compilation.
+"""Lint: warnings about legal programs that are probably mistakes. Warnings never stop compilation.
 
-After a syntax error the broken item may hold whatever seems to be missing, so no absence is reported then.
+After a syntax error nothing is reported as missing: the broken item may contain it.
 """
 
 from collections.abc import Iterator
@@ -37,12 +37,13 @@ from rmr.lang.read.syntax import (
 )
 
 TICK_S = 1 / 60
-"""The robots' executive runs at 60 Hz: nothing is decided faster."""
+"""Period of the robots' executive, seconds: deadlines have no finer resolution."""
 
 _SENT = {FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
-"""Where facts and actions stand that are another robot's if their owner is."""
+"""Roles of facts and actions that are sent by radio if their owner is another robot."""
 
 TRUTHS = ("true", "false")
+"""Reserved words that a variable with a capital letter may be a misspelling of."""
 
 NO_FIRING = "the rule cannot fire"
 NO_JOB = "the assertion never starts a job"
@@ -63,10 +64,11 @@ class _Lint:
         self._speller = Speller(names, self._supply, found)
         self._reported: set[str] = set()
         self._symbols: dict[str, int] = {}
-        """How often each is used."""
+        """Number of uses by symbol."""
         self._letters: dict[str, Item | None] = {}
-        """Those of one letter, each with the item that it stands in if there is only one."""
+        """Symbols of one letter, each with the item that contains it, None if several do."""
         self._once: list[Variable] = []
+        """Variables with one occurrence in their rule or time assertion."""
         for item in module.items:
             self._look_at(item)
         self._events = {
@@ -138,11 +140,12 @@ class _Lint:
             self._found.report("W102", message, fact.span, hint=hint)
 
     def _unstarted(self) -> None:
-        """Report a program all of whose rules wait for a fact from outside."""
+        """Report a program in which every rule waits for a fact from outside."""
         fact = self._supply.unstarted()
         if fact is None or self._found.failed or self._found.reported("W102"):
             return
-        name, arity = fact.name.text, len(fact.arguments)
+        name = fact.name.text
+        arity = len(fact.arguments)
         arguments = ", ".join(["R", *(["..."] if arity > 1 else [])])
         message = f"nothing states or derives `{name}`, and no rule can fire before there is one"
         hint = f"state one: `{name}({arguments}).`; from outside it comes by `rmr eval --insert` or a lab's `facts`"
@@ -187,7 +190,8 @@ class _Lint:
                     pass
 
     def _never(self, fact: FactNode, what: str) -> None:
-        name, signature = fact.name.text, self._names.of(fact)
+        name = fact.name.text
+        signature = self._names.of(fact)
         if signature.provided:
             known = provided.PREDICATES.get(name)
             unsensed = known is not None and not known.sensed and signature.declaration is None
@@ -250,6 +254,7 @@ class _Lint:
             size = sum(octets(argument, kind, known) for argument, kind in arguments)
             if size <= FACT_OCTETS_MAX:
                 continue
+            # Two bounds: what may need fragments is a warning, what never fits a delivery an error.
             least = sum(octets(argument, kind, known, min) for argument, kind in arguments)
             if least > DELIVERY_OCTETS_MAX:
                 message = f"the values of this fact take {least} octets, a delivery carries {DELIVERY_OCTETS_MAX}"
@@ -267,7 +272,7 @@ class _Lint:
 
 
 def _bodies(rule: RuleItem) -> Iterator[tuple[tuple[Conjunct, ...], str]]:
-    """Yield a rule's bodies, and what does not happen if nothing matches them."""
+    """Yield a rule's bodies, each with the consequence for a message if nothing matches it."""
     yield rule.body, NO_FIRING
     for part in rule.head:
         match part:
@@ -284,7 +289,8 @@ def _home(rule: RuleItem) -> Expression | None:
 
 
 def _is_away(owner: Expression | None, home: Expression | None) -> bool:
-    """Whether a fact is certainly another robot's than the one at home."""
+    """Whether a fact may belong to another robot than the home robot: their expressions differ."""
+
     match owner, home:
         case Variable(name=one), Variable(name=other):
             return one != other

@@ -1,7 +1,7 @@
-"""The types of lists: terms that make them or take them apart, and the functions that work on them.
+"""Typing rules of lists: terms that construct or destructure them, and functions on them.
 
-The items of a list are of one type. Where a body takes a list apart, types flow from the list to the variables
-of the term; everywhere else from the items to the list.
+Lists are homogeneous: the items of a list have one type. A term that destructures a list lets types flow from the list
+to the variables of the term; a term that constructs one, from the items to the list.
 """
 
 from rmr.bytecode.conform import NESTING_MAX
@@ -28,7 +28,7 @@ from rmr.lang.read.syntax import Binary, Call, Expression, ListTerm, Variable
 
 
 class Lists:
-    """Types the lists of one program."""
+    """The typing rules applied to the lists of one program."""
 
     def __init__(self, solver: Solver, demands: Demands, found: Diagnostics) -> None:
         self._solver = solver
@@ -37,11 +37,11 @@ class Lists:
         self._made: list[tuple[TypeCell, Span]] = []
 
     def makes(self, cell: TypeCell, span: Span) -> None:
-        """Remember that a list is made at `span`."""
+        """Register a constructed list, for the check of nesting."""
         self._made.append((cell, span))
 
     def check(self) -> None:
-        """Report the lists that would hold themselves, or else those that are nested too deep."""
+        """Report lists of a recursive type; without any, the lists that are nested too deep, outermost ones only."""
         deep = [made for made in self._made if made[0].innermost.depth >= NESTING_MAX] if self._solver.endless else []
         for cell, span in deep:
             if not self._found.many and self._solver.holds_itself(cell):
@@ -56,7 +56,7 @@ class Lists:
     # ---- terms
 
     def term(self, term: ListTerm, items: list[TypeCell], rest: TypeCell | None, taken: frozenset[str]) -> TypeCell:
-        """Return the cell of a list term, whose items and rest have theirs; `taken` are variables that it binds."""
+        """Return the cell of a list term, given the cells of its items and rest; it binds the variables `taken`."""
         within = TypeCell(OPEN, None, depth=1)
         cell = TypeCell(LIST, term.span, items=within)
         for item, each in zip(term.items, items, strict=True):
@@ -69,7 +69,7 @@ class Lists:
         return cell
 
     def _part(self, expression: Expression, part: TypeCell, whole: TypeCell, taken: frozenset[str]) -> None:
-        """Let types flow between an item and its list's items, or between the rest of a list and the list."""
+        """Add the flows between an item and the list's item cell, or between the rest and the list."""
         if isinstance(expression, Variable) and (expression.anonymous or expression.name in taken):
             self._solver.flow(whole, part)
             self._solver.fall_back(part, whole)
@@ -102,7 +102,7 @@ class Lists:
     # ---- operators and functions
 
     def joined(self, expression: Binary, left: TypeCell, right: TypeCell) -> None:
-        """Demand, when all types are known, of what `+` joins that both are strings, or lists of one type."""
+        """Check the operands of a concatenation by `+`, when all types are known: two strings, or lists of one type."""
         if not compatible(left.type, right.type):
             message = f"`+` does not join {described(left.type)} and {described(right.type)}"
             appends = Base.LIST in {left.kind.base, right.kind.base} and left.kind.base is not right.kind.base
@@ -117,6 +117,7 @@ class Lists:
         assert function.list_at is not None
         whole = cells[function.list_at]
         self._demands.later(lambda: self._needs_list(function, call, cells))
+        # A flow into a list cell of its own makes the item type available without changing the argument.
         items = TypeCell(OPEN, None, depth=1)
         self._solver.flow(whole, TypeCell(LIST, None, items=items))
         for argument, cell, takes in zip(call.arguments, cells, function.takes, strict=True):
@@ -144,7 +145,8 @@ class Lists:
         self._demands.wrong(f"`{function.name}` needs {what}", call.arguments[at], cell, hint=hint)
 
     def _fits(self, function: Function, call: Call, given: tuple[Expression, TypeCell, Takes], whole: TypeCell) -> bool:
-        """Tell whether an argument of a call with the list `whole` has a type that it may have; report it if not."""
+        """Whether an argument beside the list `whole` has an admissible type; a wrong one is reported."""
+
         argument, cell, takes = given
         match takes:
             case Takes.POSITION if not fits(cell.type, INT):

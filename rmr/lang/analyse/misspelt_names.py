@@ -16,7 +16,7 @@ from rmr.lang.diagnostics.diagnostic import Diagnostics
 from rmr.lang.read.syntax import FactNode, ModuleNode, TypeDeclaration, TypeName
 
 SEARCHES_MAX = 100
-"""Names for which a near one is looked for: more are not one person's slips."""
+"""Budget of searches for a similar name: more misspelt names in one program are no slips."""
 
 BUILT_IN = ("robot", "int", "float", "bool", "string")
 
@@ -31,11 +31,11 @@ PROVIDED_SETS = tuple(
         if kind.name
     )
 )
-"""Sets of symbols that every program has."""
+"""Sets of symbols in the types of provided predicates and actions."""
 
 
 class Speller:
-    """Looks for what the author of one program may have meant."""
+    """Spelling suggestions for the names of one program."""
 
     def __init__(self, names: Names, supply: Supply, found: Diagnostics) -> None:
         self._names = names
@@ -57,11 +57,11 @@ class Speller:
             self._readable.setdefault(len(action.types) + 1, []).append(action.name)
 
     def meant(self, name: str, candidates: list[str]) -> str | None:
-        """Return the hint for a name that may be misspelt, unless enough have been looked for."""
+        """Return the hint for a name that may be misspelt, or None; also None beyond the search budget."""
         return meant(name, candidates) if self._may_search() else None
 
     def known(self, fact: FactNode) -> str | None:
-        """Return the hint that names a fact that comes about, with as many arguments."""
+        """Return the hint with a similar predicate that has a source and the same arity, or None."""
         return self.meant(fact.name.text, self._known.get(len(fact.arguments), []))
 
     def _may_search(self) -> bool:
@@ -72,7 +72,8 @@ class Speller:
 
     def unread(self, fact: FactNode) -> None:
         """Report a fact of a head that nothing reads, if its name is near one that is read or is that of an action."""
-        name, signature = fact.name.text, self._names.of(fact)
+        name = fact.name.text
+        signature = self._names.of(fact)
         if self._supply.is_read(name) or signature.declaration is not None or not signature.is_fact:
             return
         message = f"nothing reads the fact `{name}`"
@@ -90,7 +91,7 @@ class Speller:
     # ---- types
 
     def types(self, module: ModuleNode) -> None:
-        """Report sets of symbols whose names are near those of other types."""
+        """Report sets of symbols whose names are similar to those of other types."""
         places: dict[str, TypeName] = {}
         counts: Counter[str] = Counter()
         for item in module.items:
@@ -114,9 +115,11 @@ class Speller:
 
 
 def _slips(name: str) -> Iterator[str]:
-    """Yield `name` with two neighbours swapped, a letter left out or typed twice, and in the plural."""
+    """Yield the misspellings of `name`: a transposition, a missing or doubled letter, the plural."""
     for place in range(len(name)):
-        before, letter, behind = name[:place], name[place], name[place + 1 :]
+        before = name[:place]
+        letter = name[place]
+        behind = name[place + 1 :]
         yield before + behind
         yield before + letter + letter + behind
         yield before + behind[:1] + letter + behind[1:]

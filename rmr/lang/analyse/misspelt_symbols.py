@@ -33,29 +33,29 @@ from rmr.lang.read.syntax import (
 )
 
 LETTERS_MIN = 4
-"""Shorter symbols are one slip from too many words."""
+"""Shortest symbol that is checked: shorter ones are one slip from too many words."""
 
 CHANGED_LETTERS_MIN = 5
-"""Shorter symbols that differ by another letter are two words more often than one (`load`, `lead`)."""
+"""Shortest symbol for a changed letter: shorter pairs are usually two words (`load`, `lead`)."""
 
 OPEN_LETTERS_MIN = 6
-"""Shorter symbols at different undeclared arguments are two words more often than one."""
+"""Shortest symbol at different undeclared arguments: shorter pairs are usually two words."""
 
 SYMBOLS_MAX = 2000
-"""Symbols of one program that are compared; nobody spells more by hand."""
+"""Largest number of symbols of a program that is checked; more are generated."""
 
 _WRITING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT, FactRole.VIOLATION}
 
 
 @record
 class SymbolUse:
-    """Where a symbol stands."""
+    """One occurrence of a symbol."""
 
     span: Span
     key: str | None
-    """The name of its set, else the argument of the predicate; None: not known."""
+    """The name of its set, else the predicate and position, as in ``p/1``; None if unknown."""
     written: bool
-    """It is stated or derived there, not matched."""
+    """True if it is stated or derived there, not matched."""
 
 
 def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found: Diagnostics) -> None:
@@ -68,16 +68,17 @@ def lint_symbols(module: ModuleNode, counts: dict[str, int], types: Types, found
     for name, place in _places(module.items, types):
         if name in wanted:
             places.setdefault(name, []).append(place)
-    told: set[str] = set()
+    reported: set[str] = set()
     for rare, other in pairs:
-        here, there = places.get(rare, []), places.get(other, [])
-        if rare in told or len(here) != 1 or not there:
+        here = places.get(rare, [])
+        there = places.get(other, [])
+        if rare in reported or len(here) != 1 or not there:
             continue
         if not _are_one_set(here, there) and not _are_open(rare, other, here, there):
             continue
         if counts[other] == 1 and not _is_misspelt(here[0], there[0]):
             continue
-        told.update((rare, other))
+        reported.update((rare, other))
         notes = (DiagnosticNote(there[0].span, "used here"),)
         message = f"`{rare}` is used only here"
         found.report("W112", message, here[0].span, hint=f"did you mean `{other}`?", notes=notes)
@@ -110,7 +111,7 @@ def _are_open(rare: str, other: str, here: list[SymbolUse], there: list[SymbolUs
 
 
 def _is_misspelt(here: SymbolUse, there: SymbolUse) -> bool:
-    """Of two symbols that are used once, take the one that is read for the wrong one."""
+    """Whether the first of two symbols used once is the wrong one: it is read, and the other one written."""
     return there.written and not here.written
 
 
@@ -161,7 +162,8 @@ def _is_slip(one: str, other: str) -> bool:
 def _places(items: tuple[Item, ...], types: Types) -> Iterator[tuple[str, SymbolUse]]:
     for item in items:
         for use in uses(item):
-            fact, name = use.fact, use.fact.name.text
+            fact = use.fact
+            name = use.fact.name.text
             written = use.role in _WRITING and fact.mark is not Mark.GOAL
             cells = types.positions[name]
             for index, argument in enumerate(fact.arguments[1:], start=1):

@@ -1,8 +1,8 @@
-"""Constants: what `const` names, and what has a value before the program runs.
+"""Named constants: replacement of `const` names, and folding of constant expressions.
 
-A name stands for its value in the whole program, but in other constants only behind its definition. All
-constant expressions are worked out here (`folding`), so that what follows sees their values. Where a constant is
-needed, one that has no value is an error; in a rule it is left to the robots, with a warning.
+The scope of a constant is the whole program, but in other constants only the text behind its definition. All constant
+expressions are folded here (`folding`), so that later phases see values. An expression without a value is an error
+where a constant is required; in a rule it is a warning, and stays for evaluation at run time.
 """
 
 from dataclasses import replace
@@ -25,13 +25,13 @@ from rmr.lang.read.syntax import (
 )
 
 Places = dict[Symbol, Name]
-"""Where each constant is defined first."""
+"""The place of each constant's first definition."""
 
 
 def resolve(module: ModuleNode, found: Diagnostics) -> ModuleNode:
-    """Return `module` with every name of a constant replaced by its value, and constant expressions worked out.
+    """Return `module` with named constants replaced by their values, and constant expressions folded.
 
-    A stated fact or goal with an argument that has no value is left out, and its name counts as broken.
+    A stated fact or goal with an argument without a value is dropped, and its name counts as broken.
     """
     values = _defined(module, found)
     items: list[Item] = []
@@ -89,7 +89,7 @@ def _defined(module: ModuleNode, found: Diagnostics) -> dict[Symbol, Literal]:
 
 
 def _value(item: ConstantItem, values: dict[Symbol, Literal], places: Places, found: Diagnostics) -> Literal:
-    """Return the value of a constant, 0 after reporting why there is none."""
+    """Return the value of a constant; 0 after reporting an error, so that its uses are not reported as well."""
     folder = Folder(values)
     value = folder.fold(item.value)
     early = [each for each in walk(item.value) if _is_early(each, values, places)]
@@ -109,7 +109,7 @@ def _value(item: ConstantItem, values: dict[Symbol, Literal], places: Places, fo
 
 
 def _is_early(node: object, values: dict[Symbol, Literal], places: Places) -> bool:
-    """Whether `node` names a constant that is defined only later, or the one that is being defined."""
+    """Whether `node` names a constant that is defined later, or the one being defined."""
     if not isinstance(node, Literal) or not isinstance(node.value, Symbol):
         return False
     return node.value in places and node.value not in values

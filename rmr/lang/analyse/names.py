@@ -1,8 +1,8 @@
-"""Predicates and actions: the kind and the arity of each name, and the place that decided it.
+"""Symbol table: the kind and the arity of each predicate and action, and the place that decided it.
 
-A declaration decides. Without one the uses do: an assertion's violation is an action, one `!` makes a fact
-persistent, a provided name is sensed unless the program states or derives it, and everything else is temporary. Every
-use is then checked against the result.
+A declaration decides. An undeclared name is classified by its uses, in this order: the violation of an assertion is
+an action; a provided name that the program neither states nor derives has the provided kind; a fact with one `!` is
+persistent; everything else is temporary. Every use is then checked against the result.
 """
 
 from collections.abc import Iterator, Mapping
@@ -37,24 +37,25 @@ from rmr.lang.read.syntax import (
 )
 
 CANDIDATES_MAX = 500
-"""Names that are looked through for a near miss."""
+"""Search budget of a spelling suggestion: the names compared with the misspelt one."""
 
 
 LETTERS_OFF = 2
-"""How much longer or shorter a misspelt name may be."""
+"""Largest difference in length between a misspelt name and its correction."""
 
 LETTERS_MAX = 60
-"""Longer names are not searched for: comparing them takes the square of their length."""
+"""Longest name for which a correction is searched: the comparison is quadratic in the length."""
 
 
 Given = Mapping[str, bool]
-"""Predicates of which whoever runs the program inserts facts; true: persistent ones, so that an undeclared one is."""
+"""Predicates whose facts the run inserts from outside; true: an undeclared one is persistent."""
 
 NOTHING_GIVEN: Given = MappingProxyType({})
+"""Default of `Given`: the run inserts no facts."""
 
 
 class FactRole(Enum):
-    """Where a fact stands."""
+    """The syntactic position of a fact."""
 
     FACT = auto()
     GOAL = auto()
@@ -76,20 +77,20 @@ class Use:
 
 @dataclass(slots=True)
 class Signature:
-    """What a name stands for."""
+    """The kind, arity and argument types of one predicate or action."""
 
     name: str
     kind: Kind
     arity: int
-    """With the owner."""
+    """Number of arguments, the owner included."""
     place: Span
-    """Its declaration, else its first use."""
+    """The declaration, else the first use."""
     declaration: TypeDeclaration | None = None
     provided: bool = False
     types: tuple[Type, ...] = ()
-    """Of the arguments after the owner, as far as they are declared or provided; OPEN where inference decides."""
+    """Types of the arguments after the owner, declared or provided; OPEN where inference decides."""
     banged: Span | None = None
-    """Undeclared: the use whose bang makes it persistent."""
+    """The use whose `!` makes an undeclared predicate persistent."""
 
     @property
     def is_fact(self) -> bool:
@@ -99,31 +100,32 @@ class Signature:
 
 @dataclass(slots=True)
 class Names:
-    """All predicates and actions of a program, in the order of their first mention, declarations first."""
+    """The symbol table of a program: declared names first, then undeclared ones in the order of their first use."""
 
     signatures: dict[str, Signature] = field(default_factory=dict)
     uses: list[Use] = field(default_factory=list)
     given: Given = field(default_factory=lambda: NOTHING_GIVEN)
 
     def of(self, fact: FactNode) -> Signature:
-        """Return what `fact` names; every fact of the program names something."""
+        """Return the signature of the predicate or action that `fact` names; each name in the program has one."""
         return self.signatures[fact.name.text]
 
 
 def near(name: str, candidates: list[str]) -> str | None:
-    """Return the candidate that `name` may be a misspelling of."""
+    """Return the closest candidate to `name`, or None if none is close enough."""
     from difflib import get_close_matches  # noqa: PLC0415 - most programs have no misspelling
 
     if len(name) > LETTERS_MAX:
         return None
     alike = [each for each in candidates[:CANDIDATES_MAX] if each != name and abs(len(each) - len(name)) <= LETTERS_OFF]
+    # A transposition wins: the similarity ratio ranks it too low in a short name.
     swapped = [each for each in alike if _swapped(name, each)]
     matches = swapped or get_close_matches(name, alike, n=1, cutoff=0.75)
     return matches[0] if matches else None
 
 
 def _swapped(one: str, other: str) -> bool:
-    """Return whether two neighbouring letters have changed places: in a short name that is most of it."""
+    """Whether the two names differ by one transposition of neighbouring letters."""
     if len(one) != len(other):
         return False
     off = [k for k, (a, b) in enumerate(zip(one, other, strict=True)) if a != b]
@@ -131,7 +133,7 @@ def _swapped(one: str, other: str) -> bool:
 
 
 def meant(name: str, candidates: list[str]) -> str | None:
-    """Return the hint for a name that may be misspelt."""
+    """Return the hint "did you mean" for a misspelt name, or None."""
     match = near(name, candidates)
     return f"did you mean `{match}`?" if match is not None else None
 
@@ -140,7 +142,7 @@ def meant(name: str, candidates: list[str]) -> str | None:
 
 
 def uses(item: Item) -> Iterator[Use]:
-    """Yield every predicate and action that `item` mentions, in source order, its declaration aside."""
+    """Yield every use of a predicate or action in `item`, in source order; the declared name itself is no use."""
     match item:
         case FactItem(fact=fact):
             yield Use(fact, FactRole.FACT)
@@ -195,7 +197,7 @@ _BASES = {"robot": Base.ROBOT, "int": Base.INT, "float": Base.FLOAT, "bool": Bas
 
 
 def declared_type(name: TypeName) -> Type:
-    """Return the type that `name` spells."""
+    """Return the type denoted by `name`; a name that is no built-in type denotes a set of symbols."""
     if name.element is not None:
         return Type(Base.LIST, element=declared_type(name.element))
     base = _BASES.get(name.name)
@@ -203,7 +205,7 @@ def declared_type(name: TypeName) -> Type:
 
 
 def collect(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN) -> Names:
-    """Return the names of `module`, and report what contradicts itself."""
+    """Return the symbol table of `module`; report repeated declarations and uses that contradict the table."""
     names = Names(uses=[use for item in module.items for use in uses(item)], given=given)
     for item in module.items:
         if isinstance(item, TypeDeclaration):
@@ -211,6 +213,7 @@ def collect(module: ModuleNode, found: Diagnostics, given: Given = NOTHING_GIVEN
     for name, group in _undeclared(names).items():
         names.signatures[name] = _infer(name, group, given.get(name, False))
     for use in names.uses:
+        # The declaration of a name in `broken` may be among the lost text: an inferred signature proves nothing.
         if use.fact.name.text not in module.broken or names.of(use.fact).declaration is not None:
             _check_use(use, names.of(use.fact), found)
     return names
@@ -254,11 +257,13 @@ def _infer(name: str, group: list[Use], persistent: bool) -> Signature:
     first = group[0].fact
     arity = max(1, len(first.arguments))
     roles = {use.role for use in group}
+    # Only a violation and heads: an action. A use that only a fact can have makes it a fact, and the violation wrong.
     if FactRole.VIOLATION in roles and not roles & _FOR_FACTS.keys():
         if name in provided.ACTIONS:
             types = provided.ACTIONS[name].types
             return Signature(name, Kind.ACTION, 1 + len(types), first.span, types=types)
         return Signature(name, Kind.ACTION, arity, first.span, types=_open(arity))
+    # A program that states or derives the predicate has one of its own that shadows the provided one.
     own = any(use.role in {FactRole.FACT, FactRole.HEAD} and use.fact.mark is not Mark.GOAL for use in group)
     if name in provided.PREDICATES and not own:
         row = provided.PREDICATES[name]
@@ -272,12 +277,13 @@ def _open(arity: int) -> tuple[Type, ...]:
     return (Type(Base.OPEN),) * (arity - 1)
 
 
-# ---- uses held against signatures
+# ---- checks of uses against signatures
 
 
 def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
-    fact, name = use.fact, use.fact.name.text
-    notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _said(signature)),)
+    fact = use.fact
+    name = use.fact.name.text
+    notes = () if signature.place == fact.span else (DiagnosticNote(signature.place, _place_note(signature)),)
     given = len(fact.arguments)
     if given == 0:
         message = f"`{name}` has no argument; the first argument is its owner, a robot"
@@ -292,7 +298,7 @@ def _check_use(use: Use, signature: Signature, found: Diagnostics) -> None:
     _check_kind(use, signature, notes, found)
 
 
-def _said(signature: Signature) -> str:
+def _place_note(signature: Signature) -> str:
     if signature.declaration is not None:
         return "declared here"
     return "first used here"
@@ -310,10 +316,13 @@ _FOR_FACTS = {
     FactRole.START: "a job starts with a fact",
     FactRole.FINISH: "a job ends with a fact",
 }
+"""Positions in which an action is an error, each with the hint."""
 
 
 def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
-    fact, name, kind = use.fact, use.fact.name.text, signature.kind
+    fact = use.fact
+    name = use.fact.name.text
+    kind = signature.kind
     word = kind.name.lower()
     if use.role is FactRole.VIOLATION:
         if kind is not Kind.ACTION:
@@ -341,7 +350,8 @@ def _check_kind(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...
 
 
 def _check_action_use(use: Use, signature: Signature, notes: tuple[DiagnosticNote, ...], found: Diagnostics) -> None:
-    fact, name = use.fact, use.fact.name.text
+    fact = use.fact
+    name = use.fact.name.text
     if use.role in _FOR_FACTS:
         found.report("E012", f"`{name}` is an action", fact.span, hint=_FOR_FACTS[use.role], notes=notes)
     elif fact.mark is not Mark.NONE:

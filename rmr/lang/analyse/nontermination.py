@@ -1,14 +1,14 @@
-"""Rules that never stop (non-termination), as far as that is certain before the program runs.
+"""Certain non-termination, found before the program runs.
 
-Three kinds are reported. A *loop*: a rule uses up temporary facts and derives facts that satisfy it again, alone or in
-a cycle of rules. A *growth*: a rule uses up nothing and derives a fact that is a new match of its own body, so the
-number of facts grows without bound. A *persistent counter*: a rule uses up a fact and derives the successor of a
+Three kinds are reported. A *loop*: a rule consumes temporary facts and derives facts that satisfy it again, alone or in
+a cycle of rules. A *growth*: a rule consumes nothing and derives a fact that is a new match of its own body, so the
+number of facts grows without bound. A *persistent counter*: a rule consumes a fact and derives the successor of a
 persistent one, whose old values stay.
 
-The analysis is conservative. A match must hold again whatever the values are: each argument of the body's pattern is
-repeated in the head unchanged, or is a variable that stands nowhere else in the body. No other conjunct of the program
-may use up the fact. Facts for other robots, and facts behind an action in `then`, do not count. Refraction (a rule
-fires once for each match) is why a body that uses up nothing is no loop: only a new match makes it fire again.
+The analysis has no false positives. A match must hold again for all values: each argument of the body's pattern is
+repeated in the head unchanged, or is a variable with no other occurrence in the body. No other conjunct of the program
+may consume the fact. Facts for other robots, and facts behind an action in `then`, do not count. Because of refraction
+(a rule fires once for each match) a body that consumes nothing is no loop: only a new match makes it fire again.
 """
 
 from collections.abc import Iterator
@@ -35,12 +35,12 @@ from rmr.lang.read.syntax import (
 )
 
 CYCLE_MAX = 50
-"""Rules of one cycle: longer ones are not looked for."""
+"""Longest cycle that is searched for, in rules."""
 
 
 @record
 class _Firing:
-    """What a rule uses up and what it derives at once, on its own robot."""
+    """The facts of its own robot that a rule consumes, keeps and derives at once."""
 
     rule: RuleItem
     consumed: tuple[FactNode, ...]
@@ -48,7 +48,7 @@ class _Firing:
     """Positive facts of the body that stay: persistent, `$`, sensed."""
     derived: dict[str, list[FactNode]]
     free: frozenset[str]
-    """Variables that stand at one place of the body only: whatever they are, the body matches."""
+    """Variables with one occurrence in the body: they match any value."""
 
 
 def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
@@ -59,7 +59,7 @@ def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
         return
     consumers = _consumers(rules, names)
     passing: dict[str, tuple[str, FactNode, RuleItem]] = {}
-    """By predicate: what the only rule that uses it up, and asks for nothing else, derives of it."""
+    """Edges of the graph of cycles: predicate to (derived predicate, derived fact, rule of one premise)."""
     for rule in candidates:
         firing = _firing(rule, names)
         if not firing.consumed:
@@ -77,7 +77,7 @@ def warn_endless(module: ModuleNode, names: Names, found: Diagnostics) -> None:
 
 
 def _may_repeat(rule: RuleItem) -> bool:
-    """Whether a rule derives a predicate of its body, or asks for one fact only: no other is looked at."""
+    """Whether a rule is a candidate: it derives a predicate of its body, or has one premise only."""
     if len(rule.body) == 1:
         return True
     body = [each.name.text for each in rule.body if isinstance(each, FactNode) and not each.absent]
@@ -91,7 +91,7 @@ def _may_repeat(rule: RuleItem) -> bool:
 
 
 def _consumers(rules: list[RuleItem], names: Names) -> dict[str, int]:
-    """Return by predicate how many conjuncts of the program use up a fact of it."""
+    """Return by predicate the number of conjuncts of the program that consume a fact of it."""
     counts: dict[str, int] = {}
     for rule in rules:
         inner = [part.body for part in rule.head if isinstance(part, ComprehensionNode | AggregateNode)]
@@ -138,7 +138,7 @@ def _at_once(rule: RuleItem, names: Names) -> Iterator[FactNode]:
 
 
 def _derived(rule: RuleItem) -> Iterator[FactNode]:
-    """Yield the facts that a head derives for its own match, those behind an action too."""
+    """Yield the facts that a head derives outside of comprehensions and aggregates, those behind an action included."""
     for part in rule.head:
         for fact in part.derived if isinstance(part, StepsNode) else (part,):
             if isinstance(fact, FactNode) and fact.mark is not Mark.GOAL:
@@ -149,7 +149,8 @@ def _derived(rule: RuleItem) -> Iterator[FactNode]:
 
 
 def _is_loop(firing: _Firing, names: Names, consumers: dict[str, int]) -> bool:
-    """Whether every fact that is used up comes again, and nothing that the rule derives is in its way."""
+    """Whether the rule derives every fact that it consumes, and its other conditions stay true."""
+    # A derived fact might make a `not` of the body false.
     if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
         return False
     # Each derived fact satisfies one pattern only: a body that uses up two facts needs two again.
@@ -164,7 +165,7 @@ def _is_loop(firing: _Firing, names: Names, consumers: dict[str, int]) -> bool:
 
 
 def _matches(pattern: FactNode, derived: FactNode, free: frozenset[str]) -> bool:
-    """Whether a derived fact is certain to match a pattern of its own rule, whatever the values are."""
+    """Whether a derived fact matches a pattern of its own rule for all values of the variables."""
     if len(pattern.arguments) != len(derived.arguments):
         return False
     pairs = zip(pattern.arguments[1:], derived.arguments[1:], strict=True)
@@ -209,7 +210,7 @@ def _is_equal(one: FactNode, other: FactNode) -> bool:
 def _pass_on(
     firing: _Firing, names: Names, consumers: dict[str, int], passing: dict[str, tuple[str, FactNode, RuleItem]]
 ) -> None:
-    """Remember a rule that turns any fact of one predicate into a fact of another one that is used up."""
+    """Add the edge of a rule that turns every fact of one predicate into a fact of another one that is consumed."""
     if len(firing.rule.body) != 1 or not _is_any(firing.consumed[0], firing.free):
         return
     fact = firing.consumed[0]
@@ -248,7 +249,7 @@ def _cycles(passing: dict[str, tuple[str, FactNode, RuleItem]], found: Diagnosti
 
 
 def _growth(firing: _Firing, names: Names, found: Diagnostics) -> None:
-    """Report a rule that uses up nothing and derives a new match of its own body."""
+    """Report a rule that consumes nothing and derives a new match of its own body."""
     if any(isinstance(each, FactNode) and each.absent for each in firing.rule.body):
         return
     for fact in firing.kept:
@@ -265,9 +266,9 @@ def _growth(firing: _Firing, names: Names, found: Diagnostics) -> None:
 
 
 def _persistent_counter(firing: _Firing, names: Names, found: Diagnostics) -> bool:
-    """Report a rule that uses up some fact and counts a persistent one on; return whether it is one.
+    """Report a rule that consumes a fact and increments a persistent one; return whether it does.
 
-    The old values stay, and what the rule uses up next meets any of them.
+    The old values stay, so the next consumed fact matches any of them.
     """
     absent = {each.name.text for each in firing.rule.body if isinstance(each, FactNode) and each.absent}
     for fact in firing.kept:
@@ -285,7 +286,7 @@ def _persistent_counter(firing: _Firing, names: Names, found: Diagnostics) -> bo
 
 
 def _is_other(pattern: FactNode, derived: FactNode) -> bool:
-    """Whether a derived fact is certain to be another one than that it follows from."""
+    """Whether a derived fact differs from the fact it follows from, for all values of the variables."""
     return any(
         isinstance(one, Variable) and _grows(one, other)
         for one, other in zip(pattern.arguments[1:], derived.arguments[1:], strict=False)
@@ -293,7 +294,7 @@ def _is_other(pattern: FactNode, derived: FactNode) -> bool:
 
 
 def _grows(variable: Variable, value: Expression) -> bool:
-    """Whether `value` is never that of `variable`, nor one it has had before."""
+    """Whether `value` is strictly monotonic in `variable`: never equal to it or to an earlier value."""
     match value:
         case Binary(operator="+" | "-", left=Variable(name=name), right=Literal(value=step)):
             return name == variable.name and step not in (0, "", ()) and not isinstance(step, Robot)

@@ -1,12 +1,11 @@
-"""The solver of type inference: types flow from cell to cell until nothing changes any more.
+"""The fixpoint solver of type inference: a work-list over cells whose types only widen.
 
-Cells only ever widen, and the lattice is a few steps high, so that it ends after few rounds. What is open when
-all else is settled is asked for by its fallbacks: of all types that they need it takes the narrowest. What it
-then is flows on, and so forth. The outcome does not depend on the order in which the program states things,
-unless things contradict each other.
+Termination: the lattice is a few steps high, so each cell changes a few times. After the forward pass a cell that is
+still open takes the narrowest type that its fallbacks offer; that type flows forward again, until no fallback offers
+anything. Without contradictions the result does not depend on the order of the program's items.
 
-Where a list flows, its items flow: each cell of a list has a cell for them. The type of a list that holds
-itself would have no end; lists are followed a bounded number deep.
+A list's items have a cell of their own, and flow where the list flows. The type of a list that contains itself would
+be infinite; nesting is cut off at a fixed depth.
 """
 
 from collections import deque
@@ -19,7 +18,7 @@ from rmr.lang.read.source_text import Span
 
 
 class Solver:
-    """The cells of one program and what flows between them."""
+    """The cells of one program and the flow edges between them."""
 
     def __init__(self) -> None:
         self._queue: deque[tuple[TypeCell, Sequence[TypeCell]]] = deque()
@@ -28,23 +27,24 @@ class Solver:
         self._linked: set[tuple[TypeCell, TypeCell]] = set()
         self._asked: set[tuple[TypeCell, TypeCell]] = set()
         self.endless = False
-        """Lists were nested deeper than values can be."""
+        """True after a list type exceeded the nesting bound of values."""
 
     def flow(self, source: TypeCell, target: TypeCell) -> None:
-        """Let `target` be at least as wide as `source`."""
+        """Add the constraint that `target` is at least as wide as `source`."""
         if not target.fixed:
             source.targets.append(target)
             self._pass(source, target)
 
     def fall_back(self, source: TypeCell, target: TypeCell) -> None:
-        """Let `target` be of `source`'s type if nothing else gives it one."""
+        """Add the default that `target` has the type of `source` if no flow gives it one."""
         if not target.fixed:
             source.fallbacks.append(target)
             self._sources[source] = None
 
     def solve(self) -> None:
-        """Let all types flow, first forward, then to what is still open."""
+        """Propagate all types: first forward, then in rounds to the cells that are still open."""
         self._settle()
+        # Later rounds start only from cells that changed; `_widen` collects them.
         self._fresh = [cell for cell in self._sources if cell.kind.base is not Base.OPEN]
         while wanted := self._ask():
             for cell, (kind, origin) in wanted.items():
@@ -65,7 +65,9 @@ class Solver:
         self._widen(target, source.kind, source.origin, mixed=source.mixed)
         if source.kind.base is not Base.LIST or target.kind.base is not Base.LIST:
             return
-        one, other = self._items(source), self._items(target)
+        one = self._items(source)
+        other = self._items(target)
+        # Each pair of item cells is linked once, however often its lists are passed.
         if one is not None and other is not None and (one, other) not in self._linked:
             self._linked.add((one, other))
             one.targets.append(other)
@@ -73,17 +75,19 @@ class Solver:
 
     def _widen(self, cell: TypeCell, kind: Type, origin: Span | None, *, mixed: bool = False) -> None:
         wider = join(cell.kind, kind)
+        # A float that ints flow into too ("mixed") needs a conversion at run time, even where its type stays float.
         mixes = wider.base is Base.FLOAT and (mixed or cell.mixed or Base.INT in {cell.kind.base, kind.base})
         if wider != cell.kind:
             cell.origin = origin
             self._fresh.append(cell)
         elif mixes == cell.mixed:
             return
-        cell.kind, cell.mixed = wider, mixes
+        cell.kind = wider
+        cell.mixed = mixes
         self._queue.append((cell, cell.targets))
 
     def _items(self, cell: TypeCell) -> TypeCell | None:
-        """Return the cell of a list's items, or None if lists were nested too deep."""
+        """Return the cell of a list's items, made on first use, or None beyond the nesting bound."""
         if cell.items is None and cell.depth < NESTING_MAX:
             cell.items = TypeCell(OPEN, None, depth=cell.depth + 1)
         self.endless |= cell.items is None
@@ -91,7 +95,7 @@ class Solver:
 
     @staticmethod
     def holds_itself(whole: TypeCell) -> bool:
-        """Whether a list's own type flows to its items, or to theirs, or theirs to its own."""
+        """Whether the list type is recursive: it flows to the items at some depth, or their type flows to it."""
         within: list[TypeCell] = []
         cell = whole.items
         while cell is not None:
@@ -99,15 +103,19 @@ class Solver:
             cell = cell.items
         return not _reached([whole]).isdisjoint(within) or whole in _reached(within)
 
-    # ---- to what is open
+    # ---- fallbacks of open cells
 
     def _ask(self) -> dict[TypeCell, tuple[Type, Span | None]]:
-        """Return what open cells are asked to be, the narrowest each, by what has a type since last time."""
+        """Return the types for open cells, the narrowest offered to each, offered by cells changed since last time.
+
+        Nothing is assigned here: all offers of a round are compared first, so that their order does not matter.
+        """
         wanted: dict[TypeCell, tuple[Type, Span | None]] = {}
         queue: deque[tuple[TypeCell, Sequence[TypeCell]]] = deque((cell, cell.fallbacks) for cell in self._fresh)
         self._fresh = []
         while queue:
             source, targets = queue.popleft()
+            # An open cell passes on the offer that it got itself.
             kind, origin = wanted.get(source, (source.kind, source.origin))
             for target in targets if kind.base is not Base.OPEN else ():
                 if target.kind.base is Base.OPEN and (target not in wanted or _key(kind) < _key(wanted[target][0])):
@@ -119,8 +127,9 @@ class Solver:
         return wanted
 
     def _ask_items(self, source: TypeCell, target: TypeCell) -> Iterator[tuple[TypeCell, Sequence[TypeCell]]]:
-        """Let the items of `target` fall back on those of `source`; yield these if they have not been asked."""
-        one, other = self._items(source), self._items(target)
+        """Add the fallback from the items of `source` to those of `target`; yield it the first time."""
+        one = self._items(source)
+        other = self._items(target)
         if one is not None and other is not None and (one, other) not in self._asked:
             self._asked.add((one, other))
             one.fallbacks.append(other)
@@ -128,7 +137,7 @@ class Solver:
 
 
 def _reached(cells: list[TypeCell]) -> set[TypeCell]:
-    """Return the cells to which types flow from any of `cells`."""
+    """Return the cells reachable from `cells` along flows and fallbacks."""
     seen = set(cells)
     queue = deque(cells)
     while queue:
@@ -140,5 +149,5 @@ def _reached(cells: list[TypeCell]) -> set[TypeCell]:
 
 
 def _key(kind: Type) -> tuple[int, bool]:
-    """Return what orders types, the narrower first; of types that contradict each other any one will do."""
+    """Return the sort key of types, narrowest first; the order of types that contradict each other is arbitrary."""
     return kind.base, not kind.name

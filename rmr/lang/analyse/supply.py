@@ -1,8 +1,8 @@
-"""Where the facts of a program come from: what it states, derives and reads, and what comes from outside.
+"""Reachability of facts: the sources of each predicate, and the rules that can never fire for want of one.
 
-Facts may arrive from outside (a lab, a sensor, an action in Python). So a declared predicate may have facts that the
-program never derives, whereas an undeclared one has only those that the program derives. A rule counts as able to fire
-if the facts that it needs may be there; of its conditions only equations of a variable with a constant are considered.
+Facts may arrive from outside (a lab, a sensor, an action in Python). A declared predicate may therefore have facts that
+the program never derives; an undeclared one has only those that the program derives. The analysis over-approximates:
+a rule can fire if its facts may exist, and of its conditions only equations of a variable with a constant count.
 """
 
 from collections.abc import Iterable, Iterator
@@ -29,27 +29,29 @@ from rmr.lang.read.syntax import (
 )
 
 COMPARED_MAX = 300_000
-"""Wanted facts held against derived ones, a second's work; what is not looked at any more is taken to match."""
+"""Budget of comparisons of wanted with derived facts, about a second; beyond it every fact counts as matching."""
 
 _DERIVING = {FactRole.FACT, FactRole.HEAD, FactRole.EFFECT}
+"""Roles of facts that the program produces."""
 _READING = {FactRole.BODY, FactRole.START, FactRole.FINISH, FactRole.GOAL}
+"""Roles of facts that the program consumes or waits for."""
 
 Known = dict[str, Literal]
-"""Variables that a rule equates with a constant."""
+"""Variables that a rule equates with a constant, and the constant."""
 
 
 @record
 class Firing:
-    """What a rule derives at one go, and the facts that must be there for it."""
+    """An edge of the dependency graph: the premises of a rule or inner body, and the predicates derived from them."""
 
     premises: list[FactNode]
     derived: tuple[str, ...]
     lacking: set[str]
-    """Of the premises' names those that nothing is known to derive."""
+    """Names of premises that no firing is known to be able to derive yet."""
 
 
 def _default_effects(names: Names) -> Iterator[str]:
-    """Yield the predicates of effects that provided actions have because they are declared without one."""
+    """Yield the predicates of the default effects of provided actions that are declared without effects."""
     for action in provided.ACTIONS.values():
         signature = names.signatures.get(action.name)
         declared = signature.declaration if signature is not None else None
@@ -58,7 +60,7 @@ def _default_effects(names: Names) -> Iterator[str]:
 
 
 class Supply:
-    """The facts of one program."""
+    """The sources and the readers of every predicate of one program."""
 
     def __init__(self, module: ModuleNode, names: Names) -> None:
         self._names = names
@@ -68,7 +70,7 @@ class Supply:
         self._compared = 0
         self._arriving = frozenset((*_default_effects(names), *names.given))
         self.firings: list[Firing] = []
-        """What rules derive, in their order."""
+        """The firings of all rules, in the order of the text."""
         for item in module.items:
             known = constants(item.body) if isinstance(item, RuleItem) else {}
             for use in uses(item):
@@ -82,11 +84,11 @@ class Supply:
                 self.firings += _firings(item)
 
     def comes(self, name: str) -> bool:
-        """Whether the program states or derives `name`, or something inserts it from outside."""
+        """Whether facts of `name` have any source: the program, or something outside."""
         return self._is_outside(name) or name in self._derived
 
     def inserted(self, name: str) -> bool:
-        """Whether facts of `name` are given to the run, or are the default effect of a provided action."""
+        """Whether facts of `name` are inserted into the run, or are the default effect of a provided action."""
         return name in self._arriving
 
     def is_derived(self, name: str) -> bool:
@@ -94,28 +96,29 @@ class Supply:
         return name in self._derived
 
     def is_read(self, name: str) -> bool:
-        """Whether a body, a goal or a time assertion looks for `name`."""
+        """Whether a body, a goal or a time assertion reads `name`."""
         return name in self._read
 
     def may_match(self, wanted: FactNode, known: Known) -> bool:
-        """Whether a fact that matches `wanted` may come about."""
+        """Whether some source may produce a fact that matches `wanted`."""
         name = wanted.name.text
         signature = self._names.of(wanted)
         if signature.kind in {Kind.SENSED, Kind.ACTION} or signature.provided or self.inserted(name):
             return True
         producers = self._derived.get(name, [])
-        # Declared and never derived: declared because something outside inserts it.
+        # Declared and never derived: the purpose of the declaration is that something outside inserts it.
         if not producers and signature.declaration is not None:
             return True
         self._compared += len(producers)
         return self._compared > COMPARED_MAX or any(_may_match(wanted, known, *producer) for producer in producers)
 
-    # ---- what nothing can begin
+    # ---- circular dependencies
 
     def circular(self) -> Iterator[tuple[FactNode, str]]:
-        """Yield premises of which nothing can be the first to be derived, one for each circle of rules, with its name.
+        """Yield one premise, with its name, for each cycle of rules in which none can fire first.
 
-        What comes from nowhere at all is somebody else's to report and taken to be there.
+        A premise without any source is reported elsewhere and counts as present here. Forward propagation from what
+        is present, as in the linear-time test of Horn clauses; what it does not reach depends on a cycle.
         """
         waiting: dict[str, list[Firing]] = {}
         deriving: dict[str, list[Firing]] = {}
@@ -130,15 +133,16 @@ class Supply:
                 ready.append(firing)
         _release(ready, waiting)
         for firing in self.firings:
+            # A reported premise counts as present afterwards, so that its cycle is reported once.
             while firing.lacking:
                 premise = _circle(firing, deriving)
                 yield premise, premise.name.text
                 _release(_supplied(premise.name.text, waiting), waiting)
 
     def unstarted(self) -> FactNode | None:
-        """Return the first premise that waits for a fact from outside, if no rule at all can fire without one.
+        """Return the first premise that only a fact from outside satisfies, if every rule has such a premise.
 
-        Persistent and sensed facts of declared predicates are data that somebody hands over: they may be there.
+        Persistent and sensed facts of declared predicates are input data and count as present.
         """
         if self._is_driven:
             return None
@@ -152,14 +156,14 @@ class Supply:
 
     @property
     def _is_driven(self) -> bool:
-        """Whether facts come from outside: the program declares a sensor, or watches what nobody states."""
+        """Whether the program is event-driven: it declares a sensor, or asserts about a fact that nothing states."""
         declared = (each for each in self._names.signatures.values() if each.declaration is not None)
         if any(each.kind is Kind.SENSED and each.name not in provided.PREDICATES for each in declared):
             return True
         return any(use.role is FactRole.START and self._is_awaited(use.fact.name.text) for use in self._names.uses)
 
     def _is_awaited(self, name: str) -> bool:
-        """Whether a temporary fact is declared, and not there when the program begins."""
+        """Whether facts of `name` are absent at the start and come later: derived, or declared temporary."""
         signature = self._names.signatures[name]
         if signature.provided or signature.declaration is None or signature.kind is not Kind.TEMPORARY:
             return name in self._derived and name not in self._begun and not self._is_outside(name)
@@ -174,7 +178,7 @@ class Supply:
 
 
 def only_stated(fact: FactNode, names: Names) -> bool:
-    """Whether facts of the predicate are stated as initial facts and come about in no other way."""
+    """Whether initial facts are the only source of the predicate."""
     signature = names.of(fact)
     if signature.kind is Kind.SENSED or signature.provided or fact.name.text in names.given:
         return False
@@ -192,7 +196,7 @@ def _has_use(fact: FactNode, names: Names, roles: set[FactRole]) -> bool:
 
 
 def _supplied(name: str, waiting: dict[str, list[Firing]]) -> list[Firing]:
-    """Return the firings that lack nothing any more now that `name` is there."""
+    """Return the firings whose last missing premise is `name`; remove `name` from all that lack it."""
     ready = []
     for firing in waiting.pop(name, ()):
         firing.lacking.discard(name)
@@ -202,13 +206,15 @@ def _supplied(name: str, waiting: dict[str, list[Firing]]) -> list[Firing]:
 
 
 def _release(ready: list[Firing], waiting: dict[str, list[Firing]]) -> None:
+    """Propagate the derived predicates of `ready` firings until no further firing becomes ready."""
     while ready:
         for name in ready.pop().derived:
             ready += _supplied(name, waiting)
 
 
 def _circle(firing: Firing, deriving: dict[str, list[Firing]]) -> FactNode:
-    """Return a premise that waits for itself, by going back from `firing` through what each waits for."""
+    """Return a premise on a cycle: follow lacking premises backwards from `firing` until one repeats."""
+    # Ends: a lacking premise has a deriving rule (else it counts as present), and that rule lacks one as well.
     seen: dict[str, FactNode] = {}
     while True:
         premise = next(fact for fact in firing.premises if fact.name.text in firing.lacking)
@@ -226,6 +232,7 @@ def _firings(rule: RuleItem) -> Iterator[Firing]:
             case ComprehensionNode(body=body):
                 yield Firing([*premises, *_premises(body)], tuple(_names([part])), set())
             case AggregateNode(body=body, operator=operator):
+                # `count`, `sum` and `collect` derive a value of no match, too: their body is no premise.
                 inner = _premises(body) if operator.text in WINNING else ()
                 yield Firing([*premises, *inner], tuple(_names([part])), set())
             case _:
@@ -237,7 +244,7 @@ def _premises(body: tuple[Conjunct, ...]) -> Iterator[FactNode]:
 
 
 def _names(head: Iterable[HeadItem]) -> Iterator[str]:
-    """Yield the names of the facts that parts of a head derive; goals are no facts."""
+    """Yield the predicates of the facts that parts of a head derive, goals excluded."""
     for part in head:
         match part:
             case FactNode():
@@ -249,14 +256,16 @@ def _names(head: Iterable[HeadItem]) -> Iterator[str]:
         yield from (fact.name.text for fact in facts if fact.mark is not Mark.GOAL)
 
 
-# ---- what may match
+# ---- unification of constants
 
 
 def _may_match(wanted: FactNode, known: Known, producer: FactNode, given: Known) -> bool:
-    """Whether the constants of two facts agree, those of variables that stand twice too."""
+    """Whether the constants of two facts unify, repeated variables of either side included."""
+
     bound: dict[tuple[bool, str], Value] = {}
     for one, other in zip(wanted.arguments, producer.arguments, strict=False):
-        here, there = _constant(one, known), _constant(other, given)
+        here = _constant(one, known)
+        there = _constant(other, given)
         if here is not None and there is not None and here.value != there.value:
             return False
         for named, side, value in ((True, one, there), (False, other, here)):

@@ -1,6 +1,6 @@
-"""What types must be, looked at when all of them are known.
+"""Type demands: checks that are deferred until the solver has finished.
 
-So each contradiction is reported once, against the final types and with the places that they come from.
+Each contradiction is thus reported once, against the final types, with the places that they come from.
 """
 
 import re
@@ -16,7 +16,7 @@ from rmr.lang.read.syntax import Expression, Literal
 
 
 def notes(span: Span, *cells: TypeCell) -> tuple[DiagnosticNote, ...]:
-    """Return the places from which `cells` have their types, as far as they are not `span`."""
+    """Return notes with the origins of the types of `cells`, `span` excluded, each once."""
     found: list[DiagnosticNote] = []
     for cell in cells:
         inner = cell.innermost
@@ -27,7 +27,7 @@ def notes(span: Span, *cells: TypeCell) -> tuple[DiagnosticNote, ...]:
 
 
 def literal_hint(expression: Expression, wanted: Type) -> str | None:
-    """Return how a literal is written that is to be of type `wanted`, if it looks like one of another type."""
+    """Return the hint for a literal that looks like a misspelt one of type `wanted`, or None."""
     if not isinstance(expression, Literal):
         return None
     value = expression.value
@@ -57,27 +57,27 @@ def _unquoted(expression: Expression) -> str | None:
 
 
 class Demands:
-    """What must hold of the types of one program."""
+    """The deferred checks of one program."""
 
     def __init__(self, found: Diagnostics) -> None:
         self._found = found
         self._checks: list[Callable[[], None]] = []
 
     def later(self, check: Callable[[], None]) -> None:
-        """Run `check` when all types are known."""
+        """Defer `check` until all types are known."""
         self._checks.append(check)
 
     def check(self) -> None:
-        """Report what contradicts itself, now that all types are known."""
+        """Run the deferred checks in the order of their registration."""
         for check in self._checks:
             check()
 
     def contradiction(
         self, message: str, span: Span, *cells: TypeCell, code: str = "E020", hint: str | None = None
     ) -> None:
-        """Report that types contradict each other, with the places that `cells` have theirs from.
+        """Report a contradiction of types, with the origins of `cells` as notes.
 
-        What follows from a mistake at the same place is not told.
+        Nothing is reported at a place that has an error already: it would be a consequence of that one.
         """
         if not self._found.wrong_at(span):
             self._found.report(code, message, span, hint=hint, notes=notes(span, *cells))
@@ -88,7 +88,7 @@ class Demands:
         """Report that `expression` is not what `message` says it must be."""
         self.contradiction(f"{message}, this is {described(cell.type)}", expression.span, cell, code=code, hint=hint)
 
-    # ---- what an expression must be
+    # ---- demands on an expression
 
     def robot(self, expression: Expression, cell: TypeCell, message: str) -> None:
         """Demand a robot."""

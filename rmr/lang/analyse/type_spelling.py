@@ -1,4 +1,4 @@
-"""Types and declarations as a source text spells them."""
+"""Types and declarations in the syntax of the language."""
 
 from rmr.bytecode.program import Base, Type
 
@@ -11,11 +11,11 @@ SYNONYMS = {
     "str": "string",
     "text": "string",
 }
-"""What other languages call the built-in types."""
+"""Names of the built-in types in other languages."""
 
 
 def type_text(kind: Type) -> str:
-    """Return `kind` as the source spells it; a symbol of no particular set is a ``symbol``."""
+    """Return `kind` in the syntax of the language; a symbol of no set is ``symbol``."""
     if kind.base is Base.LIST:
         return "list" if kind.element is None else f"list {type_text(kind.element)}"
     if kind.base is Base.SYMBOL:
@@ -24,6 +24,7 @@ def type_text(kind: Type) -> str:
 
 
 def declaration_text(name: str, types: tuple[Type, ...], word: str) -> str:
-    """Return how to declare it: ``type action moveto(robot, area).``"""
+    """Return a declaration, such as ``type action moveto(robot, area).``"""
+
     arguments = ", ".join(["robot", *(type_text(kind) for kind in types)])
     return f"type {word}{name}({arguments})."

@@ -1,7 +1,7 @@
-"""Types: the narrow lattice in which they are inferred, and the functions that programs may call.
+"""The type lattice of inference, its cells, and the types of literals.
 
-Open, then int, then float; a symbol of no particular set, then of a set; lists as their items. Everything else
-stands by itself.
+Order, narrow to wide: open, int, float; open, symbol of no set, symbol of one set; lists as their items. All other
+types are comparable with open only.
 """
 
 from collections.abc import Iterator
@@ -22,15 +22,16 @@ INT = Type(Base.INT)
 FLOAT = Type(Base.FLOAT)
 SYMBOL = Type(Base.SYMBOL)
 LIST = Type(Base.LIST)
-"""Of whatever items."""
+"""A list type without an element type."""
 
 NUMBERS = {Base.INT, Base.FLOAT}
+"""Bases of the operands of arithmetic."""
 ORDERED = {Base.INT, Base.FLOAT, Base.STRING, Base.OPEN}
-"""What `<` and its like compare; what nothing fixes may be of any type."""
+"""Bases of the operands of `<`, `<=`, `>` and `>=`; OPEN may turn out to be any of them."""
 
 
 class TypeCell:
-    """The type of one argument, variable or expression."""
+    """The type variable of one argument, variable or expression: a node of the solver's graph."""
 
     __slots__ = ("depth", "fallbacks", "fixed", "items", "kind", "mixed", "origin", "targets")
 
@@ -45,31 +46,32 @@ class TypeCell:
         depth: int = 0,
     ) -> None:
         self.kind = kind
-        """Of a list without that of its items."""
+        """The present type; for a list without the element type, which is in `items`."""
         self.origin = origin
-        """Where it got its type."""
+        """The place in the source that gave the type, for the notes of a diagnostic."""
         self.fixed = fixed
+        """True for a declared type: flows never change it."""
         self.mixed = mixed
-        """A float that may be an int when the program runs."""
+        """True for a float whose value may be an int at run time and needs a conversion."""
         self.items = items
-        """Of a list: the type of its items."""
+        """The cell of a list's items; None until it is needed."""
         self.depth = depth
-        """In how many lists it stands."""
+        """Number of lists around this cell."""
         self.targets: list[TypeCell] = []
-        """Its type flows there."""
+        """Flow edges: cells that become at least as wide as this one."""
         self.fallbacks: list[TypeCell] = []
-        """These take its type if nothing else gives them one."""
+        """Default edges: cells that take this type if no flow gives them one."""
 
     @property
     def type(self) -> Type:
-        """The whole type; of items that nothing fixes it is open."""
+        """The complete type, element types included; unknown ones are open."""
         if self.kind.base is not Base.LIST:
             return self.kind
         return Type(Base.LIST, element=OPEN if self.items is None else self.items.type)
 
     @property
     def innermost(self) -> "TypeCell":
-        """Of a list: the items' cell, of lists in lists the innermost; else the cell itself."""
+        """The cell of the items of nested lists at the innermost level; the cell itself if it is no list."""
         cell = self
         while cell.kind.base is Base.LIST and cell.items is not None:
             cell = cell.items
@@ -80,7 +82,8 @@ def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool
     """Return a cell of type `kind`, with cells for the items of lists."""
     whole = cell = TypeCell(kind, origin, fixed=fixed)
     while kind.base is Base.LIST:
-        cell.kind, kind = LIST, kind.element or OPEN
+        cell.kind = LIST
+        kind = kind.element or OPEN
         cell.items = TypeCell(kind, origin, fixed=fixed and kind.base is not Base.OPEN, depth=cell.depth + 1)
         cell = cell.items
     cell.mixed = mixed
@@ -88,23 +91,23 @@ def cell_of(kind: Type, origin: Span | None, *, fixed: bool = False, mixed: bool
 
 
 CALLABLE = {function.name: function for function in FUNCTIONS if not function.internal}
-"""The functions that programs may call, by name; beside them there is `if`."""
+"""The functions that programs may call, by name; `if` is separate, since it evaluates one branch only."""
 
 TIMED = frozenset(function.name for function in CALLABLE.values() if function.timed)
-"""Those whose value depends on the time."""
+"""The callable functions whose value depends on the time."""
 
 RESULTS = {Gives.NUMBER: OPEN, Gives.INT: INT, Gives.FLOAT: FLOAT, Gives.BOOL: BOOL}
-"""The types of results that no list determines; OPEN is the joint type of the arguments."""
+"""Result types of functions without a list argument; OPEN stands for the join of the arguments' types."""
 
 WINNING = ("min", "max")
-"""Aggregates that one match wins: they derive nothing of no match, and their head sees the match's variables."""
+"""Aggregates with a witness: without a match they derive nothing, and their head sees the winning match's variables."""
 
 SORTED = {Base.INT, Base.FLOAT, Base.STRING, Base.SYMBOL, Base.ROBOT, Base.OPEN}
-"""What the items of a list are that `sort` takes."""
+"""Element types of the lists that `sort` accepts."""
 
 
 def join(one: Type, other: Type) -> Type:
-    """Return the narrowest type that holds both; of a contradiction, the first."""
+    """Return the least upper bound of two types; the first of two that contradict each other."""
     if one.base is Base.OPEN:
         return other
     if one.base is Base.LIST and other.base is Base.LIST:
@@ -117,7 +120,7 @@ def join(one: Type, other: Type) -> Type:
 
 
 def compatible(one: Type, other: Type) -> bool:
-    """Whether a value may be of both types, ints counting as floats."""
+    """Whether two types have values in common, an int counting as a float too."""
     if Base.OPEN in {one.base, other.base} or (one.base in NUMBERS and other.base in NUMBERS):
         return True
     if one.base is Base.SYMBOL and other.base is Base.SYMBOL:
@@ -128,19 +131,19 @@ def compatible(one: Type, other: Type) -> bool:
 
 
 def fits(value: Type, target: Type) -> bool:
-    """Whether a value of the one type can be given to the other; a float is no int."""
+    """Whether a value of type `value` can be assigned to `target`: compatible, and no float in the place of an int."""
     if value.base is Base.LIST and target.base is Base.LIST:
         return fits(value.element or OPEN, target.element or OPEN)
     return compatible(value, target) and not (value.base is Base.FLOAT and target.base is Base.INT)
 
 
 def literal_type(literal: Literal) -> Type:
-    """Return the type of a constant; of a list's items the narrowest that holds all."""
+    """Return the type of a literal; the element type of a list is the join of its items' types."""
     return value_type(literal.value)
 
 
 def converted(value: Value, kind: Type) -> Value:
-    """Return `value` as an argument of type `kind` holds it: an int given to a float becomes one, in a list too."""
+    """Return `value` converted to type `kind`: ints become floats where it says float, within lists too."""
     if kind.base is Base.FLOAT and type(value) is int:
         return float(value)
     if kind.element is not None and isinstance(value, tuple):
@@ -168,7 +171,7 @@ def value_type(value: Value) -> Type:
 
 
 def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
-    """Return the variables that facts of `body` bind."""
+    """Return the variables that positive facts of `body` bind."""
     return frozenset(
         argument.name
         for conjunct in body
@@ -179,7 +182,7 @@ def matched_variables(body: tuple[Conjunct, ...]) -> frozenset[str]:
 
 
 def constants(body: tuple[Conjunct, ...]) -> dict[str, Literal]:
-    """Return the variables that `body` equates with a constant, and the first such constant of each."""
+    """Return the variables that `body` equates with a constant, each with its first such constant."""
     found: dict[str, Literal] = {}
     for conjunct in body:
         equation = equation_of(conjunct)
@@ -189,7 +192,7 @@ def constants(body: tuple[Conjunct, ...]) -> dict[str, Literal]:
 
 
 def equation_of(conjunct: Conjunct) -> tuple[str, Literal] | None:
-    """Return variable and constant if `conjunct` equates the two."""
+    """Return the variable and the constant of an equation between the two, or None for any other conjunct."""
     match conjunct:
         case Condition(expression=Binary("=", Variable(name=name), Literal() as value)) if name != "_":
             return name, value
@@ -200,14 +203,15 @@ def equation_of(conjunct: Conjunct) -> tuple[str, Literal] | None:
 
 
 def literal_cell(literal: Literal) -> TypeCell:
-    """Return a constant's cell."""
+    """Return the cell of a literal."""
     kind = literal_type(literal)
+    # `[1, 2.5]` is a list of floats whose first item is still an int: it needs a conversion.
     mixed = isinstance(literal.value, tuple) and any(type(each) is int for each in leaves(literal.value))
     return cell_of(kind, literal.span, mixed=mixed and innermost(kind).base is Base.FLOAT)
 
 
 def leaves(value: Value) -> Iterator[Value]:
-    """Yield what a list holds, and lists in it; else the value itself."""
+    """Yield the values in nested lists that are no lists; the value itself if it is no list."""
     if not isinstance(value, tuple):
         yield value
         return
@@ -216,7 +220,7 @@ def leaves(value: Value) -> Iterator[Value]:
 
 
 def innermost(kind: Type) -> Type:
-    """Return the type of a list's items, of lists in lists that of the innermost; else the type itself."""
+    """Return the element type of nested lists at the innermost level; the type itself if it is no list."""
     while kind.base is Base.LIST and kind.element is not None:
         kind = kind.element
     return kind
@@ -224,24 +228,25 @@ def innermost(kind: Type) -> Type:
 
 @record
 class Types:
-    """What inference found out."""
+    """The result of inference."""
 
     positions: dict[str, list[TypeCell]]
-    """By predicate: its arguments' cells, the owner's first."""
+    """Cells of the arguments by predicate, the owner's first."""
     expressions: dict[Span, TypeCell]
+    """Cells of all expressions by place."""
 
     def arguments(self, name: str) -> tuple[Type, ...]:
         """Return the types of a predicate's arguments after the owner."""
         return tuple(cell.type for cell in self.positions[name][1:])
 
     def certainly_float(self, expression: Expression) -> bool:
-        """Whether the expression's value, of a list its items, needs no conversion to float."""
+        """Whether the value of the expression (of its items, for a list) is a float without conversion."""
         cell = self.expressions.get(expression.span)
         return cell is not None and cell.innermost.kind.base is Base.FLOAT and not cell.innermost.mixed
 
 
 def described(kind: Type) -> str:
-    """Return `kind` as a sentence says it: an int, a symbol of `area`, a list of ints."""
+    """Return the English noun phrase for one value of type `kind`: an int, a symbol of `area`, a list of ints."""
     text = type_text(kind)
     if kind.base is Base.SYMBOL:
         return f"a symbol of `{text}`" if kind.name else "a symbol"
@@ -252,7 +257,7 @@ def described(kind: Type) -> str:
 
 
 def several(kind: Type) -> str:
-    """Return what several values of type `kind` are called: ints, symbols of `area`, lists of ints."""
+    """Return the English plural for values of type `kind`: ints, symbols of `area`, lists of ints."""
     one = described(kind).removeprefix("an ").removeprefix("a ")
     first, *rest = one.split(" ", 1)
     return " ".join([f"{first}s", *rest])

@@ -1,7 +1,7 @@
-"""What is wrong with a program, as data.
+"""Diagnostics as data: errors and warnings about a program.
 
 A diagnostic answers three questions: what is wrong, where, and what to do. It is collected, never raised, and
-rendered elsewhere (`render`). Codes are stable: a code that is no longer used is not used for anything else.
+rendered elsewhere (`render`). Codes are stable: a retired code is never reused.
 """
 
 from collections.abc import Iterable
@@ -11,11 +11,11 @@ from rmr.base.record import record
 from rmr.lang.read.source_text import Span
 
 DIAGNOSTICS_MAX = 500
-"""Errors, and warnings, that are kept. Nobody reads more, and a file of garbage must not cost memory without bound."""
+"""Largest number of errors, and of warnings, that are kept: a file of garbage must not cost memory without bound."""
 
 
 HINTED_MAX = 100
-"""Diagnostics that get a hint that has to be searched for."""
+"""Number of diagnostics after which no hint is searched for."""
 
 
 class Severity(Enum):
@@ -72,7 +72,7 @@ CODES: dict[str, str] = {
 
 @record
 class DiagnosticNote:
-    """A secondary place and what it has to do with the matter."""
+    """A secondary place of a diagnostic, with its role."""
 
     span: Span
     message: str
@@ -106,7 +106,7 @@ class Diagnostics:
     def report(
         self, code: str, message: str, span: Span, *, hint: str | None = None, notes: tuple[DiagnosticNote, ...] = ()
     ) -> None:
-        """Add one; the same mistake at the same place counts once."""
+        """Add a diagnostic; one with equal code, message and place counts once."""
         assert code in CODES, code
         diagnostic = Diagnostic(code, message, span, hint, notes)
         found = self._found[diagnostic.severity]
@@ -121,13 +121,13 @@ class Diagnostics:
             found[key] = diagnostic
 
     def branch(self) -> "Diagnostics":
-        """Return an empty collection that knows where errors have been reported."""
+        """Return an empty collection that shares the places of errors, for findings that may be discarded."""
         branch = Diagnostics()
         branch._wrong = set(self._wrong)
         return branch
 
     def absorb(self, other: "Diagnostics") -> None:
-        """Take over what `other` holds."""
+        """Add the diagnostics of `other`."""
         for found in other._found.values():
             for each in found.values():
                 self.report(each.code, each.message, each.span, hint=each.hint, notes=each.notes)
@@ -136,7 +136,7 @@ class Diagnostics:
 
     @property
     def errors(self) -> list[Diagnostic]:
-        """The errors that are kept, in the order of their reports."""
+        """The kept errors in the order of their reports."""
         return list(self._found[Severity.ERROR].values())
 
     def wrong_within(self, span: Span) -> bool:
@@ -144,14 +144,14 @@ class Diagnostics:
         return any(each.file == span.file and span.start <= each.start and each.end <= span.end for each in self._wrong)
 
     def noted(self, span: Span) -> bool:
-        """Whether an error names `span` as what it comes from."""
+        """Whether an error has a note at `span`."""
         return any(note.span == span for each in self.errors for note in each.notes)
 
     def keep_syntax_errors_only(self, span: Span) -> None:
-        """Drop all but syntax errors of the item at `span`, whose repair may have changed its meaning."""
+        """Suppress all but syntax errors in the item at `span`, whose repair may have changed its meaning."""
         self._uncertain.append(span)
 
-    def _is_told(self, each: Diagnostic) -> bool:
+    def _is_shown(self, each: Diagnostic) -> bool:
         if each.code.startswith("E00"):
             return True
         inside = (span.start <= each.span.start < span.end for span in self._uncertain if span.file == each.span.file)
@@ -171,23 +171,23 @@ class Diagnostics:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of diagnostics, dropped ones included."""
         return sum(len(found) for found in self._found.values()) + sum(self._dropped.values())
 
     @property
     def many(self) -> bool:
-        """Whether there are so many that no more effort is spent on hints."""
+        """Whether hints are no longer searched for, because of `HINTED_MAX`."""
         return self.count >= HINTED_MAX
 
     @property
     def failed(self) -> bool:
-        """Whether there is an error among them."""
+        """Whether an error has been reported."""
         return bool(self._found[Severity.ERROR])
 
     def in_order(self, files: Iterable[str] = ()) -> list[Diagnostic]:
-        """Return them in source order, `files` one after the other, and at the end how many are left out."""
+        """Return the diagnostics in source order, file by file as in `files`, then the numbers of dropped ones."""
         rank = {file: index for index, file in enumerate(files)}
-        every = [each for found in self._found.values() for each in found.values() if self._is_told(each)]
+        every = [each for found in self._found.values() for each in found.values() if self._is_shown(each)]
         every.sort(key=lambda each: (rank.get(each.span.file, 0), each.span.start, each.code))
         for severity, code in ((Severity.ERROR, "E007"), (Severity.WARNING, "W109")):
             if dropped := self._dropped[severity]:

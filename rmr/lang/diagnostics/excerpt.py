@@ -1,8 +1,8 @@
-"""Lines of a source with a place in them underlined, as a terminal shows them.
+"""Source excerpts for a terminal: lines with a place underlined.
 
-What cannot be printed is replaced, a tab is a space, and a wide character (East Asian Width W or F) takes two
-columns, so that the marks stand below what they mean. Of a very long line the part around the place is shown, of
-very many lines the first ones and the last.
+So that the marks are aligned with the text, unprintable characters are replaced, a tab is one space, and a wide
+character (East Asian Width W or F) takes two columns. A long line is cut to the part around the place, a long range to
+its first lines and the last.
 """
 
 from collections.abc import Callable, Iterator
@@ -10,17 +10,17 @@ from collections.abc import Callable, Iterator
 from rmr.lang.read.source_text import SourceText, Span
 
 LINE_SHOWN_MAX = 200
-"""Characters of a line that are shown."""
+"""Largest number of characters shown of a line."""
 
 LINES_SHOWN_MAX = 5
-"""Lines of one place that are shown."""
+"""Largest number of lines shown of one place."""
 
 GAP = "  ... |"
-"""Stands for the lines that are not."""
+"""The line in place of omitted ones."""
 
 
 def excerpt(source: SourceText, span: Span, underlined: Callable[[int], str]) -> list[str]:
-    """Return the lines of a place, each with a line below that marks it; `underlined` makes so many marks."""
+    """Return the lines of a place, each with a line of marks below; `underlined` returns marks of a given width."""
     shown: list[str] = []
     previous = None
     for number in _numbers(source, span):
@@ -41,7 +41,8 @@ def _numbers(source: SourceText, span: Span) -> list[int]:
 
 def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int], str]) -> Iterator[str]:
     """Yield a line and the marks below it, none below a blank line."""
-    line, offset = source.line(number), source.starts[number - 1]
+    line = source.line(number)
+    offset = source.starts[number - 1]
     start = span.start - offset if span.start >= offset else len(line) - len(line.lstrip())
     end = max(start, min(len(line), span.end - offset))
     first = max(0, start - LINE_SHOWN_MAX // 2) if len(line) > LINE_SHOWN_MAX else 0
@@ -54,14 +55,14 @@ def _line(source: SourceText, number: int, span: Span, underlined: Callable[[int
 
 
 def visible(text: str) -> str:
-    """Return `text` without characters that would move the cursor or control a terminal; a tab is a space."""
+    """Return `text` with control characters replaced; white space becomes a space."""
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else " " if each in "\t\n\r" else "\ufffd" for each in text)
 
 
 def _width(text: str) -> int:
-    """Return how many columns `text` takes."""
+    """Return the width of `text` in columns."""
     if text.isascii():
         return len(text)
     from unicodedata import combining, east_asian_width  # noqa: PLC0415 - few sources need its tables

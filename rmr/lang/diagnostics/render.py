@@ -6,7 +6,11 @@ from rmr.lang.diagnostics.diagnostic import Diagnostic, Severity
 from rmr.lang.diagnostics.excerpt import excerpt, visible
 from rmr.lang.read.source_text import SourceText, Span
 
-_BOLD, _RED, _YELLOW, _BLUE, _RESET = "\x1b[1m", "\x1b[31m", "\x1b[33m", "\x1b[34m", "\x1b[0m"
+_BOLD = "\x1b[1m"
+_RED = "\x1b[31m"
+_YELLOW = "\x1b[33m"
+_BLUE = "\x1b[34m"
+_RESET = "\x1b[0m"
 
 
 def render_text(diagnostics: Iterable[Diagnostic], sources: Mapping[str, SourceText], color: bool) -> str:

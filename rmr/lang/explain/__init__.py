@@ -19,19 +19,20 @@ from rmr.lang.read.syntax import GoalItem
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What there is to say about one program."""
+    """The explanation of one program."""
 
     file: str
     goals: tuple[ExplainedGoal, ...]
     assertions: tuple[ExplainedAssertion, ...]
     rules: tuple[ExplainedRule, ...]
-    """In the order of the program; elsewhere rules are told by their place here."""
+    """Rules in the order of the program; other parts refer to a rule by its index here."""
     columns: ExplainedColumns
 
 
 def explain(compilation: Compilation) -> Explanation | None:
     """Explain a program without errors; None if it has some."""
-    program, checked = compilation.program, compilation.checked
+    program = compilation.program
+    checked = compilation.checked
     if program is None or checked is None:
         return None
     texts = Texts(compilation.sources)

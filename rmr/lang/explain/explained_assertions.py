@@ -7,15 +7,15 @@ from rmr.analysis.backward_chaining import term_of
 from rmr.bytecode.heads import items
 from rmr.bytecode.program import Assertion, Constant, DeriveAction, Derived, Kind, Pattern, Program, Serving
 from rmr.lang.explain.texts import PredicateNames, Spot, Texts
-from rmr.lang.lower.servers import Passed, Served, Servers, told
+from rmr.lang.lower.servers import Passed, Served, Servers, assertion_term
 from rmr.lang.lower.time_assertions import Watched
 from rmr.lang.read.syntax import Expression, Literal
 
 ORIGINS_MAX = 20
-"""Facts told that lead to a finish fact which no action serves."""
+"""Largest number of listed facts that lead to a finish fact which no action serves."""
 
 STEPS_MAX = 10_000
-"""Steps that are listed of all paths from effects to finish facts; of more only the number is given."""
+"""Largest number of listed steps of all paths from effects to finish facts; of further ones only the number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +31,13 @@ class ServingAction:
     """An action that is held back until the job's robot has its turn."""
 
     action: str
-    """With the arguments that it must have; `_` is anything."""
+    """The action with its required arguments; `_` is a wildcard."""
     effect: str
-    """What it brings about."""
+    """The fact that its completion inserts."""
     way: tuple[WayStep, ...]
-    """How rules lead on to the finish fact; none: the effect is it."""
+    """The rules from the effect to the finish fact; empty if the effect is the finish fact."""
     way_left_out: int
-    """Steps that are not told."""
+    """Number of steps that are not listed."""
     derived_by: tuple[int, ...]
     """The rules that derive such an action."""
 
@@ -60,22 +60,22 @@ class ExplainedAssertion:
     name: str
     place: Spot
     robot: str
-    """Where its jobs live: a variable for every robot."""
+    """The robot that holds its jobs; a variable for every robot."""
     starts_with: str
     ends_with: str
     ends_at: str
     """The robot that has the finish fact."""
     deadline: str
-    """After the start, with its unit."""
+    """The relative deadline with its unit."""
     violation: str
     scheduled: bool
     event: str | None
-    """What its jobs contend for; None: it is only watched."""
+    """The event (shared resource) of its jobs; None if it is only watched."""
     serving: tuple[ServingAction, ...]
     origins: tuple[Origin, ...]
-    """If no action serves it: what leads to the finish fact, the finish fact first."""
+    """Without a serving action: the facts that lead to the finish fact, the finish fact first."""
     cut: bool
-    """More leads there than anybody looks at."""
+    """True if the search budget was exhausted."""
 
 
 class AssertionExplainer:
@@ -89,10 +89,12 @@ class AssertionExplainer:
 
     def explain(self, watched: Watched, assertion: Assertion) -> ExplainedAssertion:
         """Return what serves an assertion, or where its finish fact comes from if nothing does."""
-        item, line = watched.item, self._texts.line
-        home, owner = line(item.start.arguments[0].span), line(item.finish.arguments[0].span)
+        item = watched.item
+        line = self._texts.line
+        home = line(item.start.arguments[0].span)
+        owner = line(item.finish.arguments[0].span)
         args = [line(each.span) for each in item.finish.arguments[1:]]
-        told = _Told(self._program, PredicateNames(watched.environment), home, owner)
+        labels = _Labels(self._program, PredicateNames(watched.environment), home, owner)
         walk = self._servers.walk(assertion)
         serving = walk.served if assertion.scheduled else ()
         first = {each.predicate: each for each in reversed(walk.passed)}
@@ -108,28 +110,28 @@ class AssertionExplainer:
             violation=line(item.violation.span),
             scheduled=assertion.scheduled,
             event=_event(assertion.name, args) if serving else None,
-            serving=tuple(self._serving(serving, told)),
-            origins=tuple([self._origin(each, told) for each in unserved[:ORIGINS_MAX]]),
+            serving=tuple(self._serving(serving, labels)),
+            origins=tuple([self._origin(each, labels) for each in unserved[:ORIGINS_MAX]]),
             cut=walk.cut,
         )
 
-    def _serving(self, serving: Iterable[Served], told: "_Told") -> Iterator[ServingAction]:
-        """Yield how actions serve, with so many steps of the ways as may be told."""
+    def _serving(self, serving: Iterable[Served], labels: "_Labels") -> Iterator[ServingAction]:
+        """Yield the serving actions, with their paths cut to the remaining budget of steps."""
         for served in serving:
-            way = list(_way(served.effect, told))
+            way = list(_way(served.effect, labels))
             steps = way[: self._left]
             self._left -= len(steps)
             yield ServingAction(
-                action=told.action(served.serving),
-                effect=told.fact(served.effect),
+                action=labels.action(served.serving),
+                effect=labels.fact(served.effect),
                 way=tuple(steps),
                 way_left_out=len(way) - len(steps),
                 derived_by=self._derived_by(served.serving),
             )
 
-    def _origin(self, passed: Passed, told: "_Told") -> Origin:
+    def _origin(self, passed: Passed, labels: "_Labels") -> Origin:
         return Origin(
-            fact=told.fact(passed),
+            fact=labels.fact(passed),
             rules=self._servers.deriving(passed),
             stated=any(fact.predicate == passed.predicate for fact in self._program.facts),
             sensed=self._program.predicates[passed.predicate].kind is Kind.SENSED,
@@ -142,18 +144,18 @@ class AssertionExplainer:
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
-    """Facts and actions in the words of one assertion."""
+class _Labels:
+    """Texts of facts and actions with the variable names of one assertion."""
 
     program: Program
     names: PredicateNames
     home: str
     owner: str
-    """The finish fact's."""
+    """The owner of the finish fact."""
 
     def fact(self, passed: Passed) -> str:
         owner = self.owner if passed.towards is None else self.home
-        return self._term(passed.predicate, owner, (told(arg) for arg in passed.args))
+        return self._term(passed.predicate, owner, (assertion_term(arg) for arg in passed.args))
 
     def action(self, serving: Serving) -> str:
         return self._term(serving.action, self.home, serving.args)
@@ -163,17 +165,17 @@ class _Told:
         return f"{name}({', '.join([owner, *map(self.names.term, args)])})"
 
 
-def _way(passed: Passed, told: _Told) -> Iterator[WayStep]:
+def _way(passed: Passed, labels: _Labels) -> Iterator[WayStep]:
     """Yield the rules that lead from a fact to the finish fact."""
     while passed.towards is not None:
         assert passed.derivation is not None
         assert passed.derivation.rule is not None
-        yield WayStep(passed.derivation.rule, told.fact(passed.towards))
+        yield WayStep(passed.derivation.rule, labels.fact(passed.towards))
         passed = passed.towards
 
 
 def _seconds(deadline: Expression, text: str) -> str:
-    """Return a deadline with its unit, whatever the one in which it is written."""
+    """Return a deadline in seconds, with the unit."""
     value = deadline.value if isinstance(deadline, Literal) else None
     return f"{value:g} s" if isinstance(value, int | float) else f"{text} s"
 

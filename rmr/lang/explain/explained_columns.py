@@ -7,16 +7,16 @@ from rmr.bytecode.program import Program
 from rmr.lang.explain.texts import Spot
 
 OBSTACLES_MAX = 1000
-"""Obstacles that are listed; of more only the number is given."""
+"""Largest number of listed obstacles; of further ones only the number."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExplainedObstacle:
-    """Something that stands in the way."""
+    """A property of the program that rules out columns."""
 
     text: str
     place: Spot | None
-    """Where; None: nowhere in particular."""
+    """The place in the source; None if it concerns the whole program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class ExplainedColumns:
 def explain_columns(program: Program) -> ExplainedColumns:
     """Return whether `program` suits columns, and if not, why."""
     found = obstacles(program)
-    told = tuple([ExplainedObstacle(each.text, _spot(each)) for each in found[:OBSTACLES_MAX]])
-    return ExplainedColumns(not found, told, len(found) - len(told))
+    listed = tuple([ExplainedObstacle(each.text, _spot(each)) for each in found[:OBSTACLES_MAX]])
+    return ExplainedColumns(not found, listed, len(found) - len(listed))
 
 
 def _spot(obstacle: Obstacle) -> Spot | None:

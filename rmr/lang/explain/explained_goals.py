@@ -10,7 +10,7 @@ from rmr.lang.lower.goal_paths import GoalPaths, LeadingRank, TooMuch, agrees
 from rmr.lang.read.syntax import GoalItem
 
 WAYS_MAX = 10_000
-"""Rules that are listed for all goals of a program; of more only the number is given."""
+"""Largest number of listed rules for all goals of a program; of further ones only the number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,17 +20,17 @@ class LeadingRule:
     rule: int
     """Index into the program's rules."""
     rank: int | None
-    """How many further firings are needed after one of this rule; None: it depends on the match or the robot."""
+    """Number of further firings after one of this rule; None: it depends on the match or the robot."""
     rank_min: int
-    """How many at least."""
+    """Least number of further firings."""
     derives: str
     """The fact that leads there."""
     owner: str | None
-    """What must be the robot itself for the fact to stay at home; None: it is."""
+    """The term that must equal the robot itself for the fact to stay at home; None if it always does."""
     action: str | None
-    """The action of the head of which this fact is the declared effect; None: the head says it."""
+    """The action with the fact as declared effect; None if the head derives the fact."""
     needed_by: int | None
-    """The rule that needs the fact; None: it is the goal."""
+    """The rule that needs the fact; None if the fact is the goal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +40,20 @@ class ExplainedGoal:
     goal: str
     place: Spot
     robot: int | None
-    """Whose it is; None: every robot's."""
+    """The robot that has the goal; None: every robot."""
     worked_out: bool
-    """False: too many ways lead there, robots find them as they go."""
+    """False if the search budget was exhausted: robots then search at run time."""
     stated: bool
-    """A stated fact fulfils it at the start."""
+    """True if a stated fact fulfils it at the start."""
     sensed: bool
-    """The robots sense whether it holds."""
+    """True if its predicate is sensed."""
     rules: tuple[LeadingRule, ...]
-    """The nearest first."""
+    """The leading rules, nearest first."""
     rules_left_out: int
 
 
 class GoalExplainer:
-    """Explains the goals of one program, within bounds for all of them."""
+    """Explains the goals of one program, within one budget for all of them."""
 
     def __init__(self, program: Program, rules: Sequence[PredicateNames], texts: Texts) -> None:
         """`rules` are the names of their variables."""
@@ -67,8 +67,8 @@ class GoalExplainer:
         """Return which rules lead to a goal."""
         ways = self._ways(goal)
         nearest = sorted(ways or (), key=lambda way: way.wanted.level)
-        told = nearest[: self._left]
-        self._left -= len(told)
+        listed = nearest[: self._left]
+        self._left -= len(listed)
         return ExplainedGoal(
             goal="?" + self._texts.line(item.fact.span).removeprefix("?"),
             place=self._texts.spot(item.span),
@@ -76,8 +76,8 @@ class GoalExplainer:
             worked_out=ways is not None,
             stated=any(_fulfils(fact, goal) for fact in self._program.facts),
             sensed=self._program.predicates[goal.predicate].kind is Kind.SENSED,
-            rules=tuple([self._leading(way) for way in told]),
-            rules_left_out=len(nearest) - len(told),
+            rules=tuple([self._leading(way) for way in listed]),
+            rules_left_out=len(nearest) - len(listed),
         )
 
     def _ways(self, goal: InitialGoal) -> list[LeadingRank] | None:
@@ -87,9 +87,11 @@ class GoalExplainer:
             return None
 
     def _leading(self, way: LeadingRank) -> LeadingRule:
-        brought, wanted = way.brought, way.wanted
+        brought = way.brought
+        wanted = way.wanted
         owner, *args = [resolved(term, brought.known) for term in (brought.owner, *brought.args)]
-        predicates, names = self._program.predicates, self._rules[way.rule]
+        predicates = self._program.predicates
+        names = self._rules[way.rule]
         return LeadingRule(
             rule=way.rule,
             rank=way.rank,

@@ -26,11 +26,10 @@ Constants = dict[str, Literal]
 """Variables that equal a constant."""
 
 ACTION_OCTETS = 8
-"""An action for another robot carries the number by which its end is reported."""
+"""Octets of the number that an action for another robot carries, by which its end is reported."""
 
 _MOST = {Base.ROBOT: 3, Base.INT: 9, Base.FLOAT: 9, Base.BOOL: 1, Base.SYMBOL: 3}
-"""By type, what its largest value takes in a frame, symbols being such as the program names; a text or a list may be
-of any size."""
+"""Largest encoded size by type, symbols being those that the program names; texts and lists are unbounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,15 +51,15 @@ class ExplainedDerivation:
     """``fact``, ``goal``, ``action`` or ``effect``."""
     text: str
     to: str | None
-    """The other robot that gets it; None: it stays at home."""
+    """The robot to which it is sent; None if it stays at home."""
     octets_min: int | None
-    """What its values take in a frame; None: it stays at home."""
+    """Least encoded size of its values; None if it stays at home."""
     octets_max: int | None
-    """None: nobody knows before the program runs."""
+    """Largest encoded size of its values; None if unbounded, or if it stays at home."""
     octets_room: int | None
-    """What a frame has room for."""
+    """Octets for values in one frame; None if it stays at home."""
     fits: bool | None
-    """Into one frame; None: it depends on the values, or it stays at home."""
+    """Whether one frame holds it; None if that depends on the values, or if it stays at home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +180,7 @@ class RuleExplainer:
 
 
 def _most(argument: Expression, kind: Type, known: Constants) -> int | None:
-    """Return how many octets an argument takes at most, None if nobody knows."""
+    """Return the largest encoded size of an argument, None if it is unbounded."""
     value = known.get(argument.name) if isinstance(argument, Variable) else argument
     return octets(value, kind, known) if isinstance(value, Literal) else _MOST.get(kind.base)
 

@@ -1,4 +1,4 @@
-"""An explanation in words, for a terminal; what it means stands in docs/explain.md."""
+"""Rendering of an explanation as text for a terminal; docs/explain.md describes its contents."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,25 +9,25 @@ from rmr.lang.explain.explained_rules import ExplainedDerivation, ExplainedPart,
 from rmr.lang.explain.texts import Spot
 
 RULES_SHOWN_MAX = 50
-"""Rules shown for one goal, the nearest first; nobody reads more, and JSON has them all."""
+"""Largest number of rules shown for one goal, nearest first; JSON has them all."""
 
 STEPS_SHOWN_MAX = 20
-"""Rules shown on the way from an effect to the finish fact."""
+"""Largest number of rules shown on the path from an effect to the finish fact."""
 
 TEXT_SHOWN_MAX = 100
-"""Characters shown of a rule's text where it is only to be recognised."""
+"""Largest number of characters shown of a rule's text, enough to recognise it."""
 
 ENTRY_SHOWN_MAX = 500
-"""Characters shown of everything else."""
+"""Largest number of characters shown of any other entry."""
 
 PLACES_SHOWN_MAX = 10
-"""Rules shown by their places in one sentence."""
+"""Largest number of places of rules listed in one sentence."""
 
 OBSTACLES_SHOWN_MAX = 20
-"""Obstacles shown on the way to columns."""
+"""Largest number of obstacles to columns that are shown."""
 
 LABEL = 11
-"""Columns for the words before an entry."""
+"""Width of the label of an entry, in columns."""
 
 GOALS = """\
 GOALS. The rank of a rule: how many further firings lead from it to the goal. The lowest goes first.
@@ -48,13 +48,13 @@ class _Shown:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of all sections."""
-        told = self._explanation
-        counts = ((told.rules, "rule"), (told.goals, "goal"), (told.assertions, "time assertion"))
-        yield f"{told.file}: " + ", ".join(_count(len(each), word) for each, word in counts)
+        explanation = self._explanation
+        counts = ((explanation.rules, "rule"), (explanation.goals, "goal"), (explanation.assertions, "time assertion"))
+        yield f"{explanation.file}: " + ", ".join(_count(len(each), word) for each, word in counts)
         for title, entries in (
-            (GOALS, [self._goal(each) for each in told.goals]),
-            (ASSERTIONS, [self._assertion(each) for each in told.assertions]),
-            (RULES, [self._rule(each) for each in told.rules]),
+            (GOALS, [self._goal(each) for each in explanation.goals]),
+            (ASSERTIONS, [self._assertion(each) for each in explanation.assertions]),
+            (RULES, [self._rule(each) for each in explanation.rules]),
         ):
             if entries:
                 yield from ("", title)
@@ -86,9 +86,9 @@ class _Shown:
             )
 
     def _leading(self, rule: LeadingRule) -> Iterator[str]:
-        told = self._explanation.rules[rule.rule]
+        explained = self._explanation.rules[rule.rule]
         rank = f"rank {rule.rank_min}" + ("" if rule.rank is not None else " at best")
-        yield f"    {rank}  {_place(told.place)}  {_cut(told.text, TEXT_SHOWN_MAX)}"
+        yield f"    {rank}  {_place(explained.place)}  {_cut(explained.text, TEXT_SHOWN_MAX)}"
         how = "derives" if rule.action is None else f"its action {rule.action} has the effect"
         here = "" if rule.owner is None else f" if {rule.owner} is the robot itself"
         needed = "the goal" if rule.needed_by is None else f"needed by the rule at {self._at(rule.needed_by)}"
@@ -96,22 +96,22 @@ class _Shown:
 
     # ---- time assertions
 
-    def _assertion(self, told: ExplainedAssertion) -> Iterator[str]:
-        yield f"  {told.name}  {_place(told.place)}"
-        yield _entry("starts with", told.starts_with)
-        yield _entry("ends with", f"{told.ends_with} within {told.deadline}, else {told.violation}")
-        if told.event is not None:
-            yield _entry("turns", f"the robots with a job of {told.event} take turns")
-        elif not told.scheduled:
+    def _assertion(self, assertion: ExplainedAssertion) -> Iterator[str]:
+        yield f"  {assertion.name}  {_place(assertion.place)}"
+        yield _entry("starts with", assertion.starts_with)
+        yield _entry("ends with", f"{assertion.ends_with} within {assertion.deadline}, else {assertion.violation}")
+        if assertion.event is not None:
+            yield _entry("turns", f"the robots with a job of {assertion.event} take turns")
+        elif not assertion.scheduled:
             yield _entry("turns", "none, it is only watched: nothing is held back")
         else:
             yield _entry("turns", "none, it is only watched: no declared effect of an action leads to the finish fact")
-        for serving in told.serving:
+        for serving in assertion.serving:
             yield from self._serving(serving)
-        if told.scheduled:
-            for origin in told.origins:
+        if assertion.scheduled:
+            for origin in assertion.origins:
                 yield _entry("", f"{origin.fact}: {self._origin(origin)}")
-        if told.cut:
+        if assertion.cut:
             yield _entry("", "so much leads there that not all of it was looked at")
 
     def _serving(self, serving: ServingAction) -> Iterator[str]:
@@ -183,8 +183,9 @@ def _part(part: ExplainedPart) -> Iterator[str]:
 
 
 def _sent(derived: ExplainedDerivation) -> str:
-    """Return what goes to another robot, and whether a frame has room for it."""
-    least, most = derived.octets_min, derived.octets_max
+    """Return a fact or action for another robot with its size, and whether one frame holds it."""
+    least = derived.octets_min
+    most = derived.octets_max
     size = (
         f"{least} octets"
         if least == most
@@ -221,6 +222,6 @@ def _count(number: int, word: str) -> str:
 
 
 def _cut(text: str, limit: int = ENTRY_SHOWN_MAX) -> str:
-    """Return `text`, its end left out if it is long, without characters that control a terminal."""
+    """Return `text` cut to `limit` characters, with control characters replaced."""
     shown = text if len(text) <= limit else text[: limit - 3] + "..."
     return "".join(each if each.isprintable() else "\ufffd" for each in shown)

@@ -21,23 +21,23 @@ from rmr.lang.format.printer import OPENING, TIGHT, CommentMark, Indent, Mark, S
 from rmr.lang.format.words import Comment, Text, Word
 
 INDENT = 4
-"""Columns by which what continues a line stands further to the right."""
+"""Indentation of continuation lines, in columns."""
 
 LEVELS = (("then",), ("||",), ("&&",), ("=", "!=", "<", "<=", ">", ">="), ("+", "-"), ("*", "/", "%"))
-"""The operators between operands, loosest first."""
+"""Binary operators by precedence, loosest first."""
 LEVEL = {operator: level for level, operators in enumerate(LEVELS) for operator in operators}
 
 OPERANDS = frozenset(
     {"VARIABLE", "NAME", "INT", "FLOAT", "TIME", "ROBOT", "STRING", "TRUE", "FALSE", "RPAR", "RSQB"},
 )
-"""The kinds of words that end an operand: a `-` behind one subtracts."""
+"""Kinds of words that end an operand: a `-` behind one is binary."""
 CALLED = frozenset({"NAME", "ASSERT", "WATCH"})
-"""The kinds of words whose `(` follows without a space."""
+"""Kinds of words with no space before a following `(`."""
 CLOSING = frozenset({")", "]", "}"})
 SECTIONS = frozenset({"-o", "else", "|"})
-"""The words that begin a line if what they stand in breaks."""
+"""Words that begin a line if their group breaks."""
 PREFIXES = frozenset({"!", "$", "?"})
-"""The words that belong to the next one, as does a `-` that negates."""
+"""Prefix words, with no space behind them; a unary `-` is one as well."""
 
 
 @dataclass(slots=True)
@@ -52,7 +52,7 @@ class _Part:
 
 @dataclass(slots=True)
 class _Section:
-    """What stands between commas, behind a word such as `-o` if it is not the first section."""
+    """A list of elements between commas; all sections but the first begin with a word such as `-o`."""
 
     word: Word | None = None
     elements: list[list[Mark]] = field(default_factory=list)
@@ -60,17 +60,17 @@ class _Section:
 
 @dataclass(slots=True)
 class _Frame:
-    """What has been read of an item, or of a pair of brackets."""
+    """The present state of an item, or of an open pair of brackets."""
 
     opening: list[Mark]
     matches: bool
     """A comprehension or an aggregate."""
     sections: list[_Section] = field(default_factory=lambda: [_Section()])
     parts: list[_Part] = field(default_factory=list)
-    """Of the element that is being read."""
+    """The parts of the present element."""
 
     def end_element(self, separator: list[Mark]) -> None:
-        """End the element that is being read, with the comma behind it, if any."""
+        """End the present element, with `separator` (the comma) behind it."""
         if self.parts:
             self.sections[-1].elements.append(_element(self.parts) + separator)
             self.parts = []
@@ -114,9 +114,9 @@ class _Reader:
         self._previous = item[0]
         self._before_previous = item[0]
         self._prefixed = False
-        """Whether the previous word belongs to the next one."""
+        """Whether the previous word is a prefix."""
         self._derives = False
-        """Whether an arrow has been read."""
+        """Whether the reader is behind the arrow, in the head."""
 
     def marks(self) -> list[Mark]:
         """Return the marks of the item, without the comments before it."""
@@ -153,7 +153,8 @@ class _Reader:
             frame.parts.append(_Part(marks, None if negates or equates else LEVEL.get(word.text)))
         self._derives = self._derives or word.text == "-o"
         self._prefixed = negates or word.text in PREFIXES
-        self._before_previous, self._previous = self._previous, word
+        self._before_previous = self._previous
+        self._previous = word
 
     def _spaced(self, word: Word) -> list[Mark]:
         """Return the space between the previous word and this one, or nothing."""
@@ -214,8 +215,9 @@ def _brackets(frame: _Frame, closing: Word) -> list[Mark]:
 
 
 def _element(parts: list[_Part]) -> list[Mark]:
-    """Return an element; comments around it break no line inside of it."""
-    first, last = 0, len(parts)
+    """Return the marks of an element; comments at its ends are outside of its groups and break none of them."""
+    first = 0
+    last = len(parts)
     while first < last and parts[first].comment:
         first += 1
     while last > first and parts[last - 1].comment:
@@ -224,7 +226,7 @@ def _element(parts: list[_Part]) -> list[Mark]:
 
 
 def _operands(parts: list[_Part], level: int) -> list[Mark]:
-    """Return an expression that breaks before its loosest operators, which are of `level` or bind tighter."""
+    """Return an expression that breaks before its loosest operators of `level` or tighter."""
     used = [each.level for each in parts if each.level is not None and each.level >= level]
     if not used:
         return _joined(parts)

@@ -1,9 +1,9 @@
-"""From marks to lines: which of the places where a line may break are used.
+"""The pretty printer: marks to lines, by the choice of line breaks (groups as in Oppen, 1980).
 
-A group stands on one line if it fits, together with what follows it up to the next place for a break; otherwise
-each of its own places breaks, and the groups in it are tried in turn. A comment that needs a line end breaks every
-group that has words before and behind it. The width of a group is the difference of two sums made beforehand, so
-that the work grows with the length of the text and not with its nesting.
+A group stands on one line if it fits together with the text up to the next possible break; otherwise each of its own
+breaks is used, and the groups in it are tried in turn. A comment that needs a line end breaks every group with words
+before and behind it. The width of a group is the difference of two prefix sums, so that the work is linear in the
+length of the text, independent of nesting.
 """
 
 import math
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum, auto
 
 COLUMNS_MAX = 100
-"""What lines are kept within, but for comments and words that are longer themselves."""
+"""Largest width of a line, except for comments and words that are longer themselves."""
 
 TIGHT = frozenset({",", ".", ":", ")", "]", "}"})
 """Words that have no space before them."""
@@ -35,7 +35,7 @@ class Sign(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Indent:
-    """From here on lines begin so many columns further to the right, or to the left if negative."""
+    """A change of the indentation of the following lines, in columns; negative to the left."""
 
     columns: int
 
@@ -82,7 +82,8 @@ def printed(marks: Sequence[Mark], columns_max: float = COLUMNS_MAX) -> str:
 
 def _widths(marks: Sequence[Mark]) -> dict[int, float]:
     """Return the width of every group, by the index of its beginning; infinite if a comment breaks it."""
-    columns, words = [0], [0]
+    columns = [0]
+    words = [0]
     notes: list[tuple[int, int]] = []
     for mark in marks:
         if isinstance(mark, CommentMark) and mark.alone:
@@ -120,7 +121,7 @@ _GAPS = ("", " ", "  ", "\n", "\n\n")
 
 
 class _Pen:
-    """Writes words and comments, and between them the largest of the gaps that were asked for."""
+    """Writes words and comments, separated by the largest of the requested gaps."""
 
     def __init__(self) -> None:
         self.indent = 0

@@ -1,8 +1,8 @@
-"""The words of a source text, each with the comments that belong to it.
+"""The words of a source text, each with its attached comments.
 
-A comment that ends the line of a word stands after that word. Every other one stands before the next word: on
-lines of its own, or on the word's line. What decides is only which of its two sides has a line end, and that is
-what the printed text keeps, so that formatting it again changes nothing.
+A comment that ends the line of a word is attached after that word. Every other one is attached before the next word, on
+lines of its own or on the word's line. The attachment depends only on which side of the comment has a line end. The
+printed text preserves that, so that formatting is idempotent.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from rmr.lang.read.grammar import END
 from rmr.lang.read.lexer import tokens
 
 SPELLINGS = {"NE": "!=", "ARROW": "-o"}
-"""The kinds of words that can be written in two ways, and the one that stays."""
+"""Canonical spellings of the words that have two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +105,15 @@ def _defer(words: list[Word]) -> None:
     for i, word in enumerate(words):
         if word.text != ",":
             continue
-        previous, following = words[i - 1], words[i + 1]
+        previous = words[i - 1]
+        following = words[i + 1]
         if any(each.alone for each in (*previous.after, *word.before)):
             below = [*word.before, *(replace(each, alone=each.ends_line) for each in word.after)]
             following.before = [*below, *following.before]
-            word.before, word.after, previous.after = (), previous.after, ()
+            word.before = ()
+            word.after = previous.after
+            previous.after = ()
     for previous, word in pairwise(words):
         if word.text == "." and not word.before and not word.after:
-            word.after, previous.after = previous.after, ()
+            word.after = previous.after
+            previous.after = ()

@@ -1,7 +1,7 @@
-"""From checked and projected items to the program that the codec writes.
+"""Code generation: checked and projected items to the program that the codec writes.
 
-Nothing can fail here: what reaches this module has no errors. Values are converted to the types of the
-arguments that they are given to, constants now, expressions when they run.
+The input has no errors, so nothing fails here. An int in the place of a float is converted: a constant at compile
+time, an expression by an instruction at run time.
 """
 
 from collections import Counter
@@ -89,18 +89,19 @@ class Emitter:
         return form.Effect(self._at(fact), self._arguments(fact, environment), owner)
 
     def _default_effect(self, predicate: str, types: tuple[Type, ...]) -> tuple[form.Effect, ...]:
-        """Return the effect of a provided action declared without one, if the program knows the `predicate`."""
+        """Return the default effect of a provided action, if the program uses `predicate` as a fact of one symbol."""
         known = self._names.signatures.get(predicate)
         if known is None or known.kind is Kind.ACTION or known.arity != 2 or len(types) != 1:
             return ()
         if self._types.arguments(predicate)[0].base not in {Base.SYMBOL, Base.OPEN}:
             return ()
+        # Slot 1 is the action's one argument: `moveto(R, A)` ends with `location(R, A)`.
         return (form.Effect(self._index[predicate], ((Instruction(Op.LOAD, 1),),)),)
 
     # ---- initial facts and goals
 
     def fact(self, item: FactItem) -> form.InitialFact:
-        """Return a fact of the program's start; a variable among its arguments is the robot itself."""
+        """Return an initial fact; a variable among its arguments is the owner, the only one in scope."""
         arguments = zip(item.fact.arguments[1:], self._types_of(item.fact), strict=True)
         values = tuple(
             Slot(SELF_SLOT) if isinstance(argument, Variable) else converted(_value(argument), kind)
@@ -109,7 +110,7 @@ class Emitter:
         return form.InitialFact(self._at(item.fact), _owner(item.fact), values)
 
     def goal(self, item: GoalItem) -> form.InitialGoal:
-        """Return a goal of the program's start; a variable that stands once matches anything."""
+        """Return an initial goal; a variable with one occurrence is a wildcard."""
         owner, *others = item.fact.arguments
         counts = Counter(each.name for each in others if isinstance(each, Variable) and not each.anonymous)
         environment = Environment()
@@ -119,7 +120,7 @@ class Emitter:
         for argument, kind in zip(others, self._types_of(item.fact), strict=True):
             if not isinstance(argument, Variable):
                 patterns.append(form.Constant(converted(_value(argument), kind)))
-            elif argument.name in environment.slots or counts[argument.name] > 1:  # equal values at several places
+            elif argument.name in environment.slots or counts[argument.name] > 1:  # a join within the goal
                 patterns.append(Slot(environment.slot(argument.name)))
             else:
                 patterns.append(ANY)
@@ -128,8 +129,9 @@ class Emitter:
     # ---- rules
 
     def rule(self, projected: Projected) -> form.Rule:
-        """Return a rule of one robot."""
+        """Return the code of a projected rule."""
         environment = projected.environment
+        # Body, then head: both may take slots, and `count` is read last, when all are taken.
         body = self._steps(projected.body, environment)
         head = tuple(self._head(part, environment) for part in projected.head)
         return form.Rule(environment.count, body, head)
@@ -159,7 +161,8 @@ class Emitter:
                 return self._aggregate(part)
 
     def _aggregate(self, part: RobotAggregate) -> form.Aggregate:
-        item, inner = part.item, part.environment
+        item = part.item
+        inner = part.environment
         return form.Aggregate(
             operator=OPERATORS[item.operator.text],
             term=None if item.term is None else self._code(item.term, inner),
@@ -172,7 +175,7 @@ class Emitter:
     def atom(
         self, fact: FactNode, arguments: tuple[Variable | Literal, ...], mode: Mode, environment: Environment
     ) -> form.Atom:
-        """Return the match of a fact."""
+        """Return the pattern of a fact in a body or a time assertion."""
         kinds = self._types_of(fact)
         patterns = (self._pattern(each, kind, environment) for each, kind in zip(arguments, kinds, strict=True))
         return form.Atom(self._at(fact), tuple(patterns), mode)
@@ -189,8 +192,9 @@ class Emitter:
         return Slot(environment.slots[argument.name])
 
     def derived(self, fact: FactNode, environment: Environment) -> form.Derived:
-        """Return what a head derives."""
-        predicate, owner = self._at(fact), self._code(fact.arguments[0], environment)
+        """Return the fact, goal or action that one item of a head derives."""
+        predicate = self._at(fact)
+        owner = self._code(fact.arguments[0], environment)
         arguments = self._arguments(fact, environment)
         if self._names.of(fact).kind is Kind.ACTION:
             return form.DeriveAction(predicate, owner, arguments)
@@ -208,7 +212,7 @@ class Emitter:
         if isinstance(argument, Literal):
             return (_constant(converted(argument.value, kind)),)
         code = self._code(argument, environment)
-        # An int variable may be given to a float argument: the value is converted when it is derived.
+        # An int may reach a float argument: unless the type excludes that, the value is converted when derived.
         if _innermost(kind).base is Base.FLOAT and not self._types.certainly_float(argument):
             return (*code, Instruction(Op.FLOAT))
         return code
@@ -218,7 +222,7 @@ class Emitter:
     def assertion(
         self, item: AssertionItem, environment: Environment, finish: tuple[Variable | Literal, ...]
     ) -> form.Assertion:
-        """Return a time assertion; `serving` is worked out on the finished program."""
+        """Return a time assertion without `serving`, which is computed on the finished program."""
         start = tuple(each for each in item.start.arguments[1:] if isinstance(each, Variable | Literal))
         violation = self.derived(item.violation, environment)
         assert isinstance(violation, form.DeriveAction)
@@ -250,8 +254,10 @@ class Emitter:
             case Unary(operator=operator, operand=operand):
                 return (*self._code(operand, environment), Instruction(Op.NOT if operator == "not" else Op.NEG))
             case Binary(operator=operator, left=left, right=right):
-                one, other = self._code(left, environment), self._code(right, environment)
-                if operator in {"&&", "||"}:  # the left value stays if it decides; else it is popped and the right runs
+                one = self._code(left, environment)
+                other = self._code(right, environment)
+                # Short circuit: the left value stays on the stack if it decides, else it is popped and the right runs.
+                if operator in {"&&", "||"}:
                     return (*one, Instruction(Op.AND if operator == "&&" else Op.OR, len(other)), *other)
                 return (*one, *other, Instruction(INSTRUCTIONS[operator]))
             case Call():
@@ -266,7 +272,7 @@ class Emitter:
         if name != "if":
             return (*(each for code in codes for each in code), Instruction(Op.CALL, _FUNCTIONS[name]))
         condition, then, otherwise = codes
-        # `then` is followed by a jump over `otherwise`, hence one instruction more to skip where it does not run.
+        # The false branch skips `then` and the jump behind it: one instruction more than `then` has.
         return (
             *condition,
             Instruction(Op.JUMP_IF_FALSE, len(then) + 1),
@@ -277,7 +283,7 @@ class Emitter:
 
 
 def effect_environment(declaration: TypeDeclaration) -> Environment:
-    """Return what an action's parameters stand for in its effects: slot 0 the executor, 1.. the arguments."""
+    """Return the environment of an action's effects: slot 0 is the executor, slots 1.. the arguments."""
     environment = Environment({SELF: SELF_SLOT})
     for index, parameter in enumerate(declaration.parameters):
         if parameter.variable is not None and not parameter.variable.anonymous:
@@ -287,24 +293,25 @@ def effect_environment(declaration: TypeDeclaration) -> Environment:
 
 
 def place(span: Span, line_and_column: tuple[int, int]) -> form.Place:
-    """Return a place of the debug section."""
+    """Return the debug entry of a place in the source."""
     return form.Place(span.file, *line_and_column)
 
 
 def _constant(value: Value) -> Instruction:
+    # Exact type: robots and Booleans are subclasses of int, and go into the pool of constants.
     if type(value) is int:
         return Instruction(Op.INT, value)
     return Instruction(Op.CONST, value)
 
 
 def _list(items: Sequence[Code], rest: Code) -> Code:
-    """Return the code that makes a list of `items`, and joins it with `rest` unless that is empty."""
+    """Return the code of a list of `items`, with `rest` appended unless it is empty."""
     made = (*(each for code in items for each in code), Instruction(Op.LIST, len(items)))
     return (*made, *rest, Instruction(Op.ADD)) if rest else made
 
 
 def _innermost(kind: Type) -> Type:
-    """Return the type of a list's items, of lists in lists that of the innermost; else the type itself."""
+    """Return the element type of nested lists at the innermost level; the type itself if it is no list."""
     while kind.element is not None:
         kind = kind.element
     return kind
@@ -316,7 +323,7 @@ def _owner(fact: FactNode) -> int | None:
 
 
 def _finisher(item: AssertionItem, environment: Environment) -> Slot | form.Constant:
-    """Return the finish fact's robot as the job's robot knows it."""
+    """Return the owner of the finish fact, in terms of the robot that holds the job."""
     owner = item.finish.arguments[0]
     if isinstance(owner, Variable):
         return Slot(environment.slots[owner.name])

@@ -1,14 +1,14 @@
-"""Which rules lead to which goals, and how far they are (paper III.B): worked out before the program runs.
+"""Goal distances of rules (paper III.B), by backward chaining at compile time.
 
-The rank of a firing is the lowest level at which one of the facts that it brings about is wanted
-(`rmr.analysis.goal_levels`). Here the facts are not known, only the rule's patterns, and neither is the robot. So two
-levels are looked for: the lowest at which something that the rule may bring about is possibly wanted, and the lowest at
-which something that every firing brings about is wanted for certain, on every robot that has the goal. If they
-are the same, it is the rank of every firing; if there is none of the first kind, the rule never leads there; in
-all other cases it depends on the firing, and the robot works it out.
+The rank of a firing is the lowest level at which one of the facts that it produces is wanted
+(`rmr.analysis.goal_levels`). At compile time only the rule's patterns are known, neither the facts nor the robot. So a
+lower and an upper bound are computed. Lower: the lowest level at which a fact that the rule may produce is possibly
+wanted. Upper: the lowest level at which a fact that every firing produces is wanted for certain, on every robot that
+has the goal. Equal bounds are the rank of every firing. Without a lower bound the rule never leads to the goal. In all
+other cases the rank depends on the firing, and the robot computes it.
 
-What is found is what the robot would find: its search is never cut short where this one is not, for it looks at
-no more than this one does.
+The result equals that of the robot's own search: that one visits no more than this one, so its budget suffices where
+this one's did.
 """
 
 from collections.abc import Iterator
@@ -32,10 +32,10 @@ from rmr.base.values import Robot
 from rmr.bytecode.program import Anything, Constant, InitialGoal, Lead, Program
 
 COMPARISONS_MAX = 100_000
-"""How often something that a rule brings about is compared with something wanted, for all goals."""
+"""Budget of comparisons of a produced fact with a wanted one, for all goals of a program."""
 
 LEADS_PER_RULE_MAX = 2
-"""Leads written down for each rule of the program, on average: one takes two octets, a rule about a dozen."""
+"""Leads in the byte-code for each rule of the program, on average: one takes two octets, a rule about a dozen."""
 
 
 class LeadingRank(NamedTuple):
@@ -43,21 +43,21 @@ class LeadingRank(NamedTuple):
 
     rule: int
     rank: int | None
-    """Of every firing; None: it depends on the firing."""
+    """The rank of every firing; None if it depends on the firing."""
     brought: Brought
-    """What leads there on the shortest way that is possible."""
+    """The produced fact that starts a shortest possible path."""
     wanted: Reached
-    """As what it is wanted; its level is the lowest rank possible."""
+    """The wanted fact that it matches; its level is the lowest possible rank."""
 
 
 class TooMuch(Exception):  # noqa: N818  (an outcome, not a fault)
-    """A goal that takes more work than anybody does before the program runs."""
+    """The compile-time search budget is exhausted."""
 
 
 def with_leads(program: Program) -> Program:
-    """Return `program` with the rules that lead to each goal, where it is worth to write them down.
+    """Return `program` with the rules that lead to each goal, unless they are too many.
 
-    Too many are not: while a goal is open without any, the robot has to search anyway.
+    A partial list saves nothing: a robot with one open goal without leads has to search anyway.
     """
     if not program.goals:
         return program
@@ -70,13 +70,13 @@ def with_leads(program: Program) -> Program:
 
 
 class GoalPaths:
-    """The rules of one program and what they bring about."""
+    """The rules of one program and the facts that they produce."""
 
     def __init__(self, program: Program) -> None:
         self._backwards = Backwards(program)
         self._brought = [tuple(brings(rule, program)) for rule in program.rules]
         self._bringing: dict[int, list[int]] = {}
-        """By predicate: the rules that bring about facts of it."""
+        """Rules by the predicates that they produce."""
         for rule, brought in enumerate(self._backwards.brought):
             for predicate in brought:
                 self._bringing.setdefault(predicate, []).append(rule)
@@ -89,9 +89,9 @@ class GoalPaths:
             leads = tuple([Lead(way.rule, way.rank) for way in self.ways(goal)])
         except TooMuch:
             return None
-        seeming = sum(1 for _ in self._seeming(goal))
+        candidates = sum(1 for _ in self._candidates(goal))
         dependent = sum(1 for lead in leads if lead.rank is None)
-        return leads if dependent <= seeming - dependent else None
+        return leads if dependent <= candidates - dependent else None
 
     def ways(self, goal: InitialGoal) -> list[LeadingRank]:
         """Return the rules that lead to `goal`, in their order.
@@ -109,11 +109,11 @@ class GoalPaths:
             self._steps_left = 0
             raise TooMuch
         self._steps_left -= possible.steps
-        found = [self._way(rule, robot, possible, sure) for rule in self._seeming(goal)]
+        found = [self._way(rule, robot, possible, sure) for rule in self._candidates(goal)]
         return [way for way in found if way is not None]
 
-    def _seeming(self, goal: InitialGoal) -> Iterator[int]:
-        """Yield the rules that bring about facts of a predicate from which rules lead to that of the goal."""
+    def _candidates(self, goal: InitialGoal) -> Iterator[int]:
+        """Yield the candidate rules, by predicates alone: those that produce one on a path to the goal's."""
         distances = self._backwards.distances(goal.predicate)
         yield from sorted({rule: None for predicate in distances for rule in self._bringing.get(predicate, ())})
 

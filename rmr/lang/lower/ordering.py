@@ -1,9 +1,10 @@
-"""A body of one robot in an order in which every variable is bound before it is used.
+"""Scheduling of a body: an order of steps in which every variable is bound before it is used (range restriction).
 
-Facts stay in the order of the text, each condition stands as soon as it can be decided, `not` once everything
-that it shares with the rest is bound. An expression among a fact's arguments becomes an equation behind the
-fact. An equation binds a variable that no fact binds, and takes a list apart: `L = [H | T]` for a list L is
-`len(L) >= 1`, `nth(L, 0) = H` and `rest(L, 1) = T`, equations again.
+Facts keep the order of the text. A condition stands at the first place at which all its variables are bound, which
+prunes the join early. A `not` stands where every variable that it shares with the rest of the body is bound. An
+expression among a fact's arguments becomes an equation directly behind the fact. An equation binds a variable that no
+fact binds, and destructures a list: `L = [H | T]` for a list L becomes `len(L) >= 1`, `nth(L, 0) = H` and
+`rest(L, 1) = T`, which are equations again.
 """
 
 from collections.abc import Iterable, Iterator
@@ -31,16 +32,16 @@ from rmr.lang.read.syntax import (
 )
 
 BOUND_SHOWN_MAX = 8
-"""Variables that a hint names."""
+"""Largest number of bound variables that a hint lists."""
 
 
 def variables(node: object) -> Iterator[Variable]:
-    """Yield the named variables that stand in `node`."""
+    """Yield the occurrences of named variables in `node`, in source order."""
     return (each for each in walk(node) if isinstance(each, Variable) and not each.anonymous)
 
 
 def bound_hint(variable: Variable, environment: Environment) -> str | None:
-    """Return the hint for a variable without value: the one it may be misspelt for, else those that have one."""
+    """Return the hint for an unbound variable: the bound variable that it may misspell, else all bound variables."""
     names = [each for each in (*environment.slots, *environment.constants) if each[0].isalpha() and each.isidentifier()]
     names = [each for each in dict.fromkeys(names) if each != variable.name]
     if not names:
@@ -52,13 +53,13 @@ def bound_hint(variable: Variable, environment: Environment) -> str | None:
 
 @dataclass(slots=True)
 class _Body:
-    """A body on its way to steps."""
+    """The state of scheduling one body."""
 
     environment: Environment
     matched: frozenset[str]
-    """What its facts bind."""
+    """The variables that positive facts of the body bind."""
     waiting: list[Conjunct]
-    """Conditions and `not`, what cannot be decided yet."""
+    """Conditions and `not` that are not scheduled yet."""
     steps: list[Step] = field(default_factory=list)
 
 
@@ -72,7 +73,7 @@ class Orderer:
         self._fresh = 0
 
     def order(self, conjuncts: tuple[Conjunct, ...], environment: Environment) -> tuple[Step, ...] | None:
-        """Return the steps of a body, whose variables `environment` then knows, or None after reporting why not."""
+        """Return the steps of a body, or None after reporting unbound variables; `environment` gains the bound ones."""
         # Conditions first wait for their variables; positive facts never wait, since matching them binds.
         held = [each for each in conjuncts if isinstance(each, Condition) or each.absent]
         waiting = [each for each in held if not _is_replaced(each, environment)]
@@ -92,17 +93,17 @@ class Orderer:
         return None if body.waiting else tuple(body.steps)
 
     def unbound(self, node: object, environment: Environment) -> None:
-        """Report every variable of `node` that has no value; `_` never has one.
+        """Report every unbound variable of `node`; `_` is always unbound.
 
-        Each is reported once: what is reported, and what it would have bound, counts as bound from here on.
+        A variable is reported once: a reported one, and one that it would have bound, counts as bound afterwards.
         """
         missing = [each for each in walk(node) if isinstance(each, Variable) and not environment.knows(each.name)]
         anonymous = [each for each in missing if each.anonymous]
         given = self._given(node, missing)
-        is_told = isinstance(node, Condition) and self._found.wrong_within(node.span)
-        for each in anonymous if not is_told else ():
+        is_reported = isinstance(node, Condition) and self._found.wrong_within(node.span)
+        for each in anonymous if not is_reported else ():
             self._found.report("E030", "`_` has no value", each.span, hint="`_` matches anything in a fact")
-        for variable in missing if not anonymous and not is_told else ():
+        for variable in missing if not anonymous and not is_reported else ():
             if variable.name != given and not environment.knows(variable.name):
                 hint = self._bound_hint(variable, environment)
                 self._found.report("E030", f"nothing in the body binds `{variable.name}`", variable.span, hint=hint)
@@ -112,7 +113,7 @@ class Orderer:
 
     @staticmethod
     def _given(node: object, missing: list[Variable]) -> str | None:
-        """Return the variable that an equation would bind if the other side had a value."""
+        """Return the variable that the equation `node` would bind if its other side were bound, else None."""
         names = {each.name for each in missing}
         for side, other in reversed(_sides(node.expression) if isinstance(node, Condition) else ()):
             lacks = {each.name for each in walk(other) if isinstance(each, Variable)} & names
@@ -121,6 +122,7 @@ class Orderer:
         return None
 
     def _bound_hint(self, variable: Variable, environment: Environment) -> str | None:
+        # A constant written with a capital letter reads as a variable.
         constant = variable.name[0].lower() + variable.name[1:]
         if constant in self._symbols:
             return f"did you mean the constant `{constant}`?"
@@ -129,7 +131,7 @@ class Orderer:
     # ---- conditions
 
     def _ready(self, body: _Body) -> None:
-        """Move what can be decided from what is waiting to the steps, in the order of the text."""
+        """Schedule the waiting conjuncts whose variables are bound, in the order of the text."""
         index = 0
         while index < len(body.waiting):
             conjunct = body.waiting[index]
@@ -151,7 +153,7 @@ class Orderer:
 
     @staticmethod
     def _take(step: Step, index: int, body: _Body) -> int:
-        """Add `step` and return where to look on: at the beginning if it binds a variable."""
+        """Append `step` and return the index to continue at: 0 after a binding, which may make earlier ones ready."""
         body.steps.append(step)
         if not isinstance(step, Let):
             return index
@@ -160,18 +162,18 @@ class Orderer:
 
     @staticmethod
     def _is_absent_now(fact: FactNode, body: _Body) -> bool:
-        """Whether nothing that is still to come binds a variable of `fact`."""
+        """Whether no later fact or equation can bind an unbound variable of the negated `fact`."""
         free = {each.name for each in variables(fact.arguments) if not body.environment.knows(each.name)}
         later = body.matched | {name for other in body.waiting if other is not fact for name in _may_bind(other)}
         return not free & later
 
     @staticmethod
     def _decided(expression: Expression, body: _Body) -> Step | None:
-        """Return the step that `expression` is as soon as its variables have values, else None."""
+        """Return the test or binding for `expression`, or None while too many of its variables are unbound."""
         if all_known(expression, body.environment):
             return Decide(expression)
         for side, other in _sides(expression):
-            # A variable that a fact binds gets its value there; the equation then is a condition.
+            # A variable that a fact binds gets its value there; the equation is then a test.
             if not isinstance(side, Variable) or side.anonymous or side.name in body.matched:
                 continue
             if not body.environment.knows(side.name) and all_known(other, body.environment):
@@ -179,11 +181,12 @@ class Orderer:
         return None
 
     def _apart(self, expression: Expression, body: _Body) -> list[Conjunct] | None:
-        """Return what takes a list apart whose value is known, or None if there is none to take apart."""
+        """Return the equations that destructure a bound list, or None if `expression` is no such equation."""
         for side, other in _sides(expression):
             if not isinstance(side, ListTerm) or not all_known(other, body.environment):
                 continue
             subject = other
+            # A computed list gets a slot, so that it is evaluated once and not once for each item.
             if not isinstance(other, Variable | Literal):
                 subject = self._fresh_variable(side.span)
                 self._take(Let(subject.name, other), 0, body)
@@ -193,7 +196,7 @@ class Orderer:
     # ---- facts
 
     def _match(self, fact: FactNode, body: _Body) -> None:
-        """Add the match of `fact`; equations for the expressions among its arguments wait first of all."""
+        """Append the match of `fact`; put equations for its argument expressions at the head of the waiting list."""
         arguments: list[Variable | Literal] = []
         equations: list[Conjunct] = []
         for argument in fact.arguments[1:]:
@@ -207,7 +210,7 @@ class Orderer:
                 equations.append(_equation(variable, argument))
             arguments.append(variable)
         body.steps.append(MatchStep(fact, tuple(arguments), self._mode(fact)))
-        # In front of what waited before: an expression among the arguments is tested right behind its fact.
+        # Ahead of earlier ones: an expression among the arguments is tested directly behind its fact.
         body.waiting[:0] = equations
 
     def _mode(self, fact: FactNode) -> Mode:
@@ -235,8 +238,8 @@ class Orderer:
     def _free(
         self, variable: Variable, free: list[str], own: dict[str, Variable], environment: Environment
     ) -> Variable:
-        """Return what stands for a variable that only this `not` knows."""
-        # Once: any value will do. Twice, as in `not p(R, X, X)`: both values must be equal, so it needs a slot.
+        """Return the replacement of a variable that is local to this `not`."""
+        # One occurrence is a wildcard. Two, as in `not p(R, X, X)`, must be equal and so need a slot.
         if free.count(variable.name) == 1:
             return Variable("_", variable.span)
         if variable.name not in own:
@@ -250,20 +253,21 @@ class Orderer:
 
 
 def all_known(expression: object, environment: Environment) -> bool:
-    """Whether every variable of `expression` has a value; `_` has none."""
+    """Whether every variable of `expression` is bound; `_` never is."""
     return all(environment.knows(each.name) for each in walk(expression) if isinstance(each, Variable))
 
 
 def _sides(expression: Expression) -> tuple[tuple[Expression, Expression], ...]:
-    """Return both sides of an equation, each with the other."""
+    """Return an equation in both orientations, as (side, other side); nothing for any other expression."""
     if not isinstance(expression, Binary) or expression.operator != "=":
         return ()
     return (expression.left, expression.right), (expression.right, expression.left)
 
 
 def _parts(subject: Expression, term: ListTerm) -> Iterator[Conjunct]:
-    """Yield what holds of the list `subject` if it is `term`."""
-    span, count = term.span, Literal(len(term.items), term.span)
+    """Yield the conditions equivalent to `subject = term`, the length first, so that `nth` stays in range."""
+    span = term.span
+    count = Literal(len(term.items), term.span)
     length = Binary("=" if term.rest is None else ">=", _call("len", span, subject), count, span)
     yield Condition(length, span)
     for index, item in enumerate(term.items):
@@ -291,7 +295,7 @@ def _is_replaced(conjunct: Conjunct, environment: Environment) -> bool:
 
 
 def _may_bind(conjunct: Conjunct) -> Iterable[str]:
-    """Return the variables that `conjunct` might bind."""
+    """Return the variables that `conjunct` binds if it is scheduled as a binding."""
     if not isinstance(conjunct, Condition):
         return ()
     sides = [side for side, _ in _sides(conjunct.expression)]
@@ -299,7 +303,8 @@ def _may_bind(conjunct: Conjunct) -> Iterable[str]:
 
 
 def _pattern(side: Expression) -> Iterator[Variable]:
-    """Yield the variables that stand for themselves or for a part of a list."""
+    """Yield the variables of a pattern: the side itself, or the variables nested in its list term."""
+
     stack = [side]
     while stack:
         part = stack.pop()

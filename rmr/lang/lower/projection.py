@@ -1,8 +1,8 @@
-"""From a rule about the ensemble to a rule of one robot.
+"""Projection: a rule about the ensemble to a rule of one robot.
 
-The facts of a body must belong to one robot, the rule's home. Its owner disappears: on the home robot it is
-slot 0. What is left is put into order (`ordering`). `X = constant` is not computed; the constant replaces X. The
-variables of a head are checked against those that the body binds.
+The facts of a body must belong to one robot, the rule's home. The owner becomes slot 0 on the home robot. The rest of
+the body is scheduled (`ordering`). Constant propagation: `X = constant` generates no code, the constant replaces X.
+The variables of a head must be bound by the body.
 """
 
 from collections.abc import Sequence
@@ -30,10 +30,10 @@ from rmr.lang.read.syntax import (
 )
 
 OPERATORS = {operator.name.lower(): operator for operator in Operator}
-"""Aggregates by the name that the source gives them."""
+"""Operators of aggregates by their names in the source."""
 
 WINNING = (Operator.MIN, Operator.MAX)
-"""Aggregates that one match wins, whose variables the head may use."""
+"""Aggregates with a witness: the head may use the variables of the winning match."""
 
 
 class Projector:
@@ -60,19 +60,22 @@ class Projector:
         if len(homes) > 1:
             self._join(rule, homes)
         at_home = len(homes) == 1 and self._are_at_home([fact for fact in facts if fact.absent], "`not`")
+        # After an error, too: one pass reports the mistakes of home, body and head together.
         environment.constants.update(self._constants(rule, environment))
         body = self._orderer.order(rule.body, environment)
         head = [self._head(part, environment) for part in rule.head]
         if not at_home or body is None or None in head:
             return None
         home = self._home
+        # A rule of one robot by number runs on all, and its first step fails on the others.
         if isinstance(home, Literal):
             here = Decide(Binary("=", Variable(SELF, home.span), home, home.span))
             body = (here, *body)
         return Projected(rule, environment, body, tuple(part for part in head if part is not None))
 
     def _constants(self, rule: RuleItem, environment: Environment) -> dict[str, Literal]:
-        """Return the variables that `rule` equates with a constant which all their places can hold."""
+        """Return the variables that a constant can replace: it is equated with them and fits the types of all uses."""
+        # Where the constant does not fit, the equation stays as a test at run time.
         found = {name: value for name, value in constants(rule.body).items() if not environment.knows(name)}
         for fact in walk(rule) if found else ():
             if not isinstance(fact, FactNode):
@@ -91,7 +94,7 @@ class Projector:
     # ---- the home robot
 
     def _homes(self, positive: list[FactNode]) -> list[tuple[Expression, FactNode]]:
-        """Return the robots whose facts a body matches, each with the first of them; none if one has no owner."""
+        """Return the owners of a body's facts, each with its first fact; empty after an error in one of them."""
         homes: list[tuple[Expression, FactNode]] = []
         for fact in positive:
             owner = fact.owner
@@ -105,7 +108,7 @@ class Projector:
         return homes
 
     def _settle(self, owners: list[Expression], environment: Environment) -> None:
-        """Make the first robot the rule's home."""
+        """Make the first owner the rule's home; give slots to the others, so that they are not reported as unbound."""
         self._home, *others = owners
         if isinstance(self._home, Variable):
             environment.slots[SELF if self._home.anonymous else self._home.name] = SELF_SLOT
@@ -205,6 +208,7 @@ class Projector:
             return None
         slots = tuple(range(environment.count, inner.count))
         self._orderer.unbound(part.term, inner)
+        # The result gets a slot behind those of the body even where the head does not see the body's variables.
         head = inner.inner() if operator in WINNING else environment.inner()
         head.count = inner.count
         result = head.slot(part.result.name)
@@ -243,7 +247,7 @@ class Projector:
         return False
 
     def _is_gathered(self, part: AggregateNode, inner: Environment, head: Environment) -> bool:
-        """Whether the head of an aggregate uses what it may; report what it may not."""
+        """Whether the head of an aggregate uses variables in its scope only; others are reported."""
         lost = [each for each in variables(part.head) if inner.knows(each.name) and not head.knows(each.name)]
         for each in lost:
             message = f"`{each.name}` has another value in each match"

@@ -1,4 +1,4 @@
-"""Rules of one robot, on the way to code: steps in the order in which they are taken, variables as slots."""
+"""The intermediate form of a robot's rules: steps in the order of execution, variables as slots."""
 
 from dataclasses import dataclass, field
 
@@ -8,29 +8,29 @@ from rmr.lang.read import syntax
 from rmr.lang.read.syntax import Expression, FactNode, Literal, RuleItem, Variable
 
 SELF = "@"
-"""The home robot's name where the rule gives it none."""
+"""Name of the home robot in environments; no identifier, so it clashes with no variable."""
 
 
 @record
 class MatchStep:
-    """A fact of the home robot; expressions among its arguments have become slots with an equation behind."""
+    """The match of a fact of the home robot; argument expressions are replaced by variables with an equation behind."""
 
     fact: FactNode
     arguments: tuple[Variable | Literal, ...]
-    """Without the owner."""
+    """The arguments after the owner."""
     mode: Mode
 
 
 @record
 class Decide:
-    """A condition that is decided here."""
+    """The test of a condition whose variables are bound."""
 
     expression: Expression
 
 
 @record
 class Let:
-    """A variable that gets its value here."""
+    """The binding of a variable to an expression whose variables are bound."""
 
     name: str
     expression: Expression
@@ -41,13 +41,13 @@ Step = MatchStep | Decide | Let
 
 @dataclass(slots=True)
 class Environment:
-    """What stands for each variable of a rule."""
+    """The variables in scope: each has a slot or a constant."""
 
     slots: dict[str, int] = field(default_factory=dict)
     constants: dict[str, Literal] = field(default_factory=dict)
     count: int = SELF_SLOT + 1
     unbound: set[str] = field(default_factory=set)
-    """Variables without value that have been reported; they count as known, so that each is reported once."""
+    """Unbound variables that have been reported; they count as known, so that each is reported once."""
 
     def slot(self, name: str) -> int:
         """Return the slot of `name`, a new one at its first mention."""
@@ -57,11 +57,11 @@ class Environment:
         return self.slots[name]
 
     def knows(self, name: str) -> bool:
-        """Whether `name` has a value already."""
+        """Whether `name` is bound, or has been reported as unbound."""
         return name in self.slots or name in self.constants or name in self.unbound
 
     def inner(self) -> "Environment":
-        """Return the same for a body within the rule; what it adds is its own."""
+        """Return a copy for an inner body, whose bindings do not leave it."""
         return Environment(dict(self.slots), dict(self.constants), self.count, set(self.unbound))
 
 
@@ -84,9 +84,9 @@ class RobotAggregate:
     slots: tuple[int, ...]
     body: tuple[Step, ...]
     environment: Environment
-    """Of the body and the term."""
+    """Scope of the body and the term."""
     head_environment: Environment
-    """The rule's and the result; the body's too if one match wins."""
+    """Scope of the head: the rule's variables and the result; for min and max the body's variables as well."""
 
 
 Derived = FactNode | syntax.StepsNode | RobotComprehension | RobotAggregate

@@ -1,8 +1,8 @@
-"""Time assertions: whose jobs they are, what their start fact binds, who reports that a job has ended.
+"""Time assertions: the robot that holds a job, the scope of the start fact, the robot that reports the end.
 
-A job lives with the start fact's robot. Finish fact and violation may belong to other robots, which the start
-fact names among its arguments or the program by number. All that deadline and violation use is bound by the
-start fact; a variable of the finish fact that it does not bind matches anything.
+The owner of the start fact holds the job. Finish fact and violation may belong to other robots, which are arguments of
+the start fact or constants. Deadline and violation use variables of the start fact only. A variable of the finish fact
+that the start fact does not bind is a wildcard.
 """
 
 from rmr.base.record import record
@@ -15,16 +15,16 @@ from rmr.lang.read.syntax import AssertionItem, Expression, FactNode, Literal, M
 
 @record
 class Watched:
-    """A time assertion whose variables have slots."""
+    """A time assertion with its environment."""
 
     item: AssertionItem
     environment: Environment
     finish: tuple[Variable | Literal, ...]
-    """The finish fact's arguments; what the start fact does not bind and stands once is anonymous."""
+    """Arguments of the finish fact; an unbound variable with one occurrence is replaced by `_`."""
 
 
 def watched(item: AssertionItem, found: Diagnostics) -> Watched | None:
-    """Return `item` with slots for its variables, or None after reporting why there are none."""
+    """Return `item` with slots for its variables, or None after reporting an error."""
     home = item.start.owner
     if home is None or item.finish.owner is None or item.violation.owner is None:
         return None
@@ -75,7 +75,7 @@ def _is_bound_by_start(item: AssertionItem, environment: Environment, found: Dia
 
 
 def _finish(finish: FactNode, environment: Environment) -> tuple[Variable | Literal, ...]:
-    """Return F's arguments; what S does not bind matches anything."""
+    """Return the arguments of the finish fact; unbound variables become wildcards, repeated ones get a slot."""
     names = [each.name for each in variables(finish.arguments[1:])]
     arguments: list[Variable | Literal] = []
     for argument in finish.arguments[1:]:

@@ -1,8 +1,7 @@
-"""Runs the grammar's tables over the words of one item (LALR(1)).
+"""The LALR(1) automaton: shifts and reductions over the words of one item.
 
-A stack holds the states; with each state but the first stands the value of what has been read to come to it, and
-its place. Values are words and what the builder has made of them. Trying out how far words would get needs the
-states alone.
+Parallel stacks hold the states, the semantic values (words and nodes) and their start and end offsets; the first state
+has no value. A trial parse, which only asks how far words would get, needs a copy of the states alone.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,22 +14,22 @@ from rmr.lang.read.tables import tables
 from rmr.lang.read.tree_builder import Builder
 
 COMMAS_MAX = 3
-"""Missing commas that are overlooked when it is tried how far words get."""
+"""Missing commas that a trial parse supplies."""
 
 
 class TrialReach(NamedTuple):
-    """How far words get; of two, the greater is the better."""
+    """The result of a trial parse; tuples compare as results do, greater is better."""
 
     complete: bool
-    """They complete an item."""
+    """The words complete an item."""
     commas: int
-    """Minus how many commas that takes."""
+    """Number of supplied commas, negated; 0 if the item is not complete."""
     words: int
-    """How many fit without."""
+    """Number of words accepted before the first supplied comma."""
 
 
 class Automaton:
-    """What has been read of one item."""
+    """The stacks of the parser within one item."""
 
     def __init__(self, file: str, builder: Builder) -> None:
         self._file = file
@@ -44,18 +43,23 @@ class Automaton:
         self.reset()
 
     def reset(self) -> None:
-        """Begin another item."""
+        """Empty the stacks for the next item."""
         self.states = [self._tables.start]
         self._values: list[Any] = []
         self._starts: list[int] = []
         self._ends: list[int] = []
 
     def take(self, token: Token) -> bool:
-        """Read `token` and say whether it fits; if it does not, what has been read stays what it is."""
-        states, (actions, _, _, rules, *_) = self.states, self._tables
+        """Shift `token` after all reductions, and return True; False if it is unexpected.
+
+        Reductions before an unexpected token stay: LALR(1) tables may reduce before they detect the error.
+        """
+        states = self.states
+        (actions, _, _, rules, *_) = self._tables
         while True:
             row = actions[states[-1]]
             action = row.get(token.kind)
+            # Contextual keywords: where the grammar does not expect the keyword, the word is a name.
             if action is None and token.kind in self._reserved:
                 action = row.get("NAME")
             if action is None:
@@ -67,13 +71,14 @@ class Automaton:
                 self._ends.append(token.end)
                 return True
             rule = rules[~action]
+            # A unit production that keeps its child: only the state changes.
             if rule.single and rule.length == 1:
                 states[-1] = actions[states[-2]][rule.origin]
             else:
                 self._recognise(rule, token)
 
     def _recognise(self, rule: GrammarRule, following: Token) -> None:
-        """Put what `rule` makes of the values on top of the stack into their place."""
+        """Reduce by `rule`: replace the values on top of the stack by the node that the builder makes of them."""
         first = len(self._values) - rule.length
         values = self._values[first:]
         start, end = (self._starts[first], self._ends[-1]) if values else (following.start, following.start)
@@ -100,33 +105,34 @@ class Automaton:
         self._ends.append(end)
 
     def item(self) -> Any:
-        """Return the item that has been read, its `.` included."""
+        """Return the item after its `.`, by the reductions that the end of input triggers."""
         end = Token(END, "", self._ends[-1], self._ends[-1])
         while self.states[-1] != self._tables.end:
             self._recognise(self._tables.rules[~self._tables.actions[self.states[-1]][END]], end)
         return self._values[0]
 
     def last(self, *kinds: str) -> list[Token]:
-        """Return the words that were read last if they are of these `kinds` and nothing has been made of them."""
+        """Return the words on top of the stack if they are of these `kinds` and not reduced, else an empty list."""
         values = self._values[-len(kinds) :]
         found = tuple(each.kind for each in values if isinstance(each, Token))
         return values if found == kinds else []
 
     def back(self, count: int) -> None:
-        """Forget the `count` words that were read last."""
+        """Pop the last `count` words, which are not reduced."""
         for each in (self.states, self._values, self._starts, self._ends):
             del each[len(each) - count :]
 
     def unclosed(self, opening: str) -> Token | None:
-        """Return the last word of kind `opening` whose counterpart has not been read."""
+        """Return the last word of kind `opening` on the stack: a closed one is reduced, so it is unclosed."""
         words = (each for each in reversed(self._values) if isinstance(each, Token))
         return next((each for each in words if each.kind == opening), None)
 
-    # ---- trying out
+    # ---- trial parses
 
     def feed(self, states: list[int], kind: str, *, named: bool = True) -> bool:
-        """Take a word of `kind` in `states`, which changes, and say whether it fits; as a name only if `named`."""
-        actions, rules = self._tables.actions, self._tables.rules
+        """Shift a word of `kind` on `states`, in place; return whether it fits. Keywords are names only if `named`."""
+        actions = self._tables.actions
+        rules = self._tables.rules
         while True:
             row = actions[states[-1]]
             action = row.get(kind)
@@ -143,9 +149,10 @@ class Automaton:
             states.append(actions[states[-1]][rule.origin])
 
     def reach(self, states: list[int] | None, kinds: Iterable[str]) -> TrialReach:
-        """Try words of these `kinds` in `states`; without states, the first of them begins an item."""
+        """Return how far words of these `kinds` get from `states`, or from the beginning of an item if None."""
         trial = states[:] if states is not None else [self._tables.start]
-        count, commas = 0, 0
+        count = 0
+        commas = 0
         for kind in kinds:
             if not self.feed(trial, kind):
                 if commas == COMMAS_MAX or not (self.feed(trial, "COMMA") and self.feed(trial, kind)):
@@ -157,6 +164,6 @@ class Automaton:
         return TrialReach(False, 0, count)
 
     def accepted(self) -> list[str]:
-        """Return the kinds of words that may come next."""
+        """Return the kinds of words that are expected next."""
         terminals = [terminal.name for terminal in self._tables.terminals]
         return [kind for kind in terminals if self.feed(self.states[:], kind, named=False)]

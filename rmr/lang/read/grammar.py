@@ -9,41 +9,42 @@ END = "$END"
 
 
 class GrammarRule(NamedTuple):
-    """One right side of a grammar rule: what becomes of its children when it is recognised."""
+    """One production of the grammar, with its semantic action."""
 
     name: str
-    """Of the method that builds its node; empty for a repetition, whose children become those of the rule around it."""
+    """The builder's method; empty for a repetition, whose children are spliced into the enclosing production."""
     origin: str
-    """The left side."""
+    """The nonterminal on the left side."""
     length: int
+    """Number of symbols on the right side."""
     children: list[int | None]
-    """Which symbols matter: k the k-th, ~k the children of the k-th, which is a repetition, None an absent option."""
+    """Arguments of the method: k the k-th symbol, ~k the children of the k-th (a repetition), None an absent option."""
     single: bool
-    """With one child it is no more than that child."""
+    """True if a production with one child stands for that child, without a node of its own."""
 
 
 class Terminal(NamedTuple):
-    """How a terminal is spelt."""
+    """A terminal of the grammar."""
 
     name: str
     spelling: str | None
-    """None if there is more than one."""
+    """The fixed spelling; None for a regular expression."""
     pattern: str
     """A regular expression."""
     first: bool
-    """It is tried before all that are not."""
+    """True for a terminal with priority: it is tried before all others."""
 
 
 class Tables(NamedTuple):
-    """The automaton: its states are numbers, the first one `start`; with `end` an item is complete."""
+    """The LALR(1) automaton: states are numbers, `start` the first; in `end` an item is complete."""
 
     actions: list[dict[str, int]]
-    """By state and symbol: the state to go to, or ~r to recognise rule r."""
+    """Actions by state and symbol: a state to shift or go to, or ~r to reduce by rule r."""
     start: int
     end: int
     rules: list[GrammarRule]
     terminals: list[Terminal]
-    """In the order in which they are tried."""
+    """Terminals in order of precedence."""
     ignored: list[str]
 
 
@@ -56,5 +57,5 @@ def grammar_text() -> str:
 
 
 def checksum(text: str) -> str:
-    """Return what tables call the grammar `text` that they were made from."""
+    """Return the checksum by which tables identify the grammar `text` that they were made from."""
     return f"{zlib.crc32(text.encode()):08x}"

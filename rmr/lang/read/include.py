@@ -1,8 +1,8 @@
-"""A program of several files: the items of a file stand in the place of its `include`.
+"""Includes: the items of a file replace the `include` that names it.
 
-A path is relative to the file that includes. Each file counts once, by what it is and not by how it is spelt; the
-second time it is no more than a remark. Files that include each other in a circle are an error that shows the way
-round. What is wrong with an included file is reported at the place that includes it, and its syntax errors in it.
+A path is relative to the including file. Each file is read once, identified by its resolved path; a second include has
+no effect. A cycle of includes is an error that lists its steps. A file that cannot be read is reported at the
+`include`; its syntax errors are reported in the file.
 """
 
 import os
@@ -17,13 +17,13 @@ from rmr.lang.read.source_text import SOURCE_OCTETS_MAX, SourceError, SourceText
 from rmr.lang.read.syntax import IncludeItem, Item, ModuleNode
 
 FILES_MAX = 1000
-"""Files of one program: more are generated, or a mistake."""
+"""Files of one program; more are generated, or a mistake."""
 
 DEPTH_MAX = 32
-"""Files within files; also what the compiler's own stack has to hold."""
+"""Nesting of includes, which bounds the recursion of the loader."""
 
 CHARACTERS_MAX = 4 * SOURCE_OCTETS_MAX
-"""Of all files together."""
+"""Characters of all files of one program together."""
 
 
 @dataclass(slots=True)
@@ -32,18 +32,18 @@ class Loader:
 
     found: Diagnostics
     sources: dict[str, SourceText] = field(default_factory=dict)
-    """By the name that diagnostics use, in the order in which they were read."""
+    """Texts by the file names that diagnostics use, in reading order."""
     incomplete: bool = False
-    """A file could not be read to its end: what it declares is not known."""
+    """True if a file was not read to its end, so that declarations may be missing."""
     _open: dict[Path, IncludeItem | None] = field(default_factory=dict)
-    """The files that are being read, each with the item that includes it; the program's first file has none."""
+    """The chain of open files, each with the item that includes it; None for the program's first file."""
     _read: set[Path] = field(default_factory=set)
     _broken: set[str] = field(default_factory=set)
     _characters: int = 0
     _count: int = 0
-    """Of items."""
+    """Number of items read so far."""
     _refused: set[str] = field(default_factory=set)
-    """Bounds that have been exceeded, each reported once."""
+    """Exceeded bounds, each reported once."""
 
     def module(self, source: SourceText) -> ModuleNode:
         """Return the items of `source` and of all that it includes."""
@@ -106,7 +106,7 @@ class Loader:
             return None
 
     def _report_circle(self, item: IncludeItem, identity: Path) -> None:
-        """Report an include that leads back to a file that is being read, with every step of the way."""
+        """Report an include of an open file, with every step of the cycle."""
         way = list(self._open.items())
         start = next(index for index, (path, _) in enumerate(way) if path == identity)
         steps = [each for _, each in way[start + 1 :] if each is not None]
@@ -117,14 +117,14 @@ class Loader:
 
 
 def _name(path: str, includer: str) -> str:
-    """Return what a file is called that `includer` includes: as short as it can be said from where that is named."""
+    """Return the name of an included file: relative to the includer's name, and normalised if that is the same file."""
     joined = os.path.join(os.path.dirname(includer), path)
     short = os.path.normpath(joined)
     return short if _identity(short) == _identity(joined) else joined
 
 
 def _identity(name: str) -> Path:
-    """Return what a file is, however it is spelt."""
+    """Return the resolved path of a file; the path itself if it cannot be resolved."""
     try:
         return Path(name).resolve()
     except (OSError, ValueError, RuntimeError):
@@ -132,7 +132,8 @@ def _identity(name: str) -> Path:
 
 
 def _is_endless(name: str) -> bool:
-    """Whether reading it may wait for ever; what is not there is found out by reading."""
+    """Whether reading may block (a pipe or a device); False for a missing file, which reading will report."""
+
     try:
         mode = os.stat(name).st_mode
     except (OSError, ValueError):

@@ -1,8 +1,8 @@
-"""The words of a source text, one after the other, never all at once.
+"""The lexer: a lazy stream of the words of a source text.
 
-What is a word is in the grammar; here stands what is none, so that the parser can say so: a string or comment
-without an end, a number that goes on as a name, signs of other languages, and any other character. A word that the
-grammar spells, such as `list`, is of a kind of its own here; where the grammar cannot take it, it is a name.
+The grammar defines the terminals. This module adds error tokens, so that the parser can report them: an unterminated
+string or comment, a number that continues as a name, operators of other languages, and any other character. A keyword
+of the grammar, such as `list`, is a token of its own kind; where the grammar does not expect it, it is a name.
 """
 
 import re
@@ -13,38 +13,43 @@ from typing import NamedTuple
 from rmr.lang.read.grammar import END
 from rmr.lang.read.tables import tables
 
-OPEN_COMMENT, OPEN_STRING, BAD_NUMBER, FOREIGN, QUOTED, UNKNOWN = "/*", '"', "0", "->", "'", "?"
-"""The kinds of what is no word. None can be a terminal's name."""
+OPEN_COMMENT = "/*"
+OPEN_STRING = '"'
+BAD_NUMBER = "0"
+FOREIGN = "->"
+QUOTED = "'"
+UNKNOWN = "?"
+"""Kinds of error tokens, from OPEN_COMMENT to here; none is a valid name of a terminal."""
 
 _NUMBER_LIKE = r"@?[0-9]+(?:\.[0-9]+)?[A-Za-z_][A-Za-z0-9_]*"
 _ARROWS = r"--+[o>](?![A-Za-z0-9_])|->|:-|[\u2013\u2014\u2212]o(?![A-Za-z0-9_])"
 _FOREIGN = rf"{_ARROWS}|===?|!==|=:=|=<|=?\\=+|\\\+|:=|[-+*/]=|\*\*|\+\+"
 _WRONG_FIRST = [(BAD_NUMBER, _NUMBER_LIKE), (FOREIGN, _FOREIGN)]
-"""Tried before the grammar's patterns, but for those that say to be first."""
+"""Error patterns tried before the terminals of the grammar, except those with a priority."""
 _QUOTED = r"'[^'\n]*'|[“”„«][^“”»\n]*[“”»]|\u2018[^\u2019\n]*\u2019"
 _WRONG_LATER = [(OPEN_COMMENT, r"/\*[\s\S]*"), (QUOTED, _QUOTED), (OPEN_STRING, '"')]
-"""Tried when no pattern of the grammar fits, before what it spells."""
+"""Error patterns tried after the grammar's regular expressions and before its fixed spellings."""
 
 
 class Token(NamedTuple):
-    """A word and where it stands."""
+    """A word with its offsets."""
 
     kind: str
-    """The terminal's name, END, or what kind of no word it is."""
+    """The name of the terminal, END, or the kind of an error token."""
     text: str
     start: int
     end: int
 
 
 COMMENT_SIGNS = ("#", "%", "--", "<!--")
-"""What begins a comment in other languages."""
+"""Signs that begin a comment in other languages."""
 
 
 def without_foreign_comments(words: Iterable[Token], text: str) -> Iterator[Token]:
-    """Leave out of `words` what other languages' signs of comments begin, each to the end of its line.
+    """Yield `words` without comments in the syntax of other languages, each from its sign to the end of the line.
 
-    `%` may be the remainder and `--` two signs; they begin a comment at the beginning of an item or of a line, behind
-    a comma or an arrow, and before a word that is no variable or number.
+    `%` and `--` are ambiguous (remainder, two minus signs). They begin a comment at the beginning of an item or of a
+    line, behind a comma or an arrow, and before a word that is no variable or number.
     """
     end = -1
     previous = "DOT"
@@ -59,24 +64,28 @@ def without_foreign_comments(words: Iterable[Token], text: str) -> Iterator[Toke
                 end = len(text) if end < 0 else end
                 continue
         yield word
-        previous, last = word.kind, word.end
+        previous = word.kind
+        last = word.end
 
 
 class Scanner(NamedTuple):
-    """How to find words."""
+    """The compiled lexical grammar."""
 
     pattern: re.Pattern[str]
+    """Alternation of all patterns in order of precedence, one named group each."""
     kinds: dict[str, str]
-    """By the pattern's groups."""
+    """Kinds of tokens by the names of the groups."""
     reserved: dict[str, str]
-    """The kinds of the words that look like names."""
+    """Kinds of keywords by their spelling."""
     ignored: frozenset[str]
+    """Kinds that are skipped: blanks and comments."""
 
 
 @cache
 def scanner() -> Scanner:
     """Return the scanner of the grammar, made once per process."""
-    words, ignored = tables().terminals, tables().ignored
+    words = tables().terminals
+    ignored = tables().ignored
     [name] = [word for word in words if word.name == "NAME"]
     reserved = {
         word.spelling: word.name for word in words if word.spelling and re.fullmatch(name.pattern, word.spelling)
@@ -94,7 +103,7 @@ def scanner() -> Scanner:
 
 
 def tokens(text: str, start: int = 0, *, ignored: bool = False) -> Iterator[Token]:
-    """Yield the words of `text` from `start` on, with comments and blanks if `ignored` is set, and END at last."""
+    """Yield the words of `text` from `start` on, then END; with `ignored` also comments and blanks."""
     pattern, kinds, reserved, skipped = scanner()
     if ignored:
         skipped = frozenset()
@@ -110,5 +119,5 @@ def tokens(text: str, start: int = 0, *, ignored: bool = False) -> Iterator[Toke
 
 
 def spelling(kind: str) -> str | None:
-    """Return how a terminal is written; None if there is more than one way."""
+    """Return the fixed spelling of a terminal; None if it has none."""
     return next((word.spelling for word in tables().terminals if word.name == kind), None)

@@ -1,4 +1,4 @@
-"""A word that does not fit: where it stands and what is said about it."""
+"""The unexpected word of a syntax error: its context, its message and the hint."""
 
 import re
 from typing import NamedTuple
@@ -25,12 +25,12 @@ _CALLED = {
     "STRING": "a string",
     END: "the end of the file",
 }
-"""What words are called that do not spell themselves."""
+"""Names in hints of terminals without a fixed spelling."""
 _HIDDEN = {
     *("FLOAT", "TIME", "ROBOT", "TRUE", "FALSE", "SENSOR", "LIST"),
     *("OR", "AND", "EQ", "NE", "LT", "LE", "GT", "GE", "PLUS", "MINUS", "TIMES", "DIVIDE", "MODULO"),
 }
-"""Left out of hints: values where a number or a name is named anyway, and operators."""
+"""Terminals left out of hints: operators, and values that "a number" or "a name" already covers."""
 
 _FOREIGN_HINTS = (
     (re.compile(r"--*[>o]|=>|:-|[→⇒⟶⊢]|[\u2013\u2014\u2212]o"), "a rule is written `body -o head.`"),
@@ -45,28 +45,28 @@ _FOREIGN_HINTS = (
     (re.compile(r"(?i:and)\b|&|∧"), "write `,` between conditions, or `&&`"),
     (re.compile(r"(?i:or)\b|\u2228"), "write `||`"),
 )
-"""What other languages write, and what RMR writes."""
+"""Signs of other languages, with the hint at the sign of RMR."""
 
 
 class Misfit(NamedTuple):
-    """Where a word does not fit."""
+    """An unexpected word with its context."""
 
     file: str
     text: str
     previous: Token
     following: list[Token]
-    """From the word that does not fit on, as far as one has looked."""
+    """The unexpected word and the look-ahead behind it."""
     begins: bool
-    """It stands where an item begins."""
+    """True if the word stands where an item may begin: first on its line, not indented."""
 
     @property
     def word(self) -> Token:
-        """What does not fit."""
+        """The unexpected word."""
         return self.following[0]
 
     @property
     def before(self) -> Span:
-        """The place behind the word before."""
+        """The empty span behind the previous word."""
         return Span(self.file, self.previous.end, self.previous.end)
 
     def span(self, token: Token) -> Span:
@@ -75,7 +75,7 @@ class Misfit(NamedTuple):
 
 
 def unexpected(automaton: Automaton, misfit: Misfit) -> tuple[str, Span, str | None]:
-    """Return the message, the place and the hint for a word that does not fit."""
+    """Return message, span and hint for an unexpected word."""
     word = misfit.word
     span = misfit.span(word)
     if word.kind == OPEN_STRING:
@@ -94,7 +94,7 @@ def unexpected(automaton: Automaton, misfit: Misfit) -> tuple[str, Span, str | N
 
 
 def quoted(word: Token) -> str:
-    """Return how a message calls a word."""
+    """Return a word as messages quote it."""
     if word.kind == END:
         return "the end of the file"
     if word.kind == UNKNOWN and not word.text.isprintable():
@@ -104,7 +104,7 @@ def quoted(word: Token) -> str:
 
 
 def foreign_hint(text: str, start: int) -> str | None:
-    """Return what to write instead of another language's sign that stands at `start`."""
+    """Return the hint for a sign of another language at `start`, or None."""
     return next((hint for sign, hint in _FOREIGN_HINTS if sign.match(text, start)), None)
 
 
@@ -120,7 +120,7 @@ def _hint(automaton: Automaton, misfit: Misfit) -> str | None:
 
 
 def word_of(kind: str) -> str | None:
-    """Return what a kind of words is called in a hint; None for what is skipped."""
+    """Return the name of a terminal in hints; None for skipped ones."""
     if kind in _CALLED or kind in scanner().ignored:
         return _CALLED.get(kind)
     return f"`{spelling(kind)}`"

@@ -1,9 +1,9 @@
 """The parser: source text to the syntax tree, one item at a time, with error recovery.
 
-Tokens are read on demand, and only those of the present item are kept. A token that does not fit is reported and
-replaced if what was meant is clear enough (`repair`). If not, the rest of the item is skipped: the next item begins
-behind the next `.`, or at a line that begins as items do. After `BROKEN_MAX` broken items in a row the rest of the file
-is not read. The depth of nesting is bounded before anything walks a tree.
+Tokens are read on demand, and only those of the present item are kept. An unexpected token is reported, and replaced
+if the intention is clear (`repair`, phrase-level recovery). Otherwise the rest of the item is skipped (panic mode): the
+next item begins behind the next `.`, or at a line that begins as items do. After `BROKEN_MAX` broken items in a row
+the rest of the file is not read. The depth of nesting is bounded before anything recurses into a tree.
 """
 # ruff: noqa: PLC0415 - what mistakes need is loaded when there is one
 
@@ -26,61 +26,61 @@ if TYPE_CHECKING:
     from rmr.lang.read.repair import Repair
 
 AHEAD_MAX = 64
-"""Words that are looked at behind a mistake."""
+"""Look-ahead of a repair: words read behind the unexpected one."""
 
 NESTING_MAX = 100
-"""Brackets within brackets and operators within operators: more is a mistake or an attack on the stack."""
+"""Depth of nested brackets and operators: deeper is a mistake, or an attack on the call stack."""
 
 STATES_MAX = 8 * NESTING_MAX
-"""Of the automaton within one item; a level of brackets takes at most some five of them."""
+"""States on the automaton's stack within one item; a level of brackets takes about five."""
 
 ITEM_WORDS_MAX = 100_000
-"""Of one item; there is no rule or list that long."""
+"""Words of one item; no real rule or list is as long."""
 
 REPAIRS_MAX = 4
-"""Of one item: where more is wrong, nothing is clear."""
+"""Repairs of one item: with more errors the intention is no longer clear."""
 
 FILE_REPAIRS_MAX = 100
-"""Of one file; each takes a look at what follows, and nobody reads more."""
+"""Repairs of one file: each costs look-ahead, and no reader wants more messages."""
 
 BROKEN_MAX = 10
-"""Items given up one after the other: what comes then is taken for no program."""
+"""Broken items in a row after which the file counts as no RMR program."""
 
 ITEMS_MAX = 100_000
-"""Of one program; a robot that begins with so many facts is no robot of this world."""
+"""Items of one program; far more initial facts than a robot holds."""
 
 BEGINNINGS = frozenset(["TYPE", "CONST", "INCLUDE", "ORDER", "ASSERT", "WATCH"])
-"""Words that begin an item and nothing else."""
+"""Kinds of words that occur only as the first word of an item: synchronisation points of the recovery."""
 
 _NAME = re.compile(r"[a-z][A-Za-z0-9_]*")
 
 
 def parse(source: SourceText, found: Diagnostics) -> ModuleNode:
-    """Return what `source` holds, and report every syntax error to `found`."""
+    """Return the syntax tree of `source`; report syntax errors to `found`."""
     return _Parser(source, found).module()
 
 
 class _Parser:
-    """Reads one file."""
+    """The parser of one file."""
 
     def __init__(self, source: SourceText, found: Diagnostics) -> None:
         self._source = source
         self._found = found
         self._words = tokens(source.text)
         self._ahead: deque[Token] = deque()
-        """Words that have been looked at and not read."""
+        """Words of the look-ahead that are not consumed yet."""
         self._builder = Builder(source.file, found)
         self._automaton = Automaton(source.file, self._builder)
         self._broken: set[str] = set()
         self._repairs = FILE_REPAIRS_MAX
         self._is_uncertain = False
-        """The item has been repaired by leaving something out, so that it may mean something else."""
+        """A repair of this item dropped words, so that its meaning may differ from the intended one."""
         self._is_lost = False
-        """It has been reported why the rest is not read."""
+        """The parser has given up, and has reported why."""
         self._are_comments_foreign = False
-        """Comments of other languages have been reported, and are left out."""
+        """Comment signs of another language have been reported; such comments are now skipped."""
         self._capitals: set[str] = set()
-        """Names with capital letters that have been reported."""
+        """Messages about names with capital letters that have been reported: once each for a file."""
 
     def module(self) -> ModuleNode:
         """Return all items."""
@@ -104,7 +104,7 @@ class _Parser:
         return ModuleNode((), frozenset(self._broken), complete=False)
 
     def _lose(self, code: str, message: str, span: Span) -> None:
-        """Report why the rest is not read."""
+        """Report why the rest of the file is not read, and stop."""
         hint = "is it an RMR program?" if code == "E007" else None
         self._found.report(code, f"{message}: what follows is not read", span, hint=hint)
         self._is_lost = True
@@ -115,12 +115,12 @@ class _Parser:
         return self._ahead.popleft() if self._ahead else next(self._words)
 
     def _following(self, word: Token) -> list[Token]:
-        """Return `word` and what comes behind it, as far as is looked at."""
+        """Return `word` and the look-ahead behind it."""
         self._ahead.extend(islice(self._words, max(0, AHEAD_MAX - len(self._ahead))))
         return [word, *islice(self._ahead, AHEAD_MAX)]
 
     def _begins(self, word: Token, previous: Token, first: Token) -> bool:
-        """Whether `word` stands first on its line, and not further in than the item's `first` word."""
+        """Whether `word` is the first on its line and indented no further than the item's `first` word."""
         if self._source.text.find("\n", previous.end, word.start) < 0:
             return False
         (_, column), (_, own) = (self._source.position(each.start) for each in (word, first))
@@ -129,11 +129,13 @@ class _Parser:
     # ---- items
 
     def _item(self, first: Token) -> Item | None:
-        """Return the item that begins with `first`, or None if it has been given up."""
+        """Return the item that begins with `first`, or None after reporting an error that was not repaired."""
         automaton = self._automaton
         automaton.reset()
         self._is_uncertain = False
-        word, previous, repairs = first, first, REPAIRS_MAX
+        word = first
+        previous = first
+        repairs = REPAIRS_MAX
         read: list[Token] = []
         while True:
             if automaton.take(word):
@@ -143,8 +145,11 @@ class _Parser:
                 if len(automaton.states) > STATES_MAX or len(read) > ITEM_WORDS_MAX:
                     self._endless(first, word, len(read))
                     return None
-                previous, word = word, self._next()
+                previous = word
+                word = self._next()
                 continue
+            # In order: a known habit of another language, which replaces words of the item and parses it again;
+            # a repair at the unexpected word; panic mode.
             misfit = self._misfit(first, previous, word)
             habit = self._habit(read, misfit) if repairs else None
             if habit is not None and habit.patch is not None:
@@ -165,9 +170,11 @@ class _Parser:
 
     def _finished(self, item: Item, count: int) -> Item | None:
         self._builder.finish()
+        # After a repair that dropped words, findings of later phases about this item would be guesses.
         if self._is_uncertain:
             self._break(item.span.start, item.span.end)
             self._found.keep_syntax_errors_only(item.span)
+        # No item is deeper than it has words; the walk is needed for long ones only.
         if count <= NESTING_MAX or not _is_deep(item):
             return item
         self._found.report("E004", f"the expression is nested more than {NESTING_MAX} deep", item.span)
@@ -216,7 +223,7 @@ class _Parser:
         return Habit(f"unexpected `{written}`", span, "comments begin with `//`", (sign.start, sign.start, ()))
 
     def _read_instead(self, first: Token, read: list[Token], habit: "Habit") -> None:
-        """Go back to the beginning of the item, whose words up to the misfit are `read`, and read what was meant."""
+        """Rewind to the beginning of the item, with the habit's patch in place; `read` are its words so far."""
         if self._are_comments_foreign and habit.patch == (habit.span.start, habit.span.start, ()):
             self._ahead.clear()
             self._words = without_foreign_comments(tokens(self._source.text, first.start), self._source.text)
@@ -237,7 +244,7 @@ class _Parser:
         return Misfit(self._source.file, self._source.text, previous, self._following(word), begins)
 
     def _is_repaired(self, misfit: "Misfit") -> bool:
-        """Report a misfit and put what was meant in its place, if that is clear."""
+        """Whether the unexpected word could be repaired; if so, report it and put the replacement before the input."""
         from rmr.lang.read.repair import repair
 
         if self._repairs == 0 or misfit.word.kind == OPEN_COMMENT:
@@ -254,7 +261,7 @@ class _Parser:
         return True
 
     def _is_known_capital(self, repair: "Repair") -> bool:
-        """Whether `repair` is of a name with a capital letter that has been reported before."""
+        """Whether `repair` renames a capitalised name that has been reported already."""
         if not repair.renames:
             return False
         is_known = repair.message in self._capitals
@@ -262,7 +269,7 @@ class _Parser:
         return is_known
 
     def _give_up(self, first: Token, misfit: "Misfit", *, reported: bool) -> None:
-        """Report a misfit, unless that is done, and go on behind its item."""
+        """Report a misfit, unless it is reported already, and skip the rest of its item."""
         from rmr.lang.read.misfit import unexpected
 
         if reported or self._is_uncertain:
@@ -284,9 +291,10 @@ class _Parser:
         self._break(word.start, word.end)
 
     def _skip(self, first: Token, previous: Token, word: Token, count: int = 0) -> None:
-        """Leave out the rest of an item, from `word` on; `count` words have been read of it."""
+        """Skip to the end of an item, from `word` on (panic mode); `count` words of it have been read."""
         while word.kind != END and not self._ends(word) and not self._is_beginning(first, previous, word):
-            previous, word = word, self._next()
+            previous = word
+            word = self._next()
             count += 1
             if count > ITEM_WORDS_MAX:
                 place = Span(self._source.file, first.start, first.end)
@@ -297,25 +305,28 @@ class _Parser:
         self._break(first.start, previous.end)
 
     def _ends(self, word: Token) -> bool:
-        """Whether a word that nothing has been made of ends its item; the point of `robot.x` does not."""
+        """Whether a skipped word ends its item: a full stop does, the point in `robot.x` does not."""
         if word.kind != "DOT":
             return False
-        before, behind = self._source.text[word.start - 1 : word.start], self._source.text[word.end : word.end + 1]
+        before = self._source.text[word.start - 1 : word.start]
+        behind = self._source.text[word.end : word.end + 1]
         return not (before.isalnum() and behind.isalnum())
 
     def _is_beginning(self, first: Token, previous: Token, word: Token) -> bool:
-        """Whether an item begins with `word`, although the one before has not ended."""
+        """Whether `word` begins a new item although the present one has no full stop."""
         if word is first or not self._begins(word, previous, first):
             return False
         return word.kind in BEGINNINGS or self._source.text.count("\n", previous.end, word.start) > 1
 
     def _break(self, start: int, end: int) -> None:
-        """Remember what a broken item may have declared."""
+        """Add the names in a broken item to `_broken`: it may have declared any of them."""
         self._broken.update(_NAME.findall(self._source.text, start, end))
 
 
 def _is_deep(item: Item) -> bool:
+    """Whether an item is nested deeper than `NESTING_MAX`; level by level, since recursion is what is to be avoided."""
     level: list[object] = [item]
+
     for _ in range(NESTING_MAX):
         inside = [part for node in level for part in children(node)]
         level = [node for part in inside for node in (part if isinstance(part, tuple) else (part,)) if node is not None]

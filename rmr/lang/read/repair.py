@@ -1,9 +1,8 @@
-"""What a word that does not fit may have been meant to be, so that the rest of the item is read all the same.
+"""Phrase-level error recovery: the best local repair of an unexpected word, so that the rest of the item is parsed.
 
-Tried are, each for itself: a comma, full stop or bracket that is missing before the word, another word in its
-place, the word left out, the comma before it left out. The one after which most of what follows fits is taken, if
-that is enough to be believed; of equals the first. That makes one mistake one message, and lets what is wrong with
-the meaning of the same item be found too.
+Candidates: insert a comma, full stop or bracket before the word; replace the word; delete it; delete the comma before
+it. Each gets a trial parse of the look-ahead. The one that gets furthest wins, the first of equal ones, provided that
+it gets far enough to be credible. One mistake thus gives one message, and semantic errors of the same item are found.
 """
 
 from collections.abc import Iterator
@@ -17,10 +16,10 @@ from rmr.lang.read.misfit import OR_HINT, Misfit, foreign_hint, quoted, unexpect
 from rmr.lang.read.source_text import Span
 
 SURE = 3
-"""Words that have to fit behind a repair, unless they complete the item."""
+"""Words that must fit behind a repair to make it credible, unless they complete the item."""
 
 CLOSING = {"RPAR": "LPAR", "RSQB": "LSQB", "RBRACE": "LBRACE"}
-"""Brackets that may be missing, and what they close."""
+"""Closing brackets that a repair inserts, with their opening ones."""
 
 ARROWS = ("->", "=>", "-->", "--o", "→", "⇒", "⟶", "⊢", "\u2013o", "\u2014o", "\u2212o")
 
@@ -34,31 +33,31 @@ MEANT = {
     **dict.fromkeys(("and", "&", "∧"), (("COMMA", ","), ("AND", "&&"))),
     **dict.fromkeys(("or", "\u2228"), (("OR", "||"),)),
 }
-"""What other languages write, and what it may stand for."""
+"""Operators of other languages, each with the candidates of its replacement."""
 
 
 class Repair(NamedTuple):
-    """What is read instead, and what is said about it."""
+    """A replacement for the unexpected word, with its report."""
 
     words: tuple[Token, ...]
-    """In the place of the word that does not fit."""
+    """The words to read in place of the unexpected one."""
     message: str
     span: Span
     hint: str | None = None
     notes: tuple[DiagnosticNote, ...] = ()
     forget: int = 0
-    """Words before it that are left out."""
+    """Number of words before it to delete."""
     uncertain: bool = False
-    """Something is left out that was meant somehow: the item may say something else."""
+    """True if a meaningful word is deleted or reinterpreted: the repaired item may differ from the intended one."""
     renames: bool = False
-    """A name with a capital letter stands for that with a small one."""
+    """True if the repair lower-cases the capital letter of a name."""
 
 
 _Option = tuple[TrialReach, Repair]
 
 
 def repair(automaton: Automaton, misfit: Misfit) -> Repair | None:
-    """Return the best repair, or None if none can be believed."""
+    """Return the best repair, or None if none is credible."""
     options = list(_options(automaton, misfit))
     if not options:
         return None
@@ -67,7 +66,8 @@ def repair(automaton: Automaton, misfit: Misfit) -> Repair | None:
 
 
 def _options(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
-    stop, comma = _stop(automaton, misfit), _missing(automaton, misfit, "COMMA")
+    stop = _stop(automaton, misfit)
+    comma = _missing(automaton, misfit, "COMMA")
     yield from _instead(automaton, misfit)
     yield from (*stop, *comma) if misfit.begins else (*comma, *stop)
     for kind in CLOSING:
@@ -105,7 +105,7 @@ def _uncapitalised(misfit: Misfit, variable: Token) -> Repair:
 
 
 def _stop(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
-    """Take the word for the first of the next item."""
+    """Yield the insertion of a full stop: the unexpected word begins the next item."""
     if not automaton.feed(automaton.states[:], "DOT"):
         return
     where = "at the end of the file" if misfit.word.kind == END else f"before {quoted(misfit.word)}"
@@ -128,12 +128,15 @@ def _missing(automaton: Automaton, misfit: Misfit, kind: str) -> Iterator[_Optio
     notes: tuple[DiagnosticNote, ...] = ()
     if kind in CLOSING:
         opening = automaton.unclosed(CLOSING[kind])
-        hint, notes = None, () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
+        hint = None
+        notes = () if opening is None else (DiagnosticNote(misfit.span(opening), "opened here"),)
+    # The inserted word itself earns nothing.
     yield reach._replace(words=reach.words - 1), Repair(words, message, misfit.before, hint, notes)
 
 
 def _surplus(automaton: Automaton, misfit: Misfit) -> Iterator[_Option]:
-    previous, word = misfit.previous, misfit.word
+    previous = misfit.previous
+    word = misfit.word
     kinds = [each.kind for each in misfit.following]
     if automaton.last("COMMA"):
         found = Repair((word,), "unexpected `,`", misfit.span(previous), "drop it", forget=1)

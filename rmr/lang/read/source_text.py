@@ -1,7 +1,7 @@
 """Source texts and places in them.
 
-A place is a span of character offsets; lines and columns are worked out only when somebody looks. Whatever is
-wrong with a file is a SourceError: what its reader makes a diagnostic of, like any other.
+A place is a span of character offsets; lines and columns are computed on demand, for diagnostics. Every defect of a
+file is a SourceError, which the caller turns into a diagnostic.
 """
 
 import re
@@ -12,7 +12,7 @@ from pathlib import Path
 from rmr.base.record import record
 
 SOURCE_OCTETS_MAX = 1 << 22
-"""Programs are written by hand; a larger file is taken for a mistake before it costs time and memory."""
+"""Largest source file in octets: far above handwritten programs, and refused before it costs time and memory."""
 
 
 @record
@@ -30,7 +30,7 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class SourceText:
-    """A file's text and where its lines begin."""
+    """The text of a file, with an index of its lines."""
 
     file: str
     text: str
@@ -38,7 +38,7 @@ class SourceText:
 
     @property
     def starts(self) -> list[int]:
-        """The offset of each line's first character, found when it is first asked for."""
+        """The offset of each line's first character, computed on first use."""
         if not self._starts:
             self._starts.append(0)
             self._starts.extend(match.end() for match in re.finditer("\n", self.text))
@@ -57,7 +57,7 @@ class SourceText:
 
 
 class SourceError(Exception):
-    """The file cannot be taken as a source text; `usage` when it is the command line that is wrong."""
+    """The file is no source text; `usage`: the path is wrong, not the contents."""
 
     def __init__(self, message: str, *, hint: str | None = None, usage: bool = False) -> None:
         super().__init__(message)
@@ -80,7 +80,7 @@ def read_source(path: Path) -> SourceText:
 
 
 def to_source(file: str, octets: bytes) -> SourceText:
-    """Return the text that `octets` are; raise SourceError when they are too many, byte-code or not UTF-8."""
+    """Return the text decoded from `octets`; raise SourceError when they are too many, byte-code or not UTF-8."""
     if len(octets) > SOURCE_OCTETS_MAX:
         raise SourceError(f"the file is larger than {SOURCE_OCTETS_MAX >> 20} MiB")
     if octets.startswith(b"RMR\x1a"):

@@ -1,4 +1,4 @@
-"""The syntax tree. Names mirror the grammar's rules (rmr.lark); every node knows its place."""
+"""The abstract syntax tree. Names mirror the rules of the grammar (rmr.lark); every node has its span."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
@@ -13,7 +13,7 @@ from rmr.lang.read.source_text import Span
 
 @record
 class Name:
-    """A name and where it stands."""
+    """A name with its span."""
 
     text: str
     span: Span
@@ -31,7 +31,7 @@ class Variable:
 
     @property
     def anonymous(self) -> bool:
-        """Whether it is ``_``, which is another variable at every place."""
+        """Whether it is ``_``, which is a variable of its own at every occurrence."""
         return self.name == "_"
 
 
@@ -45,13 +45,13 @@ class Literal:
 
 @record
 class Call:
-    """``name(arguments)``: a fact where it stands alone, a function inside an expression."""
+    """``name(arguments)``: a fact if it stands alone, a function within an expression."""
 
     name: Name
     arguments: "tuple[Expression, ...]"
     span: Span
     grouped: bool = False
-    """In parentheses: a function also where a call alone would be a fact."""
+    """True in parentheses: a function, also where a call alone would be a fact."""
 
 
 @record
@@ -89,7 +89,7 @@ Expression = Variable | Literal | Call | Unary | Binary | ListTerm
 
 
 class Mark(Enum):
-    """What stands before a fact."""
+    """The prefix of a fact."""
 
     NONE = ""
     BANG = "!"
@@ -99,7 +99,7 @@ class Mark(Enum):
 
 @record
 class FactNode:
-    """A fact, goal or action as it stands in a body, a head, an effect or an assertion."""
+    """A fact, goal or action in a body, a head, an effect or an assertion."""
 
     name: Name
     arguments: tuple[Expression, ...]
@@ -127,7 +127,7 @@ Conjunct = FactNode | Condition
 
 @record
 class StepsNode:
-    """``a(R) then b(R)``; one fact alone is a Fact."""
+    """``a(R) then b(R)``, at least two; one alone is a `FactNode`."""
 
     derived: tuple[FactNode, ...]
     span: Span
@@ -180,7 +180,7 @@ class Parameter:
 
 
 class Declared(Enum):
-    """What a type declaration declares."""
+    """The kinds of type declarations."""
 
     TEMPORARY = "temporary"
     PERSISTENT = "persistent"
@@ -268,25 +268,26 @@ Item = TypeDeclaration | ConstantItem | IncludeItem | FactItem | GoalItem | Rule
 
 @record
 class ModuleNode:
-    """What a file holds, or several together."""
+    """The items of a file, or of several with their includes."""
 
     items: tuple[Item, ...]
     broken: frozenset[str] = frozenset()
-    """The names that stand in items with syntax errors."""
+    """Names in items with errors: their declaration may be missing from `items`."""
     complete: bool = True
-    """All of it has been read."""
+    """False if the parser gave up before the end of the text."""
 
 
 _LEAVES = (Span, Name, Name | None, Value, str, bool, Mark, Declared, frozenset[str])
-"""Types of slots that hold no nodes, as they are annotated."""
+"""Annotations of fields that hold no nodes."""
 
 _PARTS: dict[type, tuple[str, ...]] = {}
+"""Cache of `parts`."""
 _INNER: dict[type, Callable[[Any], tuple[object, ...]]] = {}
-"""By node class: the function that returns what stands right below a node, last one first."""
+"""Getter of the child nodes by node class, last child first, as `walk` pushes them on its stack."""
 
 
 def parts(kind: type) -> tuple[str, ...]:
-    """Return the slots of a class of nodes that hold nodes; of what is no node, none."""
+    """Return the names of the fields of a node class that hold nodes; none for any other class."""
     if kind not in _PARTS:
         slots = fields(kind) if is_dataclass(kind) and kind not in {Name, Span} else ()
         _PARTS[kind] = tuple(slot.name for slot in slots if slot.type not in _LEAVES)
@@ -304,7 +305,7 @@ def _getter(names: tuple[str, ...]) -> Callable[[Any], tuple[object, ...]]:
 
 
 def children(node: object) -> tuple[object, ...]:
-    """Return what stands right below `node`, in source order: the parts of a tuple, the parts of a node."""
+    """Return the children of a node, or the items of a tuple, in source order."""
     if type(node) is tuple:
         return node
     kind = type(node)
@@ -312,7 +313,8 @@ def children(node: object) -> tuple[object, ...]:
 
 
 def walk(root: object) -> Iterator[object]:
-    """Yield every node below and including `root` in source order, without recursion; names are no nodes."""
+    """Yield `root` and all nodes below it in source order; names are no nodes."""
+    # An explicit stack: generators within generators cost time in proportion to the depth for every node.
     stack = [root]
     while stack:
         node = stack.pop()

@@ -56,7 +56,7 @@ def _lines(value: object) -> str:
 
 
 def _actions(parser: InteractiveParser, rules: list[Rule]) -> list[dict[str, int]]:
-    """Return the automaton: by state and symbol, the state to go to, or ~r to recognise rule r."""
+    """Return the action table: by state and symbol, a state to shift or go to, or ~r to reduce by rule r."""
     rule_numbers = {rule: number for number, rule in enumerate(rules)}
     numbers: dict[object, int] = {parser.parser_state.position: 0}
     unvisited = deque([parser])
@@ -80,7 +80,7 @@ def _actions(parser: InteractiveParser, rules: list[Rule]) -> list[dict[str, int
 
 
 def _rule(rule: Rule) -> GrammarRule:
-    """Return which children lark would keep of the symbols of `rule`: terminals given by their spelling are dropped."""
+    """Return the production for `rule` with the children that lark would keep: fixed spellings are dropped."""
     present = iter(enumerate(rule.expansion))
     children: list[int | None] = []
     for absent in rule.options.empty_indices or (False,) * len(rule.expansion):
@@ -102,7 +102,8 @@ def _precedence(terminal: TerminalDef) -> tuple[int, bool, int, str]:
 
 
 def _terminal(terminal: TerminalDef) -> Terminal:
-    pattern, is_fixed = terminal.pattern, terminal.pattern.type == "str"
+    pattern = terminal.pattern
+    is_fixed = terminal.pattern.type == "str"
     return Terminal(
         terminal.name,
         pattern.value if is_fixed else None,

@@ -1,7 +1,8 @@
-"""The syntax tree, built as the parser recognises its parts.
+"""Semantic actions of the parser: one syntax node per reduction.
 
-One method for each rule or alias of the grammar, and nothing else: what a program means is for the checker.
-Only what the syntax tree could not hold is reported here: numbers out of range and reserved words as names.
+One method for each rule or alias of the grammar, and nothing else: the checker assigns the meaning.
+Reported here is only what a syntax tree cannot represent: numbers out of range, reserved words as names, unknown
+escapes and heads like `2`.
 """
 
 # ruff: noqa: D102 - each public method builds the grammar rule or alias of its name; rmr.lark documents them
@@ -33,32 +34,32 @@ RESERVED = frozenset(
         "false",
     ]
 )
-"""Words that name nothing (see the language reference)."""
+"""Reserved words: they are never names (see the language reference)."""
 
 SECONDS = {"s": 1, "min": 60}
-"""The units of time literals, but for milliseconds."""
+"""Seconds per unit of a time literal; milliseconds are scaled in the exponent instead."""
 
 ESCAPES = {"n": "\n", "t": "\t", "r": "\r", '"': '"', "\\": "\\"}
-"""What may follow a backslash in a string."""
+"""Escape sequences of a string: the letter after the backslash, and its value."""
 
 DIGITS_MAX = 400
-"""No time needs more digits; longer ones are not even converted."""
+"""Longest time literal that is converted; a longer one counts as infinite and is out of range."""
 
 TOO_LARGE = 1 << 64
-"""Stands for any integer that is out of range."""
+"""Placeholder for any integer out of range; its digits are not converted, which would take quadratic time."""
 
 
 class Builder:
-    """Builds the syntax trees of one file, part by part; each part is handed its place and what it consists of."""
+    """Builds the syntax trees of one file bottom-up; a method gets the span of its node and the nodes below it."""
 
     def __init__(self, file: str, found: Diagnostics) -> None:
         self._file = file
         self._found = found
         self._large: dict[int, syntax.Literal] = {}
-        """By place: numbers that are out of range, unless a `-` before them says otherwise."""
+        """Literals out of range, by start of span; building a `-` replaces the entry of its operand."""
 
     def finish(self) -> None:
-        """Report what is wrong with the parts built since last time."""
+        """Report the numbers out of range among the nodes built since the last call."""
         for literal in self._large.values():
             what = "a 64-bit float" if isinstance(literal.value, float) else "64 bits"
             self._found.report("E005", f"this number does not fit into {what}", literal.span)
@@ -134,6 +135,7 @@ class Builder:
 
     def fact(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactItem:
         kind = syntax.Mark.BANG if mark is not None else syntax.Mark.NONE
+        # Without the full stop that ends the item: diagnostics underline the fact alone.
         span = call.span if mark is None else self._token_span(mark).to(call.span)
         return syntax.FactItem(syntax.FactNode(call.name, call.arguments, span, kind), span)
 
@@ -168,6 +170,7 @@ class Builder:
     def _conjunct(self, part: syntax.FactNode | syntax.Expression) -> syntax.Conjunct:
         if isinstance(part, syntax.FactNode):
             return part
+        # A call alone is a fact; a call in parentheses, `(f(X))`, is a Boolean function.
         if isinstance(part, syntax.Call) and not part.grouped:
             return syntax.FactNode(part.name, part.arguments, part.span)
         if isinstance(part, syntax.Unary) and part.operator == "not" and isinstance(part.operand, syntax.Call):
@@ -187,6 +190,7 @@ class Builder:
         return self._fact(span, call, mark)
 
     def derived(self, span: Span, mark: Token | None, call: syntax.Call) -> syntax.FactNode:
+        # `assert(p(R))`, a habit from Prolog: read as `p(R)`, the reserved word having been reported by `_name`.
         if call.name.text == "assert" and len(call.arguments) == 1 and isinstance(call.arguments[0], syntax.Call):
             call = call.arguments[0]
         return self._fact(span, call, mark)
@@ -320,17 +324,18 @@ def _integer(digits: str) -> int:
 
 
 def _seconds(number: str, unit: str) -> float:
-    """Return a time in seconds, as near to what is written as a float can be."""
+    """Return a time in seconds: the float nearest to the decimal written."""
     if len(number) > DIGITS_MAX:
         return math.inf
     if unit != "ms":
         return float(number) * SECONDS[unit]
+    # Scaled in the exponent: dividing by 1000 would round a second time.
     mantissa, _, exponent = number.lower().partition("e")
     return float(f"{mantissa}e{int(exponent or '0') - 3}")
 
 
 def in_range(value: object) -> bool:
-    """Whether a number of the source is one that the language can hold."""
+    """Whether a number fits the language's ints (64 bits) and floats (finite)."""
     if isinstance(value, float):
         return math.isfinite(value)
     return not isinstance(value, int) or INT_MIN <= value <= INT_MAX

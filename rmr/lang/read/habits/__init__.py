@@ -11,11 +11,12 @@ from rmr.lang.read.habits.item_words import Habit, MisfitContext
 __all__ = ["LOOKED_AT_MAX", "Habit", "MisfitContext", "habit"]
 
 LOOKED_AT_MAX = 300
-"""Words of an item before the misfit: in longer ones no habits are looked for."""
+"""Largest number of words before the misfit for which habits are searched; habits scan all of them."""
 
 HABITS = (*items.HABITS, *conditions.HABITS, *single_words.HABITS, *brackets.HABITS)
 
 
 def habit(place: MisfitContext) -> Habit | None:
-    """Return what is known of the misfit in `place`, or None."""
+    """Return the first habit that explains the misfit in `place`, or None."""
+
     return next((found for look in HABITS if (found := look(place)) is not None), None)

@@ -64,7 +64,8 @@ def _assertion(place: MisfitContext) -> Habit | None:
         return None
     if place.unclosed() != first + 1:
         return None
-    word, previous = place.word, place.words[place.at - 1]
+    word = place.word
+    previous = place.words[place.at - 1]
     is_argument = previous.kind in {"LPAR", "COMMA"} and word.kind in {*NUMBERS, "MINUS", "STRING", "VARIABLE"}
     if not is_argument and word.kind not in {"RPAR", "COMMA"}:
         return None
@@ -80,4 +81,4 @@ HABITS = (
     _comprehension,
     _assertion,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""

@@ -8,7 +8,8 @@ COMPARING = {"EQ", "NE", "LT", "LE", "GT", "GE"}
 
 
 def _is(place: MisfitContext) -> Habit | None:
-    word, previous = place.word, place.words[place.at - 1]
+    word = place.word
+    previous = place.words[place.at - 1]
     if word.text not in {"is", "mod", "div", "rem"} or previous.kind not in OPERANDS or place.at == 0:
         return None
     if word.text == "is":
@@ -150,4 +151,4 @@ HABITS = (
     _chain,
     _cut,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""

@@ -1,4 +1,4 @@
-"""A word that does not fit with the words of its item around it, and what a habit is."""
+"""The context of an unexpected word within its item, and the report of a habit."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,30 +14,30 @@ RULE = "a rule is written `body -o head.`"
 
 
 class Habit(NamedTuple):
-    """The report of a habit, and what is read instead."""
+    """The report of a habit, and the words to read instead."""
 
     message: str
     span: Span
     hint: str
     patch: tuple[int, int, tuple[Token, ...]] | None = None
-    """From where to where these words stand instead; None: the item is given up."""
+    """Start and end of the replaced text, and the replacement; None if the item is given up."""
     uncertain: bool = False
-    """The item may say something else than what is read instead."""
+    """True if the patched item may differ from the intended one."""
     code: str = "E001"
 
 
 class MisfitContext(NamedTuple):
-    """The words of an item around the one that does not fit."""
+    """The words of an item around the unexpected one."""
 
     file: str
     text: str
     words: list[Token]
     at: int
-    """Which of the words does not fit."""
+    """Index of the unexpected word."""
 
     @property
     def word(self) -> Token:
-        """What does not fit."""
+        """The unexpected word."""
         return self.words[self.at]
 
     def kind(self, offset: int) -> str:
@@ -47,12 +47,12 @@ class MisfitContext(NamedTuple):
 
     @property
     def item_kinds(self) -> list[str]:
-        """The kinds of the item's words, as far as one has looked, up to its full stop."""
+        """The kinds of the item's words up to its full stop or the end of the look-ahead."""
         kinds = [word.kind for word in self.words]
         return kinds[: kinds.index("DOT")] if "DOT" in kinds else kinds
 
     def span(self, first: Token, last: Token | None = None) -> Span:
-        """Return the place of some words."""
+        """Return the span from `first` to `last`."""
         return Span(self.file, first.start, (last or first).end)
 
     def before(self, kind: str) -> int | None:
@@ -84,20 +84,20 @@ class MisfitContext(NamedTuple):
         return False
 
     def given_up(self, message: str, hint: str, first: Token | None = None, last: Token | None = None) -> Habit:
-        """Say what is wrong from `first` to `last`, by default the misfit, of an item that is not read."""
+        """Return the report of a dropped item, at `first` to `last`, by default the misfit."""
         return Habit(message, self.span(first or self.word, last), hint)
 
     def meant(self, message: str, hint: str, first: Token, last: Token, *words: tuple[str, str]) -> Habit:
-        """Say that `words`, kinds and texts, are meant where the words from `first` to `last` stand."""
+        """Return the report of a patch: `words` (kind, text) replace the words from `first` to `last`."""
         tokens = tuple(Token(kind, text, first.start, last.end) for kind, text in words)
         return Habit(message, self.span(first, last), hint, (first.start, last.end, tokens))
 
 
 def quoted(token: Token) -> str:
-    """Return how a message calls a word."""
+    """Return a word as messages quote it."""
     return f"`{token.text}`"
 
 
 def touch(*tokens: Token) -> bool:
-    """Whether words stand side by side without blanks."""
+    """Whether words are adjacent, without blanks between them."""
     return all(one.end == other.start for one, other in pairwise(tokens))

@@ -107,7 +107,9 @@ def _attribute(place: MisfitContext) -> Habit | None:
     """`R.x`."""
     if place.word.kind != "DOT" or place.at + 1 >= len(place.words):
         return None
-    before, dot, behind = place.words[place.at - 1], place.word, place.words[place.at + 1]
+    before = place.words[place.at - 1]
+    dot = place.word
+    behind = place.words[place.at + 1]
     if before.kind not in {"VARIABLE", "ROBOT", "RSQB"} or behind.kind != "NAME" or not touch(before, dot, behind):
         return None
     message = f"unexpected `{place.text[before.start : behind.end]}`"
@@ -124,4 +126,4 @@ HABITS = (
     _declared_kind,
     _attribute,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""

@@ -46,7 +46,8 @@ def _robot(place: MisfitContext) -> Habit | None:
     if word.text != "@":
         return None
     behind = place.words[place.at + 1] if place.at + 1 < len(place.words) else word
-    message, last = f"unexpected `{place.text[word.start : behind.end]}`", behind
+    message = f"unexpected `{place.text[word.start : behind.end]}`"
+    last = behind
     hint = "`@4` is robot 4; a variable for a robot has no `@`"
     if behind.kind == "VARIABLE":
         hint = f"a variable for a robot has no `@`; of the robot with number {behind.text}: `peer(R, B), "
@@ -57,7 +58,8 @@ def _robot(place: MisfitContext) -> Habit | None:
 
 
 def _unit(place: MisfitContext) -> Habit | None:
-    word, previous = place.word, place.words[place.at - 1]
+    word = place.word
+    previous = place.words[place.at - 1]
     if word.kind == BAD_NUMBER and len(word.text) <= DIGITS_MAX and _DIGITS.fullmatch(word.text):
         value = str(int(word.text, 0))
         hint = f"ints are written in decimal digits: `{value}`"
@@ -140,4 +142,4 @@ HABITS = (
     _empty,
     _division,
 )
-"""In the order in which they are looked for."""
+"""Habits in the order in which they are tried."""
