@@ -163,7 +163,7 @@ class LoopWriter:
             return
         names = [f"a{place}" for place in range(self._tables[rows].arity)]
         with build.loop(tuple_of(names), "out"):
-            if len(self._facts.readers(rows)) <= IN_LINE_MAX:
+            if len(self._facts.readers[rows]) <= IN_LINE_MAX:
                 self._facts.add_if_new(rows, names)
             else:
                 build(self._added(rows, names))
@@ -250,7 +250,7 @@ class LoopWriter:
 
     def _is_in_line(self, item: WrittenItem) -> bool:
         """Tell whether the insertion of a fact is written out."""
-        return item.mine and len(self._facts.readers(item.item.predicate)) <= IN_LINE_MAX
+        return item.mine and len(self._facts.readers[item.item.predicate]) <= IN_LINE_MAX
 
     def _is_temporary(self, item: WrittenItem) -> bool:
         """Tell whether there is room for a fact if another one has gone: it is never too long, and always new."""

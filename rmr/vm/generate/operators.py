@@ -203,7 +203,8 @@ def _if_ints(left: Source, right: Source, pool: Pool) -> tuple[str, str, str] | 
     one = left.known.base
     other = right.known.base
     if one is Base.OPEN and other is Base.OPEN:
-        (first, again), (second, second_again) = pool.held(left), pool.held(right)
+        (first, again) = pool.held(left)
+        (second, second_again) = pool.held(right)
         return f"type({first}) is type({second}) is int", again, second_again
     if (one, other) == (Base.OPEN, Base.INT) and right.repeatable:
         first, again = pool.held(left)

@@ -139,6 +139,15 @@ class RulePlan:
         return Way.JOIN if is_settled(self.rule, tables) else Way.REMATCH
 
 
+def readers_of(plans: Iterable[RulePlan], predicates: int) -> list[list[RulePlan]]:
+    """Return, for each of `predicates` predicates, the rules that name it in a body, in the order of the text."""
+    readers: list[list[RulePlan]] = [[] for _ in range(predicates)]
+    for plan in plans:
+        for predicate in sorted(plan.read()):
+            readers[predicate].append(plan)
+    return readers
+
+
 def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
     """Tell whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
     kinds: dict[int, Type] = {}
