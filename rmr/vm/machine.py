@@ -20,7 +20,6 @@ from rmr.base.time import NEVER, Instant
 from rmr.base.values import Value, format_fact
 from rmr.bytecode.program import Constant, Effect, Kind, Pattern, Program
 from rmr.vm.derive import Chain, Derived, DerivedKind, evaluated
-from rmr.vm.doubts import Doubts
 from rmr.vm.evaluate import NoValue
 from rmr.vm.goals import GoalArgs
 from rmr.vm.job import TimedJob
@@ -28,6 +27,7 @@ from rmr.vm.machine_events import ActionDerived, FactSent, GoalSent, JobMissed, 
 from rmr.vm.machine_parts import Parts
 from rmr.vm.match import pattern_agrees
 from rmr.vm.store import Args
+from rmr.vm.type_checks import TypeChecks
 
 FACTS_MAX = 100_000
 """Facts of one robot, of all kinds; what would be one more is not inserted. They take some 50 MB at most as a rule."""
@@ -148,8 +148,8 @@ class Machine(Parts):
             return False
         action, then = awaited
         if action.executor == self.robot:
-            for effect, doubts in self._shared.effects(action.predicate, ok):
-                self._take_effect(now, effect, doubts, action)
+            for effect, checks in self._shared.effects(action.predicate, ok):
+                self._take_effect(now, effect, checks, action)
         if ok:
             self._follow(now, then)
         return True
@@ -352,9 +352,9 @@ class Machine(Parts):
         else:
             self._events.append(ActionDerived(0, predicate, executor, args, origin))
 
-    def _take_effect(self, now: Instant, effect: Effect, doubts: Doubts, action: ActionDerived) -> None:
+    def _take_effect(self, now: Instant, effect: Effect, checks: TypeChecks, action: ActionDerived) -> None:
         try:
-            fact = evaluated(effect, [self.robot, *action.args], now, doubts)
+            fact = evaluated(effect, [self.robot, *action.args], now, checks)
         except NoValue as reason:
             self._failures.tell(now, f"effect of {self.program.predicates[action.predicate].name}", str(reason))
             return
@@ -366,8 +366,8 @@ class Machine(Parts):
             self._events.append(JobMissed(job))
             env: list[Value] = job.bindings  # type: ignore[assignment]
             try:
-                item, doubts = self._shared.violations[job.assertion]
-                violation = evaluated(item, env, job.deadline, doubts)
+                item, checks = self._shared.violations[job.assertion]
+                violation = evaluated(item, env, job.deadline, checks)
             except NoValue as reason:
                 self._failures.tell(job.deadline, f"violation of assertion {job.name}", str(reason))
                 continue

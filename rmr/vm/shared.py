@@ -9,9 +9,9 @@ from typing import NamedTuple
 from rmr.base.identity import ByIdentity
 from rmr.base.values import Robot, Value
 from rmr.bytecode.program import SELF_SLOT, Assertion, Constant, Effect, InitialFact, Kind, Program, Slot
-from rmr.vm.doubts import Doubts, doubts
 from rmr.vm.outside import Gate
 from rmr.vm.store import Args
+from rmr.vm.type_checks import TypeChecks, type_checks
 
 ROBOT_NUMBER = "id"
 """The provided persistent predicate ``!id(R, N)``."""
@@ -21,8 +21,8 @@ Mine = tuple[tuple[int, Assertion], ...]
 """The time assertions of which a robot may have jobs, with their indices."""
 
 
-Effects = tuple[tuple[Effect, Doubts], ...]
-"""Effects, each with what its text leaves in doubt."""
+Effects = tuple[tuple[Effect, TypeChecks], ...]
+"""Effects, each with what its text leaves in check."""
 
 
 class Affairs(NamedTuple):
@@ -55,8 +55,10 @@ class Shared:
             for predicate in program.predicates
         ]
         """What an action's failure inserts, and its completion."""
-        self.violations = [(each.violation, doubts(each.violation, program.predicates)) for each in program.assertions]
-        """Of the time assertions, with what their texts leave in doubt."""
+        self.violations = [
+            (each.violation, type_checks(each.violation, program.predicates)) for each in program.assertions
+        ]
+        """Of the time assertions, with what their texts leave in check."""
         self._affairs = _affairs(program, None)
         self._named: dict[int, Affairs | None] = dict.fromkeys(_robots(program))
         """Those of the robots that time assertions name, once there are such robots in this process."""
@@ -92,7 +94,7 @@ shared_of = ByIdentity(Shared)
 def _effects(effects: tuple[Effect, ...], program: Program) -> Effects:
     predicates = program.predicates
     derived = [each for each in effects if predicates[each.predicate].kind is not Kind.SENSED]
-    return tuple([(each, doubts(each, predicates)) for each in derived])
+    return tuple([(each, type_checks(each, predicates)) for each in derived])
 
 
 def _args(fact: InitialFact, robot: Robot) -> tuple[Value, ...]:
