@@ -28,7 +28,7 @@ class FailingCount:
     met: int = 0
 
     def fails(self, action: str, robot: int, args: tuple[Value, ...]) -> bool:
-        """Tell whether an action that begins is to fail."""
+        """Return whether an action that begins is to fail."""
         wanted = self.wanted
         if action != wanted.action or not pattern_agrees(wanted.patterns, (Robot(robot), *args)):
             return False

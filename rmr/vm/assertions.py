@@ -114,7 +114,7 @@ class Assertions:
         ended = [key for key, job in self._live.items() if waited(job)]
         if ended:
             return [self._finish(at, key) for key in ended]
-        # A job that is no longer live was missed or displaced: the report fills in its finish, for its cause (`TimedJob`).
+        # A job that is no longer live was missed or displaced: the report completes its record (`TimedJob.cause`).
         missed = next((job for job in reversed(self.jobs) if waited(job)), None)
         if missed is None:
             return []
@@ -159,7 +159,7 @@ class Assertions:
             if finisher is None:
                 raise NoValue("a finish fact of something that is no robot")
         except NoValue as reason:
-            self._failures.tell(now, f"start of assertion {assertion.name}", str(reason))
+            self._failures.report(now, f"start of assertion {assertion.name}", str(reason))
             return
         finish = tuple([instantiate(pattern, bindings) for pattern in assertion.finish.args])
         key = (index, finisher, key_of(finish))

@@ -83,7 +83,7 @@ class FactWriter:
             if self.readers[predicate]:
                 build(Assign("vm.busy", "True"))
             if table.linear and not table.long and not table.concerned:
-                # Facts for which there is surely room, and which nobody has to be told of one by one.
+                # Fast path: there is room for all of them, and no insertion has to be reported by itself.
                 with build.when(f"not vm.observed and vm.count + len(rows) <= {machine.FACTS_MAX}"):
                     build(Update("vm.count", "+", "len(rows)"), Assign("s", "vm.newest"))
                     with build.loop(row, "rows"):
@@ -92,7 +92,7 @@ class FactWriter:
             with build.loop(row, "rows"):
                 build(If(self._unwanted(predicate, args), (Continue(),)), Update("vm.count", "+", "1"))
                 self.add(predicate, args, "key")
-                build(self._told(predicate, args))
+                build(self._report(predicate, args))
 
     def insertion(self, predicate: int, args: Sequence[str]) -> None:
         """Write the rest of a function, which inserts a fact."""
@@ -102,9 +102,9 @@ class FactWriter:
         if self.readers[predicate]:
             build(Assign("vm.busy", "True"))
         self.add(predicate, args, "key")
-        build(self._told(predicate, args))
+        build(self._report(predicate, args))
 
-    def _told(self, predicate: int, args: Sequence[str]) -> Statement:
+    def _report(self, predicate: int, args: Sequence[str]) -> Statement:
         """Return the statement that reports an insertion while each change is traced or goals are open."""
         readers = mask(self.readers[predicate])
         return If("vm.observed", (Evaluate(f"vm.on_insert(now, {predicate}, {tuple_of(args)}, {readers})"),))
@@ -171,7 +171,7 @@ class FactWriter:
             build(If("vm.broken", (mark_stale(f"vm.broken & {inner}"),)))
 
     def is_queued(self, predicate: int) -> bool:
-        """Tell whether the facts of a predicate need no table: each is in one queue at most, and no search reads them.
+        """Return whether the facts of a predicate need no table: each is in at most one queue, and no search reads it.
 
         This holds if only rules of one atom consume them and no two of these rules can want the same fact.
         """

@@ -42,7 +42,7 @@ def called(function: Function, args: list[Source], pool: Pool) -> Source:
 
 
 def _are_fit(function: Function, args: list[Source]) -> bool:
-    """Tell whether all arguments have types that the function takes."""
+    """Return whether all arguments have types that the function takes."""
     wanted = [_TAKEN.get(takes) for takes in function.takes]
     return all(bases is None or arg.known.base in bases for bases, arg in zip(wanted, args, strict=True))
 

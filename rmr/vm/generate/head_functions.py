@@ -168,8 +168,8 @@ class InnerBody(Body):
         self.taking = [(place, atom.predicate) for place, atom in positives(inner.body) if atom.mode is Mode.CONSUME]
         """Place and predicate of the facts that are consumed."""
 
-    def told(self, place: int) -> Evaluate:
-        """Return the call that tells of a failure."""
+    def report(self, place: int) -> Evaluate:
+        """Return the call that reports a failure."""
         return self._head.failed(self._part, place, self.found)
 
     def passed_over(self, atom: Atom, fact: str) -> str | None:
@@ -259,7 +259,7 @@ class InnerWriter:
         """Report and skip a match for which the statements that are added meanwhile fail."""
         if not fails:
             return nullcontext()
-        return self._build.attempt("NoValue", "reason", self._body.told(HEAD_PART), self._body.skip)
+        return self._build.attempt("NoValue", "reason", self._body.report(HEAD_PART), self._body.skip)
 
     def _written(self, name: str, item: WrittenItem) -> str:
         """Write that `name` is an item, and return how it is listed."""

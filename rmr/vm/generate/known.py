@@ -105,14 +105,14 @@ def common(one: Type, other: Type) -> Type | None:
 
 
 def comparable(one: Type, other: Type) -> bool:
-    """Tell whether Python's ``==`` of any values of the two types is what a program calls equal."""
+    """Return whether Python's ``==`` of any values of the two types is what a program calls equal."""
     if one.base is Base.LIST and other.base is Base.LIST:
         return one.element is not None and other.element is not None and comparable(one.element, other.element)
     return one.base is not Base.OPEN and (one.base is other.base or (one.base in NUMBERS and other.base in NUMBERS))
 
 
 def different(one: Type, other: Type) -> bool:
-    """Tell whether no value of one type equals one of the other."""
+    """Return whether no value of one type equals one of the other."""
     if Base.OPEN in (one.base, other.base) or (one.base in NUMBERS and other.base in NUMBERS):
         return False
     return one.base is not other.base

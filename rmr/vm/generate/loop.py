@@ -249,11 +249,11 @@ class LoopWriter:
         self._build(Assign("q", state.queue), If(" or ".join(left), (mark_stale(plan.bit),), nothing))
 
     def _is_in_line(self, item: WrittenItem) -> bool:
-        """Tell whether the insertion of a fact is written out."""
+        """Return whether the insertion of a fact is written out."""
         return item.mine and len(self._facts.readers[item.item.predicate]) <= IN_LINE_MAX
 
     def _is_temporary(self, item: WrittenItem) -> bool:
-        """Tell whether there is room for a fact if another one has gone: it is never too long, and always new."""
+        """Return whether there is room for a fact if another one has gone: it is never too long, and always new."""
         table = self._tables[item.item.predicate]
         return table.linear and not table.long
 

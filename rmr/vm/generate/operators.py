@@ -194,7 +194,7 @@ def _joined(left: Source, right: Source, pool: Pool) -> Source:
 
 
 def _is_flat(kind: Type | None) -> bool:
-    """Tell whether values of `kind` have no characters or items that count."""
+    """Return whether values of `kind` have no characters or items that count."""
     return kind is not None and kind.base in (Base.ROBOT, Base.INT, Base.FLOAT, Base.BOOL)
 
 

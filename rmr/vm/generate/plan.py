@@ -149,7 +149,7 @@ def readers_of(plans: Iterable[RulePlan], predicates: int) -> list[list[RulePlan
 
 
 def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
-    """Tell whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
+    """Return whether every variable has the same value whichever conjunct binds it: 1 meets 1.0 where types differ."""
     kinds: dict[int, Type] = {}
     bound = {each.slot for each in rule.body if isinstance(each, Bind)}
     for _, atom in positives(rule.body):
@@ -163,7 +163,7 @@ def is_settled(rule: Rule, tables: list[FactTable]) -> bool:
 
 
 def alike(one: Type, other: Type) -> bool:
-    """Tell whether values of two types that are equal are the same; the names of symbol sets make no difference."""
+    """Return whether values of two types that are equal are the same; the names of symbol sets make no difference."""
     return fits(one, other) and fits(other, one)
 
 
@@ -224,7 +224,7 @@ def _cost(placed: Placed, bound: set[int]) -> tuple[int, int]:
 
 
 def is_small(program: Program) -> bool:
-    """Tell whether source is made of a program: none of its bodies is beyond what Python takes."""
+    """Return whether source is made of a program: none of its bodies is beyond what Python takes."""
     return all(
         sum(1 for each in body if isinstance(each, Atom)) <= ATOMS_MAX
         for rule in program.rules

@@ -27,7 +27,7 @@ RESULTS: dict[Op, Callable[[Bounds, Bounds], Bounds]] = {Op.ADD: _sum, Op.SUB: _
 
 
 def nonzero(bounds: Bounds) -> bool:
-    """Tell whether no number within `bounds` is zero."""
+    """Return whether no number within `bounds` is zero."""
     return bounds[0] > 0 or bounds[1] < 0
 
 
