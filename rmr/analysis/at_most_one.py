@@ -1,4 +1,4 @@
-"""Which predicates hold at most one fact on a robot, whatever the rules do.
+"""Predicates that hold at most one fact on a robot, for all choices of rules.
 
 Facts are resources: a rule takes what it consumes and gives what it derives. A group of predicates of which no rule
 gives more than it takes, and of which a robot is given one fact at most, never holds more than that one: it is a token

@@ -81,8 +81,8 @@ def _extreme(sign: str, choose: Callable[..., float]) -> Form:
 
     def written(_function: Function, args: list[Source], pool: Pool) -> Source:
         one, other = args
-        (left, left_again) = pool.held(one)
-        (right, right_again) = pool.held(other)
+        left, left_again = pool.held(one)
+        right, right_again = pool.held(other)
         text = f"({left_again} if {left} {sign} {right} else {right_again})"
         lows, highs = zip(one.known.bounds, other.known.bounds, strict=True)
         bounds = choose(lows), choose(highs)
@@ -159,8 +159,8 @@ def _nth(function: Function, args: list[Source], pool: Pool) -> Source:
     """Write the item in place where it is certainly there, or the list is at hand to look how long it is."""
     items, place = args
     known = NOTHING if items.known.element.base is Base.OPEN else Known(items.known.element)
-    (fewest, _) = items.known.bounds
-    (low, high) = place.known.bounds
+    fewest = items.known.bounds[0]
+    low, high = place.known.bounds
     if low >= 0 and high < fewest:
         return Source(f"{items.text}[{place.text}]", known, fails(*args))
     return _looked(function, args, ">", "{items}[{place}]", known, pool)
@@ -168,8 +168,8 @@ def _nth(function: Function, args: list[Source], pool: Pool) -> Source:
 
 def _rest(function: Function, args: list[Source], pool: Pool) -> Source:
     items, place = args
-    (fewest, most) = items.known.bounds
-    (low, high) = place.known.bounds
+    fewest, most = items.known.bounds
+    low, high = place.known.bounds
     assert items.known.type is not None
     known = within(items.known.type, (max(0, fewest - max(0, high)), most - max(0, low)))
     if low >= 0 and high <= fewest:

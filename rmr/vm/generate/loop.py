@@ -232,7 +232,7 @@ class LoopWriter:
         build(Assign("q", state.queue), If("q is None", (Assign(state.match, "None"), unsatisfied), rest))
 
     def _consume(self, plan: RulePlan, made: int) -> None:
-        """Write that what the body consumes goes; so many facts will be `made` that are counted here."""
+        """Write the removal of the consumed facts; `made` facts, inserted later in this firing, are counted here."""
         change = made - len(plan.consumed)
         if change:
             self._build(Update("vm.count", "+" if change > 0 else "-", str(abs(change))))

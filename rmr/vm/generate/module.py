@@ -52,7 +52,7 @@ class Module:
             table.queued = facts.is_queued(table.index)
         self.names: dict[str, Any] = self.pool.globals
         self.sources: list[str] = []
-        """What Python has made functions of so far: for who wants to read it."""
+        """Generated sources compiled so far, for inspection."""
         self._waiting: dict[int, Block] = {}
         """By rule, its own functions, until they are needed."""
         self.names["FIND"] = {
